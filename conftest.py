@@ -1,5 +1,5 @@
-"""For all tests of the workspace: helpers beside tests can be imported, markers of whole files, figures, and what was
-not selected."""
+"""pytest configuration of all tests: import paths of helper modules, checks of markers, the fixture `figure`, counts of
+unselected tests, and restoration of loggers and ROS parameters after each test."""
 
 import functools
 import json
@@ -15,13 +15,17 @@ from pathlib import Path
 import pytest
 from _pytest.junitxml import xml_key
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: matrices of seven rows gain nothing from threads
-os.environ.setdefault("MUJOCO_GL", "egl")  # read when MuJoCo is loaded, by whichever test comes first: some draw
+os.environ.setdefault(
+    "OPENBLAS_NUM_THREADS", "1"
+)  # before numpy is imported; matrices of seven rows are not faster with threads
+os.environ.setdefault(
+    "MUJOCO_GL", "egl"
+)  # MuJoCo reads this when it is loaded, which the first test that uses it does; some tests draw
 ROOT = Path(__file__).parent
 MARKS_OF_A_FILE = re.compile(r"^pytestmark = (?:\[[^\]]*\]|.*)", re.MULTILINE)
 MASTERS = ("roscore", "start", "live", "pd_step")
-"""Fixtures that start a ROS master."""
-# A helper file beside the tests of a package is imported by its name, which must be unique in the workspace.
+"""Names of fixtures that start a ROS master."""
+# Helper modules in the test folders are imported by their name, which must be unique in the workspace.
 sys.path[:0] = [
     str(folder)
     for folder in sorted(
@@ -33,14 +37,12 @@ sys.path[:0] = [
 
 @functools.cache
 def marks_of_file(path: Path) -> frozenset[str]:
-    """Names of the markers that a test file gives all of its tests by `pytestmark = ...`, read without loading the
-    file."""
+    """Return the names of the markers in `pytestmark = ...` of a test file, without importing the file."""
     return frozenset(re.findall(r"pytest\.mark\.(\w+)", " ".join(MARKS_OF_A_FILE.findall(path.read_text()))))
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
-    """A run of those that run alone, or of the others, loads no file of the other kind: loading all takes longer than
-    most tests."""
+    """Skip files marked `alone` in a run of the other tests, and vice versa: importing takes longer than most tests."""
     if not collection_path.name.startswith("test_") or collection_path.suffix != ".py":
         return None
     unwanted = "not alone" if "alone" in marks_of_file(collection_path) else "alone"
@@ -48,7 +50,7 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 
 def kind(item: pytest.Item) -> str:
-    """What a test counts as in the closing line."""
+    """Return the kind of a test in the closing line: rostest, benchmark, integration or unit."""
     if item.get_closest_marker("rostest"):
         return "rostest"
     if "benchmarks" in item.path.parts:
@@ -57,14 +59,16 @@ def kind(item: pytest.Item) -> str:
 
 
 def runs_on(item: pytest.Item) -> str | None:
-    """Back end of a test of the contract, or engine of a test of plants, by its parameter; None of other tests."""
+    """Return the backend of a contract test or the engine of a plant test, by its parameters; None for other tests."""
     given = item.callspec.params if hasattr(item, "callspec") else {}
     return given.get("backend") or given.get("plant_type", "").partition("_ros_control/")[0] or None
 
 
 def needs_to_be_alone(item: pytest.Item) -> str | None:
-    """Why a test must be in a file that is marked `alone`; None where nothing is known that speaks for it."""
-    given = item.callspec.params if hasattr(item, "callspec") else {}  # parameters of the test itself, of whatever name
+    """Return the reason why a test must be in a file marked `alone`; None if there is none."""
+    given = (
+        item.callspec.params if hasattr(item, "callspec") else {}
+    )  # parameters of the test, which may have the name of a fixture
     if masters := [name for name in getattr(item, "fixturenames", ()) if name in MASTERS and name not in given]:
         return f"it starts a ROS master (fixture {masters[0]})"
     marks = [name for name in ("alone", "live", "rostest") if item.get_closest_marker(name)]
@@ -80,12 +84,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         if "alone" not in marks_of_file(item.path) and (reason := needs_to_be_alone(item)):
             wanted = "pytestmark = pytest.mark.alone"
             raise pytest.UsageError(
-                f"{item.nodeid}: {reason}, so its file must say `{wanted}`, since nothing may run beside it"
+                f"{item.nodeid}: {reason}, so its file must contain `{wanted}`: no other test may run at the same time"
             )
 
 
 class NotSelected:
-    """Counts what -m and -k left out, once however many processes share the tests, and tells it in the JUnit file."""
+    """Counter of the tests deselected by -m and -k, for any number of processes; writes to the JUnit file."""
 
     def __init__(self, config: pytest.Config) -> None:
         self._config, self._counts = config, Counter[str]()
@@ -103,7 +107,7 @@ class NotSelected:
 
     @pytest.hookimpl(optionalhook=True)
     def pytest_testnodedown(self, node: object) -> None:
-        """Each process of pytest-xdist selects among all tests: what one tells is all."""
+        """Take the counts of one process of pytest-xdist, since each process selects among all tests."""
         self._counts = Counter(getattr(node, "workeroutput", {}).get("not selected", self._counts))
 
     @pytest.hookimpl(tryfirst=True)
@@ -120,8 +124,10 @@ def pytest_configure(config: pytest.Config) -> None:
 
 @pytest.fixture
 def figure(request: pytest.FixtureRequest) -> Callable[[str, float, str], None]:
-    """figure("whole cycle to bare step", 3.2, "1"): a measured value and its unit, for the table at the end of
-    scripts/test."""
+    """Return a function that records a measured value for the table at the end of scripts/test.
+
+    Example: figure("whole cycle to bare step", 3.2, "1") with name, value and unit.
+    """
 
     def noted(name: str, value: float, unit: str) -> None:
         print(f"{name}: {value:.4g} {unit}")
@@ -132,19 +138,17 @@ def figure(request: pytest.FixtureRequest) -> Callable[[str, float, str], None]:
 
 @contextmanager
 def _log_as_it_was() -> Iterator[None]:
-    """A node in the test's process sends what "hric" logs to rosout, and nowhere else: not for the tests that
-    follow."""
+    """Restore the logger "hric" afterwards, since a node in the process redirects its messages to rosout."""
     logger = logging.getLogger("hric")
     level, kept = logger.level, (logger.propagate, logger.handlers[:])
     yield
     logger.propagate, logger.handlers[:] = kept
-    logger.setLevel(level)  # also empties the logger's cache of what is enabled
+    logger.setLevel(level)  # also clears the logger's cache of enabled levels
 
 
 @contextmanager
 def _parameters_as_they_were(request: pytest.FixtureRequest) -> Iterator[None]:
-    """Parameters that nodes and command lines leave on the shared master would be those of a node of the same name in
-    a test that follows."""
+    """Delete new ROS parameters on the shared master afterwards, since later nodes of the same name would read them."""
     if "roscore" not in request.fixturenames:
         yield
         return
@@ -165,7 +169,7 @@ def _as_before_the_test(request: pytest.FixtureRequest) -> Iterator[None]:
 
 @pytest.fixture(autouse=True, scope="module")
 def _as_before_the_file(request: pytest.FixtureRequest) -> Iterator[None]:
-    """A fixture of the whole file may hold a node, too; one of the session, made before this, logs as at the start."""
+    """Reset the logger before a file; restore logger and parameters after it, as module fixtures may run a node."""
     logger = logging.getLogger("hric")
     logger.propagate, logger.handlers[:] = True, []
     logger.setLevel(logging.NOTSET)

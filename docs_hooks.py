@@ -1,7 +1,7 @@
-"""Pages of the manual that are made from the sources, and CONTRIBUTING.md.
+"""Hooks of mkdocs that add pages made from the sources to the manual, and CONTRIBUTING.md.
 
-These are the interface of each package and the docstrings of what users import. mkdocs calls the functions by their
-names (hooks in mkdocs.yml).
+The pages are the INTERFACE.md of each package, the docstrings of modules that users import, and the table of network
+ports. mkdocs calls the functions of this module by their names (key `hooks` in mkdocs.yml).
 """
 
 import re
@@ -27,16 +27,16 @@ PYTHON: dict[str, tuple[str, ...]] = {
     "hric_report.headless": ("run", "HeadlessResult"),
     "hric_bags.reader": (),
 }
-"""Modules that users of the workspace import, and what they take of them; empty: all that is public."""
+"""Modules with a page in the manual, and the names to document; empty: all public names of the module."""
 COMMENT = re.compile(r"^[ \t]*<!--.*?-->[ \t]*$", re.MULTILINE | re.DOTALL)
-"""Lines that are for the tests of the manual only."""
+"""Pattern of HTML comments, which are instructions for the tests of the manual."""
 UNITS = re.compile(r"```.*?```|`[^`\n]*`|\](?=\s?\[)", re.DOTALL)
-"""Code, or the bracket before another one: "[x, y] [m]" is a quantity with its unit, not a link."""
+"""Pattern of code, or of a bracket before another one: "[x, y] [m]" is a quantity with its unit, not a link."""
 
 
 def on_files(files: "Files", config: "MkDocsConfig") -> "Files":
-    """Add the pages that are made."""
-    from mkdocs.structure.files import File  # in the site's own environment only
+    """Add the pages made from the sources to the files of the site."""
+    from mkdocs.structure.files import File  # installed in the environment of the site only
 
     for name, text in pages(ROOT):
         files.append(File.generated(config, name, content=text))
@@ -44,12 +44,12 @@ def on_files(files: "Files", config: "MkDocsConfig") -> "Files":
 
 
 def on_page_markdown(markdown: str, **_: object) -> str:
-    """Leave out the comments."""
+    """Return a page without HTML comments."""
     return COMMENT.sub("", markdown)
 
 
 def pages(root: Path) -> Iterator[tuple[str, str]]:
-    """Name below docs/ and text of each page that is made."""
+    """Yield the path below docs/ and the Markdown text of each page made from the sources."""
     for page in sorted(root.glob("src/*/INTERFACE.md")):
         yield f"reference/{page.parent.name}.md", without_links_of_units(page.read_text())
     for module, members in PYTHON.items():
@@ -60,5 +60,5 @@ def pages(root: Path) -> Iterator[tuple[str, str]]:
 
 
 def without_links_of_units(text: str) -> str:
-    r"""Return the text with "\]" where a bracket with a unit follows, outside of code."""
+    r"""Return Markdown in which a bracket before a unit is escaped as "\]", so that it is no link, except in code."""
     return UNITS.sub(lambda found: "\\]" if found[0] == "]" else found[0], text)

@@ -1,18 +1,17 @@
-"""What a bag says, topic by topic and field by field, as hashes and a few values; and a comparison with them.
+"""Digest of a bag as hashes and a few values per topic and field, and comparison of a bag with a stored digest.
 
-Of every topic counts what its messages tell and robot time at which they were written; not the running number of a
-header, nor what `LEFT_OUT` names. A field is all of its values one after the other, in the order of the messages:
-`wrench.force.x`, or `position` with all joints of all cycles; `states.length` tells how many entries a list had.
+The digest of a topic covers all fields of its messages and the robot time at which they were written, except for the
+sequence number of the header and the fields in `LEFT_OUT`. A field is the sequence of its values in all messages, in
+order: `wrench.force.x`, or `position` with all joints of all cycles; `states.length` is the length of a list.
 
-Per field the digest keeps `count` and `kind`; of one that never changes its `value`; of others `sum` (exactly
-rounded, of what is finite),
-`min`, `max`, `last` (values of the last message, at most 7), and of up to 8 blocks of equal size the hashes (`blocks`,
-8 digits each) and the first value of each (`samples`), all in full precision. `compare` holds a digest against what a
-bag says now
+For each field the digest contains `count` and `kind`. A constant field has its `value`. Other fields have `sum`
+(exactly rounded, of finite values), `min`, `max`, `last` (values of the last message, at most 7), and for up to 8
+blocks of equal size the hashes (`blocks`, 8 digits each) and first values (`samples`), all in full precision.
+`compare` compares a stored digest with a bag in one of two ways:
 
-- exactly: the hashes of all blocks, so that also the place of the first difference is known to within a block, or
-- within `TOLERANCE` (`DERIVED_TOLERANCE`) * max(1, largest magnitude of the field) for values, times the count for
-  sums; 32-bit floats within one unit in their last place; integers, texts and counts equal.
+- exactly: the hashes of all blocks must be equal, which also locates the first difference to within a block;
+- with tolerance: values within `TOLERANCE` (`DERIVED_TOLERANCE`) * max(1, largest magnitude of the field), sums within
+  this times the count, 32-bit floats within one unit in the last place; integers, texts and counts must be equal.
 """
 
 import hashlib
@@ -33,32 +32,34 @@ LEFT_OUT = {
     "/controller_manager/statistics controller.*time.*": "how long the controllers took, by the wall clock",
     "/controller_manager/statistics controller.*overrun*": "likewise",
 }
-"""Fields that do not count, as patterns of topic and field, and why. That and when their topics speak does count."""
+"""Fields that are left out, as patterns of topic and field, with the reason. Their topics and times are compared."""
 TOLERANCE = 1e-12
-"""Between processors or libraries that differ; relative to the field's largest magnitude where that is above 1."""
+"""Tolerance for other processors or libraries, relative to the largest magnitude of a field if that is above 1."""
 DERIVED = ("*effort*", "*command*", "*tau*", "*dd*", "*force*", "*torque*", "*wrench*", "*F_ext*", "*depths*", "*jerk*")
 DERIVED_TOLERANCE = 1e-8
-"""Of fields that a controller or a contact derives from positions by gains up to 1e4 or by dividing by the cycle of
-1 ms: they follow the last bits of a position that much more strongly. Measured with the vector code of BLAS, numpy and
-the C library turned off: up to 4e-9."""
+"""Tolerance of fields that are computed from positions with gains up to 1e4 or by division by the cycle of 1 ms.
+
+These amplify the rounding errors of positions. Measured with the vector code of BLAS, numpy and the C library disabled:
+up to 4e-9.
+"""
 BLOCKS = 8
-"""Of a field, at most."""
+"""Maximum number of blocks of a field."""
 BLOCK_DIGITS = 8
-"""Of the hash of a block, hexadecimal."""
+"""Number of hexadecimal digits of the hash of a block."""
 MOST_LAST = 7
 BAG_TIME = "bag_time"
 """Field of each topic: robot time at which each message was written [ns]."""
 Digest = dict[str, Any]
-"""Of a topic: `type`, `messages`, `sha256`, `fields`; of a field: see above."""
+"""Digest of a topic (`type`, `messages`, `sha256`, `fields`), or of a field (see the docstring of the module)."""
 
 
 @dataclass(frozen=True)
 class Field:
-    """All values of a field.
+    """All values of a field in all messages of a topic.
 
     Attributes:
-        values: flat, shape (n,): floats, integers or texts.
-        ends: of each message, the index one past its last value, shape (messages,).
+        values: values in order, shape (n,): floats, integers or texts.
+        ends: index after the last value of each message, shape (messages,).
     """
 
     values: npt.NDArray[Any]
@@ -66,16 +67,16 @@ class Field:
 
     @property
     def is_text(self) -> bool:
-        """Whether its values are texts."""
+        """True if the values are texts."""
         return self.values.dtype.kind == "U"
 
     @property
     def kind(self) -> str:
-        """Type of its values, such as float64; text."""
+        """Type of the values, such as float64, or text."""
         return "text" if self.is_text else self.values.dtype.name
 
     def data(self, begin: int = 0, end: int | None = None) -> bytes:
-        """Bytes of a range of values, the same on every machine."""
+        """Return the bytes of a range of values, independent of the machine."""
         part = self.values[begin:end]
         if self.is_text:
             return json.dumps(part.tolist()).encode()
@@ -84,7 +85,7 @@ class Field:
 
 @dataclass(frozen=True)
 class Topic:
-    """All messages of a topic: their type and their fields by name."""
+    """All messages of a topic: type, and fields by name."""
 
     type: str
     fields: Mapping[str, Field]
@@ -95,7 +96,7 @@ class Topic:
         return self.fields[BAG_TIME].values
 
     def sha256(self, names: Sequence[str]) -> str:
-        """Hash of these fields: names, values, and how many of them each message has."""
+        """Return a hash of these fields: names, values, and number of values in each message."""
         digest = hashlib.sha256()
         for name in sorted(names):
             field = self.fields[name]
@@ -107,11 +108,11 @@ class Topic:
 
 @dataclass(frozen=True)
 class Mismatch:
-    """A difference between a digest and what is now in a bag.
+    """A difference between a stored digest and a bag.
 
     Attributes:
-        time: robot time of the message from which on it may show [s].
-        text: topic, field, and the first value that differs.
+        time: robot time of the first message that may differ [s].
+        text: topic, field, and first value that differs.
     """
 
     time: float
@@ -119,7 +120,7 @@ class Mismatch:
 
 
 def read(bag: Path) -> dict[str, Topic]:
-    """All topics of a bag, without the fields left out."""
+    """Read all topics of a bag, without the fields in `LEFT_OUT`."""
     messages: dict[str, list[dict[str, list[Any]]]] = {}
     types: dict[str, str] = {}
     with AnyReader([bag]) as reader:
@@ -132,7 +133,7 @@ def read(bag: Path) -> dict[str, Topic]:
 
 
 def _flatten(value: Any, name: str, values: dict[str, list[Any]]) -> None:
-    """Append what a value of a message holds to its fields."""
+    """Append a value of a message, with all subfields, to the lists of values by field name."""
     if is_dataclass(value):
         for field in fields(value):
             if field.name not in ("__msgtype__", "seq"):
@@ -160,7 +161,7 @@ def _gather(topic: str, messages: Sequence[Mapping[str, list[Any]]]) -> dict[str
 
 
 def _starts(count: int) -> list[int]:
-    """First index of each block."""
+    """Return the first index of each block."""
     blocks = min(count, BLOCKS)
     return [count * block // blocks for block in range(blocks)]
 
@@ -172,7 +173,7 @@ def _blocks(field: Field) -> list[str]:
 
 
 def describe(topic: Topic) -> Digest:
-    """Digest of a topic."""
+    """Return the digest of a topic."""
     return {
         "type": topic.type,
         "messages": len(topic.times),
@@ -198,17 +199,17 @@ def _describe_field(field: Field) -> Digest:
 
 
 def _sum(values: npt.NDArray[Any]) -> Any:
-    """Exactly rounded, so that it does not depend on the order; of what is not finite, nothing."""
+    """Return the exactly rounded sum of the finite values, which does not depend on their order."""
     return math.fsum(values[np.isfinite(values)].tolist()) if values.dtype.kind == "f" else sum(map(int, values))
 
 
 def compare(listed: Mapping[str, Digest], found: Mapping[str, Topic], *, exact: bool) -> list[Mismatch]:
-    """What differs in the listed topics and fields, the earliest first; topics and fields beyond those may come.
+    """Return the differences in the listed topics and fields, the earliest first; other topics and fields are ignored.
 
     Args:
-        listed: digest of each topic.
-        found: what a bag has now.
-        exact: by the hashes; else within the tolerance.
+        listed: stored digest of each topic.
+        found: topics of the bag.
+        exact: compare hashes; else within the tolerance.
     """
     result = []
     for name, digest in listed.items():
@@ -229,7 +230,7 @@ def compare(listed: Mapping[str, Digest], found: Mapping[str, Topic], *, exact: 
 
 
 def _compare_field(topic: str, name: str, listed: Digest, now: Topic, exact: bool) -> Mismatch | None:
-    """The first difference of a field; None: there is none."""
+    """Return the first difference of a field; None if there is none."""
     place = f"topic {topic}, field {name}"
     if name not in now.fields:
         return Mismatch(0.0, f"{place}: is missing; listed: {listed['count']} values")
@@ -251,12 +252,12 @@ def _compare_field(topic: str, name: str, listed: Digest, now: Topic, exact: boo
 
 
 def _equal(a: Any, b: Any) -> bool:
-    """Bit by bit, as far as a text of full precision tells it."""
+    """Return True if two values are bitwise equal, also for NaN."""
     return json.dumps(a) == json.dumps(b)
 
 
 def _first_block(listed: Digest, found: Digest) -> tuple[int, int]:
-    """Begin and end of the first block whose hash differs."""
+    """Return start and end index of the first block whose hash differs."""
     count, starts = listed["count"], _starts(listed["count"])
     if "blocks" not in listed or "blocks" not in found:
         return 0, count
@@ -266,7 +267,7 @@ def _first_block(listed: Digest, found: Digest) -> tuple[int, int]:
 
 
 def _first_beyond(place: str, listed: Digest, found: Digest, field: Field, now: Topic) -> Mismatch | None:
-    """The first value listed of a field of floats that is farther away than the tolerance."""
+    """Return the difference of the first stored value of a float field that exceeds the tolerance."""
     extremes = [listed[key] for key in ("value", "min", "max") if key in listed]
     scale = max([1.0, *(abs(value) for value in extremes if math.isfinite(value))])
     name = place.rpartition(" ")[2]
@@ -281,7 +282,7 @@ def _first_beyond(place: str, listed: Digest, found: Digest, field: Field, now: 
 
 
 def _first_known(listed: Digest, field: Field, alike: Callable[[Any, Any], bool]) -> tuple[int, str]:
-    """Index of the first value that differs of those that the list tells, and a text about it; 0 and no text: none."""
+    """Return index and description of the first stored value that differs; 0 and an empty text if none differs."""
     count, last = listed["count"], listed.get("last", [])
     if "value" in listed:
         known = dict.fromkeys(range(count), listed["value"])
@@ -295,6 +296,6 @@ def _first_known(listed: Digest, field: Field, alike: Callable[[Any, Any], bool]
 
 
 def _time(topic: Topic, field: Field, index: int) -> float:
-    """Robot time of the message that holds a value [s]."""
+    """Return the robot time of the message with a value [s]."""
     message = min(int(np.searchsorted(field.ends, index, side="right")), len(topic.times) - 1)
     return float(topic.times[message]) * 1e-9

@@ -1,9 +1,9 @@
-"""The end of scripts/test, from the JUnit files of its runs of pytest: failed tests, figures, and a line that counts
-each test once.
+"""Last output of scripts/test, from the JUnit files of its pytest runs: failed tests, measured figures, and a line that
+counts each test once.
 
     python tests/closing_line.py CODE FOLDER
 
-CODE is the exit code of the last run of pytest that failed, 0 where none did. The figures are also written to
+CODE is the exit code of the last pytest run that failed, 0 if none failed. The figures are also written to
 FOLDER/figures.txt.
 """
 
@@ -18,15 +18,15 @@ from pathlib import Path
 
 @dataclass
 class Results:
-    """Of some runs of pytest.
+    """Results of several pytest runs together.
 
     Attributes:
-        passed: how many tests of each kind.
-        failed: names of tests that failed, or whose set-up, end or file did.
-        skipped: how many for each reason.
-        not_selected: how many for each marker that was left out.
-        figures: name, value and unit of what was measured.
-        runs_on: how many of the passed ones on each back end or engine.
+        passed: number of passed tests by kind.
+        failed: names of tests that failed, also in set-up, teardown or import of their file.
+        skipped: number of skipped tests by reason.
+        not_selected: number of deselected tests by marker.
+        figures: name, value and unit of each measured figure.
+        runs_on: number of passed tests by backend or engine.
         seconds: wall time of the runs together [s].
     """
 
@@ -40,13 +40,15 @@ class Results:
 
     @property
     def ran(self) -> int:
-        """Tests that passed or failed."""
+        """Number of tests that passed or failed."""
         return self.passed.total() + len(self.failed)
 
 
 def read(files: Iterable[Path]) -> Results:
-    """Results of all files together. A test whose end fails after it failed itself stands in a file twice, and counts
-    once."""
+    """Return the results in all JUnit files together.
+
+    A test that failed, and then again in its teardown, is listed twice in a file and counts once.
+    """
     results = Results()
     for file in files:
         root, cases = ET.parse(file).getroot(), dict[str, ET.Element]()
@@ -79,20 +81,20 @@ def _add(results: Results, name: str, case: ET.Element) -> None:
 
 
 def table(figures: Iterable[tuple[str, float, str]]) -> str:
-    """The figures as text, a line each."""
+    """Return the figures as text, one line each."""
     lines = sorted(figures)
     width = max((len(name) for name, *_ in lines), default=0)
     return "".join(f"{name:{width}s} {value:>10.4g} {unit}\n" for name, value, unit in lines)
 
 
 def _counted(word: str, counts: Counter[str]) -> str:
-    """Total and parts: "7 skipped (4 no camera, 3 no display)"."""
+    """Return a total with its parts, such as "7 skipped (4 no camera, 3 no display)"."""
     parts = ", ".join(f"{count} {name}" for name, count in sorted(counts.items(), key=lambda item: (-item[1], item[0])))
     return f"{counts.total()} {word} ({parts})" if parts else f"0 {word}"
 
 
 def line(results: Results, code: int) -> str:
-    """The closing line."""
+    """Return the closing line."""
     verdict = f"FAILED (code {code})" if code else "all passed" if results.ran else "nothing ran"
     counts = [
         _counted("passed", results.passed),
@@ -104,7 +106,7 @@ def line(results: Results, code: int) -> str:
 
 
 def main(code: int, folder: Path) -> int:
-    """Print it; answers the exit code of scripts/test, which is not 0 where nothing ran."""
+    """Print the results; return the exit code of scripts/test, which is 5 if no test ran."""
     results = read(sorted(folder.glob("*.xml")))
     figures = table(results.figures)
     (folder / "figures.txt").write_text(figures)

@@ -1,13 +1,15 @@
-"""Change one operator, number or argument after the other, and find the changes that no test notices.
+"""Change operators, numbers and arguments in the code one at a time, and find the changes that make no test fail.
 
     scripts/mutate [--only PATTERN...] [--again]
 
-mutmut makes the mutants, in a copy of the packages below build/mutate; the workspace is not touched. What was tried is
-kept: an interrupted run goes on, and a later one tries the mutants of functions that were changed, and with --again
-those that survived. Texts are not mutated, nor are properties and other functions with decorators, nor constants.
+mutmut makes the mutants (changed copies of a function), in a copy of the packages below build/mutate; the workspace is
+not changed. Results are stored: an interrupted run continues, and a later run tries the mutants of functions that were
+changed since, and with --again also those that survived. Texts, constants, properties and other functions with
+decorators are not mutated.
 
-Survivors stand in docs/mutations.md, below the reason why they are no holes in the tests. One that stands nowhere is
-printed with its line, and the exit code is 1; so it is where a part has more survivors than ALLOWED.
+A mutant survives if no test fails. docs/mutations.md lists the survivors below the reason why no test has to detect
+them. A survivor that is not listed is printed with its line, and the exit code is 1; the exit code is also 1 if a part
+has a larger share of survivors than ALLOWED.
 """
 
 import argparse
@@ -23,7 +25,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 FOLDER = ROOT / "build" / "mutate"
 LINK = "workspace"
-"""Beside the mutants, so that tests have names below the folder in which pytest runs."""
+"""Name of the link to the workspace in the folder of the mutants, since tests must be below the folder of pytest."""
 PAGE = ROOT / "docs" / "mutations.md"
 PARTS = {
     "contact": "hric_assessment/contact",
@@ -31,7 +33,7 @@ PARTS = {
     "separation": "hric_assessment/separation",
     "statistics": "hric_sweep/statistics",
 }
-"""Parts that are mutated, as folders of packages."""
+"""Folder of each part that is mutated, as PACKAGE/FOLDER."""
 TESTS = {
     "hric_assessment": ("test_",),
     "hric_experiments": (
@@ -41,20 +43,20 @@ TESTS = {
         "test_sweep_weights",
     ),
 }
-"""Beginnings of the names of test files, by package."""
+"""Prefixes of the names of the test files to run, by package."""
 LEFT_OUT = ("test_bag_mutations.py", "test_assessment_cost.py")
-"""Of these: what runs hundreds of verdicts notices most mutants, but says little of where the fault is."""
+"""Test files that are not run: they compute hundreds of verdicts, so their failure does not show where a fault is."""
 ALLOWED = 0.1
-"""Share of the mutants of a part that may survive [1]."""
+"""Maximum share of the mutants of a part that may survive [1]."""
 KILLED, SURVIVED, UNSEEN, UNTRIED = "killed", "survived", "no tests", "not checked"
-"""Of the states that mutmut has. Any other: the tests took fifteen times as long, or the interpreter died."""
+"""States of a mutant in mutmut. In all others the tests took fifteen times as long, or the interpreter crashed."""
 ROW = re.compile(r"^\| `([^`]+)` \| `(.*?)` \| `(.*?)` \|$", re.MULTILINE)
-"""A survivor on the page, below its reason: function, line before, line after."""
+"""Pattern of a survivor's table row in docs/mutations.md: function, line before, line after."""
 
 
 @dataclass
 class Part:
-    """Count of a part's mutants by what became of them, and the names of those that were not noticed."""
+    """Number of a part's mutants by state, and the names of the survivors."""
 
     counts: Counter[str] = field(default_factory=Counter)
     survivors: list[str] = field(default_factory=list)
@@ -71,7 +73,7 @@ class Part:
 
 
 def settings() -> str:
-    """Return the configuration of mutmut and pytest, for the folder in which both run."""
+    """Return the configuration of mutmut and pytest, as the text of a pyproject.toml."""
     files = [
         path
         for package, names in TESTS.items()
@@ -89,9 +91,12 @@ def settings() -> str:
 
 
 def prepare() -> None:
-    """Make the folder in which mutmut runs: links to the packages, and its settings."""
+    """Make the folder in which mutmut runs, with links to the packages and its configuration."""
     for package in TESTS:
-        for link, target in (("src", f"src/{package}"), ("share", "")):  # code, and where it looks for config
+        for link, target in (
+            ("src", f"src/{package}"),
+            ("share", ""),
+        ):  # the code, and the configuration files it reads
             (FOLDER / link).mkdir(parents=True, exist_ok=True)
             if not (FOLDER / link / package).exists():
                 (FOLDER / link / package).symlink_to(ROOT / "src" / package / target)
@@ -102,7 +107,7 @@ def prepare() -> None:
 
 
 def results(names: Sequence[str] = ()) -> dict[str, Part]:
-    """Return what became of the mutants, by part; names: patterns of mutants, empty: all."""
+    """Return the results of the mutants whose names match, by part; without names: of all mutants."""
     from mutmut.__main__ import collect_source_file_mutation_data
     from mutmut.stats import status_by_exit_code
 
@@ -119,13 +124,13 @@ def results(names: Sequence[str] = ()) -> dict[str, Part]:
 
 
 def whole(parts: Iterable[Part]) -> Part:
-    """Return all parts as one."""
+    """Return the sum of all parts."""
     parts = list(parts)
     return Part(sum((part.counts for part in parts), Counter()), [name for part in parts for name in part.survivors])
 
 
 def change(mutant: str) -> tuple[str, str, str]:
-    """Return (function, line before, line after) of a mutant, without comments."""
+    """Return the function of a mutant, and its changed line before and after the change, without comments."""
     from mutmut.mutation.diff_apply import find_mutant, get_diff_for_mutant
 
     diff = get_diff_for_mutant(mutant, path=find_mutant(mutant).path).splitlines()
@@ -142,14 +147,14 @@ def change(mutant: str) -> tuple[str, str, str]:
 
 
 def explained() -> set[tuple[str, str, str]]:
-    """Return the survivors of the page."""
+    """Return the survivors that docs/mutations.md lists: function, line before, line after."""
     return {(row[1], row[2], row[3]) for row in ROW.finditer(PAGE.read_text().replace("\\|", "|"))}
 
 
 def report(parts: dict[str, Part]) -> int:
-    """Print the table, and each survivor that is not on the page; returns the exit code."""
+    """Print the table, and each survivor that docs/mutations.md does not list; return the exit code."""
     known, failed = explained(), False
-    print("| part | mutants | tried | a test fails | endless or a crash | not noticed | share |")
+    print("| part | mutants | tried | a test fails | endless or a crash | not detected | share |")
     print("|---|---|---|---|---|---|---|")
     for name, part in (*parts.items(), ("total", whole(parts.values()))):
         lost, killed = len(part.survivors), part.counts[KILLED]
@@ -165,7 +170,7 @@ def report(parts: dict[str, Part]) -> int:
 
 
 def run(given: argparse.Namespace) -> int:
-    """Try the mutants that were not tried yet, and report."""
+    """Try the mutants that were not tried yet, and report the results."""
     prepare()
     os.chdir(FOLDER)
     import libcst
@@ -190,11 +195,13 @@ def run(given: argparse.Namespace) -> int:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run the command; returns the exit code."""
+    """Run the command and return its exit code."""
     parser = argparse.ArgumentParser("scripts/mutate", description=__doc__.split("\n")[0])
-    parser.add_argument("--only", nargs="+", default=[], metavar="PATTERN", help="mutants, such as '*separation*'")
-    parser.add_argument("--again", action="store_true", help="try those that survived once more")
-    parser.add_argument("--report", action="store_true", help="try nothing, print what is known")
+    parser.add_argument(
+        "--only", nargs="+", default=[], metavar="PATTERN", help="patterns of mutants to try, such as '*separation*'"
+    )
+    parser.add_argument("--again", action="store_true", help="also try the mutants that survived before")
+    parser.add_argument("--report", action="store_true", help="print the stored results without trying mutants")
     return run(parser.parse_args(list(arguments)))
 
 

@@ -1,5 +1,4 @@
-"""For tests of what something costs: processor time beside something else in the same run, since a time alone tells
-more of the machine."""
+"""Processor time as a ratio to a reference in the same run, since an absolute time depends on the machine."""
 
 import statistics
 import time
@@ -7,7 +6,7 @@ from collections.abc import Callable
 
 
 def seconds(work: Callable[[], object], times: int) -> float:
-    """Mean processor time of this thread that a call takes [s]."""
+    """Return the mean processor time of a call in this thread [s]."""
     begin = time.thread_time()
     for _ in range(times):
         work()
@@ -17,6 +16,8 @@ def seconds(work: Callable[[], object], times: int) -> float:
 def cost_ratio(
     work: Callable[[], object], reference: Callable[[], object], times: int = 100, rounds: int = 101
 ) -> float:
-    """Cost of `work` as a multiple of that of `reference`: median of rounds in which both are called `times` times
-    [1]."""
+    """Return the processor time of `work` divided by that of `reference` [1].
+
+    It is the median over rounds in which both are called `times` times.
+    """
     return statistics.median(seconds(work, times) / seconds(reference, times) for _ in range(rounds))

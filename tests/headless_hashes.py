@@ -1,21 +1,22 @@
-"""What all headless experiments give, as hashes and values per topic, to see that a change of the code leaves it as is.
+"""Results of all headless experiments as hashes and values per topic, to detect unintended changes of results.
 
-    python3 tests/headless_hashes.py --write [NAME...]  # writes headless_hashes.json; runs NAME only, or all
-    python3 tests/headless_hashes.py [NAME...]          # compares, and prints what differs
-    python3 -m pytest tests/test_headless_hashes.py     # the same; with -m "not slow": of the quick ones
+    python3 tests/headless_hashes.py --write [NAME...]  # writes headless_hashes.json for the named runs, or all
+    python3 tests/headless_hashes.py [NAME...]          # makes these runs again, and prints differences
+    python3 -m pytest tests/test_headless_hashes.py     # the same; with -m "not slow": quick runs only
 
-Each runs through the public command, `hric run`, but within this process. What of a bag counts and
-how it is compared: bag_digest.py. Write the list again only where a change is meant to alter what a run gives, and name
-in the commit which run changed and why.
+Each run uses the public command, `hric run`, but within this process. bag_digest.py defines which fields of a bag are
+compared and how. Write the list again only if a change is meant to change the results of a run, and name this run and
+the reason in the commit message.
 
-Not in the list: EMG, force plates and synchroniser of data_collection, which come by wire, so that the headless runner
-refuses them; replay of a recorded trial; runs that diverge.
+Not in the list: EMG, force plates and synchroniser of data_collection, which the headless runner refuses; replay of a
+recorded trial; runs that diverge.
 
-With the vector code of BLAS, numpy and the C library turned off, as a stand-in for another processor, positions and
-velocities stay within 1e-12, but for `thesis_step thesis`, which chatters (1.6e-2 on PyBullet; 6e-8 on MuJoCo, where
-BLAS for AVX-512 suffices: under OPENBLAS_CORETYPE=Haswell such a processor gives what the list says). Beyond it are
-what is divided by the millisecond of a cycle, `dtau_J` and `ddq_d` (up to 4e-9 of the largest), and in marker_tracking
-and with contact the efforts and forces that follow (up to 1.4e-10): the looser bound of bag_digest.py is for these.
+With the vector code of BLAS, numpy and the C library disabled, which imitates another processor, positions and
+velocities change by at most 1e-12. Exceptions are `thesis_step thesis`, which chatters (1.6e-2 on PyBullet; 6e-8 on
+MuJoCo, due to BLAS for AVX-512: with OPENBLAS_CORETYPE=Haswell such a processor gives the results of the list); values
+divided by the cycle of a millisecond, `dtau_J` and `ddq_d` (up to 4e-9 of the largest value); and in marker_tracking
+and with contact the efforts and forces derived from positions (up to 1.4e-10), for which bag_digest.py has a larger
+tolerance.
 """
 
 import argparse
@@ -46,9 +47,9 @@ LIST = ROOT / "tests" / "headless_hashes.json"
 DISTRIBUTIONS = ("numpy", "scipy", "pybullet", "opensim", "mujoco", "ruckig")
 DEBIAN = ("python3-pykdl", "liborocos-kdl1.5")
 FEATURES = ("sse4_1", "avx", "fma", "avx2", "avx512f", "avx512dq", "avx512bw", "avx512vl", "avx512_vnni", "avx512_bf16")
-"""Of a processor, by which numpy, BLAS and the C library choose their code."""
+"""Processor features by which numpy, BLAS and the C library select their code."""
 CHATTERING = ("thesis_step thesis on pybullet", "thesis_step thesis on mujoco")
-"""Runs in a limit cycle at the edge of stability, where the last bit grows: compared on the list's processor alone."""
+"""Runs at the edge of stability, in which rounding errors grow: compared only on the processor of the list."""
 SIMULATORS = ("pybullet", "opensim", "mujoco")
 WALL = "world:=package://pybullet_ros_control/worlds/wall.yaml"
 TABLE = "world:=package://pybullet_ros_control/worlds/table.yaml"
@@ -62,21 +63,21 @@ REDUCED = (
     "rotatum_limit:=0",
     "robot.plant.passive_joints:=locked",
 )
-"""Changes of the study engines."""
+"""Overrides of the study `engines`, form `reduced`."""
 HAND_MOVES = ("mocap.human.begin:=0.1", "mocap.human.ramp:=0.3")
 NO_WIRES = ("emg", "force_plate", "sync")
 
 
 @dataclass(frozen=True)
 class Run:
-    """A headless run.
+    """A headless run to compare.
 
     Attributes:
-        experiment: its name, or the path of its file in the workspace.
-        overrides: key:=value.
-        seed: of everything random.
-        without: sections of its file that are left out.
-        quick: part of the default tests.
+        experiment: name of an experiment, or path of its file in the workspace.
+        overrides: overrides key:=value.
+        seed: seed of all random values.
+        without: sections of the experiment file that are left out.
+        quick: True if the run is part of the default tests.
     """
 
     experiment: str
@@ -86,12 +87,12 @@ class Run:
     quick: bool = False
 
     def on(self, simulator: str, *more: str, quick: bool = False) -> "Run":
-        """The same with an engine and further overrides."""
+        """Return this run with an engine and additional overrides."""
         return replace(self, overrides=(*self.overrides, f"simulator:={simulator}", *more), quick=quick)
 
 
 def _on_each() -> dict[str, tuple[Run, tuple[str, ...]]]:
-    """Runs that all engines make, and on which of them they are quick."""
+    """Return the runs that are made on all engines by name, each with the engines on which it is quick."""
     tracking = ("duration:=1.0", *HAND_MOVES)
     reaction = "rest: [0.6, -0.2, 0.45], approach: 0.5, reaction_delay: 0.1, still_speed: 1.0"
     reactive = f"mocap.human:={{program: reactive, {reaction}}}"
@@ -152,14 +153,14 @@ def _runs() -> dict[str, Run]:
 
 
 RUNS = _runs()
-"""By name: experiment, what is changed, engine."""
+"""All runs by name, which contains the experiment, its changes and the engine."""
 
 
 def digests(run: Run) -> dict[str, Any]:
-    """Make a run and read its bag: `state_sha256`, and `topics` as bag_digest.read gives them.
+    """Make a run, and return its `state_sha256` and the `topics` of its bag, as read by bag_digest.read.
 
     Raises:
-        RuntimeError: the command told that the run failed.
+        RuntimeError: the run failed.
     """
     with tempfile.TemporaryDirectory() as temporary:
         root = Path(temporary)
@@ -174,7 +175,7 @@ def digests(run: Run) -> dict[str, Any]:
 
 
 def _experiment(run: Run, folder: Path) -> str:
-    """What the command takes as the experiment; a file of its own where sections are left out."""
+    """Return the argument of the command for the experiment; if sections are left out, the path of a modified copy."""
     if run.experiment.endswith(".yaml"):
         return str(ROOT / run.experiment)
     if not run.without:
@@ -187,7 +188,7 @@ def _experiment(run: Run, folder: Path) -> str:
 
 
 def command(name: str, *arguments: str) -> tuple[int, str]:
-    """A command of hric_experiments within this process, which imports once: exit code and what it printed."""
+    """Run a command of `hric` in this process; return its exit code and output."""
     node = Path(rospkg.RosPack().get_path("hric_experiments")) / "nodes" / name
     before, printed = sys.argv, io.StringIO()
     sys.argv = [str(node), *arguments]
@@ -203,7 +204,7 @@ def command(name: str, *arguments: str) -> tuple[int, str]:
 
 @functools.cache
 def environment() -> dict[str, Any]:
-    """Processor and libraries, by which it is decided whether bits have to be equal."""
+    """Return processor and library versions; if they equal those of the list, results must be bitwise equal."""
     info = dict(line.split(":", 1) for line in Path("/proc/cpuinfo").read_text().split("\n\n")[0].splitlines())
     known = {key.strip(): value.strip() for key, value in info.items()}
     flags = set(known.get("flags", "").split())
@@ -217,7 +218,7 @@ def environment() -> dict[str, Any]:
 
 
 def _told(*command: str) -> str:
-    """What a program prints; nothing where it is missing or fails."""
+    """Return the output of a program; empty if it is missing or fails."""
     if shutil.which(command[0]) is None:
         return ""
     return subprocess.run(command, capture_output=True, text=True, check=False).stdout.strip()
@@ -225,17 +226,17 @@ def _told(*command: str) -> str:
 
 @functools.cache
 def listed() -> dict[str, Any]:
-    """The committed list."""
+    """Return the content of headless_hashes.json."""
     content: dict[str, Any] = json.loads(LIST.read_text())
     return content
 
 
 def differences(name: str, *, exact: bool | None = None) -> list[str]:
-    """Make a run and tell what differs from the list, the earliest first; nothing: all is equal.
+    """Make a run, and return its differences from the list, the earliest first; empty: no difference.
 
     Args:
-        name: of the run.
-        exact: by the bits, else within the tolerance; None: by the bits where processor and libraries are as listed.
+        name: name of the run.
+        exact: compare bitwise, else within the tolerance; None: bitwise if processor and libraries are as listed.
     """
     if exact is None:
         exact = environment() == listed()["environment"]
@@ -250,7 +251,7 @@ def differences(name: str, *, exact: bool | None = None) -> list[str]:
 
 
 def write(names: list[str]) -> None:
-    """Make runs and write them to the list; others stay, which must be of the same processor and libraries."""
+    """Make runs and write their results to the list; other entries must be of the same processor and libraries."""
     runs: dict[str, Any] = {}
     if names != list(RUNS):
         if environment() != listed()["environment"]:
@@ -271,7 +272,7 @@ def write(names: list[str]) -> None:
 
 
 def _lines(value: Any, depth: int = 0) -> Iterator[str]:
-    """JSON with a line for each field of a topic, so that a change of the list can be read."""
+    """Yield the lines of the list as JSON, one line per field of a topic, so that its changes are readable."""
     if not isinstance(value, dict) or "count" in value:
         yield json.dumps(value)
         return
@@ -286,11 +287,11 @@ def _lines(value: Any, depth: int = 0) -> Iterator[str]:
 
 
 def main() -> int:
-    """The command line; answers the exit code."""
+    """Run the command and return its exit code."""
     parser = argparse.ArgumentParser(description="Compare headless runs with the committed list, or write it.")
-    parser.add_argument("names", nargs="*", metavar="NAME", help=f"runs (all): {'; '.join(RUNS)}")
-    parser.add_argument("--write", action="store_true", help="write the list")
-    parser.add_argument("--tolerance", action="store_true", help="compare within the tolerance, not by the bits")
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"names of runs (default: all): {'; '.join(RUNS)}")
+    parser.add_argument("--write", action="store_true", help="write the results to the list")
+    parser.add_argument("--tolerance", action="store_true", help="compare within the tolerance, not bitwise")
     given = parser.parse_args()
     if unknown := [name for name in given.names if name not in RUNS]:
         parser.error(f"no run {', '.join(unknown)}; valid: {'; '.join(RUNS)}")

@@ -1,4 +1,4 @@
-"""Reads the tables of INTERFACE.md."""
+"""Reader of the tables in INTERFACE.md."""
 
 import re
 from dataclasses import dataclass
@@ -15,12 +15,12 @@ COLUMNS = {
 
 @dataclass(frozen=True)
 class Row:
-    """One row of a table.
+    """Row of a table in an INTERFACE.md.
 
     Attributes:
-        page: the file.
-        section: Topics, Services, Actions or Parameters.
-        cells: column -> text, without backticks.
+        page: path of the INTERFACE.md.
+        section: heading above the table: Topics, Services, Actions or Parameters.
+        cells: text by column, without backticks.
     """
 
     page: Path
@@ -29,25 +29,25 @@ class Row:
 
     @property
     def name(self) -> str:
-        """What the first column says."""
+        """Text of the first column: the name of the topic, service, action or parameter."""
         return self.cells[COLUMNS[self.section][0]]
 
     def matches(self, resolved: str) -> bool:
-        """Whether an absolute name is this one; `<placeholder>` stands for a part of a name, or for a piece of one."""
+        """Return True if an absolute ROS name matches this row's name, in which `<placeholder>` matches any text."""
         pattern = "[^/]+".join(map(re.escape, re.split(r"<[^>]*>", self.name.strip("/"))))
         return re.fullmatch(pattern, resolved.strip("/")) is not None
 
 
 def pages() -> list[Path]:
-    """INTERFACE.md of all packages."""
+    """Return the INTERFACE.md files of all packages."""
     return sorted(ROOT.glob("src/*/INTERFACE.md"))
 
 
 def rows(page: Path) -> list[Row]:
-    """All rows of the known tables of a page.
+    """Return all rows of the tables in the sections Topics, Services, Actions and Parameters.
 
     Raises:
-        AssertionError: a table without the agreed columns, or a row with another number of cells.
+        AssertionError: a table does not have the columns of its section, or a row has another number of cells.
     """
     found: list[Row] = []
     section, header = "", ()

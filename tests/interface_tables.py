@@ -1,8 +1,8 @@
-"""Prints declared parameters into the tables of INTERFACE.md.   python3 tests/interface_tables.py [--write]
+"""Writer of declared parameters into the tables of INTERFACE.md.   python3 tests/interface_tables.py [--write]
 
-A line above a table names what it lists: `<!-- declared: PREFIX MODULE:SETTINGS; ... -->`, where PREFIX, or nothing,
-stands before the names. A row of that name is replaced by what the declaration says, one that is missing is added;
-other rows are written by hand. Below the heading Parameters of a page with declared ones stands `RULE`.
+A comment above a table names the declarations that it lists: `<!-- declared: PREFIX MODULE:SETTINGS; ... -->`. PREFIX
+is optional and is put before the names of the parameters. Rows of declared parameters are replaced, and missing ones
+are added; other rows are written by hand. `RULE` is inserted below the heading Parameters if a page has such rows.
 """
 
 import importlib
@@ -22,12 +22,12 @@ An unknown parameter is refused before anything starts, with the nearest valid n
 
 
 def marks(page: str) -> list[str]:
-    """What the marks of a page hold."""
+    """Return the contents of the comments `declared:` in a page."""
     return _MARK.findall(page)
 
 
 def settings_of(mark: str) -> list[tuple[str, type[Settings]]]:
-    """(prefix, declarations) that a mark names."""
+    """Return the pairs of prefix and declaring class in the content of a comment."""
     found = []
     for item in mark.split(";"):
         *prefix, settings = item.split()
@@ -37,7 +37,7 @@ def settings_of(mark: str) -> list[tuple[str, type[Settings]]]:
 
 
 def declared(mark: str) -> dict[str, str]:
-    """Printed rows by name, for what stands in a mark."""
+    """Return the table rows of the declared parameters by name, for the content of a comment."""
     found = {}
     for prefix, settings in settings_of(mark):
         for cells in rows(settings, prefix):
@@ -48,7 +48,7 @@ def declared(mark: str) -> dict[str, str]:
 
 
 def printed(page: str) -> str:
-    """A page with the rows that its marks name, and the rule for all parameters."""
+    """Return a page with the rows of its declared parameters, and `RULE`."""
     page = _HEADING.sub(rf"\1{RULE}", page) if marks(page) else page
     lines: list[str] = []
     missing: dict[str, str] = {}
@@ -68,7 +68,7 @@ def printed(page: str) -> str:
 
 
 def changed(path: Path) -> str | None:
-    """What the page should hold, if it does not."""
+    """Return the text that a page should have; None if it is up to date."""
     text = path.read_text()
     wanted = printed(text)
     return None if wanted == text else wanted
@@ -79,5 +79,5 @@ if __name__ == "__main__":
     for path, text in wrong.items():
         if "--write" in sys.argv:
             path.write_text(text)
-        print(f"{path}: {'written' if '--write' in sys.argv else 'differs from the declarations'}")
+        print(f"{path}: {'written' if '--write' in sys.argv else 'differs from the declarations; call with --write'}")
     sys.exit(bool(wrong) and "--write" not in sys.argv)

@@ -1,7 +1,7 @@
-"""The moving picture of README.md, made from a headless run: python3 tests/moving_picture.py.
+"""Make the animated picture of README.md from a headless run: python3 tests/moving_picture.py.
 
-The arm turns its hand into a person's forearm and presses it against a wall; next to it the force on the forearm with
-its limits. Takes about a minute; the drawing needs what `scripts/setup --with pictures` installs.
+The picture shows the arm pressing a person's forearm against a wall with its hand, and next to it the force on the
+forearm with its limits. It takes about a minute, and needs `scripts/setup --with pictures`.
 """
 
 import argparse
@@ -42,23 +42,23 @@ ARGUMENTS = (
     "robot.parameters.reflexes:=false",
 )
 LINK = "r_elbow"
-"""Link of the person that is pressed: the forearm."""
+"""Link of the person whose contact is shown: the forearm."""
 BEGIN, END, RATE, SLOWER = 0.7, 2.1, 25.0, 2.0
-"""Span of the run that is shown [s], pictures per second of it [Hz], and how many times slower it plays [1]."""
+"""Start and end of the shown part of the run [s], frames per second of the run [Hz], and slow-motion factor [1]."""
 HEIGHT, WIDTHS = 380, (440, 340)
-"""Height, and widths of the scene and of the curve [pixel]."""
+"""Height of the picture, and widths of scene and curve [px]."""
 LOW, HIGH = np.array([-0.2, -0.4, 0.1]), np.array([0.9, 0.5, 0.9])
 """Corners of the box that the camera keeps in view [m]."""
 VIEW = {"azimuth": -80.0, "elevation": 40.0}
 """Direction of the camera [deg]."""
 CYLINDER = homogeneous(Rotation.from_euler("x", 90.0, degrees=True).as_matrix(), np.zeros(3))
-"""Pose of a cylinder along z for a picture, which has it along y."""
+"""Transform for cylinders, whose axis is z in the description and y in the drawing."""
 
 
 def main() -> None:
-    """Run the experiment and write its moving picture."""
+    """Run the experiment and write its animated picture."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("-o", "--output", type=Path, default=PICTURE, help="the picture; default: %(default)s")
+    parser.add_argument("-o", "--output", type=Path, default=PICTURE, help="file of the picture (default: %(default)s)")
     output = parser.parse_args().output
     install_vtk()
     with tempfile.TemporaryDirectory() as folder:
@@ -78,7 +78,7 @@ def run(folder: Path) -> run_data.RunData:
 
 
 def pictures(data: run_data.RunData, folder: Path) -> Iterator[Image.Image]:
-    """Yield the pictures of a run; folder: for meshes in a format that can be drawn."""
+    """Yield the frames of the picture; converted meshes are written to the folder."""
     from urdf_to_osim.drawing.drawing import draw
 
     assert data.person is not None
@@ -112,7 +112,7 @@ def decorations(robot: SceneRobot, time: float, folder: Path) -> Iterator[Decora
 
 
 def parts(shape: urdf.Shape, T: FloatArray, folder: Path) -> Iterator[Decoration]:
-    """Yield what is drawn of a shape at a pose; a mesh has a part for each of its colours."""
+    """Yield the drawn parts of a shape at a pose; a mesh has one part per colour."""
     colour = shape.colour or GREY
     if shape.kind == "mesh":
         for file, own in files(shape.address, shape.size, folder):
@@ -141,7 +141,7 @@ def files(address: str, scale: tuple[float, ...], folder: Path) -> list[tuple[Pa
 
 
 def curve(contact: ContactRecord, time: float) -> Image.Image:
-    """Return the force up to a time of the run [s] with its limits."""
+    """Return a plot of the force with its limits, up to a time of the run [s]."""
     limit = Limits.named().at(contact.regions)
     assert limit is not None and limit.force.transient is not None
     known = contact.time <= time

@@ -1,9 +1,9 @@
-"""Break named things one at a time, and show which test notices.
+"""Introduce selected faults into the code one at a time, and show which test fails.
 
-    python3 tests/mutations.py [NAME...]     # all, or those; the table of docs/mutations.md
+    python3 tests/mutations.py [NAME...]     # all, or the named ones; prints the table of docs/mutations.md
 
-Each change is made in a copy of its package that stands before the workspace's own in the path of Python, so that the
-workspace is not touched. A mutation that no test notices is a hole in the tests: the exit code is then 1.
+Each change is made in a copy of its package that comes first in PYTHONPATH, so that the workspace is not changed. If a
+mutation makes no test fail, the tests have a gap, and the exit code is 1.
 """
 
 import os
@@ -17,25 +17,25 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 TIMEOUT = 900
-"""Longest time for the tests of one mutation [s]."""
+"""Timeout of the tests of one mutation [s]."""
 FAILED = re.compile(r"^(?:FAILED|ERROR) \S*?/(\w+\.py)(?:::(.+?))?(?: - .*)?$", re.MULTILINE)
 
 
 class MutationError(Exception):
-    """A mutation that does not fit the code any more, or tests that did not run."""
+    """A mutation whose line is no longer in the code, or tests that did not run."""
 
 
 @dataclass(frozen=True)
 class Mutation:
-    """One thing to break.
+    """A fault to introduce into the code.
 
     Attributes:
-        what: is broken, in words.
-        package: whose source has the text, in one file.
-        before: text that occurs once in the package.
-        after: what stands there instead.
-        tests: that should notice, as pytest's -k.
-        folder: of these tests; empty: that of the package.
+        what: description of the fault.
+        package: package whose source contains the text to replace.
+        before: text to replace, which occurs once in the package.
+        after: replacement.
+        tests: expression for pytest's -k that selects the tests to run.
+        folder: folder of these tests; empty: the test folder of the package.
     """
 
     what: str
@@ -48,42 +48,42 @@ class Mutation:
 
 MUTATIONS = {
     "clamp": Mutation(
-        "the limit of effort lets the negative side through",
+        "the effort limit does not limit negative torques",
         "hric_control",
         "clamp(tau, -limit.effort, limit.effort)",
         "min(tau, limit.effort)",
         "limits",
     ),
     "jacobian": Mutation(
-        "the tip's lever in the Jacobian has the other sign",
+        "the lever arm of the tip in the Jacobian has the wrong sign",
         "franka_hw_interface",
         "jacobian.changeRefPoint(R_root_last * self.T_last_tip.p)",
         "jacobian.changeRefPoint(-(R_root_last * self.T_last_tip.p))",
         "model or chain",
     ),
     "codec": Mutation(
-        "a rigid body of a NatNet frame has its quaternion as w x y z",
+        "the quaternion of a rigid body in a NatNet frame is encoded in the order w x y z",
         "mocap_natnet",
         "tuple([RigidBody(v[0], v[1:4], v[4:8], v[8], v[9])",
         "tuple([RigidBody(v[0], v[1:4], (v[7], *v[4:7]), v[8], v[9])",
         "codec or frame",
     ),
     "state_machine": Mutation(
-        "recovery from a reflex leads straight to idle",
+        "recovery from a reflex leads straight to the idle mode",
         "franka_sim",
         "Event.RECOVER: RobotMode.AUTOMATIC_ERROR_RECOVERY,",
         "Event.RECOVER: RobotMode.IDLE,",
         "box",
     ),
     "lossless_log": Mutation(
-        "the control log gives up what waits like any other topic",
+        "the control log drops queued messages like any other topic",
         "hric_core",
         "limit = LOSSLESS_LIMIT if lossless else",
         "limit = LAGGING_LIMIT if lossless else",
         "realtime or publish or robot_app",
     ),
     "time": Mutation(
-        "the map from one clock to another may turn back",
+        "the map from one clock to another may run backwards",
         "hric_core",
         "slope = max(line.slope - excess / BEND, SLOWEST * line.slope)",
         "slope = line.slope - excess / BEND",
@@ -91,21 +91,21 @@ MUTATIONS = {
         "src/mocap_natnet/test",
     ),
     "conflict": Mutation(
-        "two controllers may claim one joint",
+        "two controllers may claim the same joint",
         "hric_control",
         "if joint in owner and owner[joint] != controller.name:",
         "if joint in owner and owner[joint] == controller.name:",
         "manager or conflict or robot_hw",
     ),
     "steiner": Mutation(
-        "a tensor moves to the centre of mass with the other sign",
+        "an inertia tensor is moved to the centre of mass with the wrong sign of Steiner's term",
         "panda_description",
         'link.inertia + rule["steiner"] * steiner_term',
         'link.inertia - rule["steiner"] * steiner_term',
         "inertia or parameters",
     ),
     "friction": Mutation(
-        "the force of friction keeps the part along the normal",
+        "the friction force has a component along the contact normal",
         "hric_control",
         "end = end - (end @ normal) * normal",
         "end = end + (end @ normal) * normal",
@@ -119,49 +119,49 @@ MUTATIONS = {
         "envelope or emg",
     ),
     "peak": Mutation(
-        "the peak of a contact between two messages does not count",
+        "a contact peak between two messages is ignored",
         "hric_assessment",
         "force = np.concatenate([series.force, series.reached[rose], [touch]])",
         "force = np.concatenate([course.force, 0.0 * series.reached[rose], [touch]])",
         "peak_between_two_messages",
     ),
     "guided_speed": Mutation(
-        "guidance speeds an arm up that is slower than it permits",
+        "hand guiding speeds up an arm that is slower than permitted",
         "hric_assessment",
         "share = min(1.0, settings.guided_speed / self._speed)",
         "share = settings.guided_speed / self._speed",
         "supervisor",
     ),
     "felt": Mutation(
-        "a hand that an engine names second feels the force of the other body",
+        "the contact force on a hand has the wrong sign if the engine names the hand second",
         "hric_human",
         "else -contact.force",
         "else contact.force",
         "felt",
     ),
     "freedom": Mutation(
-        "Student's distribution has a degree of freedom too many",
+        "Student's distribution has one degree of freedom too many",
         "hric_sweep",
         "max(size - 1.0, 1.0)",
         "max(size, 1.0)",
         "rare_events",
     ),
     "lags": Mutation(
-        "correlations of a chain all have the same weight",
+        "the correlations of a Markov chain at all lags have the same weight",
         "hric_sweep",
         "(1.0 - k / length) * (float(np.mean",
         "(float(np.mean",
         "rare_events",
     ),
     "drive_speed": Mutation(
-        "a position drive knows no largest speed",
+        "a position drive has no speed limit",
         "mujoco_ros_control",
         "value = min(max((value - self.q[i]) / step, -limit), limit)",
         "value = (value - self.q[i]) / step",
         "position_drive",
     ),
     "ball_of_water": Mutation(
-        "the inertia of a body that a repair invents is half as large again",
+        "the inertia of a body that the repair adds is 1.5 times too large",
         "urdf_to_osim",
         "0.4 * body.mass * radius**2",
         "0.6 * body.mass * radius**2",
@@ -171,7 +171,7 @@ MUTATIONS = {
 
 
 def file_of(mutation: Mutation) -> Path:
-    """The file with the text to break, relative to the package.
+    """Return the file with the text to replace, relative to the package.
 
     Raises:
         MutationError: the text does not occur once.
@@ -186,7 +186,7 @@ def file_of(mutation: Mutation) -> Path:
 
 
 def broken(mutation: Mutation, folder: Path) -> Path:
-    """A copy of the package with the mutation in it; returns the folder for PYTHONPATH."""
+    """Copy the package with the mutation into a folder, and return the path for PYTHONPATH."""
     package = folder / mutation.package
     shutil.copytree(ROOT / "src" / mutation.package, package, ignore=shutil.ignore_patterns("test", "__pycache__"))
     file = package / file_of(mutation)
@@ -195,7 +195,7 @@ def broken(mutation: Mutation, folder: Path) -> Path:
 
 
 def run_tests(mutation: Mutation, source: Path | None) -> tuple[int, str]:
-    """pytest's exit code and output for the tests of a mutation; source: comes first in the path, None: as it is."""
+    """Run the tests of a mutation with `source` first in PYTHONPATH; return pytest's exit code and output."""
     path = os.pathsep.join([*([str(source)] if source else []), os.environ.get("PYTHONPATH", "")])
     command = [sys.executable, "-m", "pytest", "-q", "-x", "-m", "not slow and not live"]
     done = subprocess.run(
@@ -211,10 +211,10 @@ def run_tests(mutation: Mutation, source: Path | None) -> tuple[int, str]:
 
 
 def noticed_by(mutation: Mutation) -> str:
-    """The test that notices first; empty: none does.
+    """Return the first test that fails with a mutation; empty: no test fails.
 
     Raises:
-        MutationError: the mutation does not fit, or no test ran.
+        MutationError: the text to replace is not in the code once, or no test ran.
     """
     with tempfile.TemporaryDirectory(prefix="hric_mutation_") as folder:
         code, output = run_tests(mutation, broken(mutation, Path(folder)))
@@ -227,12 +227,12 @@ def noticed_by(mutation: Mutation) -> str:
 
 
 def main(names: list[str]) -> int:
-    """Print the table; 0 when every mutation is noticed."""
+    """Print the table; return 0 if every mutation makes a test fail, else 1."""
     unknown = [name for name in names if name not in MUTATIONS]
     if unknown:
-        print(f"no mutation {', '.join(unknown)}; valid: {', '.join(MUTATIONS)}", file=sys.stderr)
+        print(f"unknown mutation: {', '.join(unknown)}; valid: {', '.join(MUTATIONS)}", file=sys.stderr)
         return 2
-    print("| mutation | package | what is broken | noticed first by |\n|---|---|---|---|")
+    print("| mutation | package | fault | first test that fails |\n|---|---|---|---|")
     missed = 0
     for name in names or MUTATIONS:
         mutation = MUTATIONS[name]

@@ -1,6 +1,6 @@
-"""The picture of packages and their imports in docs/architecture.md: python3 tests/package_picture.py --write.
+"""Draw the packages and their imports for docs/architecture.md: python3 tests/package_picture.py --write.
 
-It is drawn from the imports in the code; tests/test_architecture.py compares the file with them.
+The picture is made from the imports in the code; tests/test_architecture.py checks that the file is up to date.
 """
 
 import argparse
@@ -20,20 +20,20 @@ HOUSES = {
     "human": ("hric_human", "hric_skin", "hric_assessment", "hric_perception", "mocap_natnet"),
     "lab": ("hric_bags", "hric_run", "hric_analysis", "hric_report", "hric_sweep", "hric_experiments"),
 }
-"""The packages with Python of each house; scripts belong to none."""
+"""Python packages of each group (core, human, lab); scripts are in no group."""
 LOOKS = {"core": ("#e3ecf7", 0.0, 1.0), "human": ("#f9e8dc", 0.0, 0.55), "lab": ("#e3f2e6", 0.55, 1.0)}
-"""Colour of each house, and where it begins and ends across the picture [1]."""
+"""Colours of each group, and its left and right edge as a share of the width of the picture [1]."""
 WIDTH, ROW, BOX, HEIGHT, GAP = 1000.0, 56.0, 152.0, 28.0, 8.0
-"""Width of the picture, distance of its rows, size of a package, and gap at the edges of a house [px]."""
+"""Width of the picture, distance of rows, width and height of a package, and margin of a group [px]."""
 Graph = Mapping[str, frozenset[str]]
-"""Packages that each package imports."""
+"""Imported packages by name of the importing package."""
 
 
 def imported() -> Graph:
     """Return the packages that each package imports.
 
     Raises:
-        ValueError: a package is in no house.
+        ValueError: a package is in no group.
     """
     graph = imports.graph(ROOT)
     known = {name for names in HOUSES.values() for name in names}
@@ -43,17 +43,17 @@ def imported() -> Graph:
 
 
 def below(graph: Graph, name: str) -> frozenset[str]:
-    """Return all packages that a package imports, also through others."""
+    """Return all packages that a package imports, directly or through others."""
     return graph[name].union(*(below(graph, other) for other in graph[name]))
 
 
 def direct(graph: Graph, name: str) -> list[str]:
-    """Return what a package imports but does not reach through another import."""
+    """Return the packages that a package imports directly, without those that are also imported through another one."""
     return sorted(graph[name].difference(*(below(graph, other) for other in graph[name])))
 
 
 def places(graph: Graph) -> dict[str, tuple[float, float]]:
-    """Return the centre of each package [px]; each stands above all that it imports, human and lab above the core."""
+    """Return the centre of each package [px]: above all packages that it imports; human and lab above the core."""
     core = HOUSES["core"]
     row = {name: 0 for name in graph}
     for _ in graph:
@@ -111,6 +111,6 @@ def _package(name: str, x: float, y: float) -> str:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--write", action="store_true", required=True, help="replace the picture")
+    parser.add_argument("--write", action="store_true", required=True, help="write the file of the picture")
     parser.parse_args()
     PICTURE.write_text(picture(imported()))

@@ -1,4 +1,4 @@
-"""The picture, and the paths of a cycle and of a contact, in docs/architecture.md, held against the code that runs."""
+"""docs/architecture.md agrees with the code: picture of the packages, functions called in a cycle and for a contact."""
 
 import ast
 import contextlib
@@ -24,18 +24,18 @@ SETPOINT = ("pd_step", "duration:=0.05", "setpoints.0.time:=0.02")
 TOUCH = ("contact", "duration:=1.4", "setpoints.0.time:=0.1")
 
 Hop = tuple[str, str]
-"""File in the workspace, qualified name."""
+"""File in the workspace, and qualified name of a function in it."""
 
 
 def hops(part: str) -> list[Hop]:
-    """The rows of a table of the page, which stands below `<!-- hops: part -->`."""
+    """Return the functions in the table below the comment `<!-- hops: part -->` of the page."""
     _, _, rest = PAGE.partition(f"<!-- hops: {part} -->\n")
     table, _, _ = rest.partition("\n\n")
     return [(row["file"], row["name"]) for row in ROW.finditer(table)]
 
 
 def names_in(tree: ast.AST, prefix: str = "") -> Iterator[str]:
-    """Qualified names of the functions of a module, as `__qualname__` has them."""
+    """Yield the qualified names of the functions of a module, as in `__qualname__`."""
     for node in ast.iter_child_nodes(tree):
         if isinstance(node, ast.ClassDef):
             yield from names_in(node, f"{prefix}{node.name}.")
@@ -46,7 +46,7 @@ def names_in(tree: ast.AST, prefix: str = "") -> Iterator[str]:
 
 @contextlib.contextmanager
 def noted() -> Iterator[list[Hop]]:
-    """Note the calls within the workspace, in order."""
+    """Record the calls of functions of the workspace, in order."""
     made: list[Hop] = []
     root = f"{ROOT}/"
     source = f"{root}src/"
@@ -71,7 +71,7 @@ def run(folder: str, *arguments: str) -> None:
 
 @pytest.fixture(scope="module")
 def calls() -> list[Hop]:
-    """Calls of a headless run that sends one setpoint."""
+    """Calls in a headless run that sends one setpoint."""
     with tempfile.TemporaryDirectory() as folder, noted() as made:
         run(folder, *SETPOINT)
     return made
@@ -84,7 +84,7 @@ def test_each_hop_is_a_function_that_exists(hop: Hop) -> None:
 
 
 def test_a_setpoint_arrives_by_the_hops_of_the_page(calls: list[Hop]) -> None:
-    arrival = hops("arrival")[1:]  # without a master there is no rospy
+    arrival = hops("arrival")[1:]  # a headless run does not use rospy
     begin = calls.index(arrival[0])
     assert [call for call in calls[begin:] if call in arrival][: len(arrival)] == arrival
 

@@ -1,4 +1,4 @@
-"""scripts/bringup refuses a misspelt name and a wrong value before anything starts, with what would be valid."""
+"""scripts/bringup refuses misspelt names and invalid values before anything starts, and names the valid ones."""
 
 import os
 import shutil
@@ -123,7 +123,7 @@ def test_a_mistake_is_answered_with_what_is_valid(argument: str, texts: tuple[st
     "given", [("experiment:=marker_tracking",), ("mocap:=motive",), ("mocap:=emulated", "experiment:=pd_step")]
 )
 def test_an_unpaced_run_has_no_motion_capture(given: tuple[str, ...]) -> None:
-    with pytest.raises(ArgumentError, match="paced; valid: a factor above 0, or the headless runner"):
+    with pytest.raises(ArgumentError, match="paced run; valid: a factor above 0, or the headless runner"):
         checked(*given, "real_time_factor:=0")
     checked(*given, "real_time_factor:=0.5")
 
@@ -161,7 +161,9 @@ def test_sensors_are_emulated_unless_requested(tmp_path: Path) -> None:
             split(given), NAMES, Choices(CONTROLLERS, ("data_collection",), {"emg": ("data_collection",)})
         )
         assert tuple(device(name, arguments, CHOICES) for name in ("emg", "force_plate")) == wanted
-    with pytest.raises(ArgumentError, match=r"not possible with sensors \(emg:=emulated\), which come by wire"):
+    with pytest.raises(
+        ArgumentError, match=r"not possible with sensors \(emg:=emulated\), which are received over the network"
+    ):
         checked("emg:=emulated", "real_time_factor:=0")
     checked("emg:=emulated", "real_time_factor:=0.5")
 
@@ -266,7 +268,7 @@ def test_what_stands_at_an_address_is_said() -> None:
 
 def test_an_address_without_arm_is_refused() -> None:
     port = free_port()
-    # Nobody listens there; on loopback that is told at once.
+    # No program listens at this address; on loopback a connection is refused at once.
     result = bringup("env:=real", "robot_ip:=127.0.9.9", ROS_MASTER_URI=f"http://localhost:{port}")
     assert result.returncode == 1
     assert "no Franka arm at 127.0.9.9" in result.stderr and "FCI" in result.stderr
@@ -285,9 +287,8 @@ def test_an_address_without_arm_is_refused() -> None:
     ],
 )
 def test_help_needs_no_set_up(tmp_path: Path, script: str, texts: tuple[str, ...]) -> None:
-    """In a copy that was never set up, with a Python that has nothing but itself; tests/test_wrong_inputs.py has the
-    mistakes."""
-    sources = ("src/hric_bags/src", "src/hric_core/src")  # in which scripts/replay looks for a run
+    """Run in a copy without set-up, by a Python without packages; test_wrong_inputs.py tests invalid arguments."""
+    sources = ("src/hric_bags/src", "src/hric_core/src")  # folder in which scripts/replay searches for a run
     for folder in ("scripts", "src/hric_bringup", "src/hric_experiments/config", *sources):
         shutil.copytree(ROOT / folder, tmp_path / folder)
     before = os.times()

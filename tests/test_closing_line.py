@@ -62,12 +62,12 @@ ALONE = dedent("""
     @pytest.mark.slow
     def test_keeps_it_for_long(): pass
 """)
-"""Indented, or else this file itself would be taken for one that says so."""
+"""Text of a test file marked `alone`; indented, since this file would otherwise count as marked itself."""
 SELECTION = "not slow and not live"
 
 
 def project(folder: Path, **files: str) -> Path:
-    """A workspace with these test files and the configuration of ours."""
+    """Create a workspace with these test files and the pytest configuration of this workspace."""
     for name in ("conftest.py", "pyproject.toml"):
         shutil.copy(ROOT / name, folder)
     for name, text in files.items():
@@ -76,7 +76,7 @@ def project(folder: Path, **files: str) -> Path:
 
 
 def run(folder: Path, name: str, marks: str, *words: str) -> Counter[str]:
-    """Pytest's own counts of a run that leaves results/NAME.xml."""
+    """Run pytest, which writes results/NAME.xml, and return the counts that pytest prints."""
     command = [
         sys.executable,
         "-m",
@@ -103,7 +103,7 @@ def test_each_test_counts_once_and_the_sum_is_that_of_pytest(tmp_path: Path, pro
         folder, "alone", f"{SELECTION} and alone"
     )
     results = read(sorted((folder / "results").glob("*.xml")))
-    both_ends = 2  # pytest tells two of the tests twice: what they did, and that their end failed
+    both_ends = 2  # pytest counts two of the tests twice: their result, and the failure of their teardown
     assert (
         results.ran + results.skipped.total()
         == sum(own[name] for name in ("passed", "failed", "skipped", "error", "errors")) - both_ends
@@ -113,7 +113,7 @@ def test_each_test_counts_once_and_the_sum_is_that_of_pytest(tmp_path: Path, pro
         "test_fails", "test_fails_and_ends_badly", "test_never_begins", "test_passes_and_ends_badly"
     ]  # fmt: skip
     assert results.not_selected == {"slow": 2, "live": 2}
-    assert processes or own["deselected"] == 4  # pytest-xdist does not tell
+    assert processes or own["deselected"] == 4  # pytest-xdist does not print deselected tests
     assert results.seconds > 0.0
     assert line(results, 1) == (
         "scripts/test: 7 passed (6 unit, 1 rostest), 4 failed, 2 skipped (2 no camera), 4 not selected (2 "

@@ -1,4 +1,4 @@
-"""A scheduler and a worker of Dask listen on loopback, or with a certificate, or when told that anybody may come."""
+"""A Dask scheduler and worker listen on loopback only, unless they have certificates or --insecure."""
 
 import re
 import socket
@@ -16,12 +16,12 @@ from hric_core.errors import HricError  # noqa: E402
 from hric_sweep.engines import make  # noqa: E402
 
 OTHERS = "10.0.0.1"
-"""Of another machine, in the tests."""
+"""Address of another machine in the tests."""
 
 
 @pytest.fixture(autouse=True)
 def names(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Names that stand for this machine, for another one, and for both."""
+    """Define host names of this machine, of another one, and of both."""
     known = {"far.lab": [OTHERS], "both.lab": ["127.0.0.1", OTHERS], "near.lab": ["127.0.1.1", "::1"]}
     real = socket.getaddrinfo
 
@@ -94,12 +94,12 @@ def test_with_a_certificate_dask_is_to_refuse_all_else(words: str) -> None:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ("worker", r"nothing is no address of a scheduler; valid: tcp://HOST:PORT"),
-        (f"worker {OTHERS}:8786", r"10\.0\.0\.1:8786 is no address of a scheduler"),
-        ("worker ucx://127.0.0.1:8786", r"is no address of a scheduler"),
-        ("worker tcp://127.0.0.1:8786 --workers none", r"--workers none; valid: 1 or more"),
-        (f"worker tcp://{OTHERS}:8786", r"whoever reaches it runs programs as you; valid: a certificate"),
-        ("scheduler --host 0.0.0.0", r"whoever reaches it runs programs as you; valid: a certificate"),
+        ("worker", r"nothing is not the address of a scheduler; valid: tcp://HOST:PORT"),
+        (f"worker {OTHERS}:8786", r"10\.0\.0\.1:8786 is not the address of a scheduler"),
+        ("worker ucx://127.0.0.1:8786", r"is not the address of a scheduler"),
+        ("worker tcp://127.0.0.1:8786 --workers none", r"--workers none is not possible; valid: 1 or more"),
+        (f"worker tcp://{OTHERS}:8786", r"whoever reaches it can run programs as you; valid: a certificate"),
+        ("scheduler --host 0.0.0.0", r"whoever reaches it can run programs as you; valid: a certificate"),
     ],
 )
 def test_a_mistake_is_one_line_and_exit_code_2(words: str, said: str) -> None:
@@ -114,7 +114,7 @@ def test_a_mistake_is_one_line_and_exit_code_2(words: str, said: str) -> None:
     "host", [OTHERS, "167772161", "far.lab", "both.lab", "[::ffff:10.0.0.1]", "[fe80::1]", "0.0.0.0", "0", "10.1"]
 )
 def test_a_sweep_refuses_a_cluster_without_certificate_off_loopback_but_with_insecure(host: str) -> None:
-    with pytest.raises(HricError, match=r"whoever reaches it runs programs as you; valid: .* or --insecure"):
+    with pytest.raises(HricError, match=r"whoever reaches it can run programs as you; valid: .* or --insecure"):
         make._check_reach(f"tcp://{host}:8786", False)
     make._check_reach(f"tcp://{host}:8786", True)
     make._check_reach(f"tls://{host}:8786", False)

@@ -1,5 +1,5 @@
-"""A description that cannot be meant is refused alike by all who read one: the engines, the arm's model, the converter,
-limits, transmissions."""
+"""Invalid robot descriptions are refused with the same error by all readers: engines, arm model, converter, limits,
+transmissions."""
 
 from collections.abc import Callable
 

@@ -1,4 +1,4 @@
-"""scripts/docs says what it takes before it installs anything; the manual's site has every page."""
+"""scripts/docs checks its arguments before it installs anything; the site of the manual has every page."""
 
 import ast
 import re

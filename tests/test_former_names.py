@@ -1,4 +1,4 @@
-"""Modules by the import paths that they had before they moved, as in the scripts of users."""
+"""Moved modules can still be imported by their former paths, for scripts of users."""
 
 import subprocess
 import sys
@@ -27,7 +27,7 @@ MOVED = {
     "hric_experiments.sweep.definition": "load",
     "hric_human.control.marked_body": "MarkedBody",
 }
-"""A name in each module, by the former path of the module."""
+"""A name defined in each moved module, by the former path of the module."""
 
 
 @pytest.mark.parametrize("path", MOVED)

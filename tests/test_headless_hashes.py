@@ -1,4 +1,4 @@
-"""What headless experiments give is what the list says, topic by topic; and a difference is told with its place."""
+"""Headless experiments give the results in headless_hashes.json; a difference is reported with topic and field."""
 
 import sys
 from pathlib import Path
@@ -28,7 +28,7 @@ def test_the_list_has_each_run_with_its_topics() -> None:
 
 
 def topic(position: Any, **more: Any) -> Topic:
-    """Of four messages, 10 ms apart, with two joints each."""
+    """Return a topic of four messages, 10 ms apart, with two joints each."""
     all_values = {BAG_TIME: np.arange(4) * 10_000_000, "position": position, **more}
     arrays = {name: np.asarray(values) for name, values in all_values.items()}
     ends = np.arange(1, 5)

@@ -1,4 +1,4 @@
-"""Product Python keeps its limits and layers, and the counter that says so counts what it claims."""
+"""The code of the workspace is within its size limits, import layers and style, and the checks of these are correct."""
 
 import ast
 import subprocess
@@ -30,7 +30,7 @@ def today() -> limits.Limits:
 
 
 def module(name: str, text: str) -> Source:
-    """A module of the package that its name begins with."""
+    """Return a source file with this module name and text."""
     return Source(f"src/{name.partition('.')[0]}/src/{name.replace('.', '/')}.py", text)
 
 
@@ -202,7 +202,7 @@ layers = ["executables.top : top", "base"]
 
 @pytest.fixture
 def two_layers(tmp_path: Path) -> Callable[..., int]:
-    """The exit code for two packages, a node of the upper one, and one more file."""
+    """Return a function that checks two packages, a node of the upper one and one more file, and returns the code."""
 
     def lint(path: str = "", text: str = "") -> int:
         files = {f"src/{name}/src/{name}/__init__.py": "" for name in ("base", "top")}
@@ -231,7 +231,7 @@ def test_what_has_no_layer_is_refused(two_layers: Callable[..., int], path: str)
 
 
 def refused(path: str, text: str) -> list[str]:
-    """Names of the rules that refuse a text, with its line."""
+    """Return the names of the style rules that refuse a text, with the line."""
     return [
         line.partition(":")[2].partition(":")[0]
         for line in prose.findings([prose.Text(path, "f:1", text)], *prose.style(ROOT))
@@ -314,7 +314,7 @@ twins = { lines = 8, likeness = 0.5, pairs = 0, exceptions = [] }
 
 @pytest.fixture
 def small(tmp_path: Path) -> Make:
-    """A workspace of one module, with the limits of CONFIG, in which one text may be replaced."""
+    """Return a function that makes a workspace of one module with the limits of CONFIG, with one text replaced."""
 
     def make(replaced: str = "") -> Path:
         (tmp_path / "src/hric_control/src/hric_control").mkdir(parents=True)

@@ -1,4 +1,4 @@
-"""The image of docker/, built from a bare Debian 12 and run, by buildah, which needs no daemon."""
+"""The container image of docker/ can be built from Debian 12 and run, by buildah, which needs no daemon."""
 
 import os
 import resource
@@ -27,18 +27,18 @@ HOST = (
     "/usr/local/share/ca-certificates",
     "/etc/ssl/certs/ca-certificates.crt",
 )
-"""Where this machine fetches packages from, which may be a mirror of its own: the image fetches from there too."""
+"""Configuration of package sources of this machine, such as a mirror, which the image build uses, too."""
 ENTRYPOINT = ("/hric/docker/entrypoint",)
-"""`buildah run` leaves it out."""
+"""Entry point of the image, which `buildah run` does not execute."""
 OWNER = 4711
-"""User id of somebody who is not root."""
+"""User id other than root."""
 
 
 class Store:
-    """Images and containers of this test alone.
+    """Images and containers of this test.
 
     Args:
-        folder: for them, and for what buildah says.
+        folder: folder for images, containers and the output of buildah.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -46,7 +46,7 @@ class Store:
         self._options = ("--root", str(folder / "store"), "--runroot", str(folder / "run"), "--storage-driver", "vfs")
 
     def __call__(self, *words: str, minutes: float = 5) -> str:
-        """What `buildah WORDS` says; it must succeed."""
+        """Run `buildah WORDS`, which must succeed, and return its output."""
         done = subprocess.run(
             ["buildah", *self._options, *words],
             cwd=self.folder,
@@ -69,7 +69,7 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Store]:
 
 
 def bare_debian(store: Store) -> None:
-    """The image that Docker's registry calls debian:bookworm."""
+    """Make an image like debian:bookworm of Docker's registry."""
     root = store.folder / "bare"
     words = ["debootstrap", "--variant=minbase", "bookworm", str(root)]
     subprocess.run(words, check=True, capture_output=True, timeout=900)
@@ -86,14 +86,14 @@ def bare_debian(store: Store) -> None:
 
 
 def clone(store: Store) -> Path:
-    """What is committed, as a user has it."""
+    """Copy of the committed files, as a user would clone them."""
     folder = store.folder / "clone"
     subprocess.run(["git", "clone", "-q", str(ROOT), str(folder)], check=True)
     return folder
 
 
 def limits_in_reach() -> dict[str, int]:
-    """Of those that compose.yaml gives, what this machine has to give; a container's host may have less."""
+    """Return the resource limits of compose.yaml that this machine permits; the host of a container may permit less."""
     found = {}
     for name, value in COMPOSED["ulimits"].items():
         hard = resource.getrlimit(getattr(resource, f"RLIMIT_{name.upper()}"))[1]
@@ -103,7 +103,7 @@ def limits_in_reach() -> dict[str, int]:
 
 
 def started(store: Store, runs: Path) -> str:
-    """A container with the rights that compose.yaml gives."""
+    """Start a container with the rights given in compose.yaml, and return its name."""
     ulimits = [f"--ulimit={name}={value}:{value}" for name, value in limits_in_reach().items()]
     capabilities = [f"--cap-add={name}" for name in COMPOSED["cap_add"]]
     return store("from", *ulimits, *capabilities, f"--volume={runs}:/hric/runs", "hric").split()[-1]

@@ -1,5 +1,7 @@
-"""INTERFACE.md of each package: tables that can be read, names and types that exist. The running system is compared in
-tests/integration."""
+"""Tables in the INTERFACE.md of each package are well-formed, and their types and modules exist.
+
+Tests in tests/integration compare the pages with the running system.
+"""
 
 import importlib
 import re

@@ -1,5 +1,4 @@
-"""The launch files, without a master: which nodes start, which parameters they get, and that every argument is
-explained."""
+"""Launch files, read without a ROS master: started nodes, their parameters, and documentation of every argument."""
 
 import functools
 import io
@@ -31,7 +30,7 @@ def launch_file() -> str:
 
 @functools.cache
 def loaded(*arguments: str) -> roslaunch.config.ROSLaunchConfig:
-    """Once for all tests that look at it: what runs of the launch file takes seconds."""
+    """Load bringup.launch with these arguments; the result is cached, since loading takes seconds."""
     return roslaunch.config.load_config_default(
         [(launch_file(), list(arguments))], None, verbose=False, assign_machines=False
     )
@@ -47,7 +46,7 @@ def parameters(config: roslaunch.config.ROSLaunchConfig) -> dict[str, object]:
 
 @functools.cache
 def described(*words: str) -> str:
-    """What `describe` prints. Raises HricError."""
+    """Return the output of `hric describe`; raise HricError if it fails."""
     with redirect_stdout(io.StringIO()) as printed:
         perform(["describe", *words])
     return printed.getvalue()
@@ -55,8 +54,11 @@ def described(*words: str) -> str:
 
 @pytest.fixture(autouse=True, scope="module")
 def described_here() -> Iterator[None]:
-    """`describe` runs in this process, since one for each parameter would load the workspace hundreds of times; where
-    it refuses, roslaunch starts it and says so. Bring-ups of tests/integration start it always."""
+    """Run `hric describe` in this process instead of one process per parameter, which would take minutes.
+
+    If it fails, roslaunch starts the real process and reports its error. Tests in tests/integration always use the
+    real process.
+    """
     started = roslaunch.loader.Loader.param_value
 
     def param_value(loader: Any, verbose: bool, name: str, kind: str, *sources: str | None) -> Any:
@@ -191,7 +193,7 @@ def test_the_emulated_motive_has_a_default_body() -> None:
 
 @pytest.mark.parametrize(
     ("given", "text"),
-    [("mocap:=optitrack", "auto, none, emulated, motive"), ("real_time_factor:=0", "needs a run that is paced")],
+    [("mocap:=optitrack", "auto, none, emulated, motive"), ("real_time_factor:=0", "needs a paced run")],
 )
 def test_an_impossible_mocap_stops_the_launch(given: str, text: str) -> None:
     with pytest.raises(RLException, match=text):
@@ -233,7 +235,7 @@ def test_one_argument_selects_each_real_sensor() -> None:
 
 
 def test_sensors_need_a_run_that_is_paced() -> None:
-    with pytest.raises(RLException, match="need a run that is paced"):
+    with pytest.raises(RLException, match="need a paced run"):
         loaded("emg:=emulated", "real_time_factor:=0")
 
 

@@ -1,4 +1,4 @@
-"""What is installed is what was pinned: an archive of another hash is refused, and so is a licence nobody allowed."""
+"""Only pinned packages are installed: an archive with another hash and a licence that is not allowed are refused."""
 
 import importlib.util
 import re

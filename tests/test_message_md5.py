@@ -1,4 +1,4 @@
-"""The message packages that keep upstream names are wire compatible with upstream, and every field is explained."""
+"""Message packages with upstream names are binary compatible with upstream, and every field has a comment."""
 
 import importlib
 import re
@@ -20,8 +20,7 @@ DEFINITIONS = sorted(
 
 
 def generated(package: str) -> dict[str, type]:
-    """Generated classes of a package by type name: messages (parts of actions too) and services (not their requests and
-    responses)."""
+    """Return the generated classes of a package by type name: messages, including parts of actions, and services."""
     found = {}
     for kind in ("msg", "srv"):
         if kind == "srv" and not (ROOT / "src" / package / kind).is_dir():
@@ -34,7 +33,7 @@ def generated(package: str) -> dict[str, type]:
 
 
 def action_parts(package: str) -> set[str]:
-    """Type names that are generated from the actions of a package."""
+    """Return the names of the types that are generated from the actions of a package."""
     return {
         f"{package}/{path.stem}{part}"
         for path in (ROOT / "src" / package / "action").glob("*.action")

@@ -1,4 +1,7 @@
-"""The mutations fit the code. Whether tests notice them: python3 tests/mutations.py, docs/mutations.md."""
+"""Check that the line of each mutation in tests/mutations.py is still in the code.
+
+``python3 tests/mutations.py`` checks that a test fails with each mutation.
+"""
 
 import mutations
 import pytest

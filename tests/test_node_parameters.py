@@ -1,4 +1,4 @@
-"""A parameter that a node does not read ends it before it looks for a master."""
+"""A node with a parameter that it does not read ends with an error before it contacts the ROS master."""
 
 import subprocess
 import sys
@@ -30,8 +30,8 @@ WRONG = {
     "franka_sim/franka_gripper": ("_object_widht:=1", "object_width"),
     "franka_sim/emulated_arm": ("_realsm:=ideal", "realism"),
 }
-"""Wrong parameter of each node, by package and node, and a name that the error says."""
-# Parents of all nodes: a process for each would load the same half second of libraries again.
+"""Invalid parameter of each node, and a name that the error must contain, by package and node."""
+# Processes from which the nodes are forked: starting each node anew would load the same libraries for half a second.
 START = """
 import os, runpy, sys
 import rospy, numpy, hric_core.ros, hric_control.robot_app
@@ -49,7 +49,7 @@ for argument in sys.argv[1:]:
 
 @pytest.fixture(scope="module")
 def told() -> dict[str, str]:
-    """Output and exit code of each node."""
+    """Outputs and exit codes of the nodes by name."""
     words = [f"{ROOT}/src/{node.replace('/', '/nodes/')}|{wrong}" for node, (wrong, _) in WRONG.items()]
     ended = subprocess.run(
         [sys.executable, "-c", START, *words], capture_output=True, text=True, timeout=120.0, check=True
@@ -80,4 +80,4 @@ def test_every_node_with_parameters_is_in_the_table() -> None:
         for path in ROOT.glob("src/*/nodes/*")
         if "Usage: " in (text := path.read_text(errors="replace")) or "live import" in text
     }
-    assert readers - {"hric_control/robot"} <= set(WRONG)  # the robot checks those of its hardware, too
+    assert readers - {"hric_control/robot"} <= set(WRONG)  # the robot node also checks the parameters of its RobotHW

@@ -1,4 +1,4 @@
-"""Every package of the workspace has the pages and the manifest that its users and tools expect."""
+"""Every package of the workspace has a valid manifest, an INTERFACE.md and a changelog."""
 
 import xml.etree.ElementTree as ET
 from itertools import islice
@@ -28,7 +28,7 @@ def test_the_workspace_has_its_packages() -> None:
 
 
 def test_no_package_waits_for_itself_so_that_catkin_can_build_them_in_an_order() -> None:
-    """What a package's tests need counts in that, too."""
+    """Check all dependencies, including those of tests."""
     ordered = topological_order_packages({path.name: parse_package(str(path / "package.xml")) for path in PACKAGES})
     assert [str(names) for name, names in ordered if name is None] == []
     assert len(ordered) == len(PACKAGES)

@@ -1,5 +1,4 @@
-"""Robots of others: every description of PyPI's example-robot-data is read as pinocchio reads it, through urdfdom, or
-refused where it cannot be meant."""
+"""Every description of PyPI's example-robot-data is read with the result of pinocchio, or refused if invalid."""
 
 import os
 import sysconfig
@@ -21,21 +20,20 @@ REFUSED = {
     "alex_description/urdf/alex_psyonic_hands.urdf": "joint Left_index_q2: it mimics 'index_q1', which is no joint",
     "ur_description/urdf/ur3.urdf": "the robot description has no <link>; a robot needs at least one",
 }
-"""Pinocchio cannot hold the joint that mimics nothing, and urdfdom refuses the other."""
+"""Invalid descriptions: one has a joint that mimics a missing joint, the other has no link."""
 NO_TRANSMISSIONS = {
     "talos_data/robots/talos_left_arm.urdf": "transmission arm_left_1_trans: no joint 'arm_left_1_joint'",
 }
-"""Descriptions that were cut from larger ones, with transmissions of joints that are gone."""
+"""Descriptions that contain transmissions of joints that do not exist in them."""
 NO_JOINTS = "hector_description/robots/quadrotor_base.urdf", "iris_description/robots/iris_simple.urdf"
-"""Descriptions of one body, which no plant can drive."""
+"""Descriptions of a single body without joints, which no plant accepts."""
 MASSLESS = "romeo.urdf", "romeo_laas_small.urdf"
-"""Robots with fingers at the end that have no mass: no engine can accelerate them, and pinocchio's mass matrix is
-singular."""
+"""Robots whose fingers have no mass: no engine can simulate them, and their mass matrix is singular."""
 
 
 @pytest.fixture(scope="module")
 def package(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """The data as a ROS package of the name that its addresses have."""
+    """ROS package with the data, under the package name in the mesh addresses."""
     root = tmp_path_factory.mktemp("ros")
     (root / "example-robot-data").mkdir()
     (root / "example-robot-data/robots").symlink_to(DATA)
@@ -46,7 +44,7 @@ def package(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 
 def placed(robot: urdf.Robot) -> dict[str, np.ndarray]:
-    """T_root_link with all joints at zero."""
+    """Return T_root_link of each link, with all joints at zero."""
     return {robot.root: np.eye(4)} | {joint.child: T for joint, T in robot.beyond(robot.root)}
 
 

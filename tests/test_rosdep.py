@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parents[1]
 @pytest.fixture(scope="module")
 def rosdep(tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[str]]:
     home = tmp_path_factory.mktemp("rosdep")
-    # No proxy, no way out: whatever asked the network would fail.
+    # Remove proxies, so that any network access fails.
     environment = {
         **os.environ,
         "HRIC_ROSDEP_HOME": str(home),
@@ -56,7 +56,7 @@ def test_rosdep_asks_for_nothing_that_the_setup_does_not_install(rosdep) -> None
     assert resolved.returncode == 0, resolved.stderr
     needed = {name for line in resolved.stdout.splitlines() if not line.startswith("#") for name in line.split()}
     implied = needed - wanted_packages()
-    # A key may name a package that comes as a dependency of one in the list; then it must be there.
+    # A key may name a package that is installed as a dependency of one in the list.
     installed = (
         subprocess.run(
             ["dpkg-query", "-W", "-f", "${Package} ${db:Status-Status}\n", *implied], capture_output=True, text=True

@@ -1,4 +1,4 @@
-"""Runs the .test launch files of all packages through rostest (plain: with --text it answers 0 for a failing test)."""
+"""Runs of all .test launch files by rostest, without --text, with which a failing test would end with exit code 0."""
 
 import os
 import subprocess

@@ -1,4 +1,4 @@
-"""scripts/setup refuses what it cannot do, tells what is missing, and costs nothing when all is there."""
+"""scripts/setup refuses unsupported systems, reports what is missing, and is fast if nothing is missing."""
 
 import os
 import shutil
@@ -79,7 +79,7 @@ def test_ctrl_c_ends_a_step(tmp_path: Path) -> None:
         time.sleep(0.05)
     process.send_signal(signal.SIGINT)
     told = process.communicate(timeout=30)[1]
-    assert process.returncode == 130 and "stopped by you; call it again to go on" in told
+    assert process.returncode == 130 and "stopped by Ctrl-C; call it again to continue" in told
     assert not Path(f"/proc/{worker.read_text().strip()}").exists()
 
 

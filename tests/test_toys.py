@@ -1,4 +1,4 @@
-"""A member of each family, from a package outside the tree, at work: no list of the workspace names it."""
+"""Plugins from packages outside the workspace work: engine, sensor, section, sampler, figures and others."""
 
 import json
 import os
@@ -33,7 +33,7 @@ from hric_sweep import definition  # noqa: E402
 
 HRIC = ROOT / "src/hric_core/nodes/hric"
 MOST_FILES = 3
-"""Files of a toy, at most."""
+"""Maximum number of files of an example plugin."""
 PACKAGE = """<package format="3"><name>{name}</name><version>0.7.0</version><description>A toy.</description>
 <maintainer email="toy@hric.example">toy</maintainer><license>Apache-2.0</license>
 <export><hric_core plugin="${{prefix}}/plugins.xml"/></export></package>
@@ -232,9 +232,9 @@ PACKAGES = {
     "toy_posture": ("toy_posture/NECK", "toy_neck:Neck", plugins.POSTURE_METHOD, POSTURE),
     "toy_command": ("add", "toy_add:Sum", plugins.COMMAND, COMMAND),
 }
-"""Name of the class, its place, base and module, by package."""
+"""Plugin name, folder, base class and module of each example plugin, by package."""
 MODULES = {"hric_figures_toy": FIGURE, "toy_samplers": SAMPLER}
-"""Toys that are one module on Python's path."""
+"""Example extensions that consist of one module in sys.path."""
 EXPERIMENT = {
     "robot": {"hw": "franka_sim/FrankaHWSim"},
     "controllers": ["joint_state_controller", "joint_pd_controller"],
@@ -245,11 +245,11 @@ EXPERIMENT = {
 
 
 class Lab:
-    """Commands in an environment that has the toys.
+    """Commands in an environment with the example plugins.
 
     Attributes:
         folder: working directory of the commands.
-        run: headless run on the toy engine with the toy sensor and the toy section.
+        run: headless run with the engine, the sensor and the section of the example plugins.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -270,7 +270,7 @@ class Lab:
         self.run = RunFolder((folder / "runs" / "latest").resolve())
 
     def __call__(self, *words: str) -> tuple[int, str]:
-        """Exit code and printed text of hric."""
+        """Run `hric WORDS`; return exit code and output."""
         environment = {**os.environ, "ROS_PACKAGE_PATH": self.path}
         command = [sys.executable, str(HRIC), *words]
         done = subprocess.run(command, cwd=self.folder, env=environment, capture_output=True, text=True, timeout=120)
@@ -278,11 +278,11 @@ class Lab:
 
     @property
     def record(self) -> dict[str, Any]:
-        """Contents of run.yaml."""
+        """Return the contents of run.yaml."""
         return dict(yaml.safe_load((self.run.path / "run.yaml").read_text()))
 
     def exported(self, kind: str) -> list[Path]:
-        """Files of an export of the run."""
+        """Return the files of an export of the run in a format."""
         code, printed = self("export", str(self.run.path), "--format", kind)
         assert code == 0, printed
         return sorted(self.run.path.rglob(f"*.{kind}"))
@@ -295,7 +295,7 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Lab:
 
 @pytest.fixture
 def here(lab: Lab, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """This process has the toys, too."""
+    """Make the example plugins available in this process, too."""
     monkeypatch.setenv("ROS_PACKAGE_PATH", lab.path)
     for name in ("toy_posture/src", *MODULES):
         monkeypatch.syspath_prepend(str(lab.toys / name))
@@ -380,7 +380,7 @@ def test_ergonomic_method(tmp_path: Path) -> None:
     assert "neck" in schema["properties"]["timelines"]["required"]
     jsonschema.Draft202012Validator(schema).validate(content)
     text = verdict_page.part(content)
-    assert "NECK, by the levels of its score" in text and "up to 2" in text
+    assert "NECK: level of the score over time" in text and "up to 2" in text
 
 
 @pytest.mark.usefixtures("here")

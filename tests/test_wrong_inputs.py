@@ -1,5 +1,4 @@
-"""What is given wrong is answered at once: one line or block that says what is wrong and what would be valid, exit
-code 2, and nothing is written."""
+"""Invalid arguments end a program with exit code 2 and an error that names the valid ones; nothing is written."""
 
 import os
 import re
@@ -15,11 +14,11 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 MISTAKE = 2
 BLOCK = 18
-"""Lines that an answer has at most: the options of the tool that has most of them, and what is wrong."""
+"""Maximum number of lines of an error with usage, for the tool with the most options."""
 SCRIPT_TIME = 0.3
-"""Processor time that a script takes at most [s]."""
+"""Maximum processor time of a script [s]."""
 NOBODY = "http://127.0.0.1:1"
-"""Where no ROS master is."""
+"""Address without a ROS master."""
 
 FILES = {
     "notes.txt": "not a bag\n",
@@ -39,7 +38,7 @@ FILES = {
     "cut.urdf": "<robot",
     "open/run.yaml": "experiment: pd_step\n",
 }
-"""What the user has: path and content."""
+"""Files of the user: content by path."""
 
 SCRIPTS = [
     ("bringup envv:=real", r"no argument 'envv' \(did you mean env\?\); valid: .*simulator"),
@@ -51,18 +50,18 @@ SCRIPTS = [
     ("replay latest --rate=0", r"--rate: '0' is not possible; valid: a number above 0"),
     ("setup --fast", r"no option --fast\nusage: .*--check .*--no-gui .*--with PART"),
     ("setup --with everything", r"--with everything is not possible; valid: checks, pictures"),
-    ("docs --open", r"not understood: --open; valid: --serve or --check"),
+    ("docs --open", r"unknown arguments: --open; valid: --serve or --check"),
     ("count --total", r"--at REVISION.*--check.*--twins.*--prose.*\n.*unrecognized arguments: --total"),
     ("lint --mend", r"no option --mend; valid: --fix"),
     ("test tests/test_nothing.py", r"no tests/test_nothing\.py; valid: .*src/PACKAGE/test.*--live, --all"),
 ]
-"""Words after scripts/, and what the answer has."""
+"""Words after scripts/, and pattern of the error."""
 
 TOOLS = [
     ("hric_core hric", r"hric: no command ''; valid: approaches, .*urdf"),
     ("hric_core hric rn pd_step", r"hric: no command 'rn'; valid: .*did you mean run\?"),
-    ("hric_core hric run", r"hric run: one experiment is needed; got none; valid: .*pd_step"),
-    ("hric_experiments run", r"one experiment is needed; got none; valid: .*pd_step"),
+    ("hric_core hric run", r"hric run: exactly one experiment is needed; given: none; valid: .*pd_step"),
+    ("hric_experiments run", r"exactly one experiment is needed; given: none; valid: .*pd_step"),
     ("hric_experiments run step_pd", r"no experiment 'step_pd' .*valid: co_transport, .*pd_step"),
     ("hric_experiments run pd_step kpp:=200", r"no override 'kpp' \(did you mean kp\?\); valid: .*kd, kp, limits"),
     ("hric_experiments run pd_step friction:=dry", r"'friction:=dry'; valid: none, coulomb, identified, or a YAML"),
@@ -91,7 +90,7 @@ TOOLS = [
     ("hric_experiments run co_transport human.position:=[3,0]", r"1\.\d+ m from the right shoulder; valid: up to 0\.6"),
     (
         "hric_experiments run co_transport human.control.parameters.load:=45",
-        r"/load is 45\.0; valid: up to \d+(\.\d)? \[kg\], which right_\w+ holds",
+        r"/load is 45\.0; valid: up to \d+(\.\d)? \[kg\], which right_\w+ can hold",
     ),
     (
         "hric_experiments run hand_guidance human.watches:=panda_elbow",
@@ -108,24 +107,27 @@ TOOLS = [
     ("hric_experiments export notes.txt --format xls", r"no format 'xls'; valid: bag, c3d, csv"),
     ("hric_experiments export notes.txt --format csv", r"cannot read notes\.txt: .*health --salvage"),
     ("hric_experiments compare open nowhere", r"no run folder 'nowhere'"),
-    ("hric_experiments compare open open --labels a", r"--labels names 1 runs \(a\), but 2 are compared"),
+    ("hric_experiments compare open open --labels a", r"--labels needs 2 names, one for each run; given: a"),
     (
         "hric_experiments schema --studies",
         r"\[--study\] \[--sweep\] \[--example\]\n.*unrecognized arguments: --studies",
     ),
-    ("hric_experiments check_model notes.csv", r"notes\.csv has no columns t .*there: a, b; .*--columns t=NAME"),
+    (
+        "hric_experiments check_model notes.csv",
+        r"notes\.csv has no columns t .*columns in the file: a, b; .*--columns t=NAME",
+    ),
     (
         "hric_experiments measure_stops --speeds 40",
-        r"no pose reaches 40 m/s within the velocity limits; valid: slower ones",
+        r"no pose reaches 40 m/s within the joint velocity limits; valid: lower speeds",
     ),
-    ("hric_experiments speed_map --region face", r"no contact with face is permitted .* valid: neck; "),
+    ("hric_experiments speed_map --region face", r"permits no contact with face at any speed; valid: neck; "),
     ("hric_experiments inverse_dynamics nowhere", r"no run folder 'nowhere'"),
     ("hric_experiments muscle_load nowhere.c3d", r"person of nowhere\.c3d is not known; add --person RUN\|EXP"),
     ("hric_experiments spawn pd_step", r"usage: .*\[_PARAMETER:=VALUE \.\.\.\]\n.*unrecognized arguments: pd_step"),
     ("hric_control robot here", r"\[_robot_hw:=TYPE\].*\n.*unrecognized arguments: here"),
     ("controller_manager controller_manager lod", r"invalid choice: 'lod' \(choose from 'list', .*'load'"),
     ("controller_manager spawner nowhere.yaml", r"nowhere\.yaml cannot be read: No such file"),
-    ("controller_manager spawner list.yaml", r"list\.yaml must hold the controllers' configuration by name"),
+    ("controller_manager spawner list.yaml", r"list\.yaml must be a mapping of controllers' names to their"),
     ("controller_manager spawner _x:=1 a", r"spawner: no parameter 'x' in ~spawner; valid: none"),
     ("controller_manager unspawner _x:=1 a", r"unspawner: no parameter 'x' in ~unspawner; valid: none"),
     ("controller_manager controller_manager _x:=1 list", r"no parameter 'x' in ~controller_manager; valid: none"),
@@ -153,7 +155,7 @@ TOOLS = [
         "hric_assessment assess --stop stops.yaml",
         r"100 ms would be 0\.1 s.*300 ms would be 0\.3 s.*time is 0;.*valid: .* above 0 to 10",
     ),
-    ("hric_assessment assess --picture x.png", r"--picture x\.png cannot be; valid: a file \.svg"),
+    ("hric_assessment assess --picture x.png", r"--picture is x\.png; valid: a file name \.svg"),
     ("hric_experiments export notes.txt --format csv --surface 0.05", r"--surface has no effect; .*c3d"),
     (
         "hric_experiments export notes.txt --format csv --load-body hand_r",
@@ -169,12 +171,12 @@ TOOLS = [
     ("urdf_to_osim urdf_to_osim cut.urdf", r"cut\.urdf: the robot description is not XML: unclosed token: line 1"),
     ("urdf_to_osim picture nowhere.osim --pose elbow", r"--pose elbow: it must be COORDINATE=VALUE"),
 ]
-"""Words after rosrun, and what the answer has."""
+"""Words after rosrun, and pattern of the error."""
 
 
 @pytest.fixture(scope="module")
 def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """All that a tool could write to, and what the user gives it, in `here`."""
+    """Home folder to which a tool could write, with the user's files in `here`."""
     folder = tmp_path_factory.mktemp("home")
     for name in ("ros", "runs", "here"):
         (folder / name).mkdir()
@@ -187,7 +189,7 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A workspace that was never set up."""
+    """Copy of the workspace without set-up."""
     folder = tmp_path_factory.mktemp("workspace")
     parts = ("scripts", "tests/house", "src/hric_bringup", "src/hric_experiments/config", "src/hric_bags/src")
     for part in (*parts, "src/hric_core/src"):
@@ -204,7 +206,7 @@ def contents(folder: Path) -> dict[str, tuple[int, int]]:
 
 
 def answer(command: list[str], home: Path, environment: dict[str, str]) -> str:
-    """What a command says that is wrong, when all else is as it must be."""
+    """Run a command with invalid arguments, check exit code and written files, and return its error message."""
     own = {"HOME": str(home), "ROS_HOME": str(home / "ros"), "HRIC_RUNS": str(home / "runs"), "ROS_MASTER_URI": NOBODY}
     before = contents(home)
     done = subprocess.run(
@@ -241,7 +243,7 @@ def test_mistakes_in_an_experiment_file_end_the_bring_up_before_anything_starts(
 def test_a_script_says_it_before_any_set_up_and_with_next_to_no_computing(
     words: str, pattern: str, home: Path, copy: Path
 ) -> None:
-    """With a Python that has nothing but itself."""
+    """Run with a Python without packages."""
     script, *others = shlex.split(words)
     before, began = contents(copy), resource.getrusage(resource.RUSAGE_CHILDREN)
     told = answer([str(copy / "scripts" / script), *others], home, {"PATH": os.defpath})

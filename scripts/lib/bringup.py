@@ -1,6 +1,4 @@
-"""Bring-up of the system: check the arguments, choose the master, run bringup.launch, return its exit code.
-
-Called by scripts/bringup."""
+"""Program of scripts/bringup: check the arguments, choose the ROS master, run bringup.launch, return its exit code."""
 
 from bringup_end import INTERRUPTED, REQUESTS, EndAtOnce
 
@@ -31,17 +29,18 @@ from hric_core.processes import describe_exit, end_with_parent
 X11_PORT = 6000
 """TCP port of display 0 (X Window System protocol)."""
 DISPLAY_TIMEOUT = 1.0
-"""Longest wait for a display to accept a connection [s] (project default, unconfirmed)."""
+"""Timeout for a connection to a display [s] (project default, unconfirmed)."""
 PROBE_TIMEOUT = 1.0
-"""Longest wait for the arm's control box to accept a connection [s]."""
+"""Timeout for a connection to the arm's control box [s]."""
 
 
 class RequiredNodes(roslaunch.pmon.ProcessListener):
-    """Watcher of the nodes whose end also ends the run.
+    """Watcher of required nodes: if one of them ends, the run ends.
 
     Attributes:
+        required: names of the required nodes, as in process names of roslaunch.
         code: exit code of the node that ended the run.
-        exit_text: name of that node, and how it ended; empty while the run goes on.
+        exit_text: name of this node and how it ended; empty during the run.
     """
 
     def __init__(self) -> None:
@@ -49,20 +48,24 @@ class RequiredNodes(roslaunch.pmon.ProcessListener):
         self.code, self.exit_text = 0, ""
 
     def process_died(self, process_name: str, exit_code: int | None) -> None:
-        """Record the end of a required node. roslaunch calls it in its own thread; a process is named NODE-NUMBER."""
+        """Record the end of a required node. Called by roslaunch in its thread; process names are NODE-NUMBER."""
         node = process_name.rpartition("-")[0]
         if node in self.required and not self.exit_text:
             self.code, self.exit_text = exit_code or 0, describe_exit(node, exit_code or 0)
 
 
 def resolve_rviz(value: str) -> str:
-    """Return true or false; auto means true if there is a display. Raises given.ArgumentError: rviz needs one."""
+    """Return the argument rviz as "true" or "false", where "auto" is "true" if a display accepts connections.
+
+    Raises:
+        given.ArgumentError: rviz:=true without a display.
+    """
     if value == "false":
         return value
     display = os.environ.get("DISPLAY", "")
     shown = display_responds(display)
     if value == "true" and not shown:
-        reason = f"no display answers at DISPLAY={display}" if display else "DISPLAY is not set"
+        reason = f"no display accepts connections at DISPLAY={display}" if display else "DISPLAY is not set"
         raise given.ArgumentError(f"rviz:=true needs a display, and {reason}; valid: rviz:=false, or rviz:=auto")
     return str(shown).lower()
 
@@ -85,7 +88,7 @@ def _accepts(address: Any) -> bool:
 
 
 def check_realism(value: str) -> None:
-    """Raise given.ArgumentError for settings that the simulated arm does not accept."""
+    """Raise given.ArgumentError if the simulated arm does not accept this value of the argument realism."""
     if value in given.REALISM:
         return
     from franka_sim.realism import parse  # imported late, as it loads the simulated arm
@@ -97,20 +100,20 @@ def check_realism(value: str) -> None:
 
 
 def announce(arguments: Mapping[str, str], master: str, running: bool) -> None:
-    """Print what starts."""
+    """Print the environment, experiment or controller, devices and ROS master that are about to start."""
     experiment, controller = arguments["experiment"], arguments["controller"]
     task = f"experiment {experiment}" if experiment != "none" else f"controller {controller}"
     what = arm(arguments) if arguments["env"] == "real" else arguments["simulator"]
     capture = "".join(f"   {name}: {arguments[name]}" for name in given.DEVICES if arguments[name] != "none")
     print(f"starting   env: {arguments['env']} ({what})   {task}{capture}   rviz: {arguments['rviz']}")
-    print(f"ROS master: {master} ({'it runs already' if running else 'started here'})", flush=True)
+    print(f"ROS master: {master} ({'already running' if running else 'started here'})", flush=True)
 
 
 class ShutdownRequest:
     """Counter of shutdown requests (Ctrl-C, SIGTERM, SIGHUP).
 
-    roslaunch's own handlers would end the nodes in the middle of their start and could leave one behind; so the request
-    is stored, and served when all have started.
+    The signal handlers of roslaunch would end nodes during their start and could leave one of them running. So a
+    request is counted here, and handled after all nodes have started.
     """
 
     def __init__(self) -> None:
@@ -139,8 +142,8 @@ def run(arguments: Mapping[str, str], master: str) -> int:
         roslaunch.pmon._init_signal_handlers()
         request = ShutdownRequest()
         early.over()
-        # This thread starts all further processes and lives as long as this process: so none of them outlives it, not
-        # even the master, and not even if it is killed.
+        # Processes end with the thread that started them. This thread starts all processes, including the master, and
+        # lives as long as this process, so that none of them remains, even if this process is killed.
         os.register_at_fork(after_in_child=end_with_parent(signal.SIGTERM))
         parent._start_infrastructure()
         parent.start()
@@ -153,7 +156,7 @@ def run(arguments: Mapping[str, str], master: str) -> int:
     if nodes.code:
         call(
             master, "setParam", f"{space}/hric/experiment/failure", nodes.exit_text
-        )  # read by the recorder, which ends last
+        )  # the recorder, which ends last, reads it
     end_nodes(parent.pm, lambda: request.count > 1)
     parent.shutdown()
     if isinstance(folder, str):
@@ -162,26 +165,26 @@ def run(arguments: Mapping[str, str], master: str) -> int:
 
 
 def confine_roscpp() -> None:
-    """Make roscpp programs started from here, such as rosout, listen where ROS_IP says, as rospy programs do."""
+    """Make roscpp programs that are started from here, such as rosout, listen at ROS_IP only, like rospy programs."""
     library = Path(os.environ["HRIC_WS"]) / "devel/lib/libhric_roscpp_loopback.so"
     if library.exists():
         os.environ["LD_PRELOAD"] = ":".join(filter(None, (str(library), os.environ.get("LD_PRELOAD"))))
 
 
 def close_run(folder: str, reason: str) -> None:
-    """Write into a run's folder that it is over and why, if its recorder could not."""
+    """Write the end of a run and its reason to the run folder, if its recorder could not."""
     with contextlib.suppress(HricError):  # the folder was removed
         RunFolder(Path(folder)).read(reason)
 
 
 def parameter(master: str, name: str) -> object:
-    """Return the value of a parameter; None: there is none."""
+    """Return the value of a ROS parameter; None if it does not exist."""
     response = call(master, "getParam", name)
     return response[2] if response is not None and response[0] == 1 else None
 
 
 def _take_over_required(config: Any) -> set[str]:
-    """Return the required nodes, unmarked for roslaunch, which would report even their normal end as a death."""
+    """Return the names of the required nodes; remove the mark, as roslaunch would report even a normal end as error."""
     required = {node for node in config.nodes if node.required}
     for node in required:
         node.required = False
@@ -191,7 +194,7 @@ def _take_over_required(config: Any) -> set[str]:
 
 
 def _wait(parent: Any, nodes: RequiredNodes, request: ShutdownRequest, ready: Callable[[], str | None]) -> None:
-    """Wait until a required node ends or the end is requested; print when all is ready."""
+    """Wait until a required node ends or a shutdown is requested; print a message when all nodes are ready."""
     shown, look = False, time.monotonic()
     while not (request.count or nodes.exit_text):
         time.sleep(0.02)
@@ -219,11 +222,11 @@ def main(argv: list[str]) -> int:
         arguments = defaults | given.check(given.split(argv), defaults, known)
         check_realism(arguments["realism"])
         if arguments["experiment"].endswith((".yaml", ".yml")):
-            import hric_run.definition.experiment  # its mistakes are one error
+            import hric_run.definition.experiment  # reports all mistakes of the file in one error
 
             hric_run.definition.experiment.load(arguments["experiment"])
         if arguments["env"] == "real" and arguments["robot_ip"] != given.EMULATED:
-            # imported late, as it loads the arm's driver, which a simulated arm does not need
+            # imported here, since it loads libfranka, which a simulated arm does not need
             import franka_real.probe
 
             franka_real.probe.check(arguments["robot_ip"], PROBE_TIMEOUT)

@@ -1,6 +1,6 @@
-"""Arguments of scripts/bringup, all checked before anything starts, even before the set-up.
+"""Check of the arguments of scripts/bringup before anything starts, even before the set-up.
 
-roslaunch silently accepts a misspelt name or value. This file needs nothing but Python itself and the source beside it.
+roslaunch silently accepts misspelt names and values. This file needs only Python and the source code of the workspace.
 
     python3 bringup_arguments.py [NAME:=VALUE ...]      # help, or one error and exit code 2
     python3 bringup_arguments.py --complete WORD        # completions of the word for the shell
@@ -27,7 +27,7 @@ LAUNCH = WORKSPACE / "src/hric_bringup/launch/bringup.launch"
 CONTROLLERS = WORKSPACE / "src/hric_bringup/config/controllers.yaml"
 EXPERIMENTS = WORKSPACE / "src/hric_experiments/config/experiments"
 Documented = Mapping[str, tuple[str, str]]
-"""Default and explanation of each argument."""
+"""Default and explanation by name of the argument."""
 
 
 class ArgumentError(HricError):
@@ -36,12 +36,12 @@ class ArgumentError(HricError):
 
 @dataclass(frozen=True)
 class Choices:
-    """Names that exist in this workspace.
+    """Valid names of controllers, experiments and engines.
 
     Attributes:
-        controllers: instance names in controllers.yaml, and in the YAML files of packages that export controllers.
-        experiments: names of the experiment files.
-        having: experiments with each section (`DEVICES` and `HUMAN`).
+        controllers: instance names in controllers.yaml and in the YAML files of packages that export controllers.
+        experiments: names of the shipped experiment files.
+        having: names of the experiments with a section, by name of the section (`DEVICES` and `HUMAN`).
         engines: short names of the physics engines.
     """
 
@@ -53,9 +53,9 @@ class Choices:
 
 SENSORS = ("emg", "force_plate")
 DEVICES = ("mocap", *SENSORS)
-"""Sections of an experiment file and arguments of the same name."""
+"""Names of sections of an experiment file that are also arguments."""
 HUMAN = "human"
-"""Section of an experiment file with the simulated person."""
+"""Name of the section of an experiment file with the simulated person."""
 EMULATED = "emulated"
 """Value of `robot_ip` for an emulated arm on this machine, which the bring-up starts."""
 BROADCASTERS = ("joint_state_controller", "franka_state_controller")
@@ -66,14 +66,14 @@ JOINTS = 7
 
 
 def documented() -> dict[str, tuple[str, str]]:
-    """Return the arguments of bringup.launch."""
+    """Return default and explanation of each argument of bringup.launch."""
     arguments = ET.parse(LAUNCH).getroot().iterfind("arg")
     return {arg.get("name", ""): (arg.get("default", ""), arg.get("doc", "")) for arg in arguments}
 
 
 def choices() -> Choices:
     """Return the names of controllers and experiments in this workspace."""
-    # Packages that no set-up has put on the path yet, and those of the shell.
+    # The packages of the workspace, which are not on the path before the set-up, and those of the shell.
     packages = os.pathsep.join([str(WORKSPACE / "src"), os.environ.get("ROS_PACKAGE_PATH", "")])
     folders = dict.fromkeys(info.source.parent for info in plugins.names(plugins.CONTROLLER, packages).values())
     files = [CONTROLLERS, *(path for folder in folders for path in sorted(folder.glob("config/*.yaml")))]
@@ -85,20 +85,20 @@ def choices() -> Choices:
 
 
 def instances(text: str) -> list[str]:
-    """Return the names of the controllers in a YAML file: mappings with a type.
+    """Return the names of the controllers in a YAML text: the keys of mappings with a key `type`.
 
-    Mistakes in the file are reported elsewhere."""
+    Mistakes in the text are reported when the controllers are loaded."""
     blocks = re.split(r"^(?=[A-Za-z_]\w*:)", text, flags=re.MULTILINE)
     typed = re.compile(r"[A-Za-z_]\w*:[ \t]*(?:#.*)?(?:\{(?:.*[{, ])?type:|(?:\n(?:[ \t].*)?)*?\n[ \t]+type:)")
     return [block.partition(":")[0] for block in blocks if typed.match(block)]
 
 
 def help_text(arguments: Documented) -> str:
-    """Return all arguments with default and meaning."""
+    """Return the text of --help: all arguments with default and explanation."""
     return "\n".join([
         "usage: scripts/bringup [NAME:=VALUE ...]",
         "",
-        "Sets up what is missing, then runs the arm until Ctrl-C or the end of the experiment.",
+        "Runs scripts/setup if needed, then runs the arm until Ctrl-C or the end of the experiment.",
         "",
         *(f"  {name}:={default}\n      {doc}" for name, (default, doc) in arguments.items()),
         "",
@@ -114,10 +114,10 @@ def help_text(arguments: Documented) -> str:
 
 
 def split(arguments: Iterable[str]) -> dict[str, str]:
-    """Return names and values of `name:=value`.
+    """Return the values of arguments NAME:=VALUE by name.
 
     Raises:
-        ArgumentError: not of that form, or given twice.
+        ArgumentError: an argument does not have this form, or a name is given twice.
     """
     result: dict[str, str] = {}
     for argument in arguments:
@@ -134,15 +134,15 @@ def split(arguments: Iterable[str]) -> dict[str, str]:
 
 
 def check(arguments: Mapping[str, str], valid_names: Iterable[str], known: Choices) -> dict[str, str]:
-    """Return the arguments for roslaunch: known names, valid values, absolute paths.
+    """Check the arguments and return them for roslaunch, with absolute paths.
 
     Args:
-        arguments: name -> value from the command line.
-        valid_names: arguments of bringup.launch.
+        arguments: values from the command line by name.
+        valid_names: names of the arguments of bringup.launch.
         known: names that exist in this workspace.
 
     Raises:
-        ArgumentError: lists the valid names or values.
+        ArgumentError: a name or value is invalid; the message lists the valid ones.
     """
     names = sorted(valid_names)
     for name in arguments:
@@ -184,7 +184,7 @@ ONLY_RECORDED = ("subject", "notes", "split_size", "split_duration")
 
 
 def _check_environment(arguments: Mapping[str, str]) -> None:
-    """Refuse arguments that do not belong to the environment, as they would have no effect."""
+    """Raise ArgumentError for arguments that have no effect in the environment (env), and for a missing robot_ip."""
     real = arguments.get("env") == "real"
     emulated = arguments.get("robot_ip") == EMULATED
     foreign = [name for name in arguments if name in (ONLY_SIMULATED if real else ONLY_REAL)]
@@ -205,9 +205,9 @@ def _check_environment(arguments: Mapping[str, str]) -> None:
 
 
 def has_section(path: Path, name: str) -> bool:
-    """Return True if an experiment file has a top-level section, found by the same text search as in the launch files.
+    """Return True if an experiment file has a top-level section, by the text search of the launch files.
 
-    A file that cannot be read counts as one without the section; its error is reported elsewhere."""
+    A file that cannot be read counts as having no section; reading the experiment reports its error later."""
     try:
         return f"\n{name}:" in "\n" + path.read_text()
     except (OSError, UnicodeDecodeError):
@@ -215,7 +215,7 @@ def has_section(path: Path, name: str) -> bool:
 
 
 def device(name: str, arguments: Mapping[str, str], known: Choices) -> str:
-    """Return none, emulated or the real device; auto means emulated if the experiment has the section.
+    """Return the selected device of motion capture or a sensor; auto is emulated if the experiment has its section.
 
     Args:
         name: one of `DEVICES`.
@@ -229,7 +229,7 @@ def device(name: str, arguments: Mapping[str, str], known: Choices) -> str:
 
 
 def _has(name: str, arguments: Mapping[str, str], known: Choices) -> bool:
-    """Return True if the experiment has a section."""
+    """Return True if the experiment in the arguments has a section of this name."""
     experiment = arguments.get("experiment", "none")
     own_file = experiment.endswith((".yaml", ".yml")) and has_section(Path(experiment), name)
     return own_file or experiment in known.having.get(name, ())
@@ -253,23 +253,23 @@ def _check_sensors(arguments: Mapping[str, str], known: Choices) -> None:
     used = ", ".join(f"{name}:={value}" for name, value in chosen.items() if value != "none")
     if used and _unpaced(arguments):
         raise ArgumentError(
-            f"real_time_factor:=0 is not possible with sensors ({used}), which come by wire and need a run that "
-            "is paced; valid: a factor above 0"
+            f"real_time_factor:=0 is not possible with sensors ({used}), which are received over the network "
+            "and need a paced run; valid: a factor above 0"
         )
 
 
 def _check_mocap(arguments: Mapping[str, str], known: Choices) -> None:
     chosen = device("mocap", arguments, known)
     if chosen == "none" and arguments.get("mocap_server", "auto") != "auto":
-        raise ArgumentError("mocap_server needs a motion capture; valid: with mocap:=motive or mocap:=emulated")
+        raise ArgumentError("mocap_server needs motion capture; valid: with mocap:=motive or mocap:=emulated")
     if chosen != "motive" and arguments.get("mocap_calibration", "none") != "none":
         raise ArgumentError(
             "mocap_calibration needs mocap:=motive: the experiment defines the pose of the emulated motion capture"
         )
     if chosen != "none" and _unpaced(arguments):
         raise ArgumentError(
-            f"real_time_factor:=0 is not possible with a motion capture (mocap:={chosen}), which comes by wire "
-            "and needs a run that is paced; "
+            f"real_time_factor:=0 is not possible with motion capture (mocap:={chosen}), which is received over the "
+            "network and needs a paced run; "
             "valid: a factor above 0, or the headless runner, hric run"
         )
 
@@ -288,7 +288,7 @@ WORDS: dict[str, tuple[str, ...]] = {
     "load_gripper": (*BOOL, "auto"),
     "inertials": ("barycentric", "thesis", "auto"),
 }
-"""Valid words of arguments that take one of some words."""
+"""Valid values of arguments that accept one of a few words."""
 
 
 def _checks(known: Choices) -> dict[str, Check]:
@@ -300,8 +300,8 @@ def _checks(known: Choices) -> dict[str, Check]:
         "experiment": _experiment(known.experiments),
         "subject": _matching(
             "[A-Za-z0-9][A-Za-z0-9_-]{0,31}",
-            "is no code: letters, digits, - and _, at most 32, for example NAME:=P07; names of people stay out of the "
-            "data",
+            "is not a valid code; valid: letters, digits, - and _, at most 32, for example NAME:=P07. Do not use names "
+            "of people",
         ),
         "notes": _notes,
         "split_size": _single("0 means never"),
@@ -338,7 +338,12 @@ def _one_of(*valid: str) -> Check:
 
 
 def _matching(pattern: str, refusal: str) -> Check:
-    """Return a check by a pattern; refusal: follows name and value, with NAME for the name."""
+    """Return a check by a regular expression.
+
+    Args:
+        pattern: regular expression of the whole value.
+        refusal: end of the error message, after name and value; NAME in it is replaced by the name.
+    """
 
     def checked(name: str, value: str) -> str:
         if not re.fullmatch(pattern, value):
@@ -417,7 +422,7 @@ def _numbers(name: str, value: object, example: str) -> list[float]:
 
 
 def _loaded(name: str, value: str) -> object:
-    """Return a number or a list of numbers; anything else unchanged."""
+    """Return the value as a Python literal, such as a number or a list; other texts unchanged."""
     try:
         literal: object = ast.literal_eval(value)
     except (ValueError, SyntaxError):
@@ -473,7 +478,7 @@ def _angles(name: str, value: str) -> str:
 
 
 def completed(word: str) -> list[str]:
-    """Return the completions of a word for a shell: names of arguments, or values of the argument in it."""
+    """Return the completions of a word for the shell: names of arguments, or after NAME:= values of this argument."""
     name, separator, begun = word.partition(":=")
     arguments = documented()
     if not separator:
@@ -482,7 +487,7 @@ def completed(word: str) -> list[str]:
 
 
 def valid_words(name: str, known: Choices) -> tuple[str, ...]:
-    """Return the words that an argument accepts; empty: numbers, paths, or anything else."""
+    """Return the words that an argument accepts; empty for arguments that accept numbers, paths or other texts."""
     words = {
         "controller": (*(word for word in known.controllers if word not in BROADCASTERS), "none"),
         "experiment": (*known.experiments, "none"),

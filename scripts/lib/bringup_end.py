@@ -1,6 +1,8 @@
-"""End of a bring-up: at once before a node runs; later all nodes are requested to end, and waited for.
+"""End of a bring-up.
 
-Each gets the time that it needs, with progress."""
+Before the nodes are started, the process ends at once. Later all nodes are requested to end, and the process waits for
+them and prints its progress.
+"""
 
 import contextlib
 import os
@@ -15,23 +17,23 @@ from typing import Any
 REQUESTS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 INTERRUPTED = 130
 ERRORS = 3
-"""File descriptor to which scripts/bringup redirects the errors of this process until it can take a request."""
+"""File descriptor of the real standard error: scripts/bringup hides standard error until this module is loaded."""
 LOOK = 0.05
-"""Period at which the thread checks for the end of the early part [s]."""
+"""Period at which EndAtOnce checks whether it is still needed [s]."""
 LIMIT = 10.0
-"""Longest end of a node before it is killed [s of wall time] (project default, unconfirmed)."""
+"""Time for a node to end before it is killed [s of wall time] (project default, unconfirmed)."""
 LONGER = {"recorder": 120.0, "experiment": 120.0}
-"""Longest end of nodes that write data: a bag of gigabytes on a slow disk [s of wall time]."""
+"""Time to end for nodes that write data, such as a bag of gigabytes on a slow disk [s of wall time]."""
 PROGRESS_AFTER, PROGRESS_PERIOD = 1.0, 2.0
-"""Time to the first line about nodes that are waited for, and between two of them [s]."""
+"""Time until the first progress message about nodes that have not ended, and between two messages [s]."""
 
 
 class EndAtOnce(threading.Thread):
-    """Thread that ends this process silently on a request before the nodes start.
+    """Thread that ends this process silently on a shutdown request (Ctrl-C, SIGTERM, SIGHUP) before the nodes start.
 
-    Commands that read parameters run meanwhile. They get Ctrl-C in a terminal, too, and a Python that still starts
-    would end with a traceback: so requests are blocked here, which the commands inherit, and a thread takes them and
-    ends the commands.
+    In this phase, child processes compute parameters. They would also receive Ctrl-C from the terminal, and a Python
+    process that is still starting would print a traceback. So the signals are blocked, also in the child processes,
+    which inherit the mask. This thread waits for the signals and kills the child processes.
     """
 
     def __init__(self) -> None:
@@ -43,7 +45,7 @@ class EndAtOnce(threading.Thread):
         self.start()
 
     def run(self) -> None:
-        """Wait for a request."""
+        """Wait for a shutdown request, and end the process."""
         while not self._over.is_set():
             if signal.sigtimedwait(REQUESTS, LOOK) is not None:
                 for child in Path(f"/proc/self/task/{os.getpid()}/children").read_text().split():
@@ -52,7 +54,7 @@ class EndAtOnce(threading.Thread):
                 os._exit(INTERRUPTED)  # at once: the main thread would report the command's end
 
     def over(self) -> None:
-        """Let requests go to their handlers from now on, including those that have just come."""
+        """End the thread and unblock the signals: from now on requests reach their handlers, including pending ones."""
         self._over.set()
         self.join()
         signal.pthread_sigmask(signal.SIG_UNBLOCK, REQUESTS)
@@ -62,8 +64,8 @@ def end_nodes(monitor: Any, impatient: Callable[[], bool]) -> None:
     """End all nodes, the newest first; kill those that do not end, with a message.
 
     Args:
-        monitor: roslaunch's process monitor, which no longer watches them.
-        impatient: returns True if the user requests the end at once.
+        monitor: process monitor of roslaunch; the nodes are unregistered from it.
+        impatient: function that returns True if the user requests to kill the nodes at once.
     """
     with monitor.plock:
         nodes = [process for process in monitor.procs if process not in monitor.core_procs]
@@ -71,7 +73,7 @@ def end_nodes(monitor: Any, impatient: Callable[[], bool]) -> None:
         monitor.unregister(process)
     alive = [process for process in reversed(nodes) if process.popen is not None]
     for process in alive:
-        # SIGTERM, as a node that is still importing would print a traceback on SIGINT; nodes treat both alike.
+        # SIGTERM: on SIGINT, a node that is still importing modules would print a traceback. Nodes handle both alike.
         _signal(process, signal.SIGTERM)
     _wait(alive, impatient)
 
@@ -85,16 +87,16 @@ def _wait(alive: Sequence[Any], impatient: Callable[[], bool]) -> None:
             if impatient() or now - began > LONGER.get(_name(process), LIMIT):
                 _signal(process, signal.SIGKILL)
                 reason = "at your request" if impatient() else f"after {now - began:.0f} s"
-                lost = "; its bag is closed by: hric health --salvage"
+                lost = "; close its bag by: hric health --salvage"
                 _say(f"killed {_name(process)} {reason}" + (lost if _name(process) == "recorder" else ""))
         if now >= due:
             due = now + PROGRESS_PERIOD
-            _say(f"ending: waiting for {', '.join(map(_name, alive))} ({now - began:.0f} s; Ctrl-C again: at once)")
+            _say(f"ending: waiting for {', '.join(map(_name, alive))} ({now - began:.0f} s; Ctrl-C again kills them)")
         time.sleep(0.02)
 
 
 def _name(process: Any) -> str:
-    """Return the name of the node; roslaunch calls the process NODE-NUMBER, with the namespace before it."""
+    """Return the node name of a process, which roslaunch names NAMESPACE-NODE-NUMBER."""
     name: str = process.name.rpartition("-")[0]
     return name.rpartition("-")[2]
 

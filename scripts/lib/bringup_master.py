@@ -1,4 +1,4 @@
-"""Choice of the ROS master for a bring-up: the user's if it responds, else a new one."""
+"""Choice of the ROS master for a bring-up: the master at ROS_MASTER_URI if it responds, else a new one."""
 
 import http.client
 import random
@@ -10,11 +10,11 @@ LOCAL = ("localhost", "127.0.0.1", "::1")
 DEFAULT = "http://localhost:11311"
 CALLER = "/scripts_bringup"
 TIMEOUT = 2.0
-"""Longest wait for a response of a master [s]."""
+"""Timeout for a response of a master [s]."""
 
 
 class MasterError(Exception):
-    """Error of a missing master; the message says what to do."""
+    """Error of a ROS master that cannot be used; the message states the remedy."""
 
 
 class _Transport(xmlrpc.client.Transport):
@@ -47,7 +47,7 @@ def port_is_taken(port: int) -> bool:
 
 
 def free_port() -> int:
-    """Return a port without listener, below the system's ephemeral ports (from 32768 on), so that it stays free."""
+    """Return a free TCP port below the ephemeral ports (from 32768), which the system could give to other programs."""
     return next(port for port in random.sample(range(20_000, 32_000), 100) if not port_is_taken(port))
 
 
@@ -58,24 +58,27 @@ def node_is_alive(master: str, node: str) -> bool:
 
 
 def choose(uri: str, robot_node: str) -> tuple[str, bool]:
-    """Return (address of the master, True if it runs already).
+    """Return the address of the master to use, and True if this master is already running.
 
     Args:
         uri: ROS_MASTER_URI of the caller.
-        robot_node: name of the node that only one bring-up can have.
+        robot_node: name of the robot node; if it is alive, another bring-up is running.
 
     Raises:
-        MasterError: a remote master does not respond, or this bring-up runs there already.
+        MasterError: a remote master does not respond, or another bring-up is running on the master.
     """
     if call(uri, "getPid") is not None:
         if node_is_alive(uri, robot_node):
             other = f"ROS_MASTER_URI=http://localhost:{free_port()} scripts/bringup ..."
             raise MasterError(
-                f"a bring-up already runs on {uri} (node {robot_node}). End it first, or start beside it:  {other}"
+                f"a bring-up is already running on the master {uri} (node {robot_node}). End it first, or use another "
+                f"master:  {other}"
             )
         return uri, True
     if not is_local(uri):
-        raise MasterError(f"no ROS master responds at ROS_MASTER_URI={uri}. Start it there, or: unset ROS_MASTER_URI")
+        raise MasterError(
+            f"no ROS master responds at ROS_MASTER_URI={uri}. Start a master there, or: unset ROS_MASTER_URI"
+        )
     port = urlparse(uri).port or 11311
     if not port_is_taken(port):
         return uri, False

@@ -1,4 +1,4 @@
-"""Message of a bring-up that is ready: what runs, how to move it, where it records, how to end it."""
+"""Message printed when a bring-up is ready: what runs, how to move the arm, where data is recorded, how to end."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -7,21 +7,21 @@ from bringup_arguments import EMULATED, WORKSPACE
 from bringup_master import DEFAULT
 
 PERIOD = 0.2
-"""Time between two checks that all is ready [s]."""
+"""Period of the check whether all nodes are ready [s]."""
 POSITIONS = "[0.3, -0.785, 0, -2.356, 0, 1.571, 0.785]"
-"""Joint positions for an example: the usual start of the arm except for joint 1 [rad]."""
+"""Joint positions of the example command: the default start pose of the arm, with joint 1 moved [rad]."""
 
 Parameter = Callable[[str], Any]
-"""Function that returns the value of a parameter of the master; None: there is none."""
+"""Function that returns the value of a ROS parameter, or None if it does not exist."""
 
 
 def block(arguments: Mapping[str, str], master: str, parameter: Parameter) -> str | None:
-    """Return the message, or None while a part of the system is missing.
+    """Return the message, or None if the controllers or the recording have not started yet.
 
     Args:
         arguments: checked arguments of bringup.launch.
         master: address of the master.
-        parameter: reads the master's parameters.
+        parameter: function that reads a ROS parameter.
     """
     space = namespace(arguments)
     started, folder = parameter(f"{space}/spawner/started"), parameter(f"{space}/recorder/folder")
@@ -30,17 +30,17 @@ def block(arguments: Mapping[str, str], master: str, parameter: Parameter) -> st
     terminal = f"source {WORKSPACE}/scripts/env" + ("" if master == DEFAULT else f" && export ROS_MASTER_URI={master}")
     rows = {
         "ready": f"{_robot(arguments)}; controllers {', '.join(started)}",
-        "terminal": f"{terminal}      # in another one, first",
+        "terminal": f"{terminal}      # first command in another terminal",
         "move it": _move(arguments, space),
         "record": _recording(arguments, space, folder),
-        "end": "Ctrl-C" if arguments["experiment"] == "none" else "by itself after the experiment, or Ctrl-C",
+        "end": "Ctrl-C" if arguments["experiment"] == "none" else "automatically after the experiment, or Ctrl-C",
     }
     width = max(map(len, rows))
     return "\n".join(f"  {name:<{width}}  {text}" for name, text in rows.items())
 
 
 def namespace(arguments: Mapping[str, str]) -> str:
-    """Return the robot's namespace, with a slash before it; empty: none."""
+    """Return the robot's namespace with a leading slash; empty if it has none."""
     name = arguments["ns"].strip("/")
     return "" if name in ("", "none") else f"/{name}"
 
@@ -60,7 +60,7 @@ def _robot(arguments: Mapping[str, str]) -> str:
     if arguments["env"] == "real":
         return arm(arguments)
     factor = float(arguments["real_time_factor"])
-    pace = "as fast as it can" if factor == 0.0 else "real time" if factor == 1.0 else f"{factor:g} times real time"
+    pace = "as fast as possible" if factor == 0.0 else "real time" if factor == 1.0 else f"{factor:g} times real time"
     return f"simulated Panda ({arguments['simulator']}, {pace})"
 
 
@@ -68,7 +68,7 @@ def _move(arguments: Mapping[str, str], space: str) -> str:
     """Return a command that moves the arm; the manual describes the commands of other controllers."""
     name = arguments["controller"]
     if arguments["experiment"] != "none":
-        return f"the experiment {arguments['experiment']} does"
+        return f"automatically, by the experiment {arguments['experiment']}"
     if name == "none":
         return f"rosrun controller_manager controller_manager{f' --namespace {space}' * bool(space)} start CONTROLLER"
     if name == "joint_pd_controller":
@@ -89,7 +89,7 @@ def _recording(arguments: Mapping[str, str], space: str, folder: Any) -> str:
     if arguments["record"] == "false":
         return "nothing (record:=false)"
     if arguments["record"] == "on_trigger":
-        return f"armed; begins with: rostopic pub -1 {space}/hric/experiment/trigger std_msgs/Empty"
+        return f"armed; start it with: rostopic pub -1 {space}/hric/experiment/trigger std_msgs/Empty"
     return (
-        f"nothing yet; begins with: rosservice call {space}/hric/experiment/start_recording   (record:=true: at once)"
+        f"nothing yet; start it with: rosservice call {space}/hric/experiment/start_recording   (record:=true: at once)"
     )

@@ -1,5 +1,5 @@
 # shellcheck shell=bash
-# Source me with scheduler or worker and its arguments: checks who could reach it, sets up, and becomes Dask's program.
+# To be sourced with "scheduler" or "worker" and its arguments: refuses ports that are open to other machines, runs scripts/setup, and executes dask.
 ws=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 program=$1
 shift
@@ -9,6 +9,6 @@ words=$(/usr/bin/python3 -BIS "$ws/scripts/lib/dask_doors.py" "$program" "$@")
 mapfile -t words <<<"$words"
 "$ws/scripts/setup" --with cluster
 . "$ws/scripts/env"
-# Dask itself refuses whatever is not encrypted then, wherever it comes from.
+# Dask then refuses all connections without encryption.
 [ "${words[0]}" = plain ] || export DASK_DISTRIBUTED__COMM__REQUIRE_ENCRYPTION=true
 exec dask "$program" "${words[@]:1}"

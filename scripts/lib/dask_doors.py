@@ -1,7 +1,8 @@
-"""Command line of a Dask scheduler or worker that is closed to others, unless by certificate or --insecure.
+"""Check of the command line of a Dask scheduler or worker: no port may be open to other machines.
 
-Anyone who reaches a port of Dask can run programs on that machine. Prints, a line each: `plain` or `encrypted`, and the
-arguments for Dask; or an error on stderr, with exit code 2.
+Anyone who reaches a port of Dask can run programs on that machine; so open ports need certificates or --insecure.
+Prints one word per line: `plain` or `encrypted`, then the arguments for Dask. An open port is an error on stderr, with
+exit code 2.
 """
 
 import argparse
@@ -20,18 +21,23 @@ LOOPBACK = "127.0.0.1"
 
 
 class DoorError(ValueError):
-    """Error of a port that would be open; the message says which and what to do."""
+    """Error of a port that would be open to other machines; the message names the option and the valid ones."""
 
 
 def is_open(option: str, value: str) -> bool:
-    """Return True if Dask listens off loopback with this option."""
+    """Return True if Dask, with this option, listens on addresses other than loopback."""
     if option == "--interface":
         return any(name != "lo" for name in value.split(","))
     return host_of(value) == "" or not is_local(host_of(value))
 
 
 def check(program: str, words: list[str]) -> tuple[bool, list[str]]:
-    """Return (True if Dask must encrypt, arguments for Dask). Raises DoorError; ValueError: no such host."""
+    """Check the arguments of a scheduler or worker; return True if Dask must encrypt, and the arguments for Dask.
+
+    Raises:
+        DoorError: a port would be open to other machines, or an argument is invalid.
+        ValueError: a host does not exist.
+    """
     parser = argparse.ArgumentParser(f"scripts/{program}", add_help=False, allow_abbrev=False)
     for option in (*LISTENING, "--dashboard-address"):
         parser.add_argument(option)
@@ -40,13 +46,13 @@ def check(program: str, words: list[str]) -> tuple[bool, list[str]]:
     peer = words[0] if program == "worker" and words else ""
     if program == "worker" and not ADDRESS.fullmatch(peer):
         raise DoorError(
-            f"{peer or 'nothing'} is no address of a scheduler; valid: tcp://HOST:PORT, tls://HOST:PORT, as "
+            f"{peer or 'nothing'} is not the address of a scheduler; valid: tcp://HOST:PORT or tls://HOST:PORT, as "
             "scripts/scheduler prints it"
         )
     parsed, others = parser.parse_known_args(words[bool(peer) :])
     options = vars(parsed)
     if not re.fullmatch("[1-9][0-9]*", parsed.workers):
-        raise DoorError(f"--workers {parsed.workers}; valid: 1 or more")
+        raise DoorError(f"--workers {parsed.workers} is not possible; valid: 1 or more")
     binds = {option: value for option in LISTENING if (value := options[option[2:].replace("-", "_")]) is not None}
     pages = parsed.dashboard_address or f"{LOOPBACK}:0"
     reached = [f"{option} {value}" for option, value in binds.items() if is_open(option, value)]
@@ -58,11 +64,11 @@ def check(program: str, words: list[str]) -> tuple[bool, list[str]]:
         where = "tls://HOST:PORT with " * bool(peer) + "--tls-ca-file, --tls-cert, --tls-key"
         raise DoorError(reached_by_others(reached[0], where))
     if not parsed.insecure and is_open("--dashboard-address", pages):
-        raise DoorError(f"--dashboard-address {pages} is open to all; valid: {LOOPBACK}:PORT, or --insecure")
+        raise DoorError(f"--dashboard-address {pages} is open to other machines; valid: {LOOPBACK}:PORT, or --insecure")
     if not binds and not reached:
         binds["--host"] = host_of(peer) if peer and host_of(peer) != "localhost" else LOOPBACK
     arguments = [peer] * bool(peer) + [word for option, value in binds.items() for word in (option, value)]
-    if program == "worker":  # runs have processes and a bound of memory of their own below these
+    if program == "worker":  # the runs execute in child processes of the workers, with their own memory limit
         arguments += ["--nworkers", parsed.workers, "--nthreads", "1", "--memory-limit", "0"]
     return encrypted, [*arguments, "--dashboard-address", pages, *others]
 

@@ -1,7 +1,8 @@
 """Software bill of materials of the Python environment, and check of the licences of all pinned packages.
 
-python3 scripts/lib/licences.py: build/sbom.cdx.json (CycloneDX), and exit code 1 if a licence is neither allowed nor a
-named exception in pyproject.toml, [tool.hric.licences]. Packages of Debian are not checked.
+``python3 scripts/lib/licences.py`` writes build/sbom.cdx.json (CycloneDX), and ends with exit code 1 if the licence of
+a package is neither allowed nor listed as an exception in pyproject.toml, [tool.hric.licences]. Debian packages are not
+checked.
 """
 
 import json
@@ -21,7 +22,7 @@ _PINNED = re.compile(r"^([\w.-]+)==([\w.]+)", re.MULTILINE)
 
 
 def normal(name: str) -> str:
-    """Return the name of a package as indices compare it (PEP 503)."""
+    """Return the normalised name of a package (PEP 503)."""
     return re.sub(r"[-_.]+", "-", name).lower()
 
 
@@ -42,7 +43,7 @@ def bill() -> Content:
 
 
 def licences(component: Content) -> list[str]:
-    """Return the licences of a component of the bill: SPDX expressions, ids, and names of classifiers."""
+    """Return the licences of a component of the bill of materials: SPDX expressions, SPDX ids, or classifier names."""
     entries = component.get("licenses", [])
     return [entry.get("expression") or entry["license"].get("id") or entry["license"]["name"] for entry in entries]
 
@@ -53,7 +54,7 @@ def refusals(content: Content, installed: set[tuple[str, str]], rules: Content) 
     Args:
         content: bill of materials.
         installed: names and versions to check.
-        rules: allowed (expressions), exceptions (licence and reason by package).
+        rules: table with the keys allowed (licence expressions) and exceptions (licence and reason by package).
     """
     allowed, exceptions = set(rules["allowed"]), rules["exceptions"]
     for component in content["components"]:
@@ -66,13 +67,13 @@ def refusals(content: Content, installed: set[tuple[str, str]], rules: Content) 
 
 
 def _permits(expression: str, allowed: set[str]) -> bool:
-    """Return True if an alternative of the expression has allowed licences only."""
+    """Return True if an alternative (OR) of a licence expression contains allowed licences only."""
     alternatives = expression.split(" OR ")
     return any(all(part in allowed for part in alternative.split(" AND ")) for alternative in alternatives)
 
 
 def main() -> int:
-    """Write the bill and check it; return the exit code."""
+    """Write the bill of materials, check its licences, and return the exit code."""
     rules = tomllib.loads((WORKSPACE / "pyproject.toml").read_text())["tool"]["hric"]["licences"]
     problems = list(refusals(bill(), pinned(), rules))
     print("\n".join([*problems, f"bill of materials: {BILL}"]))

@@ -8,7 +8,7 @@ from importlib import metadata
 from pathlib import Path
 
 PRUNED = {"pybullet_data"}, {"cmeel.prefix", "include"}
-"""Sets of path parts of files that scripts/setup removes."""
+"""Sets of path components of files that scripts/setup removes on purpose."""
 
 
 def mend(folder: Path) -> None:
@@ -16,12 +16,12 @@ def mend(folder: Path) -> None:
     for package in metadata.distributions(path=[str(folder)]):
         record = Path(str(package._path))  # type: ignore[attr-defined]
         if not package.files or not all(is_complete(file) for file in package.files):
-            print(f"    incomplete, installed again: {record.name.partition('-')[0]}")
+            print(f"    incomplete, will be installed again: {record.name.partition('-')[0]}")
             shutil.rmtree(record, ignore_errors=True)
 
 
 def is_complete(file: metadata.PackagePath) -> bool:
-    """Return True if a file has the size that its package says; compiled Python is not checked."""
+    """Return True if a file has the size in its package's record; bytecode files are not checked."""
     path = Path(str(file.locate()))
     if path.suffix == ".pyc" or any(parts <= set(path.parts) for parts in PRUNED):
         return True

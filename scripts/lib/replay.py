@@ -2,7 +2,7 @@
 
 import signal
 
-# Until processes start, Ctrl-C ends this at once and silently.
+# Until processes are started, Ctrl-C ends the program at once without a message.
 signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 import os
@@ -22,25 +22,25 @@ from hric_core.processes import INTERRUPTED_CODE, end_process, start_dependent
 WORKSPACE = Path(__file__).resolve().parents[2]
 VIEW = WORKSPACE / "src/hric_bringup/rviz/panda.rviz"
 START_TIMEOUT, RVIZ_TIMEOUT = 20.0, 40.0
-"""Longest start of a node [s]."""
+"""Timeouts for the start of a node and of rviz [s]."""
 END_TIMEOUT = 3.0
-"""Longest end of a process before it is killed [s]."""
+"""Time for a process to end before it is killed [s]."""
 BEFORE = 1.0
 """Time between announcing the topics and the first message, so that the subscribers are connected [s]."""
 
 
 class Interrupted(BaseException):
-    """End by Ctrl-C, SIGTERM or SIGHUP."""
+    """Exception raised on Ctrl-C, SIGTERM or SIGHUP."""
 
 
 class Processes:
-    """Processes started here, ended in the reverse order."""
+    """Child processes of the replay, which are ended in the reverse order of their start."""
 
     def __init__(self) -> None:
         self._started: list[subprocess.Popen[bytes]] = []
 
     def start(self, *command: str, quiet: bool = False) -> subprocess.Popen[bytes]:
-        """Start a process without the terminal's Ctrl-C, which the system ends if this one is killed."""
+        """Start a process that ignores Ctrl-C in the terminal, and that the system ends if this process is killed."""
         stdin = None if sys.stdin is not None and sys.stdin.isatty() else subprocess.DEVNULL
         self._started.append(start_dependent(command, stdin=stdin, stdout=subprocess.DEVNULL if quiet else None))
         return self._started[-1]
@@ -64,7 +64,8 @@ def play(run: Run, master: str, running: bool, rate: float, rviz: bool) -> int:
         _show(processes, run, master, rviz)
         bags = [str(bag) for bag in run.bags]
         print(
-            f"playing {run.name}: {run.duration:.1f} s at {rate:g} times its pace, {len(run.topics)} topics", flush=True
+            f"playing {run.name}: {run.duration:.1f} s at {rate:g} times the recorded speed, {len(run.topics)} topics",
+            flush=True,
         )
         options = ["--quiet", "--clock", "-d", str(BEFORE), "-r", str(rate), "--topics", *run.topics, "--bags", *bags]
         return _ended(processes.start("rosbag", "play", *options, "__name:=replay"))
@@ -87,7 +88,7 @@ def _show(processes: Processes, run: Run, master: str, rviz: bool) -> None:
             publisher = processes.start("rosrun", "robot_state_publisher", "robot_state_publisher", *_inside(space))
             _wait(name, lambda: node_is_alive(master, name), publisher, START_TIMEOUT)
     else:
-        print("the run has no robot.urdf: no robot is shown", flush=True)
+        print("the run folder has no robot.urdf, so rviz shows no robot", flush=True)
     if rviz:
         shown = processes.start("rosrun", "rviz", "rviz", "-d", str(VIEW), *_inside(space), "__name:=rviz")
         _wait("rviz", lambda: node_is_alive(master, f"{space}/rviz"), shown, RVIZ_TIMEOUT)
@@ -96,7 +97,7 @@ def _show(processes: Processes, run: Run, master: str, rviz: bool) -> None:
 
 
 def _inside(space: str) -> list[str]:
-    """Return the arguments of a node in the robot's namespace, where its transforms are, too."""
+    """Return the remapping arguments of a node in the robot's namespace, which also contains its transforms."""
     return [f"__ns:={space or '/'}", "/tf:=tf", "/tf_static:=tf_static"]
 
 
@@ -140,8 +141,8 @@ def main(argv: Sequence[str]) -> int:
         if running and (reason := blocked(call(master, "getSystemState"), run)):
             other = "ROS_MASTER_URI=http://localhost:11322 scripts/replay ..."
             raise FailureError(
-                f"{reason} on the master {master}: the run would be mixed with it. End it first, or replay beside "
-                f"it:  {other}"
+                f"{reason} on the master {master}: its topics would be mixed with those of the replay. End it first, "
+                f"or replay on another master:  {other}"
             )
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(number, _interrupt)

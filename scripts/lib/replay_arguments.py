@@ -1,6 +1,6 @@
-"""Command line of scripts/replay, which is also read before the set-up.
+"""Parser of the command line of scripts/replay, which also runs before the set-up.
 
-This file needs nothing but Python itself and the source next to it."""
+This file needs only Python and the source code of the workspace."""
 
 import argparse
 import sys
@@ -13,17 +13,21 @@ from hric_core.errors import HricError
 
 
 def parsed(argv: Sequence[str]) -> argparse.Namespace:
-    """Return the parsed command line; a missing run is refused."""
+    """Return the parsed command line; exit with code 2 if an argument is invalid or the run does not exist."""
     parser = argparse.ArgumentParser(
         "scripts/replay",
-        description="Play a run: its bag with its own clock, the robot as it was, and rviz. The space bar pauses, "
+        description="Play the bag of a run with its recorded clock, and show its robot in rviz. The space bar pauses, "
         "Ctrl-C ends it.",
     )
     parser.add_argument("run", metavar="RUN", help="run folder, its name below runs/, or latest")
     parser.add_argument(
-        "--rate", type=_rate, default=1.0, metavar="R", help="so many times as fast as it was (default 1)"
+        "--rate",
+        type=_rate,
+        default=1.0,
+        metavar="R",
+        help="speed of the replay as a multiple of the recorded speed (default 1)",
     )
-    parser.add_argument("--no-rviz", action="store_true", help="without rviz; by itself where there is no display")
+    parser.add_argument("--no-rviz", action="store_true", help="do not start rviz; default without a display")
     parser.add_argument("--runs", metavar="DIR", help="folder of all runs")
     arguments = parser.parse_args(argv)
     try:

@@ -1,4 +1,4 @@
-"""Content of a run folder for a replay, and reasons against a replay on a running master."""
+"""Content of a run folder that a replay needs, and check of a running master before a replay."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,23 +9,23 @@ from hric_bags.run_folder import RunFolder, runs_root
 from hric_core.errors import HricError
 
 NOT_PLAYED = ("/clock", "/rosout", "/rosout_agg")
-"""Topics that are not played: the player creates the clock, and the old log would mix with the present one."""
+"""Topics that are not played: the player publishes the clock, and the old log would be mixed with the present one."""
 LISTENING = ("/rosout",)
-"""Nodes that every master has."""
+"""Nodes that run with every master."""
 
 
 @dataclass(frozen=True)
 class Run:
-    """Recorded run.
+    """Recorded run to play.
 
     Attributes:
-        name: name of its folder.
-        bags: parts of its bag.
-        urdf: the robot's description; empty: not known.
-        namespace: the robot's namespace, without a slash at its end; "" for none.
+        name: name of the run folder.
+        bags: parts of the bag, in order.
+        urdf: description of the robot as URDF; empty: unknown.
+        namespace: namespace of the robot, without a slash at its end; "" for none.
         topics: topics to play.
-        has_transforms: True if the bag has those of a robot_state_publisher.
-        duration: from the first message to the last [s].
+        has_transforms: True if the bag contains the transforms of a robot_state_publisher.
+        duration: time from the first message to the last [s].
     """
 
     name: str
@@ -38,10 +38,10 @@ class Run:
 
 
 def find(name: str, root: str | None) -> Run:
-    """Return the requested run.
+    """Return the run of a name, path or `latest`, below the folder `root` of all runs.
 
     Raises:
-        HricError: it does not exist, its bag was not closed or is damaged, or it is empty.
+        HricError: the run does not exist, or its bag was not closed, is damaged or is empty.
     """
     folder = RunFolder.open(name, runs_root(root))
     bag = folder.bag_of(folder.read())
@@ -61,7 +61,7 @@ def find(name: str, root: str | None) -> Run:
     except OSError as error:
         raise HricError(f"cannot read {bag.name}: {error.strerror or error}") from error
     if not topics:
-        raise HricError(f"the run {folder.path.name} has nothing to play: {bag.name} holds no message")
+        raise HricError(f"the run {folder.path.name} has nothing to play: {bag.name} contains no message")
     urdf = folder.urdf_path.read_text() if folder.urdf_path.is_file() else ""
     transforms = any(sender.endswith("/robot_state_publisher") for sender in senders)
     return Run(folder.path.name, parts(bag), urdf, _namespace(topics), topics, transforms, duration)
@@ -77,9 +77,9 @@ def _namespace(topics: list[str]) -> str:
 
 
 def blocked(state: tuple[int, str, Any] | None, run: Run) -> str:
-    """Return the reason why a run must not be played on a running master; empty: it may.
+    """Return the reason why a run must not be played on a running master; empty: it may be played.
 
-    A robot that runs there would take the recorded commands for present ones.
+    A robot on this master would execute the recorded commands.
 
     Args:
         state: response of the master to getSystemState.

@@ -1,10 +1,10 @@
 # shellcheck shell=bash disable=SC2154 # $ws and $check come from scripts/setup
-# The steps of scripts/setup, and how it talks. Sourced with $ws set and as the working folder.
+# The steps of scripts/setup, and its messages. To be sourced with the workspace as $ws and as working directory.
 
 logs=logs
 stamp_file=.setup-stamp
 steps_done=0
-# A package of the user's home must not stand in for one of the workspace.
+# Packages in the user's home must not replace those of the workspace.
 export PYTHONNOUSERSITE=1
 plain_path=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin
 
@@ -13,7 +13,7 @@ fail() {
   exit 1
 }
 
-# With `sudo scripts/setup` only the Debian packages are root's business; the workspace stays the user's.
+# With `sudo scripts/setup`, only Debian packages are installed as root; all files of the workspace are owned by the user.
 as_user() {
   if [ "$EUID" = 0 ] && [ "${SUDO_UID:-0}" != 0 ]; then sudo -H -u "#$SUDO_UID" env PYTHONNOUSERSITE=1 "$@"; else "$@"; fi
 }
@@ -29,21 +29,21 @@ stamp() {
   printf '%s\n' "$1 $2" ${rest:+"$rest"} | as_user tee "$stamp_file" >/dev/null
 }
 
-# forget BEGIN: what is stamped under names that begin so has to be done again.
+# forget PREFIX: delete the stamps of steps whose names have this prefix, so that these steps are repeated.
 forget() {
   local rest=
   [ ! -f "$stamp_file" ] || rest=$(grep -v "^$1" "$stamp_file" || true)
   printf '%s\n' "$rest" | as_user tee "$stamp_file" >/dev/null
 }
 
-# step TITLE LOG SHARE EXPECTED COMMAND...: run it, show its share done by `share_SHARE LOG`, and how long it took of the seconds expected on two
-# processors; on failure the end of its log.
+# step TITLE LOG SHARE EXPECTED COMMAND...: run COMMAND and print its progress in percent (from `share_SHARE LOG`) and its duration; EXPECTED is the
+# duration on two idle processors [s]. On failure print the end of the log and exit.
 step() {
   local title=$1 log=$logs/setup-$2.log share=$3 expected=$4 started=$SECONDS pid code=0
   shift 4
   [ -d "$logs" ] || as_user mkdir -p "$logs"
   echo "==> $title"
-  # A process group of its own, so that an interrupt can end all of it.
+  # Start the command in a separate process group, so that an interrupt can end all its processes.
   set -m
   "$@" </dev/null > >(as_user tee "$log" >/dev/null) 2>&1 &
   pid=$!
@@ -54,13 +54,13 @@ step() {
   trap - INT TERM
   if [ $code != 0 ]; then
     tail -n 30 "$log" >&2
-    fail "this step failed (code $code): $title" "the whole log: $ws/$log"
+    fail "this step failed with exit code $code: $title" "complete log: $ws/$log"
   fi
   steps_done=$((steps_done + 1))
   echo "    done in $((SECONDS - started)) s"
 }
 
-# Ctrl-C: ends a step with all that it started, and waits for that: a package manager finishes the file that it is at.
+# On Ctrl-C: end all processes of a step and wait for them, since a package manager completes its present file first.
 stop_step() {
   local waited=0
   kill -- -"$1" 2>/dev/null || true
@@ -68,7 +68,7 @@ stop_step() {
     sleep 0.1
     waited=$((waited + 1))
   done
-  printf '\n%s: stopped by you; call it again to go on\n' "${program:-scripts/setup}" >&2
+  printf '\n%s: stopped by Ctrl-C; call it again to continue\n' "${program:-scripts/setup}" >&2
   exit 130
 }
 
@@ -79,17 +79,17 @@ show_progress() {
     sleep 0.1
     ticks=$((ticks + 1))
     [ $((ticks % every)) = 0 ] || continue
-    line=$(printf '%3d %%  %d s, on an idle machine %d s in all' "$("share_$share" "$log" 2>/dev/null || echo 0)" $((SECONDS - started)) "$expected")
+    line=$(printf '%3d %%  %d s of about %d s on an idle machine' "$("share_$share" "$log" 2>/dev/null || echo 0)" $((SECONDS - started)) "$expected")
     if [ -t 1 ]; then printf '\r\033[K    %s' "$line"; else printf '    %s\n' "$line"; fi
   done
   [ ! -t 1 ] || printf '\r\033[K'
 }
 
-# Shares done, in percent, from the log of a step.
-share_apt() { # apt's own status lines: of the downloads, a third of the whole, and of dpkg
+# Progress of a step in percent, from its log.
+share_apt() { # from apt's status lines: downloads count one third, the work of dpkg two thirds
   awk -F: '/^dlstatus:/ { fetched = $3 } /^pmstatus:/ { installed = $3 } END { print int(fetched / 3 + installed * 2 / 3) }' "$1"
 }
-share_pip() { # packages found, half of the whole, and then those in place
+share_pip() { # collecting packages counts one half, installing them the other
   local wanted found placed
   wanted=$(grep -c == "scripts/requirements${part_file:-}.txt")
   found=$(grep -c '^Collecting' "$1")
@@ -100,12 +100,12 @@ share_pip() { # packages found, half of the whole, and then those in place
     echo $((found >= wanted ? 49 : found * 49 / wanted))
   fi
 }
-share_make() { # the configuration is a quarter of the whole
+share_make() { # the configuration by cmake counts one quarter
   awk '/^-- \+\+\+ processing catkin package/ { seen++ } match($0, /^\[ *[0-9]+%\]/) { made = substr($0, 2, RLENGTH - 3) + 0 }
     END { print made ? int(25 + made * 0.75) : (seen > 24 ? 24 : seen + 0) }' "$1"
 }
 
-# Only there do ROS 1 packages with these names and versions exist.
+# Packages of ROS 1 with these names and versions exist for Debian 12 only.
 refuse_other_systems() {
   local os_release=${HRIC_OS_RELEASE:-/etc/os-release} name codename
   name=$(. "$os_release" && echo "${PRETTY_NAME:-unknown}")
@@ -116,19 +116,19 @@ refuse_other_systems() {
     "On any Linux with Docker:  docker compose -f docker/compose.yaml up --build"
 }
 
-# The environment and the build tree hold absolute paths.
+# The Python environment and the build tree contain absolute paths, so they must be made again after a move.
 notice_moved_workspace() {
   local home
   if [ -f build/CMakeCache.txt ]; then
     home=$(sed -n 's/^CMAKE_HOME_DIRECTORY:INTERNAL=//p' build/CMakeCache.txt)
     if [ "$home" != "$ws/src" ] && ! $check; then
-      echo "==> The workspace moved here from ${home%/src}: its build and .venv are made anew"
+      echo "==> The workspace was moved here from ${home%/src}: its build and .venv are made again"
       rm -rf build devel .venv
     fi
   fi
 }
 
-# Names in scripts/apt-packages.txt that dpkg does not call installed: of what running needs, and of the sections given.
+# Print the packages in scripts/apt-packages.txt that are not installed: those that running needs, and those of the given sections.
 missing_packages() {
   local wanted
   mapfile -t wanted < <(awk -v sections=" $* " '
@@ -144,7 +144,7 @@ locked_of() { echo "scripts/locked/$1.txt"; }
 
 python_key() { hash_of "$ws" "$(cat "$(locked_of run)" "$(locked_of "$1")")"; }
 
-# Whatever changes the build: of packages that have messages or compiled code. A package of Python alone is found where it is.
+# Print the hashes of all files that affect the build. Packages with Python code only are not built, so they are left out.
 build_inputs() {
   local compiled
   mapfile -t compiled < <(find src -mindepth 3 \( -name '*.msg' -o -name '*.srv' -o -name '*.action' -o -name '*.cfg' -o -name '*.[ch]' \
@@ -156,8 +156,8 @@ build_inputs() {
 
 report_missing() {
   [ ${#missing[@]} = 0 ] || echo "missing: ${#missing[@]} Debian packages: ${missing[*]}"
-  [ ${#need_python[@]} = 0 ] || echo "missing: the Python environment .venv, or it is not up to date with $(requirements_of "${need_python[0]}")"
-  ! $need_build || echo "missing: the build, or it is not up to date"
+  [ ${#need_python[@]} = 0 ] || echo "missing or outdated: the Python environment .venv, by $(requirements_of "${need_python[0]}")"
+  ! $need_build || echo "missing or outdated: the build"
   if [ ${#missing[@]} != 0 ] || [ ${#need_python[@]} != 0 ] || $need_build; then
     echo "run scripts/setup${parts[*]:+ --with ${parts[*]}}"
     return 1
@@ -168,35 +168,35 @@ report_missing() {
 install_packages() {
   local root=() apt
   if [ "$EUID" != 0 ]; then
-    command -v sudo >/dev/null || fail "${#missing[@]} Debian packages are missing and this account is not root, nor is there sudo. As root:" "  $ws/scripts/setup --system"
+    command -v sudo >/dev/null || fail "${#missing[@]} Debian packages are missing, this account is not root, and sudo is not installed. Call as root:" "  $ws/scripts/setup --system"
     echo "==> ${#missing[@]} Debian packages are missing; sudo may ask for your password"
-    sudo -v || fail "sudo refused. Let somebody with the right call:  $ws/scripts/setup --system"
+    sudo -v || fail "sudo refused. Ask an administrator to call:  $ws/scripts/setup --system"
     root=(sudo)
   fi
-  # Another program that installs is waited for.
+  # Wait if another program is installing packages.
   apt=("${root[@]}" env "PATH=$plain_path" DEBIAN_FRONTEND=noninteractive apt-get -q -o DPkg::Lock::Timeout=300 -o APT::Status-Fd=1)
   if [ -n "$(dpkg --audit 2>/dev/null)" ]; then
-    step "Finishing what dpkg was interrupted in" dpkg apt 10 "${root[@]}" env PATH=$plain_path DEBIAN_FRONTEND=noninteractive dpkg --configure -a
-    step "Mending dependencies that were left half installed" apt-mend apt 10 "${apt[@]}" install -y --fix-broken
+    step "Completing an interrupted installation of dpkg" dpkg apt 10 "${root[@]}" env PATH=$plain_path DEBIAN_FRONTEND=noninteractive dpkg --configure -a
+    step "Repairing incompletely installed dependencies" apt-mend apt 10 "${apt[@]}" install -y --fix-broken
   fi
   step "Reading the package lists" apt-update apt 10 "${apt[@]}" update
-  tell_sizes
+  print_sizes
   step "Installing ${#missing[@]} Debian packages and what they need" apt-install apt 120 "${apt[@]}" install -y --no-install-recommends "${missing[@]}"
 }
 
-# What apt is about to fetch and to unpack, and what comes after it.
-tell_sizes() {
+# Print the sizes of the packages that apt will download and unpack, and of the later steps.
+print_sizes() {
   env PATH=$plain_path apt-get install --assume-no --no-install-recommends "${missing[@]}" 2>/dev/null |
-    sed -n 's/^Need to get \(.*\) of archives.*/    to fetch: \1/p; s/^After this operation, \(.*\) of additional.*/    on the disk: \1, besides 1.3 GB in .venv and 0.1 GB of build/p' || true
+    sed -n 's/^Need to get \(.*\) of archives.*/    download: \1/p; s/^After this operation, \(.*\) of additional.*/    disk space: \1, and 1.3 GB in .venv and 0.1 GB for the build/p' || true
 }
 
-# Debian's own Python, whatever stands first in PATH: ROS's Python packages are built for it.
+# Use Debian's Python, whichever is first in PATH, since ROS's Python packages are built for it.
 install_python() {
   local part
   if ! grep -qs '^include-system-site-packages = true' .venv/pyvenv.cfg || ! grep -qs '^home = /usr/bin' .venv/pyvenv.cfg ||
     ! .venv/bin/python3 -m pip --version >/dev/null 2>&1; then
     forget python-
-    step "Making the Python environment .venv" venv none 10 as_user env PATH=$plain_path /usr/bin/python3 -m venv --clear --system-site-packages .venv
+    step "Creating the Python environment .venv" venv none 10 as_user env PATH=$plain_path /usr/bin/python3 -m venv --clear --system-site-packages .venv
   elif [ "$(stamped doing)" = python ]; then
     as_user .venv/bin/python3 scripts/lib/mend_venv.py
   fi
@@ -210,7 +210,7 @@ install_python() {
       --disable-pip-version-check --progress-bar off --no-deps --require-hashes -r "$(locked_of "$part")"
     if [ "$part" = run ]; then
       check_python
-      # What nothing here uses: models that come with PyBullet, but for the Panda's meshes and those of tests; headers of the rigid-body library.
+      # Remove unused files: models that are part of PyBullet, except for the Panda's meshes and those used by tests; headers of the rigid-body library.
       as_user find .venv/lib/python3*/site-packages/pybullet_data -mindepth 1 -maxdepth 1 ! -name __init__.py ! -name franka_panda \
         ! -name racecar ! -name kuka_iiwa ! -name 'duck*' -exec rm -rf {} +
       as_user rm -rf .venv/lib/python3*/site-packages/cmeel.prefix/include
@@ -225,15 +225,15 @@ share_none() { echo 0; }
 about_part() {
   case $1 in
     run) echo " (1.3 GB)" ;;
-    checks) echo " of tests and lint (0.6 GB)" ;;
-    pictures) echo " that draw pictures (0.6 GB)" ;;
-    search) echo " that search worst cases (40 MB)" ;;
-    cluster) echo " of sweeps on a cluster (45 MB)" ;;
-    mutation) echo " that find what no test notices (45 MB)" ;;
+    checks) echo " for tests and lint (0.6 GB)" ;;
+    pictures) echo " for pictures of OpenSim models (0.6 GB)" ;;
+    search) echo " for the search of worst cases (40 MB)" ;;
+    cluster) echo " for sweeps on a cluster (45 MB)" ;;
+    mutation) echo " for scripts/mutate (45 MB)" ;;
   esac
 }
 
-# What a killed compiler left behind looks finished to make: the build begins anew after an interruption.
+# After an interruption build again from the start, since make would treat incomplete files of a killed compiler as finished.
 build() {
   if [ "$(stamped doing)" = build ]; then as_user rm -rf build devel; fi
   stamp doing build
@@ -242,7 +242,7 @@ build() {
   stamp doing nothing
 }
 
-# Two packages that others drag in silently in the wrong version.
+# Check the versions of two packages that dependencies of others could silently change.
 check_python() {
   local wanted found
   wanted=$(sed -n 's/^numpy==//p' scripts/requirements.txt)

@@ -1,4 +1,4 @@
-"""The command as its users call it, for tests."""
+"""Call of the benchmark command (tests/benchmarks/table.py) for tests."""
 
 import os
 import subprocess
@@ -9,7 +9,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def benchmark(*words: str, path: Path | None = None) -> subprocess.CompletedProcess[str]:
-    """The command; path: stands before all others in the path of Python."""
+    """Run the benchmark command; `path` is put first in PYTHONPATH."""
     own = [str(path)] if path else []
     environment = os.environ | {"PYTHONPATH": os.pathsep.join([*own, os.environ.get("PYTHONPATH", "")])}
     command = [sys.executable, str(ROOT / "tests" / "benchmarks" / "table.py"), *words]

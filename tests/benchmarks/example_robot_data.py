@@ -1,11 +1,12 @@
-"""Every robot of PyPI's example-robot-data through the converter, with proof, and forward; writes
+"""Convert every robot of PyPI's example-robot-data to OpenSim, check and simulate the models, and write
 docs/example_robot_data.md.
 
     python tests/benchmarks/example_robot_data.py                # installs the package into a throw-away folder (130 MB to download)
-    python tests/benchmarks/example_robot_data.py --data FOLDER  # uses one that is there
+    python tests/benchmarks/example_robot_data.py --data FOLDER  # uses an installed package
 
-Each robot has a process of its own, so that a crash is a row of the table like any other. Where the defaults refuse a
-robot, the options that the converter offers are tried from the fewest on, and the table tells which were needed.
+Each robot is converted in a separate process, so that a crash becomes a row of the table. If the converter refuses a
+robot with its default options, combinations of the options that it suggests are tried, the smallest combinations
+first, and the table shows which were needed.
 """  # noqa: E501
 
 import argparse
@@ -35,32 +36,31 @@ STATES, SEED = 100, 0
 RIGID = ("frames", "mass matrix", "gravity", "inverse dynamics")
 RELATIVE = "mass matrix / inertia"
 SHOWN = 400
-"""Letters of a refusal; some list every joint."""
+"""Maximum length of a refusal on the page [characters]; some refusals list every joint."""
 FORWARD, RUNS = 0.5, 3
-"""Simulated time of a forward run [s], and how many there are with and without friction, one after the other; the
-median counts."""
+"""Simulated time of a forward run [s], and number of runs each with and without friction, whose median is used."""
 SLOWEST, SHARE = 0.2, 1.0 / 3.0
-"""Real-time factor that is asked for, and the part of the frictionless model's."""
+"""Bounds below which the page names a robot as slow: real-time factor, and its ratio to that without friction [1]."""
 TIMEOUT = 900.0
-"""For one robot [s]."""
+"""Timeout of the process of one robot [s]."""
 
 
 @dataclass
 class Row:
-    """What became of one robot.
+    """Result of one robot.
 
     Attributes:
         name: path of its URDF below robots/.
-        needed: options that it needed, as the command has them.
-        refusal: of the last try, with all options; empty where it passed.
-        first: what the defaults answered; empty where they passed.
-        freedom: coordinates of the model, without those that mimic others.
-        errors: of the proof.
-        convert_s, mesh_s, proof_s: times [s]; the meshes were not in a cache.
+        needed: options that it needed, as command-line arguments.
+        refusal: message of the converter with all options; empty if it passed.
+        first: message of the converter with the default options; empty if these passed.
+        freedom: number of coordinates of the model, without those of mimic joints.
+        errors: largest error by compared quantity.
+        convert_s, mesh_s, proof_s: wall times of conversion, mesh conversion and comparison [s].
         meshes: number of mesh files.
-        forward, frictionless: real-time factors with default friction and without any, by processor time; 0 without a
-            joint.
-        transitions: least and greatest velocity of friction [rad/s or m/s]; empty without friction.
+        forward, frictionless: real-time factors with default friction and without any, by processor time; 0 for a robot
+            without joints.
+        transitions: smallest and largest transition velocity of friction [rad/s or m/s]; empty without friction.
     """
 
     name: str
@@ -79,12 +79,12 @@ class Row:
 
 
 def robots(data: Path) -> list[Path]:
-    """All URDFs of the installed package."""
+    """Return all URDF files of the installed package."""
     return sorted(data.rglob("*.urdf"))
 
 
 def install(folder: Path) -> None:
-    """The package alone into a folder."""
+    """Install the package into a folder, without its dependencies."""
     words = [
         "--disable-pip-version-check",
         "--progress-bar",
@@ -99,7 +99,7 @@ def install(folder: Path) -> None:
 
 
 def try_robot(path: Path, row: Row) -> Row:
-    """Convert one robot here; for a process that may end with it."""
+    """Convert and simulate one robot in this process, which a crash would end."""
     import opensim
 
     from hric_core.errors import HricError
@@ -120,7 +120,7 @@ def try_robot(path: Path, row: Row) -> Row:
 
 
 def _run_forward(path: Path, row: Row, chosen: dict[str, Any]) -> None:
-    """Forward runs from the default pose with OpenSim's own integrator, with and without friction in turn."""
+    """Simulate from the default pose with OpenSim's default integrator, alternating with and without friction."""
     import opensim
 
     import urdf_to_osim
@@ -171,13 +171,13 @@ def _convert(path: Path, row: Row, chosen: dict[str, Any]) -> None:
 
 
 def run_all(data: Path) -> Iterator[Row]:
-    """One row after the other, each from a process of its own."""
+    """Yield the result of each robot, converted in a separate process."""
     with tempfile.TemporaryDirectory() as folder:
         share = _ros_package(data, Path(folder))
         environment = os.environ | {"ROS_PACKAGE_PATH": folder, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
         for path in robots(data):
             row = _run_one(path, environment)
-            # Addresses in messages begin at the package.
+            # Paths in messages are relative to the package.
             row.refusal, row.first = (
                 text.replace(f"{share}/", "").replace(f"{folder}/", "") for text in (row.refusal, row.first)
             )
@@ -185,8 +185,10 @@ def run_all(data: Path) -> Iterator[Row]:
 
 
 def _ros_package(data: Path, folder: Path) -> Path:
-    """The data as a ROS package of the name that its addresses have, which is that of its folder; its own package.xml
-    has another."""
+    """Return a ROS package with the data, under the package name in the mesh addresses.
+
+    That is the name of the data's folder; the package.xml of the data has a different one.
+    """
     (share,) = (path.parent for path in data.rglob("package.xml"))
     package = folder / share.name
     package.mkdir()
@@ -210,18 +212,18 @@ def _run_one(path: Path, environment: dict[str, str]) -> Row:
 
 
 def page(rows: Sequence[Row]) -> str:
-    """The table as Markdown."""
+    """Return the page as Markdown."""
     passed = [row for row in rows if not row.refusal]
     plain = [row for row in passed if not row.needed]
     head = f"""# The converter over example-robot-data
 
-Every URDF of the PyPI package `{PACKAGE}` through `urdf_to_osim`, with the proof over {STATES} random states (seed {SEED})
-after the file was read back. **{len(passed)} of {len(rows)} pass**, {len(plain)} of them with the defaults, {len(passed) - len(plain)} with options
-that the converter offers where it refuses.
+This page shows how well `urdf_to_osim` converts public robot descriptions to OpenSim models: every URDF of the PyPI package `{PACKAGE}` is converted, the written model
+is read back, and its dynamics are compared with the description at {STATES} random states (seed {SEED}). **{len(passed)} of {len(rows)} pass**, {len(plain)} of them with the default options, {len(passed) - len(plain)} with options
+that the converter suggests when it refuses a description. `python tests/benchmarks/example_robot_data.py` makes this page.
 
-Errors are the largest ones, relative to the largest value where that is above 1; the tolerance is 1e-9. "Forces" is the worst of what is compared
-with closed forms (damping, friction, stops, couplers, actuators). Times are of one run on two busy shared cores; meshes came from their source files,
-not from the cache. The package is for this check only. Made by `python tests/benchmarks/example_robot_data.py`.
+Errors are the largest ones of all states, relative to the largest value if that is above 1; the tolerance is 1e-9. "Forces" is the largest error of the forces that are compared
+with closed-form formulas (damping, friction, joint stops, mimic couplers, actuators). Times are of one run on two busy shared cores; meshes were converted from their source files,
+not taken from the cache. The workspace uses the package for this check only.
 
 | URDF | DoF | result | frames | mass matrix | gravity | inverse dynamics | forces | conversion [s] | meshes | mesh conversion [s] | proof [s] |
 |---|---|---|---|---|---|---|---|---|---|---|---|
@@ -230,7 +232,7 @@ not from the cache. The package is for this check only. Made by `python tests/be
 
 
 def _forward_page(rows: Sequence[Row]) -> str:
-    """The forward runs as Markdown."""
+    """Return the section on forward simulation as Markdown."""
     runs = [row for row in rows if row.forward]
     slow, far = (
         [row.name for row in runs if row.forward < bound(row)]
@@ -238,17 +240,17 @@ def _forward_page(rows: Sequence[Row]) -> str:
     )
     return (
         f"""
-## Forward
+## Forward simulation
 
-{FORWARD} s of each robot that converts, without controls, from its default pose at rest, with OpenSim's own integrator and accuracy and the default
-options: median real-time factor of {RUNS} runs by processor time, with the default friction and without any. v is the range of the transition
-velocities of friction, -f tanh(dq/v); without v the description has no friction, and both models are the same.
+Speed of a forward simulation of each converted robot: {FORWARD} s without controls, from its default pose at rest, with OpenSim's default integrator and accuracy and the default
+options of the converter. Real-time factors (simulated time per processor time) are medians of {RUNS} runs, with the default friction and without any. v is the range of the transition
+velocities in the friction law -f tanh(dq/v); without v the description has no friction, and both models are the same.
 
-- Slower than {SLOWEST}: {_names(slow)}
-- Slower than a third of the frictionless model: {_names(far)}
+- Real-time factor below {SLOWEST}: {_names(slow)}
+- Below a third of the factor without friction: {_names(far)}
 - Both: {_names([name for name in slow if name in far])}
 
-| URDF | real-time factor | frictionless | share | v [rad/s or m/s] |
+| URDF | real-time factor | without friction | ratio | v [rad/s or m/s] |
 |---|---|---|---|---|
 """  # noqa: E501
         + "\n".join(map(_forward_line, runs))
@@ -277,15 +279,15 @@ def _line(row: Row) -> str:
 
 
 def _explained(rows: Sequence[Row]) -> str:
-    """What the converter said of those that did not pass, and of those that passed with options only."""
+    """Return the sections with messages on robots that were refused or needed options, as Markdown."""
     text = ""
     for title, said in (
         (
-            f"Refused, also with {', '.join(f'`{words}`' for words, _ in OFFERS)}",
+            f"Refused, even with {', '.join(f'`{words}`' for words, _ in OFFERS)}",
             {row.name: row.refusal for row in rows if row.refusal},
         ),
         (
-            "Passed with an option; what the defaults said",
+            "Passed with an option; message of the converter with the default options",
             {row.name: row.first for row in rows if row.needed and not row.refusal},
         ),
     ):
@@ -297,7 +299,7 @@ def _explained(rows: Sequence[Row]) -> str:
 
 
 def main(words: Sequence[str]) -> None:
-    """The command."""
+    """Run the command."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, help="folder with the installed package")
     parser.add_argument("--output", type=Path, default=PAGE)

@@ -1,10 +1,9 @@
-"""What exporting a bag costs per format, as a ratio to reading the same bag raw: every message taken out of its chunk,
-none decoded.
+"""Measure the processor time to export a bag per format, as a ratio to reading its messages without decoding.
 
     python tests/benchmarks/export_cost.py RUN|BAG
 
-CPU time of the process. Each format is exported by itself into an empty folder: reading into tables is in its cost.
-What is told is the least of three, raw reading in turn with the formats.
+Each format is exported separately into an empty folder, so that its cost includes reading the tables. The result is the
+minimum of three measurements, which alternate with reading without decoding.
 """
 
 import sys
@@ -23,22 +22,24 @@ ROUNDS = 3
 
 
 def read_raw(source: ExportSource) -> None:
-    """Take every message out of the bag."""
+    """Read every message of the bag without decoding it."""
     with AnyReader([source.bag]) as reader:
         for _ in reader.messages():
             pass
 
 
 def spent(what: Callable[[], object]) -> float:
-    """CPU time of a call [s]."""
+    """Return the processor time of a call [s]."""
     begin = time.process_time()
     what()
     return time.process_time() - begin
 
 
 def measure(source: ExportSource, formats: tuple[str, ...] = FORMATS) -> tuple[float, dict[str, float]]:
-    """(CPU time of reading raw [s], cost of each format as a ratio to it); formats for which the bag has nothing are
-    left out."""
+    """Return the processor time of reading without decoding [s], and the ratio of each format to it.
+
+    Formats for which the bag has no data are left out.
+    """
     raw, costs = [], {kind: [] for kind in formats}
     for _ in range(ROUNDS):
         raw.append(spent(lambda: read_raw(source)))
@@ -55,7 +56,7 @@ def measure(source: ExportSource, formats: tuple[str, ...] = FORMATS) -> tuple[f
 
 
 def main() -> None:
-    """Print the table."""
+    """Measure and print the table."""
     source = recording.find(sys.argv[1] if len(sys.argv) > 1 else "latest")
     raw, ratios = measure(source)
     print(

@@ -1,14 +1,13 @@
-"""How often an arm that touches nothing feels a collision, over the collision thresholds, for each realism of the
-simulated arm.
+"""Measure the share of free motions that a collision reflex ends, by collision thresholds and `realism`.
 
     python tests/benchmarks/false_reflexes.py [motions]
 
-The emulated arm of `hric control_box` moves from pose to pose about the ready pose, with its internal
-joint impedance and no shapes that could touch anything, along fifth-order polynomials at half of its limits of velocity
-and acceleration. Its thresholds are out of reach meanwhile: with thresholds of s times the default
-(config/control_box.yaml) a motion would have ended in joint_reflex or cartesian_reflex if its largest external torque
-or force is more than s times theirs. The second table is what the preset `measured` was tuned by: the external torque
-that is not there, beside the residual of a real arm's model.
+The emulated arm of `hric control_box` moves between poses around the ready pose with its internal joint impedance and
+without collision shapes, along fifth-order polynomials at half of its limits of velocity and acceleration. Its
+thresholds are set too high to be reached. For thresholds of s times the default (config/control_box.yaml), a motion
+would end in joint_reflex or cartesian_reflex if its largest external torque or force exceeds s times the default. The
+second table, by which the preset `measured` was tuned, compares the estimated external torque in free motion with the
+residual of a real arm's model.
 """
 
 import sys
@@ -39,17 +38,15 @@ FORMS: Mapping[str, Mapping[str, Any]] = {
     "friction alone": {"preset": "measured", **NO_NOISE, **SAME_BODY},
     "measured": {"preset": "measured"},
 }
-"""Values of --realism, by what the tables call them."""
+"""Values of --realism by the names in the tables."""
 SCALES = (1.0, 0.3, 0.2, 0.15, 0.12, 0.1, 0.07, 0.05, 0.02, 0.01, 0.005, 0.002)
-"""Of the default thresholds."""
+"""Thresholds as multiples of the default [1]."""
 REAL = (0.07, 0.58, 1.7)
-"""Residual of a real arm's model with identified friction: smallest and largest of the joints, sum of the seven [N m
-RMS]."""
+"""Residual of a real arm's model with identified friction: smallest and largest of the joints, and sum [N m RMS]."""
 REACH = 0.5
-"""Poses are so far from the ready pose at most, each joint [rad]: far from singular poses, stops and the arm's own
-body."""
+"""Maximum distance of poses from the ready pose, per joint [rad]: far from singularities, stops and self-collision."""
 SHARE = 0.5
-"""Of the limits of velocity and acceleration that a motion uses."""
+"""Share of the limits of velocity and acceleration that a motion uses [1]."""
 OUT_OF_REACH = 1e6
 DT = 1e-3
 ZEROS = [0.0] * 7
@@ -57,12 +54,12 @@ ZEROS = [0.0] * 7
 
 @dataclass
 class Felt:
-    """What an arm felt while it touched nothing.
+    """Estimated external torques and forces of an arm in free motions.
 
     Attributes:
         peaks: per motion, the largest external torque or force as a multiple of its threshold [1].
         squares: sum of the squared external torques, shape (7,) [N^2 m^2].
-        cycles: how many cycles that is over.
+        cycles: number of cycles in this sum.
     """
 
     peaks: list[float] = field(default_factory=list)
@@ -70,21 +67,21 @@ class Felt:
     cycles: int = 0
 
     def rate(self, scale: float) -> float:
-        """Share of the motions that thresholds of `scale` times the default would have ended [1]."""
+        """Return the share of motions that thresholds of `scale` times the default would have ended [1]."""
         return sum(peak > scale for peak in self.peaks) / len(self.peaks)
 
     @property
     def rms(self) -> FloatArray:
-        """External torque while moving, shape (7,) [N m RMS]."""
+        """Return the external torque during motion, shape (7,) [N m RMS]."""
         return np.sqrt(self.squares / self.cycles)
 
 
 def emulated_arm(realism: Mapping[str, Any] | str, seed: int = 0) -> ArmDevice:
-    """The arm of the command `control_box` without shapes.
+    """Return the emulated arm of `hric control_box`, without collision shapes.
 
     Args:
         realism: value of --realism.
-        seed: of the noise.
+        seed: seed of the noise.
     """
     options = ControlBoxCommand().parser().parse_args(["--no-collision", "--seed", str(seed)])
     options.realism = realism
@@ -92,12 +89,12 @@ def emulated_arm(realism: Mapping[str, Any] | str, seed: int = 0) -> ArmDevice:
 
 
 def targets(motions: int) -> FloatArray:
-    """Poses one after the other, the same each time, shape (motions, 7) [rad]."""
+    """Return the target poses, the same in each call, shape (motions, 7) [rad]."""
     return np.array(Q_START) + np.random.default_rng(0).uniform(-REACH, REACH, (motions, 7))
 
 
 def path(arm: ArmDevice, goal: Sequence[float]) -> FloatArray:
-    """Commanded positions from where the arm is held, shape (cycles, 7) [rad]; s = 10 x^3 - 15 x^4 + 6 x^5."""
+    """Return positions from the present pose to a goal, s = 10 x^3 - 15 x^4 + 6 x^5, shape (cycles, 7) [rad]."""
     start, limits = np.array(arm.state.q_d), arm.box.config.limits
     way = np.abs(goal - start)
     # The polynomial's largest velocity is 1.875 and its largest acceleration 5.774 times those of a straight line in
@@ -109,15 +106,15 @@ def path(arm: ArmDevice, goal: Sequence[float]) -> FloatArray:
 
 
 def move(arm: ArmDevice, goal: Sequence[float], felt: Felt | None = None) -> frozenset[str]:
-    """One motion to `goal` (7 floats [rad]); the errors that ended it, if any did.
+    """Execute a motion to `goal`, and return the errors that ended it, if any.
 
     Args:
-        arm: at rest.
-        goal: 7 floats [rad].
-        felt: takes note of what the arm feels.
+        arm: arm at rest.
+        goal: target joint positions, 7 floats [rad].
+        felt: records external torques and forces.
 
     Raises:
-        HricError: it does not begin.
+        HricError: the motion does not start.
     """
     outcome = arm.move(MoveRequest(ControllerMode.JOINT_IMPEDANCE, GeneratorMode.JOINT_POSITION))
     if outcome is not RequestOutcome.STARTED:
@@ -140,12 +137,12 @@ def move(arm: ArmDevice, goal: Sequence[float], felt: Felt | None = None) -> fro
 
 
 def measure(realism: Mapping[str, Any] | str, motions: int, seed: int = 0) -> Felt:
-    """What an arm feels in so many motions.
+    """Execute a number of motions, and return the estimated external torques and forces.
 
     Args:
         realism: value of --realism.
-        motions: how many.
-        seed: of the noise.
+        motions: number of motions.
+        seed: seed of the noise.
 
     Raises:
         HricError: a motion ended for another reason.
@@ -162,7 +159,7 @@ def measure(realism: Mapping[str, Any] | str, motions: int, seed: int = 0) -> Fe
 
 
 def main(words: Sequence[str]) -> int:
-    """Print both tables."""
+    """Measure and print both tables."""
     motions = int(words[0]) if words else 60
     found = {name: measure(realism, motions) for name, realism in FORMS.items()}
     print(f"share of {motions} motions without contact that end in joint_reflex or cartesian_reflex\n")

@@ -1,13 +1,13 @@
-"""What the control loop and a data collection cost with a master, and how late what they publish arrives.
+"""Measure processor time and latency of messages of the control loop and of a data collection, with a ROS master.
 
     python tests/benchmarks/live_cost.py loop [--seconds 5] [--rounds 10]
     python tests/benchmarks/live_cost.py panda [--seconds 5] [--rounds 10]      # or fr3
     python tests/benchmarks/live_cost.py collection --seconds 20 --rounds 4
 
 `loop`: the arm behind its control box with the controllers of the default bring-up, its topics recorded and received by
-a second subscriber; first at 1 kHz of real time, then as fast as it can. `panda`, `fr3`: the same through libfranka,
-before an emulated control box that does not wait. `collection`: the experiment data_collection through scripts/bringup,
-with a subscriber beside the recorder. The table holds the median of the rounds, the lowest and the highest.
+a second subscriber; first at 1 kHz of real time, then unpaced. `panda`, `fr3`: the same through libfranka, with an
+emulated control box that does not wait. `collection`: the experiment data_collection through scripts/bringup, with a
+subscriber in addition to the recorder. The table has the median of the rounds, the lowest and the highest value.
 """
 
 import argparse
@@ -39,7 +39,7 @@ CONTROLLERS = ("joint_state_controller", "franka_state_controller", "joint_pd_co
 TICK = os.sysconf("SC_CLK_TCK")
 Figures = dict[str, float]
 BEGIN, END = "begin", "end"
-"""Of what was measured, by the monotonic clock [s]."""
+"""Keys of the start and end of a measurement on the monotonic clock [s]."""
 ALL, OTHERS = "all nodes", "the rest of the machine, CPU [% of a core]"
 HEARD = {
     "/control_log": "hric_msgs/ControlLog",
@@ -50,11 +50,11 @@ HEARD = {
     "/hric/perception/force_plate/1/samples": "hric_msgs/SampleChunk",
     "/hric/perception/sync_1000hz": "hric_msgs/SyncedSample",
 }
-"""Topics whose latency is measured; all have a header."""
+"""Topics whose latency is measured by their headers."""
 
 
 def processor_time(pid: int) -> float:
-    """Processor time of a process so far, all threads [s]; 0 when it is gone."""
+    """Return the processor time of a process with all threads [s]; 0 if it has ended."""
     try:
         words = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     except OSError:
@@ -63,7 +63,7 @@ def processor_time(pid: int) -> float:
 
 
 def busy_time() -> float:
-    """Processor time of everybody on the machine, and what its host took [s]."""
+    """Return the processor time of all processes on the machine, including time taken by its host [s]."""
     words = Path("/proc/stat").read_text().split("\n", 1)[0].split()[1:9]
     return sum(int(word) for index, word in enumerate(words) if index not in (3, 4)) / TICK  # not idle, nor waiting
 
@@ -72,7 +72,7 @@ def busy_time() -> float:
 
 
 class Recorder:
-    """Stands in for the loop's meter and keeps when each cycle began and ended."""
+    """Replacement of the loop's meter that stores start and end of each cycle."""
 
     def __init__(self, meter: Any) -> None:
         self._cycle = meter.cycle
@@ -80,14 +80,14 @@ class Recorder:
         self.ends: list[float] = []
 
     def cycle(self, begin: float, end: float) -> None:
-        """As LoopMeter.cycle."""
+        """Store start and end of a cycle, like LoopMeter.cycle."""
         self.begins.append(begin)
         self.ends.append(end)
         self._cycle(begin, end)
 
 
 def run_robot(seconds: float, rounds: int, path: Path, real: bool) -> None:
-    """Robots one after the other on the master of the environment, which holds their parameters; leaves the figures."""
+    """Run robots one after the other on the master of the environment, with its parameters; write the figures."""
     import rospy
 
     from hric_core.ros import process as ros_backlog
@@ -105,7 +105,7 @@ def run_robot(seconds: float, rounds: int, path: Path, real: bool) -> None:
 
 
 def run_once(seconds: float, real: bool) -> Figures:
-    """What nodes/robot does."""
+    """Run a robot like nodes/robot, and return its figures."""
     from hric_control.robot_app import RobotApp
     from hric_core import processes, realtime
     from hric_core.ros.node import RosNode
@@ -129,7 +129,7 @@ def run_once(seconds: float, real: bool) -> Figures:
 
 
 class Used:
-    """Processor time and wall time from now on."""
+    """Measurement of processor time and wall time since its creation."""
 
     def __init__(self) -> None:
         self._begin = self._now()
@@ -138,7 +138,7 @@ class Used:
         return processor_time(os.getpid()), busy_time(), time.thread_time(), time.perf_counter()
 
     def figures(self, cycles: int) -> Figures:
-        """Of a run of so many cycles."""
+        """Return the figures of a run of this number of cycles."""
         node, busy, loop, wall = (now - before for now, before in zip(self._now(), self._begin, strict=True))
         return {
             "loop thread, CPU per cycle [us]": 1e6 * loop / cycles,
@@ -148,14 +148,14 @@ class Used:
 
 
 def jitter(begins: list[float]) -> Figures:
-    """How far two cycles that follow each other are from being 1 ms apart; begins: of the cycles [s]."""
+    """Return the deviation of the time between successive cycles from 1 ms, for start times of cycles [s]."""
     off = 1e6 * np.abs(np.diff(np.array(begins)) - 1e-3)
     figures = {f"jitter, {share:g} % [us]": float(np.percentile(off, share)) for share in (50.0, 99.0, 99.9)}
     return figures | {"jitter, largest [us]": float(off.max())}
 
 
 def paced(app: Any, seconds: float) -> Figures:
-    """At 1 kHz of real time."""
+    """Measure a loop paced at 1 kHz of real time."""
     meter = app.loop._meter
     kept, used = Recorder(meter), Used()
     meter.cycle = kept.cycle
@@ -171,7 +171,7 @@ def paced(app: Any, seconds: float) -> Figures:
 
 
 def followed(app: Any, seconds: float) -> Figures:
-    """By the clock of an arm."""
+    """Measure a loop driven by an arm's clock."""
     hw, begins, rates, ended, used = app.hw, [], [], [], Used()
     lost = hw.lost_states
 
@@ -194,11 +194,11 @@ def followed(app: Any, seconds: float) -> Figures:
 
 
 COUNTED_UP = 150
-"""Cycles after which the arm's success rate is one of its last 100 cycles."""
+"""Number of cycles after which the arm's success rate refers to its last 100 cycles."""
 
 
 def unpaced(app: Any, seconds: float) -> Figures:
-    """As fast as it can."""
+    """Measure an unpaced loop."""
     app.loop.real_time_factor = 0.0
     timer = threading.Timer(seconds, app.hw.stop)
     before, loop, begin = app.cycles, time.thread_time(), time.perf_counter()
@@ -212,7 +212,7 @@ def unpaced(app: Any, seconds: float) -> Figures:
 
 
 def set_parameters(*overrides: str) -> None:
-    """Of the default bring-up's robot."""
+    """Set the parameters of the robot of the default bring-up."""
     import rospy
 
     from hric_run.definition import parameters
@@ -229,12 +229,12 @@ def set_parameters(*overrides: str) -> None:
 
 
 def measure_loop(seconds: float, rounds: int) -> list[Figures]:
-    """Simulated robots."""
+    """Measure simulated robots."""
     return measure_robot(seconds, rounds)
 
 
 def measure_real(robot: str, seconds: float, rounds: int) -> list[Figures]:
-    """Robots behind libfranka."""
+    """Measure robots through libfranka."""
     from fci_peer import control_box
 
     with control_box("--robot", robot, "--clock", "wall", "--priority", "85", "--no-collision") as (ip, _):
@@ -243,7 +243,7 @@ def measure_real(robot: str, seconds: float, rounds: int) -> list[Figures]:
 
 
 def measure_robot(seconds: float, rounds: int, *overrides: str) -> list[Figures]:
-    """With a recorder and a subscriber, on a master of this process."""
+    """Measure a robot with a recorder and a subscriber, on a master started by this process."""
     from real_master import start_roscore
 
     start_roscore()
@@ -267,7 +267,7 @@ def measure_robot(seconds: float, rounds: int, *overrides: str) -> list[Figures]
 
 
 def listen(path: Path) -> None:
-    """Note when messages arrive, until SIGINT."""
+    """Store the arrival times of messages until SIGINT."""
     import rospy
 
     from hric_msgs.msg import ClockPair
@@ -304,7 +304,7 @@ def listen(path: Path) -> None:
 
 
 def latencies(path: Path, begin: float = 0.0, end: float = math.inf) -> Figures:
-    """From stamp to arrival, of messages that arrived in a while [s of the monotonic clock]; and how many did not.
+    """Return latencies from stamp to arrival in an interval of the monotonic clock [s], and numbers of lost messages.
 
     A message of several samples is stamped with the first of them.
     """
@@ -336,12 +336,12 @@ NODES = {
 
 
 def measure_collection(seconds: float, rounds: int) -> list[Figures]:
-    """Bring-ups."""
+    """Measure data collections in bring-ups."""
     return [collect(seconds) for _ in range(rounds)]
 
 
 def collect(seconds: float) -> Figures:
-    """One bring-up."""
+    """Measure one data collection in a bring-up."""
     from live_system import LiveSystem
     from test_data_collection import shortened
 
@@ -375,7 +375,7 @@ def collect(seconds: float) -> Figures:
 
 
 def used_by(system: Any, seconds: float) -> tuple[Figures, float, float]:
-    """Processor time of the nodes over some seconds [s]; when these began and ended by the monotonic clock [s]."""
+    """Return the processor time of the nodes over an interval [s], and its start and end on the monotonic clock [s]."""
     lines = system.processes()
     pids = {kind: [pid for pid, line in lines.items() if any(word in line for word in NODES[kind])] for kind in NODES}
 
@@ -390,7 +390,7 @@ def used_by(system: Any, seconds: float) -> tuple[Figures, float, float]:
 
 
 def table(rounds: Sequence[Figures]) -> str:
-    """Median, lowest and highest of the rounds."""
+    """Return a table with median, lowest and highest value of the rounds."""
     lines = ["| | median | lowest | highest |", "|---|---|---|---|"]
     for key in rounds[0]:
         values = [figures[key] for figures in rounds if key in figures]
@@ -407,10 +407,10 @@ MEASURES: dict[str, Callable[[float, int], list[Figures]]] = {
 
 
 def main() -> None:
-    """Measure."""
+    """Run the command."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("what", choices=MEASURES)
-    parser.add_argument("--seconds", type=float, default=5.0, help="of each run [s]")
+    parser.add_argument("--seconds", type=float, default=5.0, help="duration of each run [s]")
     parser.add_argument("--rounds", type=int, default=10)
     chosen = parser.parse_args()
     rounds = MEASURES[chosen.what](chosen.seconds, chosen.rounds)

@@ -1,4 +1,4 @@
-"""What synchronising a data collection costs, and how well it is done: message_filters and ours, each as a process.
+"""Measure cost and accuracy of the synchroniser and of rospy's message_filters for a data collection, as processes.
 
     python tests/benchmarks/sync_cost.py [--seconds 12] [--rounds 5] [word of a variant's name ...]
 
@@ -30,17 +30,17 @@ FEED = ROOT / "src" / "hric_perception" / "test" / "sync_feed.py"
 OUTPUT = "/sync_cost"
 TICK = os.sysconf("SC_CLK_TCK")
 SLOP = 0.01
-"""[s], of all that take the nearest samples."""
+"""Tolerance of synchronisers that use the nearest samples [s]."""
 
 
 class Variant(NamedTuple):
-    """A synchroniser.
+    """Synchroniser to measure.
 
     Attributes:
-        name: for people.
-        form: of what it is fed with.
-        command: that starts it, without the plan.
-        plan: of our own nodes; None: the filter of rospy.
+        name: name in the table.
+        form: form of its input messages.
+        command: command that starts it, without the plan.
+        plan: plan of the node synchronizer; None for the filter of rospy.
     """
 
     name: str
@@ -50,16 +50,16 @@ class Variant(NamedTuple):
 
 
 class Result(NamedTuple):
-    """What came of it.
+    """Result of a measurement.
 
     Attributes:
-        name: of the variant.
-        cpu: share of a core [1].
-        rate: of synchronised samples [Hz].
-        complete: samples with a value of every source, over the instants of the feed [1].
-        latency: from the instant to the arrival at a subscriber, median [s]; late: 99th percentile [s].
-        skew: largest distance in time of a value from its stamp [s]; mean over all values of it.
-        load: of the machine, for what it is worth.
+        name: name of the variant.
+        cpu: processor time as a share of a core [1].
+        rate: rate of synchronised samples [Hz].
+        complete: number of samples with a value of every source, divided by the instants of the feed [1].
+        latency: time from the instant to the arrival at a subscriber, median [s]; late: 99th percentile [s].
+        skew: largest time difference of a value from its stamp [s]; mean: mean over all values [s].
+        load: load average of the machine.
     """
 
     name: str
@@ -74,7 +74,7 @@ class Result(NamedTuple):
 
 
 def sources(form: str) -> list[dict[str, Any]]:
-    """Of the plan: one value of each source, and as many more as a data collection takes."""
+    """Return the sources of the plan: one time value of each source, and as many values as in a data collection."""
     joints = [f"position[{', '.join(f'panda_joint{index}' for index in range(1, 8))}]", "velocity[0, 1, 2, 3, 4, 5, 6]"]
     emg = f"data[{', '.join(f'EMG{index}' for index in range(1, 9))}]"
     plate = {
@@ -100,11 +100,11 @@ def sources(form: str) -> list[dict[str, Any]]:
 
 
 FIRST = (0, 14, 21, 29)
-"""Of each source, the value that tells the time."""
+"""Index of the value of each source that is its time."""
 
 
 def variants() -> list[Variant]:
-    """All that are compared."""
+    """Return all variants to compare."""
     python = [sys.executable, str(ROOT / "src/hric_perception/nodes/synchronizer")]
     found = []
     for form in FORMS:
@@ -131,7 +131,7 @@ def variants() -> list[Variant]:
 
 
 def measure(variant: Variant, seconds: float) -> Result:
-    """Run it under the master of this process, which must be a node."""
+    """Run a variant on the master of this process, which must be a node, and measure it."""
     import rospy
 
     from hric_msgs.msg import SyncedSample
@@ -167,7 +167,7 @@ def _result(variant: Variant, cpu: float, seconds: float, seen: list[tuple[float
     arrived = np.array([arrival for arrival, _ in seen])
     stamps = np.array([message.header.stamp.to_nsec() for _, message in seen])
     codes = np.array([[message.values[index] for index in FIRST] for _, message in seen])
-    # The feed's own begin is not known here: the source that is nearest to all stamps tells it.
+    # The start of the feed is not known here; it is computed from the source that is nearest to all stamps.
     since = (stamps - stamps[0]) * 1e-9
     begin = np.nanmedian(codes[:, FIRST_EXACT] - since)
     skew = np.abs(codes - since[:, None] - begin)
@@ -180,13 +180,13 @@ def _result(variant: Variant, cpu: float, seconds: float, seen: list[tuple[float
 
 
 BODIES = 240.0
-"""Motion capture, whose stamps are the instants where they are not those of a rate [Hz]."""
+"""Rate of motion capture, whose stamps are the instants of policies with a reference [Hz]."""
 FIRST_EXACT = 1
-"""Of the sources: motion capture, the reference of those that have one; of an interpolated one all are exact."""
+"""Index of motion capture, the reference source, whose values are exact; of interpolated values all are exact."""
 
 
 def processor_time(pid: int) -> float:
-    """Processor time of a process so far, all threads [s]; 0 when it is gone."""
+    """Return the processor time of a process with all threads [s]; 0 if it has ended."""
     try:
         words = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     except FileNotFoundError:
@@ -195,7 +195,7 @@ def processor_time(pid: int) -> float:
 
 
 def run_filter(queue: int, form: str) -> None:
-    """The filter of rospy as a node: ApproximateTimeSynchronizer, publishing what our nodes publish."""
+    """Run rospy's ApproximateTimeSynchronizer as a node that publishes the same messages as the node synchronizer."""
     import message_filters
     import rospy
 
@@ -215,7 +215,7 @@ def run_filter(queue: int, form: str) -> None:
 
 
 def _joined(robot: Any, bodies: Any, emg: Any, plate: Any) -> Any:
-    """The first sample of each message, as our nodes publish them."""
+    """Return the first sample of each message as a SyncedSample."""
     from hric_msgs.msg import SyncedSample
 
     position, turn = bodies.rigid_bodies[0].pose.position, bodies.rigid_bodies[0].pose.orientation
@@ -230,7 +230,7 @@ def _joined(robot: Any, bodies: Any, emg: Any, plate: Any) -> Any:
 
 
 def medians(rounds: Sequence[Result]) -> Result:
-    """Of each figure of one variant."""
+    """Return the median of each figure of one variant."""
     columns = zip(*(one[1:] for one in rounds), strict=True)
     return Result(rounds[0].name, *map(statistics.median, columns))
 
@@ -242,7 +242,7 @@ COLUMNS = (
 
 
 def table(rounds: Sequence[Sequence[Result]]) -> str:
-    """As Markdown: the medians of the rounds, each of which holds a result of every variant."""
+    """Return the table in Markdown with the medians of the rounds, each of which has a result of every variant."""
     lines = [f"| {' | '.join(COLUMNS)} |", "|---" * len(COLUMNS) + "|"]
     for results in zip(*rounds, strict=True):
         whole, form = medians(results), results[0].name.partition("; ")[2]
@@ -256,14 +256,14 @@ def table(rounds: Sequence[Sequence[Result]]) -> str:
 
 
 def main() -> None:
-    """Measure what is asked for."""
+    """Run the command."""
     import rospy
     from real_master import start_roscore
 
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seconds", type=float, default=12.0, help="of the feed [s]")
+    parser.add_argument("--seconds", type=float, default=12.0, help="duration of the input data [s]")
     parser.add_argument("--rounds", type=int, default=5)
-    parser.add_argument("words", nargs="*", help="only variants whose name holds all of them")
+    parser.add_argument("words", nargs="*", help="only variants whose names contain all these words")
     chosen = parser.parse_args()
     start_roscore()
     rospy.init_node("sync_cost", disable_signals=True)

@@ -1,8 +1,8 @@
-"""What the workspace costs, in one table; and whether that is more than it was.
+"""Program of scripts/benchmark: processor time of the workspace in one table, and comparison with an earlier one.
 
-Each case runs in several processes, one after the other, in turn with a bare step of PyBullet. Times are those of the
-processor, but on the wall where several processes work together. The ratio to the bare step is the median of the
-processes' medians, its spread their standard deviation: what two processes of the same code differ by.
+Each case runs in several processes, one after the other, alternating with a bare step of PyBullet. Processor time is
+measured, or wall time if several processes work together. The ratio to the bare step is the median of the medians of
+all processes; its spread is their standard deviation, which is the difference between processes of the same code.
 """
 
 import argparse
@@ -26,24 +26,26 @@ from hric_core.errors import HricError
 from hric_core.processes import run_command
 
 RELEASED = Path(__file__).with_name("released.json")
-"""The table of the last release."""
+"""File with the table of the last release."""
 LEAST = 0.08
-"""A change below this is none, however little the processes differ [1] (chosen by this project)."""
+"""Smallest change of a ratio that is reported, even if processes differ by less [1] (chosen by this project)."""
 CONFIDENCE = 0.999
-"""That what is called a change is one, by Student's t of the processes [1] (chosen by this project). With the same code
-one line in a thousand is called otherwise."""
+"""Confidence level of a reported change, by Student's t over the processes [1] (chosen by this project).
+
+For unchanged code, one line in a thousand is reported as a change.
+"""
 PREFIXES = ((1.0, "s"), (1e-3, "ms"), (1e-6, "us"))
 
 
 @dataclass(frozen=True)
 class Row:
-    """What a case cost.
+    """Result of a case.
 
     Attributes:
-        seconds: of a unit, median [s].
-        ratio: to a bare step of PyBullet, median of the processes [1].
-        spread: standard deviation of the ratio between processes, as a share of it [1].
-        processes: how many.
+        seconds: median time of a unit [s].
+        ratio: ratio to a bare step of PyBullet, median of the processes [1].
+        spread: standard deviation of the ratio between processes, relative to the ratio [1].
+        processes: number of processes.
     """
 
     seconds: float
@@ -53,7 +55,7 @@ class Row:
 
 
 def timed(name: str, processes: int, reference: Worker) -> Row:
-    """Time a case in so many processes, in turn with the reference."""
+    """Measure a case in a number of processes, alternating with the reference."""
     seconds, ratios = [], []
     for _ in range(processes):
         with Worker(name) as worker:
@@ -64,12 +66,12 @@ def timed(name: str, processes: int, reference: Worker) -> Row:
 
 
 def spread(ratios: Sequence[float]) -> float:
-    """Standard deviation between processes, as a share of their mean; of one alone not known, so 0."""
+    """Return the standard deviation of the processes relative to their mean; 0 for a single process."""
     return statistics.stdev(ratios) / statistics.fmean(ratios) if len(ratios) > 1 else 0.0
 
 
 def beside(name: str, processes: int, tree: Path) -> list[float]:
-    """Time of this code over that of another workspace, of each pair of processes that take turns [1]."""
+    """Return the ratios of the time of this code to that of another workspace, for alternating processes [1]."""
     ratios = []
     for _ in range(processes):
         with ExitStack() as stack:
@@ -80,12 +82,12 @@ def beside(name: str, processes: int, tree: Path) -> list[float]:
 
 
 def verdict(change: float, error: float, processes: int) -> str:
-    """Whether a ratio of new to old is a change.
+    """Return the text for a ratio of new to old: slower, faster, or no change.
 
     Args:
         change: the ratio [1].
-        error: its standard error, estimated from so many processes [1].
-        processes: of one nothing is known of the error.
+        error: standard error of the ratio, estimated from the processes [1].
+        processes: number of processes; the error of a single one is unknown.
     """
     times = float(student.ppf(0.5 + 0.5 * CONFIDENCE, processes - 1)) if processes > 1 else 0.0
     least = max(LEAST, times * error)
@@ -93,20 +95,20 @@ def verdict(change: float, error: float, processes: int) -> str:
 
 
 def processor() -> str:
-    """Model of the processor, and how many there are."""
+    """Return model and number of the processors."""
     lines = Path("/proc/cpuinfo").read_text().splitlines()
     models = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     return f"{len(models)} x {models[0] if models else 'unknown'}"
 
 
 def told(seconds: float) -> str:
-    """A time with the unit that suits it."""
+    """Return a time with a suitable unit."""
     factor, unit = next((pair for pair in PREFIXES if seconds >= pair[0]), PREFIXES[-1])
     return f"{seconds / factor:.3g} {unit}"
 
 
 def print_table(found: Mapping[str, Row]) -> None:
-    """Of all that was timed."""
+    """Print the table of all results."""
     cells = [["case", "time", "per", "beside a bare step", "+-", "what"]]
     for name, row in found.items():
         case: Case = CASES[name]
@@ -116,10 +118,10 @@ def print_table(found: Mapping[str, Row]) -> None:
 
 
 def stored(path: Path) -> dict[str, Row]:
-    """A table that was saved.
+    """Return a saved table.
 
     Raises:
-        HricError: there is none, or it is of another processor, whose ratios are others.
+        HricError: the file does not exist, or is from another processor model, whose ratios cannot be compared.
     """
     try:
         content = json.loads(path.read_text())
@@ -139,7 +141,7 @@ def stored(path: Path) -> dict[str, Row]:
 
 
 def compare_stored(found: Mapping[str, Row], before: Mapping[str, Row]) -> bool:
-    """Print the changes of the ratios. Returns whether nothing is slower."""
+    """Print the changes of the ratios; return True if no case is slower."""
     cells, good = [["case", "before", "now", "change", ""]], True
     for name, row in found.items():
         if name not in before:
@@ -155,7 +157,7 @@ def compare_stored(found: Mapping[str, Row], before: Mapping[str, Row]) -> bool:
 
 
 def compare_tree(names: Sequence[str], processes: int, tree: Path) -> bool:
-    """Let the code of another workspace take turns with this one. Returns whether nothing is slower."""
+    """Alternate between this code and that of another workspace; print changes; return True if no case is slower."""
     cells, good = [["case", "now / before", "+-", ""]], True
     try:
         for name in tqdm(names, disable=None, leave=False):
@@ -164,15 +166,15 @@ def compare_tree(names: Sequence[str], processes: int, tree: Path) -> bool:
             good &= result != "SLOWER"
             cells.append([name, f"{statistics.median(ratios):.3f}", f"{100.0 * spread(ratios):.1f} %", result])
     finally:
-        print("\n".join(rows(cells)))  # after Ctrl-C, too: what was timed until then
+        print("\n".join(rows(cells)))  # also after Ctrl-C: print the results so far
     return good
 
 
 def chosen(given: Sequence[str]) -> list[str]:
-    """Cases by their names, or by how these begin; all if there are none.
+    """Return the cases whose names begin with the given words; all cases without words.
 
     Raises:
-        HricError: nothing begins so.
+        HricError: no case begins with a word.
     """
     if not given:
         return list(CASES)
@@ -189,7 +191,9 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         "scripts/benchmark", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("cases", nargs="*", metavar="CASE", help="names, or how they begin, such as cycle/mujoco; all")
+    parser.add_argument(
+        "cases", nargs="*", metavar="CASE", help="start of the names of the cases, such as cycle/mujoco; default: all"
+    )
     parser.add_argument(
         "--compare",
         nargs="?",
@@ -198,13 +202,13 @@ def _parser() -> argparse.ArgumentParser:
         help="a table that was saved on such a processor (that of the last release), or the folder of another "
         "workspace that is set up: old and new then take turns",
     )
-    parser.add_argument("--save", type=Path, metavar="FILE", help="keep the table")
-    parser.add_argument("--processes", type=int, default=8, metavar="N", help="of each case (8)")
+    parser.add_argument("--save", type=Path, metavar="FILE", help="also save the table to a file")
+    parser.add_argument("--processes", type=int, default=8, metavar="N", help="processes per case (default: 8)")
     return parser
 
 
 def benchmark(arguments: Sequence[str]) -> int:
-    """The command line; answers the exit code: 1 where something is slower."""
+    """Run the command; return its exit code, 1 if a case is slower."""
     given = _parser().parse_args(list(arguments))
     names = chosen(given.cases)
     if given.processes < 1:
@@ -231,7 +235,7 @@ def _table(names: Sequence[str], processes: int) -> dict[str, Row]:
             for name in tqdm(names, disable=None, leave=False):
                 found[name] = timed(name, processes, reference)
     finally:
-        print_table(found)  # after Ctrl-C, too: what was timed until then
+        print_table(found)  # also after Ctrl-C: print the results so far
     return found
 
 

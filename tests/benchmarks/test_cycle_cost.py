@@ -1,4 +1,4 @@
-"""Bounds on the cost of the control cycle, as ratios to PyBullet's bare step in the same run."""
+"""Limits of the processor time of a control cycle, as ratios to PyBullet's bare step in the same run."""
 
 from collections.abc import Callable
 

@@ -1,4 +1,4 @@
-"""The table over example-robot-data: what is in the docs, and the run that makes it."""
+"""Table of example-robot-data in the manual: its contents, and the program that makes it."""
 
 import re
 from pathlib import Path
@@ -13,7 +13,7 @@ ROBOT = """<robot name="{name}"><link name="base"/>
 
 
 def results(page: str) -> dict[str, str]:
-    """URDF -> result, from the page's first table."""
+    """Results by URDF, from the first table of the page."""
     cells = [
         [cell.strip() for cell in line.split("|")]
         for line in page.splitlines()
@@ -23,7 +23,7 @@ def results(page: str) -> dict[str, str]:
 
 
 def forward_runs(page: str) -> dict[str, tuple[float, float]]:
-    """URDF -> real-time factors with friction and without, from the page's second table."""
+    """Real-time factors with and without friction by URDF, from the second table of the page."""
     rows = re.findall(r"^\| (\S+\.urdf) \| (\S+) \| (\S+) \| \S+ \| [^|]*\|$", page, flags=re.MULTILINE)
     return {name: (float(with_friction), float(without)) for name, with_friction, without in rows}
 

@@ -1,4 +1,4 @@
-"""Bounds on the cost of exporting, as ratios to reading the same bag raw."""
+"""Limits of the processor time of `export`, as ratios to reading the raw messages of the same bag."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from hric_run.definition import experiment
 pytestmark = pytest.mark.alone
 
 BOUNDS = {"npz": 16.0, "csv": 24.0, "parquet": 20.0, "mot": 6.0, "sto": 12.0, "bag": 10.0}
-"""Two to three times what was measured: the bag's mix of topics counts more than the machine."""
+"""Largest ratios, two to three times the measured ones; the mix of topics matters more than the machine."""
 
 
 @pytest.mark.slow

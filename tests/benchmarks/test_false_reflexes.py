@@ -1,4 +1,4 @@
-"""Thresholds of collision that an ideal arm takes end the motions of a measured one, with nothing in its way."""
+"""False collision reflexes: thresholds that suit an ideal arm stop motions of a realistic arm without contact."""
 
 import pytest
 from false_reflexes import emulated_arm, measure, move, targets

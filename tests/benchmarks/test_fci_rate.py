@@ -1,5 +1,4 @@
-"""Bound on what the emulated arm costs a control loop through libfranka, as a ratio to a constant state in the same
-run."""
+"""Limit of the processor time of the emulated arm behind libfranka, as a ratio to a constant state in the same run."""
 
 import statistics
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""What a human beside the robot costs per cycle, as share of PyBullet's bare step in the same run."""
+"""Processor time of a simulated human per cycle, as a ratio to PyBullet's bare step in the same run."""
 
 import math
 import statistics
@@ -10,7 +10,7 @@ from turns import measure
 pytestmark = [pytest.mark.alone, pytest.mark.live]
 Figure = Callable[[str, float, str], None]
 BOUND = 5.7
-"""Of a grip, and of what needs no engine: 60 us where a bare step takes 10.5."""
+"""Largest additional time of a grip per cycle, in bare steps of PyBullet: 60 us if a bare step takes 10.5 us."""
 
 
 @pytest.mark.parametrize("engine", ["mujoco", "pybullet", "opensim"])

@@ -1,4 +1,4 @@
-"""The command that measures the control loop with a master: it runs, and every cycle that it logs arrives."""
+"""Check of the command that measures the control loop with a master: it runs, and all logged cycles arrive."""
 
 import pytest
 from live_cost import measure_loop, table

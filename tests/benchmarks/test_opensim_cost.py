@@ -1,4 +1,4 @@
-"""Bounds on the cost of the control cycle on OpenSim, as ratios to OpenSim's bare step in the same run."""
+"""Limits of the processor time of a control cycle on OpenSim, as ratios to OpenSim's bare step in the same run."""
 
 import statistics
 from collections.abc import Callable
@@ -13,7 +13,7 @@ BOUNDS = {
     "cycle/opensim/generic/semi_implicit": ("semi_implicit", 2.0),
     "cycle/opensim/full": ("accurate", 2.7),
 }
-"""Bare step with the same libraries loaded, and how many of these a cycle may cost."""
+"""Integrator of the bare step with the same libraries loaded, and largest ratio of a cycle to it, by case."""
 
 
 @pytest.mark.parametrize("case", BOUNDS)

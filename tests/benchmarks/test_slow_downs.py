@@ -1,4 +1,4 @@
-"""The benchmark sees a slow-down, and calls the same code equal."""
+"""Sensitivity of the benchmark: it detects a slow-down, and reports no change for equal code."""
 
 import shutil
 from pathlib import Path
@@ -13,7 +13,7 @@ LOOP = "            going_on = cycle(now, period, reset)\n"
 
 
 def slower(folder: Path, seconds: float) -> Path:
-    """A copy of the control framework whose loop waits so long in each cycle; for PYTHONPATH."""
+    """Make a copy of the control framework whose loop waits for this time in each cycle; return it for PYTHONPATH."""
     package = folder / "hric_control"
     shutil.copytree(ROOT / "src" / "hric_control", package, ignore=shutil.ignore_patterns("test", "__pycache__"))
     file = package / "src" / "hric_control" / "sim" / "sim_loop.py"

@@ -1,5 +1,4 @@
-"""The command that measures synchronisers: it runs, the skew is what the policies promise, and ours stays within its
-share of a core."""
+"""Check of the command that measures synchronisers: it runs, and skew and processor time are within limits."""
 
 import pytest
 import rospy
@@ -9,11 +8,11 @@ from sync_cost import measure, variants
 __all__ = ["ros", "roscore"]
 pytestmark = pytest.mark.alone
 SHARE = 0.3
-"""Of a core, per instance, with what a data collection sends."""
+"""Largest share of a processor core per instance, with the data rates of a data collection."""
 STAMPED = 2e-4
-"""Largest skew of what is resampled [s]."""
+"""Largest skew of resampled values [s]."""
 HALF_A_PERIOD = 0.5 / 240.0
-"""Of the slowest source [s]."""
+"""Half of the period of the slowest source [s]."""
 
 
 @pytest.mark.slow

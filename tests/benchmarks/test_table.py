@@ -1,4 +1,4 @@
-"""The benchmark's table: what counts as a change, and mistakes on its command line."""
+"""Table of the benchmark: significance of changes, and errors of its command line."""
 
 import json
 from pathlib import Path

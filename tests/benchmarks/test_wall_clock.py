@@ -1,4 +1,4 @@
-"""FrankaHW by the wall clock: a minute of motion against a control box that does not wait."""
+"""FrankaHW on the wall clock: a motion of one minute with a control box that does not wait."""
 
 import statistics
 from collections.abc import Callable
@@ -8,7 +8,7 @@ from wall_clock import measure, report
 
 pytestmark = pytest.mark.alone
 STEAL = 0.02
-"""Share of the processors that the machine's host may take from a machine at rest [1]."""
+"""Largest share of processor time that the host may take from this machine for the test to be valid [1]."""
 VIOLATION = "communication_constraints_violation"
 
 

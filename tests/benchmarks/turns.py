@@ -1,4 +1,4 @@
-"""Cases in processes of their own that take turns, so that what the machine does meanwhile meets all of them."""
+"""Benchmark cases in separate processes that alternate, so that other load of the machine affects all of them."""
 
 import os
 import statistics
@@ -15,15 +15,15 @@ FOLDER = Path(__file__).resolve().parent
 
 
 class WorkerError(FailureError):
-    """The process of a case ended."""
+    """Error of a case whose process ended."""
 
 
 class Worker:
-    """A case in a process of its own; a context.
+    """Case in a separate process, as a context manager.
 
     Args:
-        name: of the case.
-        tree: the workspace whose code is timed; None: this one, in the environment as it is.
+        name: name of the case.
+        tree: workspace whose code is measured; None: this one, in the present environment.
     """
 
     def __init__(self, name: str, tree: Path | None = None) -> None:
@@ -41,7 +41,7 @@ class Worker:
         self._answer("ready")
 
     def _answer(self, word: str) -> list[str]:
-        """Words of the next line that begins with one; libraries print, too."""
+        """Return the words of the next line that begins with a word; other lines, printed by libraries, are skipped."""
         assert self._process.stdout is not None
         for line in self._process.stdout:
             first, *others = line.split() or [""]
@@ -53,7 +53,7 @@ class Worker:
         raise WorkerError(f"{self.name} ended with code {code}: {told[-1] if told else 'no word'}")
 
     def block(self) -> float:
-        """What a unit took in one more block [s]."""
+        """Return the time of a unit in another block [s]."""
         assert self._process.stdin is not None
         print(file=self._process.stdin, flush=True)
         return float(self._answer("time")[0])
@@ -62,12 +62,12 @@ class Worker:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._process.communicate()  # its input ends, and with it the case
+        self._process.communicate()  # closing its input ends the case
         self._errors.close()
 
 
 def take_turns(workers: Sequence[Worker], rounds: int) -> list[list[float]]:
-    """Times of each worker in all rounds [s]; every other round goes the other way, so that none is always first."""
+    """Return the times of each worker in all rounds [s]; the order is reversed in every second round."""
     times: list[list[float]] = [[] for _ in workers]
     for number in range(rounds):
         order = range(len(workers))
@@ -77,13 +77,13 @@ def take_turns(workers: Sequence[Worker], rounds: int) -> list[list[float]]:
 
 
 def measure(names: Sequence[str], rounds: int = 20) -> Mapping[str, list[float]]:
-    """Times of cases that take turns [s]."""
+    """Return the times of alternating cases by name [s]."""
     with ExitStack() as stack:
         workers = [stack.enter_context(Worker(name)) for name in names]
         return dict(zip(names, take_turns(workers, rounds), strict=True))
 
 
 def ratio(name: str, reference: str, rounds: int = 20) -> float:
-    """What a case costs beside another one: median of the rounds [1]."""
+    """Return the cost of a case as a ratio to another one, median of the rounds [1]."""
     times = measure([reference, name], rounds)
     return statistics.median(one / other for one, other in zip(times[name], times[reference], strict=True))

@@ -1,5 +1,4 @@
-"""How FrankaHW and its controllers keep up with an arm that does not wait: the emulated control box by the wall clock,
-both with real-time priority.
+"""Measure how FrankaHW and its controllers keep up with a control box at wall-clock time, both with real-time priority.
 
     python tests/benchmarks/wall_clock.py [panda|fr3] [seconds] [word of the control_box command ...]
 
@@ -30,29 +29,28 @@ from hric_control.manager.controller_manager import import_controllers
 from hric_run.definition import parameters
 
 PRIORITY = 85
-"""SCHED_FIFO of the box, above that of the client, as nothing delays a real one."""
+"""SCHED_FIFO priority of the control box, above that of the client, since nothing delays a real one."""
 FIRST, SECOND, OTHER = (
     "joint_pd_controller",
     "effort_joint_trajectory_controller",
     "position_joint_trajectory_controller",
 )
 WINDOW = 100
-"""Cycles over which the arm takes its success rate."""
+"""Number of cycles in the success rate of the arm."""
 PATIENCE = 4.0
-"""The whole takes at most so many times the motion asked for: an arm that is ended again and again is no longer waited
-for."""
+"""Maximum duration as a multiple of the requested motion time, for an arm that repeatedly ends the motion [1]."""
 AFTERWARDS = 0.05
-"""A loss so long after an event still counts as its own [s of robot time]."""
+"""Time after an event in which lost states are attributed to it [s of robot time]."""
 
 
 @dataclass
 class Event:
-    """Something done to the controllers while they run.
+    """Change of controllers during the motion.
 
     Attributes:
-        name: what.
+        name: description of the change.
         begin, end: robot time [s].
-        lost: states that never came in between and shortly afterwards.
+        lost: number of states lost during it and shortly afterwards.
     """
 
     name: str
@@ -63,16 +61,15 @@ class Event:
 
 @dataclass
 class WallClock:
-    """What happened.
+    """Result of a measurement.
 
     Attributes:
         seconds: robot time of the motions [s].
-        rates: control_command_success_rate of each cycle, but for the first 100 of each motion, which it still counts
-            up [1].
-        losses: states that never came, or came late, at a time.
-        events: loading and switching.
-        stops: motion time [s] and why the arm ended the motion, in libfranka's words; a recovery followed.
-        stolen: share of the processors' time that the machine's host gave to others [1].
+        rates: control_command_success_rate of each cycle, without the first 100 of each motion, in which it rises [1].
+        losses: numbers of successive states that were lost or late.
+        events: loading and switching of controllers.
+        stops: motion time [s] and libfranka's error of each end of the motion by the arm, after which it recovered.
+        stolen: share of the processor time that the host of the machine gave to others [1].
     """
 
     seconds: float = 0.0
@@ -84,10 +81,10 @@ class WallClock:
 
 
 class Watch:
-    """Notes time and success rate of each cycle while the arm is commanded, and lets it recover from a reflex.
+    """Recorder of time and success rate of each cycle during motion, which also recovers the arm from reflexes.
 
     Args:
-        robot: is stopped after `seconds` of motion.
+        robot: robot, which is stopped after `seconds` of motion.
     """
 
     def __init__(self, robot: Robot, seconds: float) -> None:
@@ -97,7 +94,7 @@ class Watch:
         self.now, self._mode, self._cycles = 0.0, robot.hw.mode, 0
 
     def __call__(self, now: float) -> None:
-        """Each cycle, before the controllers."""
+        """Record a cycle; called before the controllers."""
         self.now = now
         if self._hw.mode.commanded:
             self._cycles = self._cycles + 1 if self._hw.mode == self._mode else 0
@@ -117,7 +114,7 @@ class Watch:
         return len(self.times) * 1e-3
 
     def lost(self, begin: float, end: float) -> list[int]:
-        """Milliseconds that are missing between two cycles, wherever some are, within a time [s]."""
+        """Return the numbers of missing milliseconds between successive cycles within a time interval [s]."""
         pairs = zip(self.times, self.times[1:], strict=False)
         ended = [time for time, _ in self.stops]
         gaps = [
@@ -129,7 +126,7 @@ class Watch:
 
 
 def _disturb(robot: Robot, watch: Watch, seconds: float, events: list[Event]) -> None:
-    """Load and switch at their times; from a thread of its own, as a service would."""
+    """Load and switch controllers at their times, in a separate thread like a service."""
     manager = robot.manager
 
     def at(share: float, name: str, act: Callable[[], None]) -> None:
@@ -151,7 +148,7 @@ def _disturb(robot: Robot, watch: Watch, seconds: float, events: list[Event]) ->
 
 
 def measure(robot: str = "panda", seconds: float = 60.0, words: tuple[str, ...] = ()) -> WallClock:
-    """Run it.
+    """Run the motion, and return the result.
 
     Args:
         robot: "panda" or "fr3".
@@ -187,14 +184,14 @@ def _run(arm: Robot, seconds: float, found: WallClock) -> None:
 
 
 def _processor_time() -> tuple[int, int]:
-    """(all time of the processors, what the host took of it), in ticks of the kernel."""
+    """Return the time of all processors, and the part taken by the host, in kernel ticks."""
     with open("/proc/stat") as file:
         ticks = [int(word) for word in file.readline().split()[1:9]]
     return sum(ticks), ticks[7]
 
 
 def report(robot: str, found: WallClock) -> str:
-    """The figures as text."""
+    """Return the figures as text."""
     rates = found.rates or [0.0]
     lines = [
         f"{robot}: {found.seconds:.1f} s of motion; load of the machine {os.getloadavg()[0]:.1f} on "

@@ -1,7 +1,7 @@
-"""One case of the benchmark in a process of its own: python3 tests/benchmarks/worker.py CASE
+"""Process of one case of the benchmark: python3 tests/benchmarks/worker.py CASE
 
-For each line on its input it does a block and answers `time` and what a unit took [s]; it begins with `ready`, after
-one block to warm up.
+It prints `ready` after a first block of work. Then it does a block for each line on its input, and prints `time` and
+the time of a unit [s].
 """
 
 import sys
@@ -10,7 +10,7 @@ import cases
 
 
 def main() -> None:
-    """Answer until the input ends."""
+    """Measure blocks until the input ends."""
     with cases.make(sys.argv[1]) as block:
         if not cases.CASES[sys.argv[1]].several:
             block()

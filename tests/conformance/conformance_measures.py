@@ -1,4 +1,4 @@
-"""What an engine makes of a description, beside pinocchio."""
+"""Measurements of how an engine simulates a robot description, compared with pinocchio."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -18,19 +18,21 @@ ENGINES = {
     "OpenSim": "opensim_ros_control/OpenSimPlant",
 }
 INSTANT = 1e-6
-"""Step whose change of speed is the acceleration at a state [s]: shorter than the time constant of any law, long enough
-that the change has ten digits."""
+"""Time step to compute accelerations from the change of velocity [s].
+
+It is shorter than the time constants of all joint laws, and long enough for a change with ten significant digits.
+"""
 ROUND = 1e-3
-"""PyBullet rounds the corners of meshes: two of them may overlap by so much before they touch there [m]."""
+"""Overlap of mesh corners up to which PyBullet, which rounds them, may report no contact [m]."""
 TOUCHING = 1e-6
-"""Overlap below which shapes lie on each other, which engines may call contact or not [m]."""
+"""Overlap below which shapes only touch each other, so that engines may differ in reporting a contact [m]."""
 
 Pair = tuple[str, str]
 
 
 @contextmanager
 def loaded(engine: str, urdf: str, joints: list[str], **config: Any) -> Iterator[Plant]:
-    """A plant, closed at the end; without rotors, and OpenSim without limits of efforts, if not said otherwise."""
+    """Yield a plant, closed at the end; by default without rotor inertia, and on OpenSim without effort limits."""
     limits = {"effort_limits": False} if engine == "OpenSim" else {}
     plant = plugins.find(plugins.PLANT, ENGINES[engine])(urdf, joints, {"rotor_inertia": 0.0, **limits, **config})
     try:
@@ -40,13 +42,15 @@ def loaded(engine: str, urdf: str, joints: list[str], **config: Any) -> Iterator
 
 
 def held(oracle: Oracle) -> bool:
-    """Whether a joint has a range of no width: its stops hold it, of which pinocchio knows nothing."""
+    """Return True if a joint has equal limits: its stops hold it, which pinocchio does not model."""
     return any(high <= low for low, high in ends([oracle.elements[name] for name in oracle.independent]))
 
 
 def random_states(oracle: Oracle, count: int, seed: int) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
-    """Positions within the ranges, speeds, and efforts that cause accelerations of some 10 rad/s^2, of the independent
-    joints."""
+    """Yield random positions, velocities and efforts of the independent joints.
+
+    Positions are within the joint ranges; efforts cause accelerations of about 10 rad/s^2.
+    """
     rng = np.random.default_rng(seed)
     low, high = np.array(ends([oracle.elements[name] for name in oracle.independent])).T
     for _ in range(count):
@@ -56,7 +60,7 @@ def random_states(oracle: Oracle, count: int, seed: int) -> Iterator[tuple[Float
 
 
 def acceleration_error(engine: str, urdf: str, states: int, seed: int = 0) -> float:
-    """Largest difference of one-step accelerations to pinocchio, relative to the largest acceleration of the state."""
+    """Return the largest acceleration difference from pinocchio, relative to the largest acceleration of a state."""
     urdf = without_losses(urdf)
     oracle, worst = Oracle(urdf), 0.0
     n = len(oracle.independent)
@@ -73,7 +77,7 @@ def acceleration_error(engine: str, urdf: str, states: int, seed: int = 0) -> fl
 
 
 def law_error(plant: Plant, oracle: Oracle) -> float:
-    """Largest distance of a link from where the independent joints have it, by the laws of the others [rad or m]."""
+    """Return the largest deviation of a joint from its mimic law [rad or m]."""
     z, worst = np.array(plant.engine_state()[0]), 0.0
     for element in oracle.elements.values():
         child = element.find("child")
@@ -85,7 +89,7 @@ def law_error(plant: Plant, oracle: Oracle) -> float:
 
 
 def motion_error(engine: str, urdf: str, steps: int, **config: Any) -> float:
-    """Largest distance from the laws at the start and over a motion from rest by gravity and constant efforts."""
+    """Return the largest deviation from the mimic laws, at rest and during a motion by gravity and constant efforts."""
     oracle = Oracle(urdf)
     (z, _, efforts), *_ = random_states(oracle, 1, seed=1)
     with loaded(engine, urdf, oracle.independent, collision=False, **config) as plant:
@@ -99,7 +103,7 @@ def motion_error(engine: str, urdf: str, steps: int, **config: Any) -> float:
 
 
 def contacts_at_rest(engine: str, urdf: str) -> dict[Pair, float]:
-    """Overlap [m] of each pair of the robot's links that touch where all joints are at zero, or as near as they get."""
+    """Return the overlap of each pair of links in contact, with all joints at zero or the nearest limit [m]."""
     oracle = Oracle(urdf)
     rest = [min(max(0.0, low), high) for low, high in ends([oracle.elements[name] for name in oracle.independent])]
     found: dict[Pair, float] = {}
@@ -107,7 +111,9 @@ def contacts_at_rest(engine: str, urdf: str) -> dict[Pair, float]:
         plant.set_brakes([True] * len(rest))
         plant.reset(rest)
         plant.apply([0.0] * len(rest))
-        with suppress(DivergedError):  # deep overlaps may throw what they find loose; they are found all the same
+        with suppress(
+            DivergedError
+        ):  # deep overlaps may accelerate free links strongly; they are reported all the same
             plant.step()
         for contact in plant.contacts():
             a, b = sorted(name.partition("::")[2] for name in (contact.body_a, contact.body_b))
@@ -116,5 +122,5 @@ def contacts_at_rest(engine: str, urdf: str) -> dict[Pair, float]:
 
 
 def overlapping(contacts: dict[Pair, float], by: float = TOUCHING) -> set[Pair]:
-    """Pairs that overlap by more than that [m]."""
+    """Return the pairs that overlap by more than a distance [m]."""
     return {pair for pair, depth in contacts.items() if depth > by}

@@ -1,4 +1,4 @@
-"""The descriptions of the conformance tests: small ones of our own, and those of PyPI's example-robot-data."""
+"""Robot descriptions for the conformance tests: small test robots, and robots of PyPI's example-robot-data."""
 
 import os
 import re
@@ -16,12 +16,12 @@ BASE = '<link name="base"/>'
 
 
 def link(name: str, mass: float = 1.0, inside: str = "") -> str:
-    """A link with a mass [kg]."""
+    """Return the URDF of a link with a mass [kg]."""
     return f'<link name="{name}">{INERTIAL.format(mass)}{inside}</link>'
 
 
 def joint(name: str, parent: str, child: str, kind: str = "revolute", inside: str = "") -> str:
-    """A joint about, or along, y, a little beside its parent."""
+    """Return the URDF of a joint about or along y, with a small offset from its parent."""
     return (
         f'<joint name="{name}" type="{kind}"><origin xyz="0.1 0.2 -0.1" rpy="0.2 0 0.1"/><axis xyz="0 1 0"/>'
         f'<parent link="{parent}"/><child link="{child}"/>{inside if kind == "fixed" else LIMIT + inside}</joint>'
@@ -29,17 +29,17 @@ def joint(name: str, parent: str, child: str, kind: str = "revolute", inside: st
 
 
 def mimic(leader: str, multiplier: float, offset: float = 0.0) -> str:
-    """The law of a joint."""
+    """Return the URDF element of a mimic law."""
     return f'<mimic joint="{leader}" multiplier="{multiplier}" offset="{offset}"/>'
 
 
 def robot(*parts: str) -> str:
-    """A description."""
+    """Return the URDF of a robot with these elements."""
     return f'<robot name="r">{"".join(parts)}</robot>'
 
 
 def ball(x: float, radius: float) -> str:
-    """A collision shape on the x axis [m]."""
+    """Return the URDF of a collision sphere on the x axis [m]."""
     return f'<collision><origin xyz="{x} 0 0"/><geometry><sphere radius="{radius}"/></geometry></collision>'
 
 
@@ -74,7 +74,7 @@ MIMICS = {
         joint("lead", "arm", "a"), joint("follow", "arm", "b", inside=mimic("lead", -1.0, 0.1)),
     ),
 }  # fmt: skip
-"""Laws of every kind; all joints but `drive` of the last hang on `lead`."""
+"""Robots with mimic laws of every kind, by name; the leader is the joint `lead`."""
 CHAINS = {
     "prismatic": robot(
         BASE, link("a"), link("b", 0.7), joint("slide", "base", "a", "prismatic"), joint("turn", "a", "b"),
@@ -99,7 +99,11 @@ BAR = (
 
 
 def parallelogram(*laws: str) -> str:
-    """Two cranks of 0.3 m, 0.4 m apart, and a coupler that hangs on the first; laws of coupler and second crank."""
+    """Return the URDF of a parallelogram: two cranks of 0.3 m, 0.4 m apart, and a coupler on the first.
+
+    Args:
+        laws: mimic laws of the coupler and of the second crank.
+    """
 
     def axle(name: str, x: float, parent: str, child: str, law: str = "") -> str:
         return (
@@ -149,7 +153,7 @@ CONTACTS = {
         {("a", "b")},
     ),
 }  # fmt: skip
-"""Links that overlap, and the pairs of them that touch: those between which more than one joint moves."""
+"""Robots with overlapping links, and the pairs that collide: those separated by more than one moving joint."""
 
 PUBLIC = (
     "a1.urdf",
@@ -167,32 +171,32 @@ PUBLIC = (
     "xarm7.urdf",
     "z1.urdf",
 )
-"""Public arms, hands, legged robots and humanoids; among them joints that mimic, slide, and turn without end."""
+"""File names of public robots: arms, hands, legged robots, humanoids; some with mimic or prismatic joints."""
 
 
 def without_losses(urdf: str) -> str:
-    """A description without damping and friction."""
+    """Return a description without damping and friction."""
     return re.sub(r"<dynamics[^>]*/>", "", urdf)
 
 
 def public_folder() -> Path:
-    """The data of the installed package, as its addresses have it."""
+    """Return the data folder of the installed package."""
     places = (Path(entry) / "cmeel.prefix/share/example-robot-data" for entry in sys.path)
     return next(place for place in places if place.is_dir())
 
 
 def public(name: str) -> str:
-    """A public description by the name of its file."""
+    """Return a public description by its file name."""
     (path,) = public_folder().rglob(name)
     return path.read_text(encoding="utf-8")
 
 
 @contextmanager
 def public_package(folder: Path) -> Iterator[None]:
-    """The data as a ROS package of the name that its addresses have; its own package.xml has another.
+    """Provide the data as a ROS package under the name in its mesh addresses; its package.xml has another name.
 
     Args:
-        folder: an empty one.
+        folder: empty folder for the package.
     """
     package = folder / "example-robot-data"
     package.mkdir()

@@ -1,4 +1,4 @@
-"""What the conformance tests share stands beside them."""
+"""Import path of the helper modules of the conformance tests."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""All descriptions of the conformance tests on all engines; writes docs/conformance.md.
+"""Measure all robot descriptions of the conformance tests on all engines, and write docs/conformance.md.
 
 python tests/conformance/table.py            # needs what scripts/setup --with checks installs
 """
@@ -28,55 +28,57 @@ from hric_core.errors import HricError
 
 PAGE = Path(__file__).resolve().parents[2] / "docs/conformance.md"
 STATES, STEPS = 10, 30
-"""Of each robot and engine: random states for the acceleration, and steps of 1 ms of a motion for the laws."""
+"""Per robot and engine: number of random states for the accelerations, and of steps of 1 ms for the mimic laws."""
 NONE = "-"
 HEAD = f"""# One description on three engines
 
-A robot description has the same meaning on PyBullet, MuJoCo and OpenSim. This page lists what is the same, and compares the engines with pinocchio, a rigid-body library that none of them uses.
+A robot description (URDF) is simulated in the same way on PyBullet, MuJoCo and OpenSim. This page lists what is the same, and compares the engines with pinocchio, a rigid-body library that none of them uses.
 
-## What holds on every engine
+## The same on every engine
 
-- **Joints that mimic others** (`<mimic>`) obey q = multiplier * q_leader + offset from the start and in every step, also in chains, for prismatic joints, across branches, beyond the
-  follower's own range, and with multiplier 0. The dynamics are those of the constrained robot: with q = J z + c, J'(M + B) J z'' = J'(tau - h). Drives, brakes, stops, friction, contact, wrenches
-  and bushings on one joint act on all joints that are coupled to it; a follower's stop stops its leader. `Plant.mass_matrix` and the effective mass of penalty contact include leader and followers. When
-  the robot's position is set, only the leader's position counts. A follower with a `<transmission>` is refused: nothing can drive it by itself.
-- **Neighbours** never touch. Neighbours are links that are connected by any number of fixed joints, and all links of two such groups that are connected by one moving joint. The list is computed from the description
-  (`hric_core.urdf.Robot.neighbours`); no engine applies a rule of its own. All other links of the robot that overlap do touch, unless `collision_masks` lists them; a link without a shape between two others does
-  not make them neighbours.
-- **Closed chains** are not URDF: a link with two parents is refused. A chain that was cut moves as a tree whose cut ends hang free. If the loop keeps angles in a fixed ratio, as a parallelogram
-  does, `<mimic>` closes it exactly; otherwise a bushing between the two cut ends closes it as a spring (`Plant.connect`): 0.4 mm of play in a parallelogram of 3 kg at 20 kN/m.
+- **Joints that mimic others** (`<mimic>`) obey q = multiplier * q_leader + offset from the start and in every step; this includes followers of followers, prismatic joints, joints on different branches, positions beyond the
+  follower's own range, and a multiplier of 0. The dynamics are those of the constrained robot: with q = J z + c for independent coordinates z, J'(M + B) J z'' = J'(tau - h), where M is the mass matrix, B the rotor inertia, and h contains gravity and velocity terms. Drives, brakes, stops, friction, contact, wrenches
+  and bushings that act on one joint act on all joints coupled to it; a follower's stop stops its leader. `Plant.mass_matrix` and the effective mass of penalty contact include the coupling. When
+  the robot's position is set, only the leader's position is used. A follower with a `<transmission>` is refused, since it cannot be driven independently.
+- **Neighbouring links** never collide. Neighbours are all links that are rigidly connected by fixed joints, and all links of two such rigid groups that are connected by one moving joint. The list is computed from the description
+  (`hric_core.urdf.Robot.neighbours`); it replaces the rules of the engines. All other links of the robot that overlap do collide, unless `collision_masks` lists them; this includes two links with a link without
+  collision shape between them.
+- **Closed chains** cannot be described by URDF: a link with two parents is refused. Cut the loop at one joint; the description is then a tree with two loose ends. If the loop keeps joint angles in a fixed ratio, as a parallelogram
+  does, `<mimic>` closes it exactly; otherwise a bushing (a spring in all directions) between the two loose ends closes it approximately (`Plant.connect`): with 20 kN/m, the ends of a parallelogram of 3 kg separate by 0.4 mm.
 - **Prismatic and continuous joints** are as in the description; the position of a continuous joint counts full turns and does not wrap.
-- A joint whose lower and upper limit are equal is held by its stops.
+- A joint whose lower and upper limit are equal is held at this position by its stops.
 
-## Limits of single engines
+## Deviations of single engines
 
-- PyBullet adds a margin of 1 mm around the convex hull of each mesh. The plant gives it hulls that are smaller by this margin: their sides are where they should be, their corners are round (the corner of a box touches 0.7 mm
+- PyBullet adds a margin of 1 mm around the convex hull of each mesh. The plant passes hulls that are smaller by this margin: their sides are where they should be, their corners are round (the corner of a box touches 0.7 mm
   late). A mesh thinner than 4 mm keeps a part of this margin.
-- MuJoCo distributes contact between a follower and its leader by its equality constraint, to a ten-thousandth of the acceleration. The rest of the deviation from the mimic law is removed at the end of the step.
-- PyBullet distributes it by a gear constraint, to the accuracy of its solver iterations; at the end of the step the joints obey the mimic law.
+- On MuJoCo, an equality constraint transfers contact forces between a follower and its leader, with an error of 1e-4 of the acceleration. The remaining deviation from the mimic law is removed at the end of the step.
+- On PyBullet, a gear constraint transfers them, with the accuracy of the solver iterations; at the end of the step the joints obey the mimic law.
 
 ## Measured
 
-Acceleration: largest difference between the engine and pinocchio in one step of {1e6 * INSTANT:.0f} us, over {STATES} random states with random efforts, relative to the largest acceleration of the state. Public
-descriptions are taken without their damping, which at light links is stiffer than any step can resolve (damping has tests of its own). 0: the speeds are equal
-to the last bit. Law: largest distance of a link from the position that the mimic laws give [rad or m], over {STEPS} steps of 1 ms. Contacts: number of pairs of links that overlap by more than {1e6 * TOUCHING:.0f} um when all joints are at zero; it is one
-number if all engines that load the robot agree; "n deeper": they agree on overlaps of more than {1e3 * ROUND:.0f} mm. None of these pairs are neighbours. "-": nothing to measure (no joint mimics another, or a joint is held
-by equal limits). Made by `python tests/conformance/table.py`; the tests in `tests/conformance` check a part of it.
+`python tests/conformance/table.py` makes this table; the tests in `tests/conformance` check a part of it. Its columns:
+
+- Acceleration: largest difference of a joint acceleration between the engine and pinocchio in one step of {1e6 * INSTANT:.0f} us, over {STATES} random states with random efforts, relative to the largest acceleration of the state. 0: the velocities are equal
+  to the last bit. Damping of the public descriptions is left out, since for light links it is stiffer than any step can resolve (other tests check damping).
+- Law: largest deviation of a joint from the position that the mimic law gives [rad or m], over {STEPS} steps of 1 ms.
+- Contacts: number of pairs of links that overlap by more than {1e6 * TOUCHING:.0f} um when all joints are at zero. A single number means that all engines that load the robot agree; "n deeper" means that they agree only on the n overlaps of more than {1e3 * ROUND:.0f} mm. None of these pairs are neighbours.
+- "-": nothing to measure (no joint mimics another, or a joint is held by equal limits).
 
 """  # noqa: E501
 
 
 @dataclass
 class Row:
-    """Figures of one robot, by engine; a text where there is none.
+    """Table row of one robot: its measured figures by engine, as text.
 
     Attributes:
-        name: of the robot.
-        joints, followers: how many move, and how many of them mimic others.
+        name: name of the robot.
+        joints, followers: number of moving joints, and of those that mimic others.
         acceleration: largest relative error of one-step accelerations.
-        law: largest distance from the laws [rad or m].
-        contacts: pairs of links that overlap at rest.
-        refusals: sentences of engines that refuse it.
+        law: largest deviation of a follower from its mimic law [rad or m].
+        contacts: number of pairs of links that overlap when all joints are at zero.
+        refusals: error messages of engines that refuse the robot.
     """
 
     name: str
@@ -89,7 +91,7 @@ class Row:
 
 
 def measure(name: str, urdf: str) -> Row:
-    """A robot on all engines."""
+    """Measure a robot on all engines."""
     oracle = Oracle(urdf)
     row = Row(name, len(oracle.names), len(oracle.names) - len(oracle.independent))
     found = {}
@@ -106,7 +108,7 @@ def measure(name: str, urdf: str) -> Row:
 
 
 def compare(found: dict[str, dict[tuple[str, str], float]]) -> str:
-    """Number of contacts on which the engines that loaded the robot agree, or that they do not."""
+    """Return the number of overlapping pairs, as text; if the engines differ, the number of each engine."""
     pairs = [overlapping(contacts) for contacts in found.values()]
     if not pairs:
         return NONE
@@ -118,14 +120,14 @@ def compare(found: dict[str, dict[tuple[str, str], float]]) -> str:
 
 
 def line(row: Row) -> str:
-    """A row of Markdown."""
+    """Return the row in Markdown."""
     cells = [row.acceleration.get(engine, "refused") for engine in ENGINES]
     cells += [row.law.get(engine, NONE) for engine in ENGINES]
     return f"| {row.name} | {row.joints} | {row.followers} | " + " | ".join([*cells, row.contacts]) + " |"
 
 
 def page(rows: Sequence[Row]) -> str:
-    """The page as Markdown."""
+    """Return the page in Markdown."""
     columns = [*(f"acceleration, {engine}" for engine in ENGINES), *(f"law, {engine}" for engine in ENGINES)]
     head = "| robot | joints | mimic joints | " + " | ".join(columns) + " | contacts |\n" + "|---" * 10 + "|\n"
     refused = "".join(f"- `{row.name}` is refused: {text}\n" for row in rows for text in row.refusals)
@@ -133,7 +135,7 @@ def page(rows: Sequence[Row]) -> str:
 
 
 def main() -> None:
-    """Measure all, and write the page."""
+    """Measure all robots, and write the page."""
     with tempfile.TemporaryDirectory() as folder, public_package(Path(folder)):
         robots = CHAINS | MIMICS | {name: public(name) for name in PUBLIC}
         text = page([measure(name, urdf) for name, urdf in robots.items()])

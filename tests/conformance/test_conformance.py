@@ -1,5 +1,7 @@
-"""One description, three engines, one answer: accelerations and laws beside pinocchio, contacts beside each other. The
-table of all is in the manual, by tests/conformance/table.py."""
+"""Conformance of all engines with pinocchio, for many robot descriptions: accelerations, mimic laws and contacts.
+
+The table of all results is docs/conformance.md, written by tests/conformance/table.py.
+"""
 
 from collections.abc import Iterator
 
@@ -12,16 +14,16 @@ from hric_control.plant import Bushing
 from hric_core.urdf import read
 
 ACCELERATION = {"PyBullet": 1e-4, "MuJoCo": 1e-6, "OpenSim": 1e-6}
-"""Relative error that is allowed."""
+"""Allowed relative error of the acceleration."""
 LAW = 1e-6
-"""Distance from the law of a joint that mimics another [rad or m]."""
+"""Allowed deviation of a joint from its mimic law [rad or m]."""
 TOUCHING = ("anymal-kinova.urdf", "panda_collision.urdf", "pr2.urdf", "so100.urdf", "solo12.urdf", "z1.urdf")
-"""Those of them whose links overlap where all joints are at zero, and one of which two links are 0.1 mm apart."""
+"""Public robots with links that overlap if all joints are at zero, and one (with a gap of 0.1 mm) that nearly does."""
 
 
 @pytest.fixture(scope="module", autouse=True)
 def package(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """The public descriptions' meshes by their addresses."""
+    """ROS package with the meshes of the public descriptions."""
     with public_package(tmp_path_factory.mktemp("ros")):
         yield
 

@@ -1,4 +1,4 @@
-"""Each test of the contract runs on each back end."""
+"""Fixtures of the contract tests, each of which runs on every RobotHW backend."""
 
 import sys
 from collections.abc import Callable, Iterator
@@ -15,7 +15,7 @@ from driven_robot import Robot
 
 @pytest.fixture(scope="module")
 def boxes() -> Iterator[Boxes]:
-    """Of one file only: even at rest each takes a sixth of a processor."""
+    """Emulated control boxes for one test file, since each uses a sixth of a processor even at rest."""
     made = Boxes()
     yield made
     made.close()
@@ -28,7 +28,7 @@ def backend(request: pytest.FixtureRequest) -> str:
 
 @pytest.fixture
 def connect(backend: str, boxes: Boxes) -> Iterator[Callable[..., Robot]]:
-    """connect(**parameters) -> Robot, closed with the test."""
+    """Return a function connect(**parameters) that returns a Robot, which is closed after the test."""
     with ExitStack() as stack:
 
         def make(**parameters: Any) -> Robot:
@@ -39,5 +39,5 @@ def connect(backend: str, boxes: Boxes) -> Iterator[Callable[..., Robot]]:
 
 @pytest.fixture
 def robot(connect: Callable[..., Robot]) -> Robot:
-    """With its usual parameters."""
+    """Robot with its default parameters."""
     return connect()

@@ -1,5 +1,5 @@
-"""The RobotHW back ends that the contract is tested on, each driven alike: in process on each engine, and through
-libfranka on an emulated box."""
+"""RobotHW backends for the contract tests, with the same interface: in process on each engine, and through libfranka
+with an emulated control box."""
 
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -15,26 +15,25 @@ from hric_core import plugins
 
 PLANTS = {engine: info.name for engine, info in plugins.engines().items()}
 BACKENDS = (*PLANTS, "panda", "fr3")
-"""In process on each engine; through libfranka 0.9 and through pylibfranka, on an emulated box in another process."""
+"""Names of the backends: the engines, and panda (libfranka 0.9) and fr3 (pylibfranka) with an emulated control box."""
 
 
 class Boxes:
-    """Emulated control boxes in processes of their own, started when first asked for, lock-step and as fast as the
-    client."""
+    """Emulated control boxes in separate processes, started on first use, in lock-step and as fast as the client."""
 
     def __init__(self) -> None:
         self._stack = ExitStack()
         self._boxes: dict[str, tuple[str, Any]] = {}
 
     def address(self, robot: str) -> str:
-        """Of the box of this kind."""
+        """Return the address of the control box of this type of robot."""
         if robot not in self._boxes:
             words = ("--robot", robot, "--no-collision", "--real-time-factor", "0", "--console")
             self._boxes[robot] = self._stack.enter_context(control_box(*words))
         return self._boxes[robot][0]
 
     def order(self, robot: str, line: str) -> None:
-        """A line to the console of the box; it acts between two of the next cycles."""
+        """Send a line to the console of the control box, which executes it between two of the next cycles."""
         console = self._boxes[robot][1].stdin
         console.write(line + "\n")
         console.flush()
@@ -45,12 +44,12 @@ class Boxes:
 
 @contextmanager
 def connected(backend: str, boxes: Boxes, **parameters: Any) -> Iterator[Robot]:
-    """A robot of this back end.
+    """Yield a robot of this backend.
 
     Args:
-        backend: one of BACKENDS.
-        boxes: the control boxes.
-        parameters: private ones of the robot.
+        backend: name in BACKENDS.
+        boxes: emulated control boxes.
+        parameters: private parameters of the robot.
     """
     if backend in PLANTS:
         own = {
@@ -63,9 +62,7 @@ def connected(backend: str, boxes: Boxes, **parameters: Any) -> Iterator[Robot]:
         robot = Robot(
             FrankaHW(), {"robot": {"robot_ip": boxes.address(backend), "robot": backend, **QUIET, **parameters}}
         )
-        robot.node.send_goal(
-            "franka_control/error_recovery", ErrorRecoveryGoal()
-        )  # whatever the test before left behind
+        robot.node.send_goal("franka_control/error_recovery", ErrorRecoveryGoal())  # clear errors of the previous test
     try:
         yield robot
     finally:

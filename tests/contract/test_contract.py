@@ -1,4 +1,4 @@
-"""What every RobotHW of the arm must do; whoever writes a controller relies on it."""
+"""Behaviour of the RobotHW of an arm on which controllers rely, tested on every backend."""
 
 import threading
 
@@ -253,7 +253,7 @@ def test_the_log_has_requested_and_sent_commands(robot) -> None:
     assert robot.hw.limiter_counts().effort_rate[6] == 3
 
 
-# -- what the arm is told ----------------------------------------------------------------------------------------------
+# -- commands to the arm -----------------------------------------------------------------------------------------------
 
 
 def test_a_set_load_reaches_state_and_model(robot) -> None:

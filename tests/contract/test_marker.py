@@ -1,4 +1,4 @@
-"""A marker is followed alike on every back end, by the arm's own motion generator and by the compliant law."""
+"""Marker tracking on every backend, with the arm's internal motion generator and with the impedance controller."""
 
 from collections.abc import Callable, Iterator
 from functools import cache
@@ -24,30 +24,29 @@ YAML = Path(__file__).parents[2] / "src" / "hric_bringup" / "config" / "controll
 WAY = Track(
     [0.1, 1.4, 2.7], [Pose((0.0, 0.0, 1.0)), Pose((0.02, 0.06, 1.03)), Pose((0.0, 0.0, 1.0))], minimum_jerk=True
 )
-"""There and back; at rest at both ends, so that the motion ends at rest too. z up [m]."""
+"""Motion of the marker, forth and back, starting and ending at rest; z up [m]."""
 DURATION = 3.1
 LAG, RMS = 0.15, {"cartesian_pose_controller": 2e-3, "cartesian_pose_impedance_controller": 4e-3}
-"""Of the end effector behind the marker [s], and what is left after it [m]; the compliant law stays behind by what its
-spring needs."""
+"""Largest lag of the end effector behind the marker [s], and largest RMS error without this lag, by controller [m]."""
 ALIKE = 5e-4
-"""Between any back end and PyBullet at any time [m]: libfranka's low-pass of 100 Hz."""
+"""Largest difference of the motion from that on PyBullet [m]; caused by libfranka's low-pass filter of 100 Hz."""
 
 
 def parameters(controller: str) -> dict[str, Any]:
-    """As they come configured."""
+    """Return the configured parameters of the controller."""
     found: dict[str, Any] = yaml.safe_load(YAML.read_text().replace("$(arg arm_id)", "panda"))[controller]
     return found
 
 
 class Followed:
-    """A robot that follows the marker.
+    """Motion of a robot that follows the marker.
 
     Attributes:
-        times: since the stream began, of each cycle [s].
-        way: of the end effector from its start in each cycle, shape (n, 3) [m].
-        truth: of the marker, likewise.
-        states: of the controller.
-        error: of the arm.
+        times: time of each cycle since the start of the stream [s].
+        way: displacement of the end effector from its start in each cycle, shape (n, 3) [m].
+        truth: displacement of the marker from its start, shape (n, 3) [m].
+        states: states published by the controller.
+        error: error of the robot; empty without an error.
     """
 
     def __init__(self, robot: Robot, controller: str) -> None:
@@ -75,7 +74,7 @@ class Followed:
         self.way, self.truth = positions - positions[0], truth - truth[0]
 
     def lag_and_rms(self) -> tuple[float, float]:
-        """Lag behind the marker [s], and the RMS error after it [m]."""
+        """Return the lag behind the marker [s], and the RMS error without this lag [m]."""
         n = len(self.way)
         errors = [
             float(np.sqrt(np.mean(np.sum((self.way[lag:] - self.truth[: n - lag]) ** 2, axis=1)))) for lag in range(300)
@@ -84,7 +83,7 @@ class Followed:
         return lag * 1e-3, errors[lag]
 
     def apart(self, other: "Followed") -> float:
-        """Largest distance from another's way at the same time, on any axis [m]."""
+        """Return the largest difference of the position from another motion at the same time, on any axis [m]."""
         same = np.column_stack([np.interp(self.times, other.times, other.way[:, axis]) for axis in range(3)])
         return float(np.abs(self.way - same).max())
 
@@ -97,7 +96,7 @@ def on_pybullet(controller: str) -> Followed:
 
 
 def cases() -> Iterator[Any]:
-    """(controller, back end); the FR3 is the Panda with other limits."""
+    """Yield pairs of controller and backend; the FR3 is a slow case, since it only has other limits than the Panda."""
     for backend in BACKENDS:
         for controller in RMS:
             yield pytest.param(

@@ -1,5 +1,7 @@
-"""Each reflex, on each arm: it stops the motion, is named by libfranka's name in error, FrankaState and log, refuses
-motion; the action ends it."""
+"""Reflexes of every arm: each one stops the motion, and motions are refused until the recovery action.
+
+The error, FrankaState and the log contain the name of the reflex in libfranka.
+"""
 
 import time
 from collections.abc import Callable, Iterator
@@ -17,19 +19,19 @@ from hric_control.controller import Controller
 from hric_core.errors import HricError
 
 PLAIN = {"enforce_limits": False, "rate_limiting": False, "cutoff_frequency": 1000.0}
-"""What is commanded reaches the arm as it is."""
+"""Parameters without limits and filters, so that the arm receives unchanged commands."""
 ARMS = ["pybullet", "panda", "fr3"]
 BOXES = ARMS[1:]
 ZERO = [0.0] * 7
 LIMIT = 10.0
-"""No reflex takes longer [s of robot time]."""
+"""Largest time until any reflex [s of robot time]."""
 
 Law = Callable[[int, RobotState], list[float]]
-"""(cycle of the motion from 0, state) -> command."""
+"""Function of the cycle since the start of the motion and the state that returns the command."""
 
 
 class Course(Controller):
-    """Commands what `law` says, quiet where it is None."""
+    """Controller that sends the commands of `law`, or zero while it is None."""
 
     def init(self, robot_hw: Any, root_node: Any, controller_node: Any) -> None:
         interface = controller_node.param("interface")
@@ -55,7 +57,7 @@ def last_only(value: float, n: int = 7) -> list[float]:
 
 
 def turned(n: int, state: RobotState) -> list[float]:
-    """Joint 7 to 2 rad/s, by less than 1 N m per millisecond."""
+    """Return torques that turn joint 7 at 2 rad/s, changing by less than 1 N m per millisecond."""
     wanted = 2.0 * (2.0 - state.dq[6])
     return last_only(min(max(wanted, state.tau_J_d[6] - 0.9), state.tau_J_d[6] + 0.9))
 
@@ -68,8 +70,14 @@ def late(n: int, state: RobotState) -> list[float]:
 
 @dataclass(frozen=True)
 class Case:
-    """Attributes: interface, law of the command; names: libfranka's, one of which must be set; arms: on which it can be
-    brought about."""
+    """Motion that causes a reflex.
+
+    Attributes:
+        interface: hardware interface of the commands.
+        law: function that returns the commands.
+        names: errors in libfranka, at least one of which must be set.
+        arms: arms on which the reflex can be caused.
+    """
 
     interface: str
     law: Law
@@ -105,11 +113,11 @@ CASES = {
 
 
 QUICK = {"torque jump", "Cartesian velocity jump", "20 lost packets", "collision"}
-"""Those that the FR3 is tried on each time; the others are the Panda's with other numbers."""
+"""Cases that are always tested on the FR3; the others are slow tests, as it differs from the Panda in numbers only."""
 
 
 def cases() -> Iterator[Any]:
-    """(case, arm) of the test below."""
+    """Yield pairs of case and arm for the test of all reflexes."""
     for name, case in CASES.items():
         for arm in case.arms:
             yield pytest.param(
@@ -118,7 +126,7 @@ def cases() -> Iterator[Any]:
 
 
 class Watched:
-    """A robot with a controller on a course, and what the franka_state_controller publishes."""
+    """Robot with a `Course` controller, and the messages of the franka_state_controller."""
 
     def __init__(self, robot: Robot, interface: str) -> None:
         self.robot, self.states = robot, []  # type: Robot, list[FrankaState]
@@ -146,7 +154,7 @@ class Watched:
         self.robot.run(LIMIT, watch)
 
     def named(self) -> set[str]:
-        """The errors in the newest message."""
+        """Return the names of the errors in the newest message."""
         errors = self.states[-1].current_errors
         return {name for name in errors.__slots__ if getattr(errors, name)}
 
@@ -159,7 +167,7 @@ def watched(connect: Callable[..., Robot], boxes: Boxes, backend: str) -> Iterat
 
 
 def push(robot: Robot, boxes: Boxes, backend: str, seconds: float) -> None:
-    """A hard push at the wrist."""
+    """Push the wrist hard."""
     if backend in BOXES:
         boxes.order(backend, f"push {backend}_link7 0 0 -60 {seconds}")
     else:
@@ -197,7 +205,7 @@ def test_a_reflex_stops_is_named_everywhere_refuses_motion_and_is_recovered_from
 
 
 def is_named(arm: Watched, names: tuple[str, ...], *texts: str) -> None:
-    """Whether one of the names stands in the texts and in FrankaState."""
+    """Check that one of the names is in the texts and set in FrankaState."""
     arm.robot.run(0.1)
     for text in texts:
         assert any(name in text for name in names), text
@@ -219,7 +227,7 @@ def test_a_collision_that_is_there_when_the_motion_begins_is_named_too(backend, 
 
 
 def stands(robot: Robot, arm: Watched) -> None:
-    """Whether the arm comes to rest, whatever its controller goes on to command."""
+    """Check that the arm comes to rest although its controller keeps sending commands."""
     robot.run(0.8)
     before = robot.positions
     robot.run(0.2)

@@ -1,4 +1,4 @@
-"""One experiment, in process and through the unmodified libfranka on the emulated control box: the same motion."""
+"""Comparison of one experiment in process and through libfranka with the emulated control box: same motion."""
 
 from pathlib import Path
 from typing import Any
@@ -15,13 +15,13 @@ from hric_run.definition import experiment
 pytestmark = pytest.mark.alone
 
 Q_START = ("0", "0", "0", "-0.08", "0", "0", "0")
-"""Where pd_step starts [rad]."""
+"""Joint positions at the start of pd_step [rad]."""
 PLAIN = ("robot.parameters.rate_limiting:=false", "robot.parameters.cutoff_frequency:=1000")
-"""libfranka's own limiter and low-pass off."""
+"""Arguments that disable libfranka's rate limiter and low-pass filter."""
 
 
 def run(folder: Path, name: str, *arguments: str) -> Path:
-    """The run's folder."""
+    """Run an experiment headless and return the run folder."""
     folder.mkdir(exist_ok=True)
     return headless.run(
         experiment.load(name, arguments), arguments, root=folder, progress=False, figures=False
@@ -31,7 +31,7 @@ def run(folder: Path, name: str, *arguments: str) -> Path:
 def through_libfranka(
     folder: Path, robot: str, name: str, *arguments: str, q_start: tuple[str, ...] = Q_START
 ) -> tuple[Path, str]:
-    """(the run's folder, what the box said)."""
+    """Run an experiment through libfranka; return the run folder and the log of the emulated control box."""
     with control_box("--robot", robot, "--no-hand", "--real-time-factor", "0", "--q-start", *q_start) as (address, box):
         real = ("hw:=franka_real/FrankaHW", f"robot.parameters.robot_ip:={address}", f"robot.parameters.robot:={robot}")
         path = run(
@@ -46,18 +46,18 @@ def through_libfranka(
 
 
 def positions(path: Path) -> np.ndarray:
-    """Joint positions of every cycle, shape (n, 7) [rad]."""
+    """Return the joint positions of all cycles, shape (n, 7) [rad]."""
     return bag_reader.read(next(path.glob("*.bag"))).log.position
 
 
 def head(path: Path) -> dict[str, Any]:
-    """run.yaml."""
+    """Return the contents of run.yaml."""
     contents: dict[str, Any] = yaml.safe_load((path / "run.yaml").read_text())
     return contents
 
 
 def difference(a: Path, b: Path) -> float:
-    """Largest difference of any joint in any cycle [rad]."""
+    """Return the largest difference of joint positions between two runs in any cycle [rad]."""
     one, other = positions(a), positions(b)
     assert len(one) == len(other) == 6000
     return float(np.abs(one - other).max())

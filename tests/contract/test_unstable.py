@@ -1,5 +1,7 @@
-"""An unstable loop never counts as a success, one at half its bound is never called unstable, whatever the arm runs
-on."""
+"""Stability verdict on every backend: an unstable control loop is never a success.
+
+A loop with half of the largest stable gains is never reported as unstable.
+"""
 
 import threading
 from collections.abc import Iterator
@@ -22,13 +24,13 @@ from hric_run.definition import experiment
 
 START = (0.0, 0.0, 0.0, -0.08, 0.0, 0.0, 0.0)
 SET_POINT = (0.0, -np.pi / 4, 0.0, -3.0 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4)
-"""Of pd_step [rad]."""
+"""Set point of pd_step [rad]."""
 FAR_BEYOND = ("rotor_inertia:=0", "kp:=200", "kd:=100", "limits:=false", "rotatum_limit:=0", "duration:=1")
-"""Kd 100 N m s/rad without rotors: joint 7 tolerates 11."""
+"""Arguments for an unstable loop: Kd is 100 N m s/rad without rotor inertia, but joint 7 is stable up to 11 only."""
 
 
 def outcome(folder: Path, name: str, *arguments: str) -> str:
-    """How the run ended: diverged, or its verdict; the bag is whole in either case."""
+    """Run an experiment; return "diverged" or the stability verdict, after checking that the bag is complete."""
     try:
         run = headless.run(experiment.load(name, arguments), arguments, root=folder, progress=False, figures=False)
         verdict = run.metrics["stability"]["verdict"]
@@ -43,7 +45,7 @@ def outcome(folder: Path, name: str, *arguments: str) -> str:
 
 @contextmanager
 def emulated_box(robot: str) -> Iterator[tuple[tuple[str, ...], object]]:
-    """Arguments with which an experiment runs through libfranka on an emulated box, and the box's process."""
+    """Yield the arguments for an experiment through libfranka with an emulated control box, and its process."""
     words = (
         "--robot",
         robot,
@@ -74,7 +76,7 @@ def emulated_box(robot: str) -> Iterator[tuple[tuple[str, ...], object]]:
 
 
 def half_of_the_bound(rotor_inertia: float) -> str:
-    """Derivative gains at half of what each joint tolerates along the move of pd_step [N m s/rad]."""
+    """Return half of the largest stable derivative gain of each joint during pd_step, as text [N m s/rad]."""
     model = KdlFrankaModel(panda_description.load(hand=False, meshes=False), "panda")
     bounds = []
     for part in np.linspace(0.0, 1.0, 11):

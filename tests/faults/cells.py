@@ -1,7 +1,7 @@
-"""Runs commands with faults, each in a fork of one process that has loaded what they need: reads a list of cells as
-JSON from stdin, and writes what came of each to stdout.
+"""Program that runs commands with injected faults, each in a fork of a process that has loaded all modules.
 
-A cell: program (a node's file), words, folder to run in, environment of the shim, file for stderr, timeout [s].
+It reads a list of cases (cells) as JSON from stdin, and writes their results to stdout. Keys of a case: program (file
+of a node), words (arguments), working folder, environment of the fault shim, file for stderr, timeout [s].
 """
 
 import importlib
@@ -43,7 +43,7 @@ LOADED = (
 
 
 def run(cell: dict[str, Any]) -> int:
-    """Run a program in this process, as Python would; returns its exit code."""
+    """Run a program in this process and return its exit code."""
     os.chdir(cell["folder"])
     sys.argv = [cell["program"], *cell["words"]]
     os.environ.update(cell["environment"])
@@ -64,7 +64,7 @@ def run(cell: dict[str, Any]) -> int:
 
 
 def forked(cell: dict[str, Any]) -> int:
-    """Run a cell in a process of its own; returns its exit code, or minus the signal that killed it."""
+    """Run a case in a forked process; return its exit code, or minus the number of the signal that killed it."""
     child = os.fork()
     if not child:
         os.setsid()
@@ -91,7 +91,7 @@ def forked(cell: dict[str, Any]) -> int:
 
 
 def main() -> None:
-    """Run the cells."""
+    """Run all cases."""
     cells = json.load(sys.stdin)
     answer = os.fdopen(os.dup(1), "w")
     for name in LOADED:

@@ -1,9 +1,9 @@
-"""Every command against every fault: full and broken disk, no more files, SIGKILL, a flipped bit. Each ends with one
-line and the documented exit code, and leaves nothing half-written; what was complete stays readable.
+"""Tests of every command with every fault: full or failing disk, too many open files, SIGKILL, a flipped bit.
 
-A command that is new is in by itself, with the words of `DEFAULT`. All cells of the default run share one process that
-has loaded the commands, and each is a fork of it (cells.py); faults come from shim.c. The documented codes: 0 done, 1
-failed, 2 a mistake or an input that cannot be read, 3 and 4 findings or unfinished runs.
+Each command must end with one line and the documented exit code and leave no incomplete files; complete files must
+stay readable. A new command is tested automatically, with the arguments `DEFAULT`. The cases (cells) of the default run
+are forks of one process that has loaded the commands (cells.py); faults are injected by shim.c. Exit codes: 0 done, 1
+failed, 2 wrong usage or an unreadable input, 3 and 4 findings or unfinished runs.
 """
 
 import json
@@ -38,10 +38,13 @@ NODES = {
     *("emulated_emg", "emulated_human", "emulated_plate", "force_plate", "live_plot", "live_view", "person"),
     *("synchronizer", "synchronizer_cpp", "calibrate", "check_workstation", "xacro", "hric"),
 }
-"""Programs that need a master or wait for a peer, whose faults are in tests/integration/test_killed.py; the machine's
-check; ROS's own xacro; and the program of which the others are aliases."""
+"""Programs that are not tested here.
+
+They need a ROS master or wait for a peer (their faults are in tests/integration/test_killed.py), check the machine, are
+ROS's own xacro, or are the program that the others are aliases of.
+"""
 NO_FILES = {"schema"}
-"""Commands that neither read nor write a file of the user: of them standard output alone can fail."""
+"""Commands that neither read nor write files of the user, so that only their standard output can fail."""
 DEFAULT = ["run"]
 RECIPES: dict[str, list[str]] = {
     "run": ["pd_step", "duration:=0.2", "--runs", ".", "--quiet", "--no-figures"],
@@ -69,13 +72,13 @@ RECIPES: dict[str, list[str]] = {
     "picture": ["nobody.osim", "nobody.png"],
     "urdf_to_osim": ["run/robot.urdf", "-o", "model.osim"],
 }  # fmt: skip
-"""Words of each command, or of another form of it, in a folder with what `given` makes."""
+"""Arguments of each command, or variant of a command, in a folder with the files made by `given`."""
 REFUSED = {"fit_muscles", "picture", "inverse_kinematics"}
-"""Commands that would cost seconds each with an input that they take: of them it is the refusal that is tried."""
+"""Commands that take seconds with a valid input; they are tested with an input that they refuse."""
 COSTLY = {"sweep", "benchmark", "approaches", "measure_stops", "speed_map", "report figures", "run study"}
-"""Of these the default run has one fault alone, which strikes each of them."""
+"""Commands that are tested in the default run with a single fault, which hits each of them."""
 FEW_WRITES = {"approaches", "measure_stops"}
-"""Commands of these that may write too rarely for a later fault."""
+"""Costly commands that may write too rarely to be hit by a later fault."""
 
 FAULTS: dict[str, dict[str, str]] = {
     "nothing": {},
@@ -95,7 +98,7 @@ INPUTS = {"run", "long", "person", "cut.bag"}
 
 @dataclass(frozen=True)
 class Cell:
-    """A command, or a form of it, and a fault."""
+    """Case of the matrix: a command, or a variant of it, with a fault."""
 
     command: str
     fault: str
@@ -108,12 +111,12 @@ class Cell:
 
     @property
     def words(self) -> list[str]:
-        """Words after the command."""
+        """Arguments of the command."""
         return RECIPES.get(self.command, DEFAULT)
 
     @property
     def fits(self) -> bool:
-        """False where there is nothing that the fault could hit."""
+        """False if the command does nothing that the fault can affect."""
         reads = INPUTS & set(self.words)
         if "flipped" in self.fault:
             return bool(reads) and not ("metrics" in self.fault and "cut.bag" in self.words)
@@ -121,7 +124,7 @@ class Cell:
 
 
 def commands() -> list[str]:
-    """Names of all commands, and their further forms."""
+    """Return the names of all commands and of their variants."""
     programs = {path.name for path in SOURCES.glob("*/nodes/*")}
     assert (
         programs >= {name for name in plugins.names(plugins.COMMAND) if name != "convert" and " " not in name}
@@ -131,7 +134,7 @@ def commands() -> list[str]:
 
 
 def cells() -> Iterator[Any]:
-    """The matrix; what costs much is in the default run once for each command."""
+    """Yield all cases; in the default run, costly commands have one case each."""
     for command in commands():
         fitting = [cell for fault in FAULTS if (cell := Cell(command, fault)).fits]
         strikes = "disk full at once" if command in FEW_WRITES else "disk full later"
@@ -143,13 +146,13 @@ def cells() -> Iterator[Any]:
 
 @dataclass(frozen=True)
 class Ended:
-    """A cell that has run.
+    """Result of a case.
 
     Attributes:
-        folder: in which it ran.
-        code: exit code, or minus the signal that killed it.
-        lines: of stderr, without progress.
-        hit: whether the fault came to pass.
+        folder: working folder.
+        code: exit code, or minus the number of the signal that killed the process.
+        lines: lines of stderr, without progress.
+        hit: True if the fault occurred.
         spent: processor time [s].
     """
 
@@ -162,7 +165,7 @@ class Ended:
 
 @pytest.fixture(scope="session")
 def given(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder with a run of 0.2 s, one with a person, a longer one, a bag that was cut off, and files."""
+    """Folder with a run of 0.2 s, a run with a person, a longer run, a truncated bag, and other input files."""
     folder = tmp_path_factory.mktemp("given")
     options = ["--runs", str(folder / "made"), "--quiet", "--no-figures"]
     for name, words in (
@@ -208,7 +211,7 @@ def write_definitions(folder: Path) -> None:
 
 @pytest.fixture(scope="session")
 def shim(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The preload library, built."""
+    """Path of the compiled preload library."""
     path = tmp_path_factory.mktemp("shim") / "shim.so"
     subprocess.run(["cc", "-shared", "-fPIC", "-O2", "-o", path, HERE / "shim.c", "-ldl"], check=True)
     return path
@@ -218,7 +221,7 @@ def shim(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def ended(
     request: pytest.FixtureRequest, given: Path, shim: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> dict[Cell, Ended]:
-    """All cells of this test run, run."""
+    """Results of all selected cases."""
     items = [item for item in request.session.items if item.path == Path(__file__) and hasattr(item, "callspec")]
     chosen = dict.fromkeys(item.callspec.params["cell"] for item in items if "cell" in item.callspec.params)
     root = tmp_path_factory.mktemp("cells")
@@ -240,7 +243,7 @@ def ended(
 
 
 def prepared(cell: Cell, root: Path, given: Path) -> dict[str, Any]:
-    """Request to run a cell, in a folder of its own."""
+    """Return the request to run a case in a separate folder."""
     folder = root / "here"
     shutil.copytree(given, folder, symlinks=True)
     fault = dict(FAULTS[cell.fault])
@@ -278,11 +281,11 @@ READERS: dict[str, Callable[[Path], object]] = {
     ".parquet": pyarrow.parquet.read_table,
     ".csv": lambda path: path.read_text().splitlines()[-1],
 }
-"""How a file is read to its end, by its ending."""
+"""Functions that read a whole file, by its suffix."""
 
 
 def half_written(folder: Path, flipped: str) -> list[str]:
-    """Files that are there by their own name and cannot be read."""
+    """Return the files with final (not temporary) names that cannot be read."""
     found = []
     for path in folder.rglob("*"):
         visible = not any(part.startswith(".") for part in path.relative_to(folder).parts)

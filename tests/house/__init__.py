@@ -1,1 +1,1 @@
-"""Sizes, limits, imports and prose of the workspace's Python; run by scripts/count and scripts/lint."""
+"""Checks of code sizes, imports and texts of the workspace, for scripts/count and scripts/lint."""

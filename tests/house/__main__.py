@@ -16,7 +16,7 @@ PURPOSE = "Sizes of product Python: src/*/src, src/*/nodes, scripts; limits: [to
 
 
 def main(arguments: Sequence[str] | None = None, root: Path = WORKSPACE) -> int:
-    """Run the command; returns the exit code."""
+    """Run scripts/count and return its exit code."""
     options = _parser().parse_args(arguments)
     try:
         rules = limits.read_limits(root)
@@ -39,14 +39,19 @@ def main(arguments: Sequence[str] | None = None, root: Path = WORKSPACE) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="scripts/count", description=PURPOSE)
-    parser.add_argument("--at", metavar="REVISION", help="count a git revision, by the limits of today")
+    parser.add_argument("--at", metavar="REVISION", help="count the code of a git revision, with the present limits")
     what = parser.add_mutually_exclusive_group()
-    what.add_argument("--check", action="store_true", help="hold all against the limits; code 1 if anything is beyond")
-    what.add_argument("--twins", action="store_true", help="list pairs of functions that are alike")
+    what.add_argument("--check", action="store_true", help="check all limits; exit code 1 if one is exceeded")
+    what.add_argument("--twins", action="store_true", help="list pairs of similar functions")
     what.add_argument(
-        "--prose", action="store_true", help="list what the style (styles/HRIC) refuses in pages and code"
+        "--prose", action="store_true", help="list violations of the style rules (styles/HRIC) in pages and code"
     )
-    what.add_argument("--texts", type=Path, metavar="FOLDER", help="write the texts of the code for vale (build/texts)")
+    what.add_argument(
+        "--texts",
+        type=Path,
+        metavar="FOLDER",
+        help="write the texts of the code to a folder, for the program vale (build/texts)",
+    )
     return parser
 
 

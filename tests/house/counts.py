@@ -1,4 +1,4 @@
-"""Sizes of the code: statements, share of imports, modules per level, long functions, short modules."""
+"""Sizes of the code: statements, share of import lines, modules per folder, long functions, short modules."""
 
 import ast
 from collections import Counter
@@ -10,14 +10,14 @@ from house.sources import Source, covered, is_docstring
 
 @dataclass(frozen=True)
 class Sizes:
-    """Sums over some files.
+    """Sizes of one or several Python files, added up.
 
     Attributes:
-        files: how many.
-        statements: nodes `ast.stmt` of their trees, nested ones too, but docstrings.
-        code_lines: lines that are neither blank, comment nor docstring.
-        import_lines: those of them that belong to an import statement.
-        functions: functions and methods, nested ones too.
+        files: number of files.
+        statements: number of `ast.stmt` nodes, including nested ones, without docstrings.
+        code_lines: number of lines that are not blank, comment or docstring.
+        import_lines: number of these lines that belong to an import statement.
+        functions: number of functions and methods, including nested ones.
     """
 
     files: int
@@ -31,19 +31,19 @@ class Sizes:
 
     @property
     def import_share(self) -> float:
-        """Import lines per 100 lines of code."""
+        """Share of import lines in all code lines [%]."""
         return 100.0 * self.import_lines / max(self.code_lines, 1)
 
 
 def sizes(source: Source) -> Sizes:
-    """Sizes of one file."""
+    """Return the sizes of one file."""
     statements = [node for node in source.nodes if isinstance(node, ast.stmt) and not is_docstring(node)]
     imports = covered(node for node in statements if isinstance(node, ast.Import | ast.ImportFrom)) & source.code_lines
     return Sizes(1, len(statements), len(source.code_lines), len(imports), len(source.functions))
 
 
 def by_package(sources: Sequence[Source]) -> dict[str, Sizes]:
-    """Sizes of each package."""
+    """Return the sizes of each package by name."""
     sums: dict[str, Sizes] = {}
     for source in sources:
         sums[source.package] = sums.get(source.package, Sizes(0, 0, 0, 0, 0)) + sizes(source)
@@ -51,7 +51,7 @@ def by_package(sources: Sequence[Source]) -> dict[str, Sizes]:
 
 
 def levels(sources: Sequence[Source]) -> Counter[str]:
-    """Folder -> number of its modules, `__init__` and `__main__` not counted; executables are no modules."""
+    """Return the number of modules by folder, without `__init__`, `__main__` and executables."""
     return Counter(source.level for source in sources if source.level)
 
 
@@ -74,7 +74,7 @@ def imported_modules(source: Source, modules: Set[str], packages: Set[str]) -> s
 
 
 def long_functions(sources: Sequence[Source], limit: int) -> list[str]:
-    """Functions of more than `limit` lines, from `def` to the last line, as `path:line name (lines)`."""
+    """Return the functions with more than `limit` lines, from `def` to the last line, as `path:line name (lines)`."""
     return [
         f"{source.path}:{function.lineno} {name} ({lines} lines)"
         for source in sources
@@ -84,5 +84,5 @@ def long_functions(sources: Sequence[Source], limit: int) -> list[str]:
 
 
 def short_modules(sources: Sequence[Source], limit: int) -> list[Source]:
-    """Modules of fewer than `limit` lines."""
+    """Return the modules with fewer than `limit` lines."""
     return [source for source in sources if source.level and len(source.text.splitlines()) < limit]

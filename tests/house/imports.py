@@ -1,7 +1,7 @@
-"""Imports between packages, held by import-linter's contracts in pyproject.toml: python3 -m house.imports.
+"""Check of imports between packages by import-linter, with the contracts in pyproject.toml: python3 -m house.imports.
 
-Executables (`src/PACKAGE/nodes/NAME`, programs of scripts) are no modules. For the linter they are copied into
-a package of its own, `executables.PACKAGE.NAME`, so that the contracts hold them, too.
+Executables (`src/PACKAGE/nodes/NAME`, programs of scripts) are not modules. They are copied into a temporary package as
+`executables.PACKAGE.NAME`, so that the contracts apply to them, too.
 """
 
 import logging
@@ -16,17 +16,17 @@ from pathlib import Path
 from house.sources import WORKSPACE, HouseError, in_folder
 
 EXECUTABLES = "executables"
-"""Package of the copies of executables."""
+"""Name of the temporary package with the copies of executables."""
 CONFIG = "pyproject.toml"
 
 
 def main(root: Path = WORKSPACE) -> int:
-    """Check the contracts of a workspace and print what breaks them; return the exit code.
+    """Check the import contracts of a workspace, print violations, and return the exit code.
 
     Raises:
-        HouseError: a package is not in `root_packages`, or it or its executables are in no layer.
+        HouseError: a package is not in `root_packages` of the contracts, or it or its executables are in no layer.
     """
-    from importlinter.cli import lint_imports  # a pinned package; scripts/count runs without any
+    from importlinter.cli import lint_imports  # imported here, since scripts/count must run without pinned packages
 
     with _on_the_path(root) as executables:
         packages = _packages(root)
@@ -41,7 +41,7 @@ def main(root: Path = WORKSPACE) -> int:
 
 @contextmanager
 def _enabled_loggers() -> Iterator[None]:
-    """Enable afterwards the loggers that import-linter disables when it configures logging, all but its own."""
+    """Enable loggers again afterwards: import-linter disables all loggers except its own when it configures logging."""
     loggers = [logger for logger in logging.root.manager.loggerDict.values() if isinstance(logger, logging.Logger)]
     enabled = [logger for logger in loggers if not logger.disabled]
     yield
@@ -50,7 +50,7 @@ def _enabled_loggers() -> Iterator[None]:
 
 
 def graph(root: Path = WORKSPACE) -> Mapping[str, frozenset[str]]:
-    """Return the packages that each package with Python imports, with its executables; without scripts."""
+    """Return the packages that each Python package and its executables import, by name; scripts are left out."""
     import grimp
 
     with _on_the_path(root):
@@ -74,9 +74,9 @@ def _packages(root: Path) -> set[str]:
 
 @contextmanager
 def _on_the_path(root: Path) -> Iterator[set[str]]:
-    """Put sources and copies of executables first on the path of imports; yield the packages of the copies."""
+    """Put the sources and copies of the executables first in sys.path; yield the packages that have such copies."""
     before, packages = sys.path[:], _packages(root)
-    # A package that this process has imported would be looked for where it came from, such as catkin's folder devel.
+    # Forget imported packages; otherwise the linter would search them where they were imported from, such as devel.
     loaded = {name: sys.modules.pop(name) for name in [*sys.modules] if name.partition(".")[0] in packages}
     executables: set[str] = set()
     with tempfile.TemporaryDirectory() as folder:

@@ -1,4 +1,4 @@
-"""The limits of the code, from `[tool.hric.house]` in pyproject.toml, and what exceeds them."""
+"""Limits of code sizes, from `[tool.hric.house]` in pyproject.toml, and their check."""
 
 import tomllib
 from collections.abc import Sequence
@@ -17,19 +17,19 @@ SECTION = "[tool.hric.house]"
 
 @dataclass(frozen=True)
 class Limits:
-    """Keys of the section; each limit is the largest value allowed. Meanings and targets: pyproject.toml.
+    """Limits of code sizes; each is the largest value allowed. pyproject.toml explains them.
 
     Attributes:
-        start: `revision` that the statements are compared with, and its `statements`.
-        statements: of all packages together.
-        import_share: import lines in all lines of code [%].
-        modules_per_level: in one folder.
-        imported_modules: of the project, by one module.
-        function_lines: from `def` to the last line.
-        short_modules: modules of fewer than `short_module_lines` lines.
-        short_module_lines: see above.
-        twins: `lines` of code from which functions are compared, `likeness` from which they count as alike, `pairs`
-            allowed, and `exceptions`, each with the two `functions` and the `reason`.
+        start: `revision` with which the number of statements is compared, and its number of `statements`.
+        statements: statements of all packages together.
+        import_share: share of import lines in all code lines [%].
+        modules_per_level: modules in one folder.
+        imported_modules: modules of the project that one module imports.
+        function_lines: lines of a function, from `def` to the last line.
+        short_modules: number of modules with fewer than `short_module_lines` lines.
+        short_module_lines: number of lines below which a module counts as short.
+        twins: limits for similar functions: `lines` of code from which functions are compared, `likeness` from which
+            they count as similar, allowed number of `pairs`, and `exceptions`, with two `functions` and a `reason`.
     """
 
     start: dict[str, Any]
@@ -44,7 +44,7 @@ class Limits:
 
 
 def read_limits(root: Path = WORKSPACE) -> Limits:
-    """The limits of a workspace. Raises HouseError."""
+    """Return the limits of a workspace; raise HouseError if they are invalid."""
     with (root / "pyproject.toml").open("rb") as file:
         section = tomllib.load(file).get("tool", {}).get("hric", {}).get("house", {})
     names = {field.name for field in fields(Limits)}
@@ -55,7 +55,7 @@ def read_limits(root: Path = WORKSPACE) -> Limits:
 
 
 def over_sizes(sources: Sequence[Source], limits: Limits) -> list[str]:
-    """Sizes beyond their limits."""
+    """Return a message for each size above its limit."""
     total = reduce(add, counts.by_package(sources).values())
     short = counts.short_modules(sources, limits.short_module_lines)
     exceeded = [
@@ -76,7 +76,7 @@ def over_sizes(sources: Sequence[Source], limits: Limits) -> list[str]:
 
 
 def unlisted_twins(sources: Sequence[Source], limits: Limits) -> tuple[list[Twins], list[str]]:
-    """Pairs of functions that are alike and no exception, and findings about exceptions that are no pairs any more."""
+    """Return the pairs of similar functions that are no exceptions, and messages on obsolete exceptions."""
     pairs = twins(sources, limits.twins["lines"], limits.twins["likeness"])
     listed = {frozenset(entry["functions"]): entry["reason"] for entry in limits.twins["exceptions"]}
     gone = sorted(sorted(names) for names in set(listed) - {pair.names for pair in pairs})
@@ -85,7 +85,7 @@ def unlisted_twins(sources: Sequence[Source], limits: Limits) -> tuple[list[Twin
 
 
 def over_twins(sources: Sequence[Source], limits: Limits) -> list[str]:
-    """More functions that are alike than allowed, all of them named."""
+    """Return messages that name all pairs of similar functions, if there are more than allowed."""
     pairs, findings = unlisted_twins(sources, limits)
     message = _over("twins.pairs", len(pairs), limits.twins["pairs"])
     return findings + ([message, *(f"  alike: {pair}" for pair in pairs)] if message else [])

@@ -1,7 +1,7 @@
-"""Sentences of pages and code, held against the style in styles/HRIC, which is vale's format.
+"""Check of texts in pages and code by the style rules in styles/HRIC, which are in the format of the program vale.
 
-No registry has vale's program, so the kinds of rule that the style uses (`existence`, `substitution`) are
-read here; where vale is installed, it runs the same files: see .vale.ini.
+No package registry contains vale itself, so this module implements the kinds of rule that the style uses
+(`existence`, `substitution`). If vale is installed, it can use the same rules: see .vale.ini.
 """
 
 import ast
@@ -21,20 +21,20 @@ from house.sources import WORKSPACE, Function, HouseError, Source, is_docstring
 CONFIG = ".vale.ini"
 PAGES = ("*.md", "docs/**/*.md", "src/*/INTERFACE.md", "src/*/CHANGELOG.rst")
 PRINTED, COMMENTS, DOCSTRINGS, NAMES = "printed", "comments", "docstrings", "names"
-"""Kinds of texts in code; also their folders below build/texts."""
+"""Kinds of texts in code, which are also the names of their folders below build/texts."""
 NO_PROSE = re.compile(
     r"^ *(```|~~~).*?^ *\1|<!--.*?-->|``[^`]+``|`[^`\n]*`|\]\([^)\s]*\)|https?://\S+", re.DOTALL | re.MULTILINE
 )
-"""Code, comments and addresses in a page."""
+"""Pattern of code, comments and addresses in a page, which are not checked."""
 
 
 @dataclass(frozen=True)
 class Text:
-    """A text that people read.
+    """A text to check.
 
     Attributes:
-        path: file that vale would read, for the sections of the configuration.
-        location: file and line.
+        path: path of the file for vale, which selects the section of the configuration.
+        location: file and line of the text.
         text: the text.
     """
 
@@ -45,13 +45,13 @@ class Text:
 
 @dataclass(frozen=True)
 class Rule:
-    """A rule of the style.
+    """A style rule.
 
     Attributes:
-        name: style and file, such as HRIC.Person.
-        pattern: what is refused.
-        message: message with `%s` for the match, or for the replacement and the match.
-        swap: pattern and replacement; empty: nothing replaces it.
+        name: names of style and file, such as HRIC.Person.
+        pattern: pattern of refused words.
+        message: message with `%s` for the match, or for replacement and match.
+        swap: pairs of pattern and replacement; empty if the rule has no replacements.
         exceptions: matches that are allowed, in lower case.
     """
 
@@ -62,7 +62,7 @@ class Rule:
     exceptions: frozenset[str]
 
     def findings(self, text: Text) -> Iterator[str]:
-        """Yield a line for each match in a text."""
+        """Yield a message for each match in a text."""
         for match in self.pattern.finditer(text.text):
             if match[0].lower() not in self.exceptions:
                 path, _, line = text.location.rpartition(":")
@@ -72,12 +72,12 @@ class Rule:
 
 
 def style(root: Path = WORKSPACE) -> tuple[list[Rule], configparser.ConfigParser]:
-    """Return the rules of a workspace, and which files they apply to.
+    """Return the style rules of a workspace, and the configuration that assigns them to files.
 
     Raises:
-        HouseError: a rule is of a kind that only vale knows.
+        HouseError: a rule is of a kind that this module does not implement.
     """
-    import yaml  # scripts/count runs without it, but for this
+    import yaml  # imported here, since the other parts of scripts/count must run without PyYAML
 
     config = configparser.ConfigParser(delimiters="=", default_section="")
     config.optionxform = str  # type: ignore[method-assign, assignment]
@@ -101,7 +101,7 @@ def _rule(path: Path, content: dict[str, Any]) -> Rule:
 
 
 def findings(texts: Sequence[Text], rules: Sequence[Rule], config: configparser.ConfigParser) -> list[str]:
-    """Return what the style refuses in texts."""
+    """Return a message for each violation of the style in the texts."""
     applied: dict[tuple[str, ...], list[Rule]] = {}
     lines: list[str] = []
     for text in texts:
@@ -113,7 +113,7 @@ def findings(texts: Sequence[Text], rules: Sequence[Rule], config: configparser.
 
 
 def _globs(section: str) -> list[str]:
-    """Return the patterns of a section's name; vale's `{md,rst}` is one of several endings."""
+    """Return the file patterns of a section's name; alternatives such as `{md,rst}` are expanded."""
     head, brace, rest = section.partition("{")
     choices, _, tail = rest.partition("}")
     return [f"{head}{choice}{tail}" for choice in choices.split(",")] if brace else [section]
@@ -135,7 +135,7 @@ def pages(root: Path = WORKSPACE) -> list[Text]:
 
 
 def _prose(page: str) -> str:
-    """Return a page in which code is blank, with its lines where they were."""
+    """Return a page in which code is replaced by spaces, so that line numbers do not change."""
     return NO_PROSE.sub(lambda match: re.sub(r"[^\n]+", " ", match[0]), page)
 
 
@@ -162,7 +162,7 @@ def write(texts: Sequence[Text], folder: Path) -> None:
 
 
 def parts_of(name: str) -> list[str]:
-    """Parts of a name in lower case: `maxEffort_rate` -> max, effort, rate."""
+    """Return the words in a name in lower case: max, effort and rate for `maxEffort_rate`."""
     return [part.lower() for part in re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+", name)]
 
 
@@ -173,7 +173,7 @@ def _comments(source: Source) -> Iterator[tuple[int, str]]:
 
 
 def printed(nodes: Sequence[ast.AST]) -> Iterator[tuple[int, str]]:
-    """Yield line and text of all strings of several words but docstrings, with `...` for values in them."""
+    """Yield line and text of strings of several words, except docstrings; values in them are replaced by `...`."""
     formatted = [node for node in nodes if isinstance(node, ast.JoinedStr)]
     parts = {id(part) for node in formatted for part in node.values}
     yield from ((node.lineno, _string(node)) for node in formatted)

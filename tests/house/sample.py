@@ -12,15 +12,17 @@ from house.sources import WORKSPACE, Function, HouseError, Source, in_folder
 
 PAGES = ("README.md", "CONTRIBUTING.md", "docs/**/*.md", "src/*/INTERFACE.md")
 LOGS = {"print", "debug", "info", "warn", "warning", "error", "exception", "critical", "fatal"}
-"""Functions that print or log; exceptions are known by being raised."""
+"""Names of functions that print or log a text."""
 
 
 def main(arguments: Sequence[str] | None = None, root: Path = WORKSPACE) -> int:
-    """Print a sample; return the exit code."""
-    parser = argparse.ArgumentParser(prog="scripts/sample", description="Draw texts at random, to read as a newcomer.")
-    parser.add_argument("kind", choices=KINDS, help="what to draw; logs: logged, printed and raised texts")
-    parser.add_argument("number", type=int, help="how many")
-    parser.add_argument("--seed", type=int, default=0, help="another seed draws others (default: 0)")
+    """Print a random sample of texts, and return the exit code."""
+    parser = argparse.ArgumentParser(
+        prog="scripts/sample", description="Print random texts of the workspace, to be read by a newcomer."
+    )
+    parser.add_argument("kind", choices=KINDS, help="kind of texts; logs: logged, printed and raised texts")
+    parser.add_argument("number", type=int, help="number of texts")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the random choice (default: 0)")
     options = parser.parse_args(arguments)
     try:
         texts = KINDS[options.kind](root)

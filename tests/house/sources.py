@@ -1,4 +1,4 @@
-"""Product Python of the workspace, from its folder or from a git revision."""
+"""Python source files of the workspace without tests, from its folder or from a git revision."""
 
 import ast
 import io
@@ -14,23 +14,23 @@ from pathlib import Path, PurePosixPath
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 WORKSPACE = Path(__file__).resolve().parents[2]
 PRODUCT = re.compile(r"src/[^/]+/(src|nodes)/.+|scripts/.+")
-"""Paths of product Python; a package's tests, its set-up and its templates lie elsewhere."""
+"""Pattern of the paths of product code, without tests, setup.py and templates."""
 SHEBANG = re.compile(rb"#!.*\bpython")
 NO_CODE = {tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT, tokenize.ENDMARKER}
-"""Tokens that make no line one of code."""
+"""Types of tokens that are not code: a line with only these is no code line."""
 
 
 class HouseError(Exception):
-    """What cannot be counted, and why."""
+    """Error of a file, revision or configuration that cannot be read; the message has the reason."""
 
 
 @dataclass(frozen=True)
 class Source:
-    """One file of Python.
+    """A Python file.
 
     Attributes:
-        path: from the workspace's top, with slashes.
-        text: its content.
+        path: path relative to the workspace, with slashes.
+        text: content of the file.
     """
 
     path: str
@@ -38,7 +38,7 @@ class Source:
 
     @cached_property
     def tree(self) -> ast.Module:
-        """The file, parsed. Raises HouseError."""
+        """Syntax tree of the file; raises HouseError if it cannot be parsed."""
         try:
             return ast.parse(self.text)
         except SyntaxError as error:
@@ -46,18 +46,18 @@ class Source:
 
     @cached_property
     def nodes(self) -> list[ast.AST]:
-        """All nodes of the tree, outer ones first."""
+        """All nodes of the syntax tree, outer nodes first."""
         return list(ast.walk(self.tree))
 
     @property
     def package(self) -> str:
-        """Folder below src, or "scripts"."""
+        """Name of the package, which is the folder below src, or "scripts"."""
         top, below = PurePosixPath(self.path).parts[:2]
         return below if top == "src" else top
 
     @property
     def name(self) -> str:
-        """What others import it by; of executables `package/nodes/name`, of files in scripts the path without `.py`."""
+        """Name for imports; for executables `package/nodes/name`, for files in scripts the path without `.py`."""
         parts = PurePosixPath(self.path).with_suffix("").parts
         if parts[0] == "scripts":
             return "/".join(parts)
@@ -67,24 +67,24 @@ class Source:
 
     @property
     def level(self) -> str:
-        """The folder it is a module of; "" for executables and `__init__`, which are no modules of a level."""
+        """Folder whose modules are counted together; "" for executables and `__init__`, which are not counted."""
         path = PurePosixPath(self.path)
         return str(path.parent) if path.suffix == ".py" and path.stem not in ("__init__", "__main__") else ""
 
     @cached_property
     def functions(self) -> list[tuple[str, Function]]:
-        """All functions and methods, also nested ones, with their names from the module down."""
+        """All functions and methods, including nested ones, with their qualified names within the module."""
         return list(_functions(self.tree, ""))
 
     @property
     def docstrings(self) -> list[tuple[int, str]]:
-        """First line and text of each docstring, as `is_docstring` has it."""
+        """First line and text of each docstring, including docstrings of constants."""
         strings = [node for node in self.nodes if is_docstring(node) and isinstance(node, ast.Expr)]
         return [(node.lineno, ast.literal_eval(node.value)) for node in strings]
 
     @cached_property
     def code_lines(self) -> set[int]:
-        """Numbers of the lines that are neither blank, comment nor docstring."""
+        """Numbers of the lines that are not blank, comment or docstring."""
         tokens = tokenize.generate_tokens(io.StringIO(self.text).readline)
         code = (token for token in tokens if token.type not in NO_CODE)
         lines = {line for token in code for line in range(token.start[0], token.end[0] + 1)}
@@ -93,24 +93,24 @@ class Source:
 
 
 def is_docstring(node: ast.AST) -> bool:
-    """Whether a node is a string by itself: the docstring of a module, class, function or constant."""
+    """Return True if a node is a string expression: the docstring of a module, class, function or constant."""
     return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
 
 
 def covered(nodes: Iterable[ast.AST]) -> set[int]:
-    """Numbers of the lines of statements."""
+    """Return the numbers of the lines that these nodes cover."""
     statements = (node for node in nodes if isinstance(node, ast.stmt))
     return {line for node in statements for line in range(node.lineno, (node.end_lineno or 0) + 1)}
 
 
 def in_folder(root: Path = WORKSPACE) -> list[Source]:
-    """Product Python as it lies in a workspace's folder. Raises HouseError."""
+    """Return the product code in the folder of a workspace; raise HouseError if it cannot be read."""
     paths = (path for top in ("src", "scripts") for path in sorted((root / top).rglob("*")) if path.is_file())
     return _chosen((path.relative_to(root).as_posix(), path.read_bytes()) for path in paths)
 
 
 def at_revision(revision: str, root: Path = WORKSPACE) -> list[Source]:
-    """Product Python of a git revision, which is not checked out. Raises HouseError."""
+    """Return the product code of a git revision without checking it out; raise HouseError if it does not exist."""
     command = ["git", "-C", str(root), "archive", "--format=tar", revision, "--", "src", "scripts"]
     result = subprocess.run(command, capture_output=True)
     if result.returncode != 0:

@@ -1,4 +1,4 @@
-"""Finds functions that are alike though their local names differ."""
+"""Search for similar functions (twins), independent of the names of local variables."""
 
 import ast
 from collections import Counter, defaultdict
@@ -9,18 +9,21 @@ from itertools import combinations
 from house.sources import Function, Source, covered, is_docstring
 
 WINDOW = 5
-"""Consecutive pieces of a function that are compared as one. At 3733f5c and a likeness of 0.5, windows of 5 give 17
-pairs, all of them alike; of 4 nine more, two of them unlike; of 6 four fewer."""
+"""Number of successive syntax nodes that are compared together.
+
+At revision 3733f5c with a likeness of 0.5, windows of 5 give 17 pairs, all of them similar; windows of 4 give nine
+more, two of them not similar; windows of 6 give four fewer.
+"""
 
 
 @dataclass(frozen=True)
 class Body:
-    """A function as it is compared.
+    """Body of a function for comparison.
 
     Attributes:
-        location: path:line.
-        name: `module:function`, with the module's name as in `Source.name`.
-        windows: its windows, counted.
+        location: path:line of the function.
+        name: `module:function`, with the module as in `Source.name`.
+        windows: number of occurrences of each window of syntax nodes.
         lines: first and last line.
     """
 
@@ -30,14 +33,14 @@ class Body:
     lines: tuple[int, int]
 
     def is_within(self, other: "Body") -> bool:
-        """Whether this is a nested function of the other."""
+        """Return True if this function is nested in the other one."""
         same_file = self.location.partition(":")[0] == other.location.partition(":")[0]
         return same_file and other.lines[0] <= self.lines[0] and self.lines[1] <= other.lines[1]
 
 
 @dataclass(frozen=True)
 class Twins:
-    """Two functions that are alike; likeness: windows in common, 1 where all are (Dice coefficient)."""
+    """Two similar functions; likeness is the Dice coefficient of their windows, 1 if all are equal."""
 
     likeness: float
     first: Body
@@ -45,7 +48,7 @@ class Twins:
 
     @property
     def names(self) -> frozenset[str]:
-        """Names of the two."""
+        """Names of the two functions."""
         return frozenset((self.first.name, self.second.name))
 
     def __str__(self) -> str:
@@ -54,10 +57,10 @@ class Twins:
 
 
 def twins(sources: Sequence[Source], lines: int, likeness: float) -> list[Twins]:
-    """Pairs of functions of at least `lines` lines of code whose bodies are at least so alike, most alike first.
+    """Return the pairs of functions with at least `lines` code lines and at least this likeness, most similar first.
 
-    A body is read as the sequence of its syntax: local names are all one, and what only describes (docstrings,
-    annotations, decorators) is left out; names from elsewhere, attributes, keywords and constants count as they are.
+    A body is compared as the sequence of its syntax nodes. All local names count as equal; docstrings, annotations and
+    decorators are left out; names from outside, attributes, keywords and constants are compared.
     """
     bodies = [body for source in sources for body in _bodies(source, lines)]
     holders: dict[tuple[str, ...], list[tuple[int, int]]] = defaultdict(list)
@@ -87,7 +90,7 @@ def _bodies(source: Source, lines: int) -> Iterator[Body]:
 
 
 def _pieces(function: Function) -> Iterator[str]:
-    """The syntax of a function's body, in order, one piece per node."""
+    """Yield the syntax nodes of a function's body in order, as comparable texts."""
     nodes = list(ast.walk(function))
     local = {node.arg for node in nodes if isinstance(node, ast.arg)} - {"self", "cls"}
     local |= {node.id for node in nodes if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)}

@@ -1,7 +1,7 @@
-"""A neighbour's attack, run in its own network: python3 attacker.py ADDRESS JSON, where JSON lists [transport, port].
+"""Simulated attack from a neighbouring machine: python3 attacker.py ADDRESS JSON, where JSON lists [transport, port].
 
-Tries every TCP port, sends frames of NatNet to every UDP port, and looks for LSL streams of the sessions that may be
-guessed; prints what answered as JSON.
+It connects to every TCP port, sends forged NatNet frames to every UDP port, and searches for LSL streams of sessions
+with common names; prints the ports and streams that responded as JSON.
 """
 
 import json
@@ -17,11 +17,11 @@ from mocap_natnet.codec.packets import NatNetMessage, packet
 from mocap_natnet.codec.types import Frame, RigidBody, Suffix
 
 FIRST = 10**6
-"""Number of the first forged frame: the real ones have smaller ones."""
+"""Number of the first forged frame, larger than those of real frames."""
 
 
 def answers(address: str, port: int) -> bool:
-    """True if somebody accepts a connection."""
+    """Return True if a program accepts a connection."""
     try:
         socket.create_connection((address, port), 0.3).close()
     except OSError:
@@ -30,7 +30,7 @@ def answers(address: str, port: int) -> bool:
 
 
 def forge(address: str, ports: list[int], seconds: float) -> None:
-    """Send frames of a body that is elsewhere, descriptions, and responses."""
+    """Send forged frames with another pose of a body, forged descriptions, and forged responses."""
     codec = Codec((4, 1))
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
         end, number = time.monotonic() + seconds, FIRST

@@ -1,4 +1,4 @@
-"""What the tests read from a bag, with the rosbags library: no ROS is needed."""
+"""Functions that read a bag with the rosbags library, without ROS."""
 
 from pathlib import Path
 
@@ -8,7 +8,7 @@ from rosbags.highlevel import AnyReader
 
 
 def control_log(bag: Path, topic: str = "/control_log") -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]]:
-    """(index of each logged cycle in the order of the bag, its robot time [s])."""
+    """Return the index and robot time [s] of each logged cycle, in the order of the bag."""
     cycles: list[npt.NDArray[np.int64]] = []
     times: list[npt.NDArray[np.float64]] = []
     with AnyReader([bag]) as reader:
@@ -20,12 +20,12 @@ def control_log(bag: Path, topic: str = "/control_log") -> tuple[npt.NDArray[np.
 
 
 def gaps_and_repeats(cycles: npt.NDArray[np.int64]) -> tuple[int, int]:
-    """(cycles missing, cycles that came twice or out of order)."""
+    """Return the number of missing cycles, and of cycles that are repeated or out of order."""
     steps = np.diff(cycles)
     return int(np.sum(steps[steps > 1] - 1)), int(np.sum(steps < 1))
 
 
 def topics(bag: Path) -> set[str]:
-    """Topics in the bag."""
+    """Return the topics in the bag."""
     with AnyReader([bag]) as reader:
         return {connection.topic for connection in reader.connections}

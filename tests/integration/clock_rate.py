@@ -8,7 +8,7 @@ from rosgraph_msgs.msg import Clock
 
 
 def main(seconds: float) -> None:
-    """Hear one tick, wait, hear another; listening all the time would take its share of the processors."""
+    """Measure between two messages on /clock, without subscribing in between, which would need processor time."""
     rospy.init_node("clock_rate", anonymous=True)
     run_0, wall_0 = _tick()
     time.sleep(seconds)
@@ -17,7 +17,7 @@ def main(seconds: float) -> None:
 
 
 def _tick() -> tuple[float, float]:
-    """Robot time of the next tick and when it was heard [s]."""
+    """Return the robot time in the next message on /clock, and its wall time of arrival [s]."""
     return rospy.wait_for_message("/clock", Clock).clock.to_sec(), time.monotonic()
 
 

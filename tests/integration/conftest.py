@@ -1,4 +1,4 @@
-"""One bring-up for all tests that only look and talk; tests that need their own start one."""
+"""Fixtures of the integration tests: a shared bring-up for tests that do not change it, and separate ones."""
 
 import os
 import sys
@@ -15,19 +15,19 @@ from hric_run.definition import parameters
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Tests with a bring-up of their own go first, while the shared one does not yet load the machine."""
+    """Run tests with separate bring-ups first, before the shared one loads the machine."""
     items.sort(key=_is_on_the_shared_one)
 
 
 def _is_on_the_shared_one(item: pytest.Item) -> bool:
-    """Whether a test asks for `live` by an argument, or by a parameter with its name."""
+    """Return True if a test uses the fixture `live`, directly or by a parameter with its name."""
     given = item.callspec.params.values() if hasattr(item, "callspec") else ()
     return "live" in [*getattr(item, "fixturenames", ()), *(value for value in given if isinstance(value, str))]
 
 
 @pytest.fixture
 def start(tmp_path: Path) -> Iterator[Callable[..., LiveSystem]]:
-    """Start bring-ups that end with the test."""
+    """Return a function that starts bring-ups, which are ended after the test."""
     systems: list[LiveSystem] = []
 
     def started(*arguments: str, **environment: str) -> LiveSystem:
@@ -43,7 +43,7 @@ def start(tmp_path: Path) -> Iterator[Callable[..., LiveSystem]]:
 
 @pytest.fixture(scope="session")
 def pd_step(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PdStep]:
-    """Run once for all who look at what it did."""
+    """Bring-up with the experiment pd_step, which runs once for all tests that check its results."""
     system = LiveSystem(tmp_path_factory.mktemp("pd_step"), "env:=sim", "rviz:=false", "experiment:=pd_step")
     try:
         services = system.services_of_a_run()
@@ -55,7 +55,7 @@ def pd_step(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PdStep]:
 
 @pytest.fixture(scope="session")
 def live(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveSystem]:
-    """The default bring-up, with this process as a node beside it."""
+    """Default bring-up, with this process as another node on its master."""
     system = LiveSystem(tmp_path_factory.mktemp("live"), "env:=sim", "rviz:=false")
     try:
         system.wait_running("joint_state_controller", "franka_state_controller", "joint_pd_controller")

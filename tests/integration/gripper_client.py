@@ -1,5 +1,5 @@
-"""A program of a user of the hand: homes, moves, grasps, stops, commands, and prints as JSON how each ended and where
-the fingers went."""
+"""Example client of the gripper: homes, moves, grasps, stops and commands, and prints results and finger positions as
+JSON."""
 
 import json
 from typing import Any
@@ -31,7 +31,7 @@ def client(name: str, action: type) -> Any:
 
 
 def ended(talker: Any, goal: Any) -> list[Any]:
-    """Status of the goal, and whether its result calls it a success."""
+    """Return the status of the goal, and whether its result reports success."""
     talker.send_goal(goal)
     assert talker.wait_for_result(LIMIT), "the goal does not end"
     result = talker.get_result()
@@ -40,7 +40,7 @@ def ended(talker: Any, goal: Any) -> list[Any]:
 
 def main() -> None:
     rospy.init_node("gripper_client", anonymous=True)
-    rospy.sleep(0.01)  # until /clock is heard it is 0 o'clock, and what may take a minute from there may be over
+    rospy.sleep(0.01)  # before the first message on /clock time is 0, and timeouts from there could be over at once
     fingers: list[float] = []
     frames: dict[str, list[float]] = {"panda_leftfinger": [], "panda_rightfinger": []}
 

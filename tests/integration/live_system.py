@@ -1,4 +1,4 @@
-"""A bring-up as a user starts it, in a process of its own on a ROS master of its own; used by the integration tests."""
+"""Bring-up for integration tests, in a separate process with a separate ROS master, as a user starts it."""
 
 import os
 import signal
@@ -19,15 +19,15 @@ from controller_manager_msgs.srv import ListControllers
 ROOT = Path(__file__).resolve().parents[2]
 MARK = "HRIC_TEST_SYSTEM"
 READY_TIMEOUT = 60.0
-"""For the first start on a busy machine [s of wall time]."""
+"""Timeout for the first start on a busy machine [s of wall time]."""
 LAST_SERVICES = {"/recorder_bag/get_loggers", "/recorder_bag/set_logger_level"}
 
 
 def wait_for(condition: Callable[[], object], timeout: float, what: str) -> float:
-    """Wait until `condition()` holds; answers how long it took [s of wall time].
+    """Wait until `condition()` is true; return the duration [s of wall time].
 
     Raises:
-        AssertionError: it did not in `timeout`.
+        AssertionError: the condition was not true within `timeout`.
     """
     started = time.monotonic()
     while not condition():
@@ -37,12 +37,12 @@ def wait_for(condition: Callable[[], object], timeout: float, what: str) -> floa
 
 
 class LiveSystem:
-    """`scripts/bringup` with arguments, its output in a file, its processes marked so that a leftover is found.
+    """Running `scripts/bringup`, with its output in a file, and its processes marked so that remaining ones are found.
 
     Args:
-        folder: for output and runs.
-        arguments: as on the command line.
-        program: in place of `scripts/bringup`.
+        folder: folder for output and runs.
+        arguments: arguments of the command line.
+        program: program to start instead of `scripts/bringup`.
         environment: additional variables.
     """
 
@@ -73,17 +73,17 @@ class LiveSystem:
 
     @property
     def output(self) -> str:
-        """What was printed so far."""
+        """Output so far."""
         return self.output_path.read_text(errors="replace")
 
     def run(self, *command: str, timeout: float = 30.0) -> subprocess.CompletedProcess[str]:
-        """A command in another terminal, on this system's master."""
+        """Run a command as in another terminal, on the master of this bring-up."""
         return subprocess.run(command, env=self.environment, capture_output=True, text=True, timeout=timeout, cwd=ROOT)
 
     @contextmanager
     def started(self, *command: str) -> Iterator[subprocess.Popen[bytes]]:
-        """A command that stays, in another terminal; its program is ended at the latest with the block."""
-        # rosrun replaces itself by the program, so the signal reaches it.
+        """Start a command as in another terminal; it is ended after the `with` block at the latest."""
+        # rosrun replaces itself by the program, so that the signal reaches the program.
         process = subprocess.Popen(
             command, env=self.environment, stdout=subprocess.DEVNULL, stderr=subprocess.STDOUT, cwd=ROOT
         )
@@ -95,7 +95,7 @@ class LiveSystem:
                 process.wait()
 
     def wait_output(self, text: str, timeout: float = READY_TIMEOUT) -> None:
-        """Wait until `text` was printed."""
+        """Wait until `text` is in the output."""
 
         def seen() -> bool:
             assert self.process.poll() is None or text in self.output, (
@@ -106,8 +106,10 @@ class LiveSystem:
         wait_for(seen, timeout, f"output {text!r} in\n{self.output}")
 
     def controllers(self, namespace: str = "") -> dict[str, str]:
-        """State of each controller; none while nobody answers. Asked by this process: one per question would take what
-        the system starts with."""
+        """Return the state of each controller; empty while the controller manager does not respond.
+
+        This process sends the request, since a process per request would slow down the start of the system.
+        """
         with mock.patch.dict(os.environ, ROS_MASTER_URI=self.uri):
             try:
                 answer = rospy.ServiceProxy(f"{namespace}/controller_manager/list_controllers", ListControllers)()
@@ -116,7 +118,7 @@ class LiveSystem:
         return {controller.name: controller.state for controller in answer.controller}
 
     def services(self) -> set[str]:
-        """Services that its nodes offer; nodes whose names are random, such as rostopic's, come and go."""
+        """Return the services of its nodes, without nodes with random names, such as rostopic's."""
         listed = self.run("rosservice", "list").stdout.split()
         return {
             name
@@ -125,7 +127,7 @@ class LiveSystem:
         }
 
     def services_of_a_run(self) -> set[str]:
-        """Services while an experiment runs, once those of its last node, which writes the bag, are there."""
+        """Return the services during an experiment, when those of its last node, the recorder, exist."""
         self.wait_output("setpoints")
         services: set[str] = set()
 
@@ -138,7 +140,7 @@ class LiveSystem:
         return services
 
     def wait_running(self, *controllers: str, namespace: str = "") -> None:
-        """Wait until these controllers run."""
+        """Wait until these controllers are running."""
 
         def running() -> bool:
             assert self.process.poll() is None, f"ended with {self.process.returncode}:\n{self.output}"
@@ -148,21 +150,21 @@ class LiveSystem:
         wait_for(running, READY_TIMEOUT, f"running {controllers}; output:\n{self.output}")
 
     def interrupt(self) -> float:
-        """Ctrl-C, which a terminal sends to the whole group; answers how long the end took [s of wall time]."""
+        """Send Ctrl-C to the process group, as a terminal does; return the duration of the shutdown [s wall time]."""
         started = time.monotonic()
         os.killpg(self.process.pid, signal.SIGINT)
         self.process.wait(timeout=30.0)
         return time.monotonic() - started
 
     def wait(self, timeout: float) -> int:
-        """Wait for the end; answers the exit code."""
+        """Wait for the end and return the exit code."""
         try:
             return self.process.wait(timeout)
         except subprocess.TimeoutExpired:
             raise AssertionError(f"still running after {timeout:g} s:\n{self.output}") from None
 
     def processes(self) -> dict[int, str]:
-        """Processes of this system that are alive: pid -> command line."""
+        """Return the command lines of the living processes of this system by pid."""
         found = {}
         for entry in Path("/proc").glob("[0-9]*"):
             try:
@@ -174,7 +176,7 @@ class LiveSystem:
         return found
 
     def close(self) -> None:
-        """End it, whatever state it is in."""
+        """End all processes of the system."""
         if self.process.poll() is None:
             self.interrupt()
         for pid in self.processes():
@@ -182,7 +184,7 @@ class LiveSystem:
 
     @property
     def run_folder(self) -> Path:
-        """Folder of the newest run."""
+        """Return the folder of the newest run."""
         return (self.runs / "latest").resolve()
 
 
@@ -191,8 +193,8 @@ class PdStep:
     """A bring-up with the experiment pd_step on PyBullet.
 
     Attributes:
-        system: which has ended by itself, or should have.
-        services: that it offered while it ran.
+        system: the bring-up, which has ended by itself, or should have.
+        services: services that it offered while it ran.
     """
 
     system: LiveSystem

@@ -1,4 +1,4 @@
-"""Two machines in the eyes of the network: a laboratory and its neighbour, each a network namespace, with a cable."""
+"""Two emulated machines in separate, connected network namespaces: a laboratory and a neighbour."""
 
 import os
 import subprocess
@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 LAB, NEIGHBOUR = "10.77.0.1", "10.77.0.2"
-"""Their addresses."""
+"""Addresses of the two machines."""
 
 
 class Bound(NamedTuple):
-    """A socket that others may reach: its transport, address, port, and the command line of its process."""
+    """A socket that other machines can reach: transport, address, port, and command line of its process."""
 
     transport: str
     address: str
@@ -20,7 +20,11 @@ class Bound(NamedTuple):
 
 
 class Network:
-    """Made at once, and gone with `close`. Raises RuntimeError: this user may not make one."""
+    """Pair of network namespaces, made by the constructor and removed by `close`.
+
+    Raises:
+        RuntimeError: this user is not permitted to make network namespaces.
+    """
 
     def __init__(self) -> None:
         self.lab, self.neighbour = (f"hric{os.getpid()}{side}" for side in "ln")
@@ -32,11 +36,11 @@ class Network:
                 self._ip(f"-n {name} {command}")
 
     def command(self, name: str, *words: str) -> list[str]:
-        """Words that run a command on one side."""
+        """Return the words of a command that runs on one of the machines."""
         return ["ip", "netns", "exec", name, *words]
 
     def listening(self) -> Iterator[Bound]:
-        """Sockets of the laboratory that wait for others, and those of UDP that are connected to one."""
+        """Yield the listening sockets of the laboratory, and its connected UDP sockets."""
         shown = subprocess.run(self.command(self.lab, "ss", "-atunpH"), capture_output=True, text=True, check=True)
         for line in shown.stdout.splitlines():
             transport, state, _, _, local, *_ = line.split()
@@ -52,7 +56,7 @@ class Network:
             yield Bound(transport, address.strip("[]").partition("%")[0].replace("*", "::"), int(port), tuple(words))
 
     def close(self) -> None:
-        """Take both away; what ran there must have ended."""
+        """Remove both namespaces; all processes in them must have ended."""
         for name in (self.lab, self.neighbour):
             subprocess.run(["ip", "netns", "del", name], capture_output=True)
 

@@ -1,4 +1,4 @@
-"""A virtual display, what is on it, and rviz on it."""
+"""Virtual display for rviz, and functions to check its content."""
 
 import os
 import subprocess
@@ -13,12 +13,12 @@ import numpy.typing as npt
 
 SIZE = (1300, 800)
 STILL = 2000
-"""Pixels that may differ between two pictures of an arm that rests: clocks and frame rates in the window."""
+"""Number of pixels that may differ between two pictures of an arm at rest, due to clocks in the window."""
 
 
 @contextmanager
 def virtual_display(log: Path) -> Iterator[str]:
-    """An X server without a screen; gives its DISPLAY."""
+    """Start an X server without a screen, and yield its DISPLAY."""
     read, write = os.pipe()
     width, height = SIZE
     command = [
@@ -47,12 +47,12 @@ def virtual_display(log: Path) -> Iterator[str]:
 
 
 def environment(display: str) -> dict[str, str]:
-    """Variables for software rendering on a virtual display."""
+    """Return the environment variables for software rendering on a virtual display."""
     return {"DISPLAY": display, "LIBGL_ALWAYS_SOFTWARE": "1", "QT_X11_NO_MITSHM": "1", "LANG": "C.UTF-8"}
 
 
 def shot(display: str, path: Path) -> npt.NDArray[np.float64]:
-    """Save what is on the display; gives the picture, shape (height, width, 3), values 0 to 1."""
+    """Save a screenshot of the display, and return it, shape (height, width, 3), values 0 to 1."""
     subprocess.run(
         ["import", "-window", "root", "-display", display, f"PNG24:{path}"],
         check=True,
@@ -64,11 +64,12 @@ def shot(display: str, path: Path) -> npt.NDArray[np.float64]:
 
 
 def wait_for_picture(display: str, path: Path, timeout: float, died: Callable[[], bool]) -> npt.NDArray[np.float64]:
-    """Wait until the arm is drawn and the window stands still: many pixels that are much brighter or darker than the
-    background around them.
+    """Wait until the arm is drawn and the window does not change, and return the picture.
+
+    The arm is drawn if many pixels are much brighter or darker than the background around them.
 
     Raises:
-        AssertionError: not in `timeout` [s], or what draws it has `died`.
+        AssertionError: the arm was not drawn within `timeout` [s], or `died` returned True.
     """
     deadline = time.monotonic() + timeout
     before = shot(display, path)
@@ -83,12 +84,12 @@ def wait_for_picture(display: str, path: Path, timeout: float, died: Callable[[]
 
 
 def arm_pixels(picture: npt.NDArray[np.float64]) -> int:
-    """Pixels of the middle of the picture that are clearly not background."""
+    """Return the number of pixels in the middle of the picture that are clearly not background."""
     height, width, _ = picture.shape
     middle = picture[height // 5 : -height // 5, width // 4 : -width // 4].mean(axis=2)
     return int(np.sum(np.abs(middle - np.median(middle)) > 0.08))
 
 
 def changed_pixels(first: npt.NDArray[np.float64], second: npt.NDArray[np.float64]) -> int:
-    """Pixels that differ clearly between two pictures."""
+    """Return the number of pixels that differ clearly between two pictures."""
     return int(np.sum(np.abs(first - second).max(axis=2) > 0.1))

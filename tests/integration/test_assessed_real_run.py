@@ -1,4 +1,4 @@
-"""The verdict on a run with an arm behind its control box, cameras, EMG and a force plate, and nobody simulated."""
+"""Verdict on a run with an arm through libfranka, motion capture, EMG and a force plate, without a simulated human."""
 
 import json
 from collections.abc import Callable
@@ -16,13 +16,13 @@ pytestmark = [pytest.mark.alone, pytest.mark.live]
 
 GIVES = {
     "joint angles of a person": "RULA, REBA, the distance to the arm",
-    "contacts of a person by region": "contact forces to hold against limits",
-    "joint torques of a person": "share of their strength",
+    "contacts of a person by region": "contact forces to compare with limits",
+    "joint torques of a person": "share of the strength",
     "activation of the muscles": "how active they were",
-    "largest voluntary activation of each EMG channel": "how active the muscles below them were",
-    "what the person's hands hold": "the effort of the interaction",
+    "maximum voluntary contraction of each EMG channel": "how active the muscles below them were",
+    "objects in the hands": "the effort of the interaction",
 }
-"""Signals that such a run does not have, and what each would give."""
+"""Signals that such a run does not contain, and the results that each would allow."""
 
 
 def test_a_run_of_the_laboratory_is_assessed_as_far_as_its_signals_go(

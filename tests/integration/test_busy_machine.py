@@ -1,5 +1,4 @@
-"""Others take the processors: the order of the stamps of motion capture and what the controller makes of them, and
-Ctrl-C at any moment."""
+"""Tests on a busy machine: order of motion capture stamps, behaviour of the controller, and Ctrl-C at any time."""
 
 import contextlib
 import itertools
@@ -31,8 +30,10 @@ MOMENTS = 10
 
 @contextlib.contextmanager
 def busy_loops(count: int) -> Iterator[None]:
-    """Processes that want a processor each; each in a session of its own, as in terminals of their own, so that the
-    system does not share one's part with the bring-up's."""
+    """Yield while processes compete for processor time.
+
+    Each has a separate session, as in separate terminals, since the kernel shares processor time among sessions.
+    """
     loops = [subprocess.Popen([sys.executable, "-c", "while True: pass"], start_new_session=True) for _ in range(count)]
     try:
         yield
@@ -43,7 +44,7 @@ def busy_loops(count: int) -> Iterator[None]:
 
 
 def a_minute(folder: Path) -> Path:
-    """The experiment marker_tracking for as long."""
+    """Write the experiment marker_tracking with this duration."""
     experiment = yaml.safe_load(EXPERIMENT.read_text())
     experiment["duration"] = MINUTE
     experiment["mocap"]["human"]["cycles"] = round((MINUTE - 3.0) * experiment["mocap"]["human"]["frequency"])
@@ -53,7 +54,7 @@ def a_minute(folder: Path) -> Path:
 
 
 def recorded(bag: Path) -> tuple[dict[str, list[int]], Any]:
-    """Stamps of each stamped topic [ns], in their order, and the last state of the controller."""
+    """Return the stamps of each stamped topic in recording order [ns], and the last state of the controller."""
     stamps, state = defaultdict(list), None
     with AnyReader([bag]) as reader:
         wanted = [connection for connection in reader.connections if connection.topic in (*STAMPED, STATE)]
@@ -86,14 +87,14 @@ def test_beside_two_busy_loops_no_stamp_goes_back_for_a_minute_and_no_marker_is_
 
 
 def whole_run(system: LiveSystem) -> float:
-    """How long pd_step takes from the command to its report [s of wall time]."""
+    """Return the duration of pd_step from the command to its report [s of wall time]."""
     began = time.monotonic()
     assert system.wait(240.0) == 0, system.output
     return time.monotonic() - began
 
 
 def ended_well(system: LiveSystem) -> None:
-    """Nothing was ended by force or complained, and what was written is whole."""
+    """Check that no process was killed or reported an error, and that all files are complete."""
     output = system.output
     assert system.process.returncode in {0, 130, -signal.SIGINT}, output  # the last: before Python ran
     assert system.processes() == {}

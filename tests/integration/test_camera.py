@@ -1,4 +1,4 @@
-"""A camera beside a running arm: pictures at their rate, and a control loop that does not notice."""
+"""Camera of a running simulated arm: rate of its pictures, and no effect on the deadlines of the control loop."""
 
 import re
 import signal
@@ -15,15 +15,17 @@ from live_system import LiveSystem, wait_for
 
 pytestmark = [pytest.mark.alone, pytest.mark.live]
 UNCHANGED = 0.05
-"""Share of the deadlines missed without a camera by which those beside it may be more; what the machine does by itself
-is printed, and is no excuse."""
+"""Allowed increase of the missed deadlines due to the camera, as a share of those missed without it."""
 WINDOW, PAIRS = 5.0, 10
-"""The camera draws for so long and rests for so long [s], so often: how many deadlines are missed without it changes by
-a factor of five within minutes on a shared machine."""
+"""Duration of each phase with and without camera [s], and number of pairs of phases.
+
+The phases alternate, since the number of missed deadlines without camera changes by a factor of five within minutes on
+a shared machine.
+"""
 
 
 class Deadlines:
-    """How many the control loop has missed, as /diagnostics says once a second."""
+    """Number of deadlines that the control loop has missed, read from /diagnostics once per second."""
 
     def __init__(self, system: LiveSystem) -> None:
         self._echo = subprocess.Popen(
@@ -42,7 +44,7 @@ class Deadlines:
             named = 'key: "missed deadlines"' in line
 
     def within(self, seconds: float) -> float:
-        """Rate of the next while [1/s]."""
+        """Return the rate of missed deadlines over the next seconds [1/s]."""
         before, begun = len(self.missed), time.monotonic()
         wait_for(lambda: len(self.missed) > before + seconds, 4 * seconds, "diagnostics")
         return (self.missed[-1] - self.missed[before]) / (time.monotonic() - begun)

@@ -1,5 +1,7 @@
-"""The data collection with one command: robot, motion capture, EMG and force plate over their protocols, all in one
-bag, and synchronised."""
+"""Data collection with one command: robot, motion capture, EMG and force plate over their network protocols.
+
+All data is in one bag, and synchronised.
+"""
 
 import contextlib
 import json
@@ -33,11 +35,11 @@ LOG, FRAMES, EMG, PLATE = (
 RATES = {LOG: 1000.0, FRAMES: 120.0, EMG: 2000.0, PLATE: 1000.0}
 STREAMS = {"/hric/perception/sync_100hz": 100.0, "/hric/perception/sync_1000hz": 1000.0}
 SKEW = 2e-4
-"""What the issue asks of resampled values [s]."""
+"""Required limit of the skew of resampled values [s]."""
 
 
 def shortened(folder: Path, duration: float) -> Path:
-    """The experiment with a shorter motion [s]."""
+    """Write the experiment with a shorter motion [s]."""
     content = yaml.safe_load(FILE.read_text())
     content["duration"] = duration
     content["setpoints"] = [{**content["setpoints"][0], "time": 0.5}]
@@ -47,7 +49,7 @@ def shortened(folder: Path, duration: float) -> Path:
 
 
 def ran(system: LiveSystem, timeout: float) -> dict[str, Any]:
-    """The metrics of a bring-up that ended by itself, once what it printed and left is found in order."""
+    """Wait for the end of a bring-up, check its output and files, and return its metrics."""
     assert system.wait(timeout) == 0, system.output
     assert system.processes() == {}
     assert "Traceback" not in system.output
@@ -61,7 +63,7 @@ def ran(system: LiveSystem, timeout: float) -> dict[str, Any]:
 
 
 def numbers(bag: Path, topic: str) -> np.ndarray:
-    """Of the source itself: frame numbers, or what the time codes tell."""
+    """Return the sample indices of the source itself: frame numbers, or indices computed from its time codes."""
     found = []
     with AnyReader([bag]) as reader:
         for connection, _, raw in reader.messages([item for item in reader.connections if item.topic == topic]):
@@ -79,8 +81,7 @@ def numbers(bag: Path, topic: str) -> np.ndarray:
 
 
 def check_counts(system: LiveSystem, metrics: dict[str, Any], duration: float) -> None:
-    """Every sample of every source, by what it told itself and, once more, in the bag without gap from the first to the
-    last."""
+    """Check that no sample of any source is missing: by the count that the source reports, and by gaps in the bag."""
     bag = next(system.run_folder.glob("*.bag"))
     assert topics(bag) >= {
         *RATES,
@@ -103,7 +104,7 @@ def check_counts(system: LiveSystem, metrics: dict[str, Any], duration: float) -
 
 
 def check_skew(metrics: dict[str, Any], figure: Figure) -> None:
-    """No instant is missing, and 99 % of the synchronised values are of theirs."""
+    """Check that no synchronised sample is missing, and that the skew of 99 % of the values is within the limit."""
     assert [stream["missing"] for stream in metrics["sync"].values()] == [0, 0]
     for topic, stream in metrics["sync"].items():
         assert stream["rate"] == STREAMS[topic] and stream["bound"] == SKEW and stream["grid_error"] < 1e-6
@@ -139,7 +140,7 @@ def test_for_a_minute_at_real_time_nothing_is_lost_and_all_is_of_its_instant(sta
 
 
 def memory(pid: int) -> float:
-    """Resident memory of a process [MB]; NaN: it has ended."""
+    """Return the resident memory of a process [MB]; NaN if it has ended."""
     with contextlib.suppress(OSError):
         fields = Path(f"/proc/{pid}/statm").read_text().split()
         return int(fields[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6

@@ -1,4 +1,4 @@
-"""One bring-up, three engines: nothing above the plant can tell which one it is."""
+"""Default bring-up on all three engines: same nodes, topics, services and behaviour."""
 
 import json
 from collections.abc import Iterator
@@ -15,11 +15,11 @@ pytestmark = pytest.mark.alone
 ENGINES = ("opensim", "mujoco")
 NOT_OF_PYBULLET = {"/sim/joint_reactions"}
 BEFORE_OR_AFTER = {"/sim/contacts"}
-"""One message says at the start that nothing touches: the recorder is there by then, or not yet."""
+"""Topics that may be missing in a recording, as their single message may be sent before the recorder starts."""
 
 
 def ran(system: LiveSystem) -> PdStep:
-    """A bring-up that has ended, with the services that it offered."""
+    """Wait for the end of a bring-up; return it with the services that it offered."""
     services = system.services_of_a_run()
     system.wait(timeout=150.0)
     return PdStep(system, services)
@@ -27,7 +27,7 @@ def ran(system: LiveSystem) -> PdStep:
 
 @pytest.fixture(scope="module")
 def runs(pd_step: PdStep, tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Future[PdStep]]]:
-    """Bring-ups with the experiment on each engine, all at once: they mostly wait for their time to pass."""
+    """Bring-ups with the experiment on each engine, run in parallel, as they mostly wait for their time to pass."""
     with ExitStack() as stack:
         systems, beside = {}, stack.enter_context(ThreadPoolExecutor())
         for engine in ENGINES:

@@ -1,5 +1,4 @@
-"""The hand on the bring-up: its actions live, and its fingers move in joint_states, in the simulation and through
-libfranka."""
+"""Gripper in the bring-up: its actions, and its fingers in joint_states, in simulation and through libfranka."""
 
 import json
 from collections.abc import Callable
@@ -15,7 +14,7 @@ CLIENT = ROOT / "tests/integration/gripper_client.py"
 
 
 def check(system: LiveSystem) -> None:
-    """Whether everything ended as it should."""
+    """Check that all goals ended as expected."""
     done = system.run("python3", str(CLIENT), timeout=120.0)
     assert done.returncode == 0, f"{done.stdout}\n{done.stderr}\n{system.output}"
     found = json.loads(done.stdout.splitlines()[-1])

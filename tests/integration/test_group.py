@@ -1,5 +1,7 @@
-"""A launch file of somebody else includes the bring-up inside `<group ns="lab">`: all of it lies below /lab, and the
-tools work there by ROS's own means."""
+"""Bring-up included in another launch file inside `<group ns="lab">`: all names are below /lab.
+
+ROS tools work there with ROS's own namespace options.
+"""
 
 import json
 import os
@@ -19,7 +21,7 @@ pytestmark = pytest.mark.alone
 
 
 def own_launch(folder: Path, **arguments: str) -> str:
-    """A launch file of somebody else, in a folder."""
+    """Write another launch file into a folder, and return its path."""
     given = "".join(f'<arg name="{name}" value="{value}"/>' for name, value in arguments.items())
     path = folder / "own.launch"
     path.write_text(
@@ -31,9 +33,9 @@ def own_launch(folder: Path, **arguments: str) -> str:
 
 
 OF_ROS = {"/clock", "/rosout", "/rosout_agg", "/diagnostics"}
-"""Absolute in ROS itself: one clock and one log per master, and diagnostics by REP 107."""
+"""Names that are absolute in ROS itself: one clock and one log per master, and diagnostics by REP 107."""
 TOOLS = re.compile(r"/rosout$|(/lab)?/(rostopic|rosservice)_")
-"""The master's own log, and what this file starts."""
+"""Pattern of the nodes of the master's log, and of the tools that this file starts."""
 PUBLISHED = {
     "/lab/joint_states",
     "/lab/tf",
@@ -69,7 +71,7 @@ def master(system: LiveSystem, method: str) -> Any:
 
 
 def graph(system: LiveSystem) -> list[dict[str, set[str]]]:
-    """Publishers, subscribers and services: name -> nodes, but for TOOLS."""
+    """Return publishers, subscribers and services (name -> nodes) of the system, without TOOLS."""
     return [
         {name: own for name, nodes in side if (own := {node for node in nodes if not TOOLS.match(node)})}
         for side in master(system, "getSystemState")
@@ -77,7 +79,7 @@ def graph(system: LiveSystem) -> list[dict[str, set[str]]]:
 
 
 def in_lab(system: LiveSystem, *command: str, timeout: float = 60.0) -> str:
-    """What a command writes in a terminal with ROS_NAMESPACE=lab."""
+    """Return the output of a command in a terminal with ROS_NAMESPACE=lab."""
     done = system.run("env", "ROS_NAMESPACE=lab", *command, timeout=timeout)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout

@@ -1,5 +1,7 @@
-"""A human in the plant leads the robot's hand before cameras and on a force plate: robot, grip, motion capture and
-plate in one bag, at common instants."""
+"""Recording of a simulated human who guides the robot's hand, with motion capture and a force plate.
+
+Robot, grip, motion capture and plate are in one bag, and synchronised.
+"""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -25,13 +27,13 @@ FRAMES, PLATE, GRIP, JOINTS = (
 )
 FRAME_RATE, PLATE_RATE, HUMAN_RATE = 120.0, 1000.0, 200.0
 SKEW = 2e-4
-"""What the issue asks of stamps [s]."""
+"""Required limit of the error of stamps [s]."""
 WEIGHT = 78.2 * 9.81
-"""Of the subject [N]."""
+"""Weight of the subject [N]."""
 
 
 def messages(bag: Path, topic: str) -> list[Any]:
-    """Of a topic, in order."""
+    """Return the messages of a topic, in order."""
     with AnyReader([bag]) as reader:
         chosen = [item for item in reader.connections if item.topic == topic]
         return [reader.deserialize(raw, item.msgtype) for item, _, raw in reader.messages(chosen)]
@@ -42,10 +44,10 @@ def stamp(message: Any) -> float:
 
 
 def check_counts(system: LiveSystem, metrics: dict[str, Any]) -> tuple[float, float]:
-    """All that was sent is in the bag, and what was sent is all of the interval, by the devices' own numbers.
+    """Check that all sent samples are in the bag, without gaps over the whole interval by the devices' own numbers.
 
     Returns:
-        the interval [s].
+        start and end of the interval [s].
     """
     begin, end = yaml.safe_load((system.run_folder / "run.yaml").read_text())["interval"]
     bag = bag_of(system)
@@ -62,7 +64,7 @@ def check_counts(system: LiveSystem, metrics: dict[str, Any]) -> tuple[float, fl
 
 
 def check_stamps(bag: Path, begin: float, end: float, figure: Figure, what: str) -> None:
-    """Frames and samples are where their numbers and time codes have them, those of the person at whole cycles."""
+    """Check that frames and samples have the stamps of their numbers and time codes, and the person those of cycles."""
     _, grid, times = frames_of(bag)
     inside = within(grid, begin, end)
     on_grid(f"{what}, frames", times[inside], grid[inside], figure)
@@ -87,14 +89,14 @@ def within(times: np.ndarray, begin: float, end: float) -> np.ndarray:
 
 
 def frames_of(bag: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Numbers of the frames, when they are due by these [s], and their stamps [s]."""
+    """Return the numbers of the frames, their expected times by these numbers [s], and their stamps [s]."""
     frames = messages(bag, FRAMES)
     numbers, times = np.array([m.frame_number for m in frames]), np.array([stamp(m) for m in frames])
     return numbers, np.median(times - numbers / FRAME_RATE) + numbers / FRAME_RATE, times
 
 
 def samples_of(bag: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Time codes of the plate's samples [s], their stamps [s], and the vertical load [N]."""
+    """Return time codes [s], stamps [s] and vertical loads [N] of the plate's samples."""
     chunks = messages(bag, PLATE)
     rows = np.concatenate([chunk.data.reshape(-1, len(chunk.channels)) for chunk in chunks])
     times = [stamp(c) + np.arange(len(c.data) // len(c.channels)) / c.rate for c in chunks]
@@ -103,7 +105,7 @@ def samples_of(bag: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def missed_deadlines(bag: Path) -> int:
-    """Of the loop, as it says itself at the end."""
+    """Return the number of missed deadlines that the control loop reports at its end."""
     values = [
         value for message in messages(bag, "/diagnostics") for status in message.status for value in status.values
     ]
@@ -111,8 +113,7 @@ def missed_deadlines(bag: Path) -> int:
 
 
 def on_grid(what: str, times: np.ndarray, grid: np.ndarray, figure: Figure) -> None:
-    """How far stamps are from where they belong [s], as the synchronised values: a machine that is not at rest takes
-    the processor now and then."""
+    """Check that 99 % of the stamps are within SKEW of their expected times; a busy machine delays single ones."""
     away = np.abs(times - grid)
     figure(f"{what}: stamps off their grid, 99 %", 1e3 * float(np.quantile(away, 0.99)), "ms")
     figure(f"{what}: stamps off their grid, largest", 1e3 * float(away.max()), "ms")
@@ -120,7 +121,7 @@ def on_grid(what: str, times: np.ndarray, grid: np.ndarray, figure: Figure) -> N
 
 
 def check_sync(metrics: dict[str, Any], figure: Figure, what: str) -> None:
-    """No instant is missing, and what it holds is of it."""
+    """Check that no synchronised sample is missing, and that the skew of its values is within the limit."""
     for topic, stream in metrics["sync"].items():
         assert stream["missing"] == 0, topic
         for source, values in stream["sources"].items():
@@ -145,7 +146,7 @@ def test_motion_capture_plate_robot_and_grip_are_in_one_bag_at_common_instants(
     figure(f"{what}: robot time per wall time", metrics["real_time_factor"], "1")
     figure(f"{what}: missed deadlines", missed_deadlines(bag), "1")
     begin, end = check_counts(system, metrics)
-    # What the plate carries is the person's weight, give or take what they and the robot do to each other.
+    # The load on the plate is the person's weight, plus or minus the force between person and robot.
     assert samples_of(bag)[2].mean() == pytest.approx(-WEIGHT, rel=0.05)
     assert any(message.closed for message in messages(bag, GRIP))
     check_stamps(bag, begin, end, figure, what)

@@ -1,4 +1,4 @@
-"""A simulated human beside the arm leads it behind libfranka and the emulated control box as in the simulation."""
+"""Simulated human who guides an arm through libfranka and the emulated control box, compared with the simulation."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -25,23 +25,23 @@ FloatArray = npt.NDArray[np.float64]
 HUMAN = "/hric/human"
 EXPERIMENT = ROOT / "src/hric_experiments/config/experiments/hand_guidance.yaml"
 HANDLE = [0.113, 0.0, 0.04, 1.0]
-"""Where the person holds the robot's hand, in its axes [m]."""
+"""Homogeneous position of the handle, at which the person holds the robot's hand, in axes of the hand [m]."""
 CYCLE = 1e-3
-"""A grip's message has the load of the step before [s]."""
+"""Duration of a cycle [s]; a message of a grip has the load of the previous cycle."""
 FAST = 0.02
-"""Of the handle: above it, where it is says when [m/s]."""
+"""Speed of the handle above which its position allows to estimate a time [m/s]."""
 MOTION = 3.0
-"""What both runs cover of the person's motion, on a busy machine too [s of the arm's time]."""
+"""Duration of the person's motion that both runs contain, even on a busy machine [s of the arm's time]."""
 
 
 @dataclass
 class Led:
-    """What a bag has: the arm's joints by the arm's time, and the grip.
+    """Joint positions over the arm's time, and the grip, from a bag.
 
     Attributes:
-        time, stamp, q: of each cycle: the arm's time (n,) [s], the run's (n,) [s], joint positions (n, 7) [rad].
-        start: when the person begins, in the arm's time [s].
-        grip_stamp, point, force, closed: of each message about the grip: (m,) [s], (m, 3) [m], (m, 3) [N], (m,).
+        time, stamp, q: arm's time (n,) [s], run's time (n,) [s], and joint positions (n, 7) [rad] of each cycle.
+        start: time at which the person starts to move, in the arm's time [s].
+        grip_stamp, point, force, closed: values of each message of the grip: (m,) [s], (m, 3) [m], (m, 3) [N], (m,).
     """
 
     time: FloatArray
@@ -77,7 +77,10 @@ def led(bag: Path) -> Led:
 
 
 def lateness(run: Led) -> FloatArray:
-    """By how much the arm was where the grip is said to be later than the message's stamp, while it moves [s]."""
+    """Return the time shift of each message of the grip during motion [s].
+
+    It is the time at which the arm was at the position in the message, minus the stamp of the message.
+    """
     model = KdlFrankaModel(panda_description.load(), "panda")
     c = np.sqrt(0.5)
     p_flange_handle = np.array([[c, c, 0, 0], [-c, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]) @ HANDLE

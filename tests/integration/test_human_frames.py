@@ -1,4 +1,4 @@
-"""Who is beside the arm has frames of their own, which are where their joints put them."""
+"""TF frames of a simulated human, compared with the forward kinematics of the human's joints."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -23,7 +23,7 @@ LINKS = ("r_shoulder", "r_elbow", "r_wrist")
 
 
 def three_seconds(folder: Path) -> Path:
-    """The experiment hand_guidance, up to where the hand moves."""
+    """Write the experiment hand_guidance, ending during the motion of the hand."""
     path = folder / "three_seconds.yaml"
     path.write_text(yaml.safe_dump(yaml.safe_load(EXPERIMENT.read_text()) | {"duration": 3.0}))
     return path
@@ -38,13 +38,13 @@ def messages(bag: Path, *topics: str) -> dict[str, list[Any]]:
 
 
 def place(transform: Any) -> FloatArray:
-    """T_parent_child, shape (4, 4)."""
+    """Return T_parent_child, shape (4, 4)."""
     p, q = transform.translation, transform.rotation
     return homogeneous(rotation_from_quaternion((q.x, q.y, q.z, q.w)), (p.x, p.y, p.z))
 
 
 def in_world(frame: str, transforms: dict[str, tuple[str, FloatArray]]) -> FloatArray:
-    """T_world_frame of a tree of child -> (parent, T_parent_child)."""
+    """Return T_world_frame in a tree of child -> (parent, T_parent_child)."""
     T = np.eye(4)
     while frame != "world":
         frame, T_parent = transforms[frame][0], transforms[frame][1]

@@ -1,4 +1,4 @@
-"""The pages against the running system: nothing undocumented, nothing documented that is not there."""
+"""Comparison of the INTERFACE.md pages with running systems: every name is documented, every documented name exists."""
 
 import json
 import os
@@ -23,13 +23,15 @@ STANDARD_TOPICS = {"/rosout", "/rosout_agg", "/tf", "/tf_static", "/clock", "/di
 STANDARD_SERVICES = ("/get_loggers", "/set_logger_level", "/tf2_frames")
 ACTION_PARTS = ("/goal", "/cancel", "/status", "/feedback", "/result")
 NOT_OF_THE_SYSTEM = ("/integration_tests", "/rosout", "/rostopic", "/recorder_", "/spawner_", "/unspawner_")
-"""Beginnings of the names of this process and of short-lived tools."""
+"""Prefixes of the names of this process and of short-lived tools."""
 SENSORS = {"hric_human", "hric_perception", "mocap_natnet"}
 """Packages that the default bring-up does not start."""
 NOT_AT_ONCE = {"<body>/ground_pose", "hric/human/root"}
-"""Topics that do not go with others: of `natnet_client` under the names of another driver, of which it publishes one
-set at a time (mocap_natnet/test/test_publisher.py); of a human who walks, whom no emulated cameras measure
-(hric_experiments/test/test_walk.py)."""
+"""Topics that cannot exist together with others.
+
+`natnet_client` publishes one set of topic names at a time (mocap_natnet/test/test_publisher.py); a walking human is not
+measured by emulated motion capture (hric_experiments/test/test_walk.py).
+"""
 EXPERIMENT = ROOT / "src/hric_experiments/config/experiments/data_collection.yaml"
 
 
@@ -39,11 +41,11 @@ def documented(section: str) -> list[Row]:
 
 @dataclass(frozen=True)
 class Graph:
-    """What runs on a master.
+    """Names in use on a master, without those of this process and of short-lived tools.
 
     Attributes:
-        publishers, subscribers: topic -> nodes, but for those of this process and of short-lived tools.
-        services: service -> type, likewise.
+        publishers, subscribers: topic -> nodes.
+        services: service -> type.
         types: topic -> type.
         offered: topics and services of all nodes.
     """
@@ -56,7 +58,7 @@ class Graph:
 
     @classmethod
     def of(cls, uri: str) -> "Graph":
-        """As it is now."""
+        """Read the current names."""
         with mock.patch.dict(os.environ, ROS_MASTER_URI=uri):
             master = rosgraph.Master("/pages")
             sides = master.getSystemState()
@@ -74,8 +76,11 @@ class Graph:
 
 
 def a_long_collection(folder: Path) -> Path:
-    """The data collection, with the sources that hear something: activation from a human with muscles in the robot's
-    plant, whom the cameras see, and the load from contacts."""
+    """Arguments of a data collection with sources that subscribe to topics.
+
+    Activation comes from a human with muscles in the robot's plant, measured by motion capture, and the load from
+    contacts.
+    """
     content = yaml.safe_load(EXPERIMENT.read_text()) | {"duration": 3600.0, "setpoints": []}
     content["emg"]["emulated"]["activation"] = {"program": "topic"}
     content["human"] = {
@@ -92,8 +97,12 @@ def a_long_collection(folder: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def sensors(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveSystem]:
-    """A data collection, and beside it what else these packages have: a synchroniser at one rate, the calibration, a
-    Motive that follows a link, the joints of a real person."""
+    """Data collection with further nodes of these packages.
+
+    These are a synchroniser with a fixed rate, the calibration, an emulated Motive that follows a link, and the
+    joint angles
+    of a real person.
+    """
     folder = tmp_path_factory.mktemp("sensors")
     (folder / "scene.yaml").write_text(
         "bodies: [{name: tool, motion: {type: link, link: panda_link8, frame: panda_link0}}]\n"
@@ -131,7 +140,7 @@ def of_the_sensors(section: str) -> list[Row]:
 
 
 def of_the_bring_up(section: str) -> list[Row]:
-    """Rows but for those of packages that are started by themselves, and for the other ends of these."""
+    """Return the documented rows, without packages that are started separately and without their counterparts."""
     elsewhere = [row for row in documented(section) if row.page.parent.name in SENSORS]
     return [
         row
@@ -141,7 +150,7 @@ def of_the_bring_up(section: str) -> list[Row]:
 
 
 def absent(graph: Graph, wanted: list[Row]) -> list[tuple[str, str, str]]:
-    """Package, kind and name of the rows that the running system lacks."""
+    """Return package, kind and name of the rows that are missing in the running system."""
     sides = {"pub": graph.offered, "sub": frozenset(graph.subscribers)}
     found = []
     for row in wanted:
@@ -176,7 +185,7 @@ def test_everything_documented_of_motion_capture_and_sensors_is_there(sensors: L
 
 @pytest.fixture(params=["live", "sensors"])
 def graph(request: pytest.FixtureRequest) -> Graph:
-    """Of the default bring-up, and of that with sensors."""
+    """Names in use in the default bring-up, and in the bring-up with sensors."""
     return Graph.of(request.getfixturevalue(request.param).uri)
 
 
@@ -192,7 +201,7 @@ def test_every_topic_of_the_running_system_is_documented(graph: Graph) -> None:
             part = next((part for part in ACTION_PARTS if topic.endswith(part)), None)
             if part and any(row.matches(topic.removesuffix(part)) for row in actions):
                 continue
-            # A topic that one of our nodes offers may be heard by another without a row of its own.
+            # A node may subscribe to a topic of another documented node without a separate row.
             if direction == "sub" and any(row.matches(topic) for row in topics):
                 continue
             unknown.append((direction, topic, side[topic]))

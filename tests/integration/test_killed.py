@@ -1,5 +1,7 @@
-"""A node, the recorder, its program or the master is killed while a bring-up records: the bring-up ends with nothing
-left behind, and run.yaml says what died."""
+"""Bring-up while a node, the recorder, its program or the master is killed: it ends completely.
+
+No process remains, and run.yaml has the killed process.
+"""
 
 import os
 import re
@@ -20,7 +22,7 @@ pytestmark = pytest.mark.alone
 Start = Callable[..., LiveSystem]
 
 ENDS = 60.0
-"""A bring-up that is stuck is not over by then [s]."""
+"""Timeout for the end of a bring-up [s]."""
 
 
 def send(system: LiveSystem, program: str, number: signal.Signals) -> None:
@@ -36,12 +38,12 @@ KILLED = {
     "bag_recorder": (r"/bag_recorder ", "failed", r"bag_recorder \(pid \d+\) was killed by SIGKILL"),
     "master": (r"rosmaster ", "failed", r"the ROS master at http://\S+ does not respond"),
 }
-"""What is killed, the status of its run and why it ended."""
+"""Process that is killed, status of the run, and reason in run.yaml."""
 
 
 @pytest.fixture(scope="module")
 def killed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Future[LiveSystem]]]:
-    """A bring-up for each of KILLED, two at a time: half of their time they wait."""
+    """Bring-ups for all entries of KILLED, two at a time, as they wait half of their time."""
 
     def run(name: str) -> LiveSystem:
         words = ("env:=sim", "rviz:=false", "record:=true", "controller:=none", "hand:=false")
@@ -95,7 +97,7 @@ def test_nodes_end_with_a_roslaunch_that_is_killed(start: Start) -> None:
     ("program", "why"),
     [
         (r"/robot ", r"experiment ended with code 1"),
-        (r"/bag_recorder ", r"the bag was not closed within 10 s; what was recorded is in \S+\.active"),
+        (r"/bag_recorder ", r"the bag was not closed within 10 s; the recorded messages are in \S+\.active"),
         pytest.param(r"/recorder ", r"experiment ended with code 1|recorder", marks=pytest.mark.slow),
     ],
     ids=["robot", "bag_recorder", "recorder"],

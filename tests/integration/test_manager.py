@@ -1,4 +1,4 @@
-"""The controller manager over its services and command-line tools, as existing tools of ros_control use it."""
+"""Controller manager used through its services and command-line tools, like by existing tools of ros_control."""
 
 import contextlib
 import os

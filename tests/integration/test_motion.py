@@ -1,4 +1,4 @@
-"""The arm moves on what a user sends, and stays where it is on what it cannot do."""
+"""Motion of the arm by commands of a user, and standstill after commands that it cannot execute."""
 
 import math
 
@@ -39,7 +39,7 @@ def client(controller: str) -> actionlib.SimpleActionClient:
 
 
 def moved(by: float) -> list[float]:
-    """The present position with the first and the last joint moved [rad]."""
+    """Return the current joint positions with the first and the last joint changed [rad]."""
     now = list(position())
     return [now[0] + by, *now[1:6], now[6] - by]
 

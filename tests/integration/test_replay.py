@@ -1,4 +1,4 @@
-"""scripts/replay plays a run as if it happened now, refuses what cannot be played, and leaves no process."""
+"""Replay of runs by scripts/replay: current stamps, refused inputs, and no remaining processes."""
 
 import contextlib
 import os

@@ -1,4 +1,4 @@
-"""Bring-ups from start to end: an experiment that ends by itself, Ctrl-C, mistakes, and what is left on disk."""
+"""Bring-ups from start to end: end of an experiment, Ctrl-C, wrong arguments, and files that remain."""
 
 import json
 import os
@@ -19,7 +19,7 @@ pytestmark = pytest.mark.alone
 Start = Callable[..., LiveSystem]
 Figure = Callable[[str, float, str], None]
 ANY = 30.0
-"""How long an end may take on any machine: as long as LiveSystem waits for one [s]."""
+"""Longest duration of a shutdown on any machine; LiveSystem waits for the same time [s]."""
 
 
 def test_pd_step_leaves_a_readable_run(pd_step: Any) -> None:
@@ -45,12 +45,12 @@ def test_pd_step_leaves_a_readable_run(pd_step: Any) -> None:
 
 @dataclass(frozen=True)
 class Interrupted:
-    """The default bring-up, listened to for some seconds and then ended by Ctrl-C.
+    """Default bring-up, monitored for some seconds and then ended by Ctrl-C.
 
     Attributes:
-        listened: how long [s of wall time].
-        pace: robot time per wall time meanwhile.
-        ending: how long its end took [s of wall time].
+        listened: duration of the monitoring [s of wall time].
+        pace: robot time per wall time during this.
+        ending: duration of the shutdown [s of wall time].
     """
 
     system: LiveSystem
@@ -76,7 +76,7 @@ def interrupted(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Interrupte
 
 
 def check_bag(system: LiveSystem) -> None:
-    """The recorder closed its bag, and nothing was ended by force."""
+    """Check that the recorder closed its bag, and that no process was killed."""
     bag = next(system.run_folder.glob("*.bag"))
     assert not list(system.run_folder.glob("*.active"))
     assert system.run("rosbag", "info", str(bag)).returncode == 0
@@ -195,14 +195,14 @@ def test_a_copied_template_needs_no_build(start: Start, tmp_path: Path) -> None:
     with system.started("roslaunch", "my_controller", "my_controller.launch"):
         system.wait_running("my_controller")
     system.interrupt()
-    assert "nothing yet; begins with: rosservice call /hric/experiment/start_recording" in system.output
+    assert "nothing yet; start it with: rosservice call /hric/experiment/start_recording" in system.output
     assert not system.runs.exists()
     again = start("env:=sim", "rviz:=false", "record:=false", "controller:=my_controller", ROS_PACKAGE_PATH=packages)
     again.wait_running("my_controller")
 
 
 def real_time_factor(system: LiveSystem, seconds: float) -> float:
-    """Robot time per wall time over some seconds, as another process hears it on /clock."""
+    """Return the robot time per wall time over some seconds, as measured by another process on /clock."""
     done = system.run("python3", str(ROOT / "tests/integration/clock_rate.py"), str(seconds), timeout=seconds + 30.0)
     assert done.returncode == 0, done.stderr
     return float(done.stdout)
@@ -226,7 +226,7 @@ def test_a_real_time_minute_is_paced_and_logged(start: Start, figure: Figure) ->
 
 HOLD = f"experiment:={ROOT / 'tests/benchmarks/hold.yaml'}"
 ROUNDS = 5
-"""Of which the median counts."""
+"""Number of repetitions, of which the median is tested."""
 
 
 @pytest.mark.live

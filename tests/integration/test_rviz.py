@@ -1,4 +1,4 @@
-"""rviz of the bring-up shows the arm, and shows it moving."""
+"""Check that rviz in the bring-up shows the arm and its motion."""
 
 import re
 import shutil
@@ -17,7 +17,7 @@ SETPOINT = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
 
 
 def has_died(system: LiveSystem, name: str) -> bool:
-    """Whether a node of the bring-up ended by itself."""
+    """Return True if a node of the bring-up ended by itself."""
     return re.search(rf"\[{name}-\d+\] process has died", system.output) is not None
 
 

@@ -1,5 +1,4 @@
-"""A running bring-up in a network of its own: it listens where the table says, and a neighbour who attacks it changes
-nothing."""
+"""Bring-up in a separate network namespace: listening sockets, and no effect of an attack from another machine."""
 
 import json
 import subprocess
@@ -28,19 +27,19 @@ OTHERS = (
     ("scripts/worker", "tcp://127.0.0.1:8786", "--workers", "1"),
     ("scripts/docs", "--serve"),
 )
-"""Programs with a port of their own that no bring-up starts; the worker waits for the scheduler."""
+"""Programs with ports that no bring-up starts; the worker waits for the scheduler."""
 FILE = ROOT / "src/hric_experiments/config/experiments/data_collection.yaml"
 
 
 @dataclass(frozen=True)
 class Attacked:
-    """A bring-up that has ended.
+    """Result of a bring-up that has ended.
 
     Attributes:
-        bound: what it and the other programs of `OTHERS` listened on.
-        result: of the attacker.
-        output: what the bring-up printed.
-        bag: what was recorded.
+        bound: listening sockets of the bring-up and of the programs in `OTHERS`.
+        result: result of the attacker.
+        output: output of the bring-up.
+        bag: recorded bag.
     """
 
     bound: list[Bound]
@@ -50,7 +49,7 @@ class Attacked:
 
 
 def experiment(folder: Path) -> Path:
-    """Every kind of device: motion capture, EMG by Trigno, a force plate by LSL."""
+    """Return arguments for devices of every kind: motion capture, EMG by Trigno, a force plate by LSL."""
     content = yaml.safe_load(FILE.read_text())
     content["setpoints"], content["duration"] = [{**content["setpoints"][0], "time": 0.5}], 60.0
     content["emg"]["transport"] = "trigno"
@@ -61,7 +60,7 @@ def experiment(folder: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def attacked(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Attacked]:
-    """Run once for all tests. The neighbour reaches the address of motion capture, by an argument, and no other."""
+    """Bring-up run once for all tests; by an argument, the neighbour can reach its motion capture address only."""
     folder = tmp_path_factory.mktemp("wires")
     with ExitStack() as stack:
         try:
@@ -103,7 +102,7 @@ def attacked(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Attacked]:
 
 
 def covers(wire: Wire, one: Bound) -> bool:
-    """Whether a socket is one of a row of the table."""
+    """Return True if a socket is listed in a row of the table."""
     names = {word.rpartition("/")[2] for word in one.words}
     is_node = any(word.startswith("__name:=") for word in one.words)
     is_program = bool(names.intersection(wire.programs)) if wire.programs else is_node
@@ -112,7 +111,7 @@ def covers(wire: Wire, one: Bound) -> bool:
 
 
 def unopened(bound: list[Bound]) -> list[str]:
-    """Rows of the table of which nothing is open."""
+    """Return the rows of the table without an open socket."""
     return [wire.who for wire in WIRES if not any(covers(wire, one) for one in bound)]
 
 

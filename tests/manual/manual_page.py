@@ -1,15 +1,15 @@
-"""A page of the manual as the steps that its reader takes, one after the other. Pure: nothing is run here.
+"""Parser of a page of the manual into the steps that its reader takes; it runs nothing.
 
-The fences of a page are steps; a comment on the line before a fence, invisible on the page, says more:
+The fenced blocks of a page are steps. A comment on the line before a block, invisible on the page, has instructions:
 
     ```bash                            runs in terminal 1, the same shell through the page
     <!-- terminal 2 -->                ... in another shell
-    <!-- stays -->                     its last command keeps running; <!-- terminal 2, stays --> of another shell
-    <!-- not run: REASON -->           the fence is for the reader only, and so is the output below it
-    <!-- Ctrl-C in terminal 1 -->      alone on a line: ends there what stays
+    <!-- stays -->                     its last command keeps running; <!-- terminal 2, stays --> in another shell
+    <!-- not run: REASON -->           the block and the output below it are not tested
+    <!-- Ctrl-C in terminal 1 -->      alone on a line: ends the running command there
     ```yaml title="my_step.yaml"       a file that the reader writes, of any language
-    ```python                          in one interpreter through the page
-    ```text                            words of the output of the step before it, a line each; `...` stands for anything
+    ```python                          runs in one interpreter through the page
+    ```text                            lines of the output of the previous step; `...` matches anything
     <!-- terminal 1 -->                before ```text: words of the output of that terminal
     <!-- check: NOTE -->               alone on a line: a note of the authors
 """
@@ -26,19 +26,19 @@ NOT_RUN, NOTE = "not run: ", "check: "
 
 
 class PageError(Exception):
-    """What cannot be understood, with its line."""
+    """Error of a block or comment that cannot be interpreted, with its line."""
 
 
 @dataclass(frozen=True)
 class Commands:
-    """Commands in one terminal.
+    """Step with commands in one terminal.
 
     Attributes:
-        line: of the fence.
-        text: as the reader types it.
-        terminal: number of the shell.
-        stays: whether the last command keeps running.
-        expected: words that its output must have, a line each.
+        line: line of the block in the page.
+        text: commands as the reader types them.
+        terminal: number of the terminal.
+        stays: True if the last command keeps running.
+        expected: lines that the output must contain.
     """
 
     line: int
@@ -50,7 +50,7 @@ class Commands:
 
 @dataclass(frozen=True)
 class CtrlC:
-    """The end of what stays in a terminal."""
+    """Step that ends the running command in a terminal by Ctrl-C."""
 
     line: int
     terminal: int
@@ -59,7 +59,7 @@ class CtrlC:
 
 @dataclass(frozen=True)
 class Python:
-    """Statements in the page's interpreter."""
+    """Step with statements in the Python interpreter of the page."""
 
     line: int
     text: str
@@ -68,12 +68,12 @@ class Python:
 
 @dataclass(frozen=True)
 class WrittenFile:
-    """A file that the reader writes.
+    """Step in which the reader writes a file.
 
     Attributes:
-        line: of the fence.
-        path: from the workspace's root.
-        text: its content.
+        line: line of the block in the page.
+        path: path relative to the workspace.
+        text: content of the file.
     """
 
     line: int
@@ -83,7 +83,7 @@ class WrittenFile:
 
 @dataclass(frozen=True)
 class Printed:
-    """Words that what stays in a terminal prints now."""
+    """Step with expected output of the running command in a terminal."""
 
     line: int
     terminal: int
@@ -99,7 +99,7 @@ class _Fence:
     language: str
     title: str | None
     said: str
-    """The comment on the line before; empty: none."""
+    """Comment on the line before; empty if there is none."""
     text: str
 
 
@@ -110,13 +110,13 @@ class _Comment:
 
 
 def steps(page: str) -> list[Step]:
-    """The steps of a page.
+    """Return the steps of a page.
 
     Raises:
-        PageError: a fence that is not closed, a comment that says nothing known, or a terminal that is busy.
+        PageError: a block is not closed, a comment is unknown, or a terminal is busy.
     """
     found: list[Step] = []
-    runs = True  # what the last fence says is run, so that output below it is expected
+    runs = True  # the last block was run, so the output below it is expected
     for part in _parts(page):
         if isinstance(part, _Comment):
             found.append(_ended(part))
@@ -133,7 +133,7 @@ def steps(page: str) -> list[Step]:
 
 
 def _parts(page: str) -> Iterator[_Fence | _Comment]:
-    """Fences, each with the comment before it, and comments that stand alone."""
+    """Yield the blocks, each with the comment before it, and separate comments."""
     lines = page.splitlines()
     said: _Comment | None = None
     at = 0
@@ -174,7 +174,7 @@ def _step(fence: _Fence) -> Step | None:
 
 
 def _where(fence: _Fence) -> tuple[int | None, bool]:
-    """Terminal, None where none is given, and whether the fence's commands stay."""
+    """Return the terminal (None if none is given), and True if the commands of the block keep running."""
     found = WHERE.match(fence.said)
     if not found:
         raise PageError(
@@ -191,7 +191,7 @@ def _ended(comment: _Comment) -> CtrlC:
 
 
 def _expect(found: list[Step], fence: _Fence) -> None:
-    """Give the output to the step before it, or to what stays in the terminal that is named."""
+    """Add expected output to the previous step, or to the running command in the named terminal."""
     terminal, _ = _where(fence)
     words = tuple(line.strip() for line in fence.text.splitlines() if line.strip())
     if terminal:
@@ -203,7 +203,7 @@ def _expect(found: list[Step], fence: _Fence) -> None:
 
 
 def _check_terminals(found: list[Step]) -> None:
-    """A terminal where something stays takes no commands until its Ctrl-C."""
+    """Raise PageError for commands in a terminal whose previous command was not ended by Ctrl-C."""
     staying: dict[int, int] = {}
     for step in found:
         if isinstance(step, Commands):

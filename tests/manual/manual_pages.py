@@ -1,4 +1,4 @@
-"""Which pages of the manual have commands that are tried, and the workspace's own commands in them."""
+"""Pages of the manual whose commands are tested, and the commands of the workspace in them."""
 
 import re
 import shlex
@@ -11,7 +11,7 @@ from manual_page import Commands, Step, WrittenFile
 ROOT = Path(__file__).resolve().parents[2]
 TRIED = ("README.md", "docs/tutorials/*.md", "docs/howto/*.md")
 SHORT = ("docs/howto/salvage_a_bag.md",)
-"""Pages that are tried in every run of the tests: headless, a few seconds."""
+"""Pages that are tested in the default run, since they take only a few seconds without a ROS master."""
 ENDS = re.compile(r"\s(?P<by>\|\||&&|[|&;>])\s?")
 OF_THE_WORKSPACE = re.compile(r"(\w+=\S+ )*(scripts/|hric |rosrun |roslaunch )")
 VARIABLE = re.compile(r"[A-Z_]+=")
@@ -20,11 +20,11 @@ PRINTED_INTO = re.compile(r">>? *([\w./-]+)(?=\s)")
 
 @dataclass(frozen=True)
 class Command:
-    """One command of a page.
+    """Command of a page.
 
     Attributes:
-        words: as the shell splits them, without variables before and comments after them.
-        fails: whether the page expects that.
+        words: words of the command, without assignments before and comments after it.
+        fails: True if the page expects the command to fail.
     """
 
     words: list[str]
@@ -32,12 +32,12 @@ class Command:
 
 
 def names() -> list[str]:
-    """Of all pages with steps, from the workspace's root."""
+    """Return the paths of all pages with steps, relative to the workspace."""
     return sorted(str(path.relative_to(ROOT)) for pattern in TRIED for path in ROOT.glob(pattern))
 
 
 def commands(taken: Iterable[Step]) -> Iterator[Command]:
-    """Scripts, nodes and launch files that a page calls at the beginning of a line."""
+    """Yield the commands of the workspace (scripts, hric, nodes, launch files) that start a line of a page."""
     for step in taken:
         if isinstance(step, Commands):
             for line in filter(OF_THE_WORKSPACE.match, step.text.splitlines()):
@@ -48,7 +48,7 @@ def commands(taken: Iterable[Step]) -> Iterator[Command]:
 
 
 def write(taken: Iterable[Step], folder: Path) -> None:
-    """The files that the reader of a page writes; those into which its commands print stay empty."""
+    """Write the files that the reader of a page writes; files for redirected output are empty."""
     for step in taken:
         if isinstance(step, WrittenFile):
             path = folder / step.path

@@ -1,4 +1,4 @@
-"""Takes the steps of a page as its reader does, in terminals of its own, and holds the output against the page."""
+"""Execution of the steps of a page in terminals, as a reader does, and comparison of the output with the page."""
 
 import os
 import re
@@ -11,15 +11,15 @@ from manual_page import Commands, CtrlC, Printed, Python, Step, WrittenFile
 from manual_terminals import MARK, Terminal, TerminalError, end_marked, has_words, marked
 
 STEP, READY, PRINTED, END = 300.0, 90.0, 20.0, 150.0
-"""How long commands may take, a start, a line that follows from another terminal, and the end after Ctrl-C [s]; project
-defaults, unconfirmed."""
+"""Timeouts for commands, for a start, for expected output caused by another terminal, and for the end after Ctrl-C [s];
+project defaults, unconfirmed."""
 PAGE = 1500.0
-"""How long a whole page may take [s]; project default, unconfirmed."""
+"""Timeout for a whole page [s]; project default, unconfirmed."""
 QUIET = 3.0
-"""A program whose words of readiness are not on the page is ready when it printed something and then nothing for [s];
-project default, unconfirmed."""
+"""Time without output after which a program counts as ready, if the page does not show a line for it [s]; project
+default, unconfirmed."""
 READY_LINE = re.compile(r"^ +ready  ", re.MULTILINE)
-"""Of the block that scripts/bringup prints."""
+"""Pattern of the line that scripts/bringup prints when it is ready."""
 DONE = re.compile(r"^manual-python (\d)$", re.MULTILINE)
 INTERPRETER = """\
 import sys, traceback
@@ -36,11 +36,11 @@ for path in map(str.strip, sys.stdin):
 
 
 class StepError(Exception):
-    """A step that did not do what the page says: its line, what it lacks, and the output of every terminal."""
+    """Error of a step whose result differs from the page, with line, missing output, and output of all terminals."""
 
 
 def shell_environment(folder: Path, port: int) -> dict[str, str]:
-    """What a fresh terminal of a reader without a display has, and a ROS master of its own."""
+    """Return the environment of a new terminal without a display, with the address of a separate ROS master."""
     taken = {name: os.environ[name] for name in ("HOME", "USER", "LANG", "LC_ALL") if name in os.environ}
     return {
         **taken,
@@ -52,13 +52,13 @@ def shell_environment(folder: Path, port: int) -> dict[str, str]:
 
 
 class PageRun:
-    """One page.
+    """Execution of one page.
 
     Args:
-        workspace: folder where the commands run.
-        folder: for what the run itself writes.
-        environment: of the terminals.
-        set_up: what the interpreter of the page needs in its terminal.
+        workspace: folder in which the commands run.
+        folder: folder for files of the test itself.
+        environment: environment of the terminals.
+        set_up: commands before the Python interpreter of the page is started.
     """
 
     def __init__(
@@ -71,10 +71,10 @@ class PageRun:
         self._ends = 0.0
 
     def run(self, steps: Iterable[Step]) -> None:
-        """Take all steps, and end what is left.
+        """Execute all steps, and end all remaining processes.
 
         Raises:
-            StepError: a step did not do what the page says, or processes stayed after the page's last Ctrl-C.
+            StepError: the result of a step differs from the page, or processes remain after the last Ctrl-C.
         """
         self._ends = time.monotonic() + PAGE
         try:
@@ -177,7 +177,7 @@ class PageRun:
         return "\n".join(f"--- terminal {number}\n{shell.output}" for number, shell in sorted(self._terminals.items()))
 
     def _close(self) -> dict[int, str]:
-        """End everything; answers what had not ended by itself although nothing stays."""
+        """End all processes; return those that should have ended by themselves."""
         for terminal in self._terminals.values():
             if terminal.busy:
                 terminal.interrupt()

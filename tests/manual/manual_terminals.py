@@ -1,5 +1,5 @@
-"""Terminals as a reader has them: an interactive bash each, on a pseudo-terminal, so that Ctrl-C goes where it goes for
-the reader, and what a shell was told lasts."""
+"""Terminals like those of a reader: interactive shells (bash) on pseudo-terminals, so that Ctrl-C reaches the same
+processes, and variables of a shell are kept."""
 
 import contextlib
 import itertools
@@ -15,32 +15,32 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
 MARK = "HRIC_MANUAL_PAGE"
-"""Variable by which the processes of a page are known."""
+"""Environment variable that marks the processes of a page."""
 PROMPT = "manual-prompt"
 CONTROL = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]|\x1b\][^\x07]*\x07|\r")
-"""Colours, titles and returns to the beginning of the line."""
+"""Pattern of control sequences: colours, titles and carriage returns."""
 PERIOD = 0.05
-"""Between two looks [s]."""
+"""Polling period [s]."""
 WINDOW = (50, 250)
-"""Rows and columns."""
+"""Rows and columns of a terminal."""
 STOP_AT_A_FAILURE = (
     'trap \'manual_code=$?; if [ "${BASH_SOURCE[0]}" = "$manual_block" ]; then '
     'echo "manual: exit code $manual_code: $BASH_COMMAND" >&2; return $manual_code; fi\' ERR\n'
 )
-"""What a block begins with; what it sources may have commands that fail."""
+"""Shell commands before a block, which make it stop at the first failing command, except in sourced files."""
 
 
 class TerminalError(Exception):
-    """A terminal did not do in time what the page says; has the output."""
+    """Error of a terminal that did not reach an expected state in time, with its output."""
 
 
 class Terminal:
-    """One shell.
+    """Terminal with one interactive shell.
 
     Args:
-        folder: for the blocks that it runs.
-        where: its working folder at the start.
-        environment: all variables that it begins with.
+        folder: folder for files with the blocks that it runs.
+        where: working directory at the start.
+        environment: all environment variables at the start.
     """
 
     def __init__(self, folder: Path, where: Path, environment: Mapping[str, str]) -> None:
@@ -57,7 +57,7 @@ class Terminal:
             "TERM": "dumb",
         }
         self._shell = subprocess.Popen(
-            # As from a terminal, also where whoever runs the tests lets processes ignore Ctrl-C.
+            # Enable SIGINT, which the parent process of the tests may ignore.
             [
                 "env",
                 "--default-signal=INT,QUIT",
@@ -86,40 +86,40 @@ class Terminal:
 
     @property
     def pid(self) -> int:
-        """Of the shell."""
+        """Process id of the shell."""
         return self._shell.pid
 
     @property
     def output(self) -> str:
-        """What was printed since the last commands began, without colours and prompts."""
+        """Output since the start of the last commands, without colours and prompts."""
         text = CONTROL.sub("", self._printed[self._begun :].decode(errors="replace"))
         return re.sub(rf"\n?{self._prompt} \d+\n", "", text)
 
     @property
     def busy(self) -> bool:
-        """Whether commands still run."""
+        """True while commands are running."""
         return self._prompts() == self._prompts_before
 
     def start(self, commands: str) -> None:
-        """Type commands, and do not wait for their end."""
+        """Start commands without waiting for their end."""
         block = self._folder / f"block_{next(self._blocks)}.bash"
         block.write_text(f"manual_block={block}\n{STOP_AT_A_FAILURE}{commands}\ntrap - ERR\n")
         self._begun, self._prompts_before = len(self._printed), self._prompts()
         os.write(self._commands, f". {block}\n".encode())
 
     def wait(self, timeout: float) -> int:
-        """Wait until the commands end; answers their exit code: 0, or that of the first one that failed.
+        """Wait until the commands end; return 0, or the exit code of the first one that failed.
 
         Raises:
-            TerminalError: they still run after `timeout` [s], or the shell itself ended.
+            TerminalError: the commands are still running after `timeout` [s], or the shell ended.
         """
         return self._wait_prompt(timeout)
 
     def wait_until(self, condition: Callable[[str], object], timeout: float, what: str) -> None:
-        """Wait until the output fulfils a condition, while the commands run.
+        """Wait until the output fulfils a condition, while the commands are running.
 
         Raises:
-            TerminalError: it does not after `timeout` [s], or the commands ended before.
+            TerminalError: it does not within `timeout` [s], or the commands ended before.
         """
         ends = time.monotonic() + timeout
         while not condition(self.output):
@@ -130,12 +130,12 @@ class Terminal:
             time.sleep(PERIOD)
 
     def type(self, line: str) -> None:
-        """Give a line to the program that runs. The output begins anew."""
+        """Send a line to the running program, and clear the output."""
         self._begun = len(self._printed)
         os.write(self._commands, f"{line}\n".encode())
 
     def interrupt(self) -> None:
-        """Ctrl-C. The output begins anew."""
+        """Send Ctrl-C, and clear the output."""
         self._begun = len(self._printed)
         os.write(self._commands, b"\x03")
 
@@ -147,7 +147,7 @@ class Terminal:
         os.close(self._commands)
 
     def _read(self) -> None:
-        with contextlib.suppress(OSError):  # the other side is closed
+        with contextlib.suppress(OSError):  # the shell has closed its side
             while block := os.read(self._commands, 65536):
                 self._printed += block
 
@@ -167,7 +167,7 @@ class Terminal:
 
 
 def has_words(output: str, words: Iterable[str]) -> list[str]:
-    """Those of the expected lines that the output lacks; `...` in a line stands for anything."""
+    """Return the expected lines that are missing in the output; `...` in a line matches anything."""
     seen = " ".join(output.split())
     return [line for line in words if not re.search(_pattern(line), seen)]
 
@@ -177,7 +177,7 @@ def _pattern(line: str) -> str:
 
 
 def marked(mark: str) -> dict[int, str]:
-    """Processes that carry this mark: pid -> command line."""
+    """Return the command lines of the processes with this mark, by pid."""
     found = {}
     for entry in Path("/proc").glob("[0-9]*"):
         try:
@@ -190,7 +190,7 @@ def marked(mark: str) -> dict[int, str]:
 
 
 def end_marked(mark: str, patience: float = 10.0) -> dict[int, str]:
-    """End processes by their pids, first by request; answers those that had to be killed."""
+    """End the processes with this mark, first by SIGTERM; return those that had to be killed."""
     for pid in marked(mark):
         _signal(pid, signal.SIGTERM)
     ends = time.monotonic() + patience
@@ -207,7 +207,7 @@ def _signal(pid: int, number: int) -> None:
 
 
 def _prepare(terminal: int) -> None:
-    """No echo of what is typed, and line ends as they are printed."""
+    """Disable echo and conversion of line ends."""
     settings = termios.tcgetattr(terminal)
     settings[1] &= ~termios.ONLCR
     settings[3] &= ~termios.ECHO

@@ -1,4 +1,4 @@
-"""The workspace as it was before a page ran in it: what a page made is moved away, never deleted."""
+"""Restoration of the workspace after a page: files that the page made are moved away, never deleted."""
 
 import shutil
 import subprocess
@@ -7,24 +7,24 @@ from contextlib import contextmanager
 from pathlib import Path
 
 USUAL = ("my_study", "src/my_controller")
-"""Made by commands of several pages."""
+"""Files and folders that commands of several pages make."""
 
 
 class TreeError(Exception):
-    """A page cannot run in this tree, or changed what is not its own."""
+    """Error of a workspace in which a page cannot run, or in which it changed other files."""
 
 
 @contextmanager
 def kept_clean(root: Path, moved_to: Path, written: Iterable[str] = ()) -> Iterator[None]:
-    """Run a page in the workspace.
+    """Context in which a page may run in the workspace.
 
     Args:
-        root: of the workspace, a git clone.
-        moved_to: folder for what the page makes: files that git does not ignore, and runs.
+        root: workspace, a git clone.
+        moved_to: folder to which files made by the page are moved: run folders, and files that git does not ignore.
         written: files that the page writes.
 
     Raises:
-        TreeError: something that the page would make is there already, or a file of git is not as before.
+        TreeError: a file that the page would make already exists, or a tracked file was changed.
     """
     if there := [name for name in (*USUAL, *written) if (root / name).exists()]:
         raise TreeError(f"in {root}, move away first: {', '.join(there)}")
@@ -44,7 +44,7 @@ def kept_clean(root: Path, moved_to: Path, written: Iterable[str] = ()) -> Itera
 
 
 def _status(root: Path) -> list[tuple[str, str]]:
-    """Status and path of what differs from the commit; a new folder is one entry."""
+    """Return git status and path of all changes; a new folder is one entry."""
     command = ["git", "status", "--porcelain", "-z", "--no-renames", "--untracked-files=normal"]
     told = subprocess.run(command, cwd=root, capture_output=True, text=True, check=True).stdout
     return [(entry[:2], entry[3:].rstrip("/")) for entry in told.split("\0") if entry]

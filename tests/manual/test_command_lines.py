@@ -1,5 +1,7 @@
-"""Every command line of the manual is understood: those of today by `hric`, and those of before it, kept in
-rosrun_lines.txt, by the aliases. Nothing is run here."""
+"""Check that every command line of the manual is accepted, without executing it.
+
+Current lines are parsed by `hric`, earlier ones, kept in rosrun_lines.txt, by the aliases.
+"""
 
 import re
 import shlex
@@ -17,11 +19,11 @@ OLD = (ROOT / "tests/manual/rosrun_lines.txt").read_text().splitlines()
 ALIAS = re.compile(r'alias\("(\w+)"\)')
 INLINE = re.compile(r"`(hric [^`]+)`")
 PLACEHOLDER = re.compile(r"[\[{]|\.\.\.|hric (COMMAND|--help)")
-"""A pattern of command lines, and no command line."""
+"""Pattern of templates of command lines, which are not complete command lines."""
 
 
 def refusal(words: list[str]) -> str:
-    """What `hric` has against a command line; empty: nothing. A name alone stands for its command."""
+    """Return the error of `hric` for a command line, or an empty text; a name alone is a valid command."""
     known = plugins.names(plugins.COMMAND)
     name = next((name for name in (" ".join(words[:2]), words[0]) if name in known), None)
     if name is None:
@@ -38,7 +40,7 @@ def refusal(words: list[str]) -> str:
 
 
 def old(line: str) -> str:
-    """What has become of a line that begins with rosrun; empty: it works."""
+    """Return the error for a line that starts with rosrun, or an empty text if it works."""
     _, package, program, *words = shlex.split(line)
     node = ROOT / "src" / package / "nodes" / program
     if not node.exists():

@@ -1,5 +1,7 @@
-"""The experiments of the manual's pages are accepted with the overrides of their commands, or refused where the page
-says so. They are not run here."""
+"""Check that the experiments on pages of the manual are accepted with the overrides of their commands.
+
+They are not run; experiments that a page presents as wrong must be refused.
+"""
 
 import re
 from pathlib import Path
@@ -13,11 +15,11 @@ from hric_run.definition import experiment
 from hric_sweep.study import definition as study
 
 MADE = re.compile(r"[\w/]+\.(yaml|c3d)")
-"""Files in an override: what another command of the page makes is not there."""
+"""Pattern of files in an override that another command of the page makes, so that they do not exist here."""
 
 
 def accept(name: str, given: list[str]) -> None:
-    """Read an experiment, or a study. Raises HricError."""
+    """Read an experiment or a study; raise HricError if it is refused."""
     if Path(name).exists() and not Path(name).stat().st_size:
         return  # another command of the page prints into it
     if name in experiment.names("studies") or (Path(name).exists() and "\nforms:" in Path(name).read_text()):

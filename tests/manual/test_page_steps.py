@@ -1,4 +1,4 @@
-"""A page of the manual becomes the steps that its reader takes."""
+"""Parsing of a page of the manual into the steps that its reader takes."""
 
 import pytest
 from manual_page import Commands, CtrlC, PageError, Printed, Python, WrittenFile, steps

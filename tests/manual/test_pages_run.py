@@ -1,4 +1,4 @@
-"""Every command of the manual does what its page says: each page, from its beginning to its end, in this workspace."""
+"""Execution of all commands of the manual, page by page in this workspace, and comparison with the stated results."""
 
 import shutil
 import subprocess

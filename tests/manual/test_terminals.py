@@ -1,4 +1,4 @@
-"""The terminals in which the manual's pages are tried behave as a reader's, and hold a page to its words."""
+"""Terminals for the test of the manual: they behave like a reader's, and differences from a page are reported."""
 
 import os
 import time
@@ -145,7 +145,7 @@ ls up
 
 
 def bringup(folder: Path, script: str) -> None:
-    """A stand-in for the real one."""
+    """Replacement for the real program."""
     (folder / "scripts").mkdir()
     (folder / "scripts/bringup").write_text(f"#!/bin/bash\necho starting\n{script}\n")
     (folder / "scripts/bringup").chmod(0o755)

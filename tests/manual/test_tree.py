@@ -1,4 +1,4 @@
-"""A page leaves the workspace as it was, and loses nothing of what was there."""
+"""Restoration of the workspace after a page of the manual, without loss of existing files."""
 
 import subprocess
 from pathlib import Path

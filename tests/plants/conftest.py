@@ -1,4 +1,4 @@
-"""What a plant must do on every engine: each test here runs on all of them."""
+"""Fixtures of the plant tests, each of which runs on every engine."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any, Protocol
@@ -14,7 +14,7 @@ PANDA = [f"panda_joint{i}" for i in range(1, 8)]
 
 
 class MakePlant(Protocol):
-    """make_plant(urdf, joints, q, **parameters): put at q where given, closed with the test."""
+    """Type of make_plant(urdf, joints, q, **parameters), which returns a plant at q, closed after the test."""
 
     def __call__(
         self, urdf: str, joints: Sequence[str] = PANDA, q: Sequence[float] | None = None, **config: Any

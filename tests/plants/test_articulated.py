@@ -1,4 +1,4 @@
-"""Models whose joints are driven, and what holds two bodies together: a human arm beside the robot."""
+"""Spawned models with driven joints and connections between two bodies, such as a human arm that holds the robot."""
 
 import math
 import re
@@ -20,7 +20,7 @@ ARM = body(parts="right_arm").urdf
 JOINTS = ["joint1", "joint2"]
 READY = [0.1, -0.5, 0.2, -2.0, 0.1, 1.5, 0.5]
 BENT = [0.3, 0.2, 0.1, 1.2, 0.1, 0.2, 0.1]
-"""Of the human arm: hand before the elbow."""
+"""Joint positions of the human arm with the hand in front of the elbow [rad]."""
 FIRST_FOUR = np.array([1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
 WEIGHTLESS = {"gravity": [0.0, 0.0, 0.0]}
 BAR = """<robot name="bar"><link name="post"/>
@@ -31,7 +31,7 @@ BAR = """<robot name="bar"><link name="post"/>
     <dynamics damping="{damping}" friction="{friction}"/></joint>
 </robot>"""
 INERTIA = 0.03 + 2.0 * 0.2**2
-"""Of the bar about its axle [kg m^2]."""
+"""Moment of inertia of the bar about its axle [kg m^2]."""
 MASS = '<inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>'
 PADDLE = f"""<robot name="paddle"><link name="post"/><link name="arm">{MASS}</link>
   <link name="blade">{MASS}
@@ -78,7 +78,7 @@ def joints(plant, model):
 
 @pytest.fixture
 def beside(make_plant):
-    """beside(urdf, **parameters): a small robot that is held, and a model with a fixed base beside it."""
+    """Function beside(urdf, **parameters) that returns a plant with a braked robot and a model with fixed base."""
 
     def made(urdf, name="model", **config):
         plant = make_plant(two_link_urdf(), JOINTS, q=[0.0, 0.0], **config)
@@ -90,8 +90,7 @@ def beside(make_plant):
 
 
 class Hands:
-    """A Panda and a human arm whose hand holds the robot's, each held where it is by a law of its own. Collision shapes
-    of the robot are left out."""
+    """Panda whose hand is held by a human arm, each with a position controller; the robot has no collision shapes."""
 
     def __init__(self, make_plant, urdf, integrator="accurate", **grip):
         self.robot, self.arm = Oracle(urdf, 0.1), Oracle(ARM)
@@ -104,13 +103,13 @@ class Hands:
         self.plant.connect("grip", Bushing("panda_hand", "human::r_wrist", np.eye(4), T_wrist_grip, **grip))
 
     def state(self):
-        """q, dq of the robot, then of the arm."""
+        """Return q and dq of the robot, then of the arm."""
         q, dq, tau = [0.0] * 7, [0.0] * 7, [0.0] * 7
         self.plant.read_state(q, dq, tau)
         return np.array(q), np.array(dq), *joints(self.plant, "human")
 
     def step(self, goal):
-        """With the robot's goal; returns the efforts of both."""
+        """Step with a goal of the robot's joints; return the efforts of robot and arm."""
         q, dq, x, v = self.state()
         tau = 200.0 * (goal - q) - 20.0 * dq + self.robot.gravity(q)
         drive = 20.0 * (BENT - x) - 2.0 * v + self.arm.gravity(x)
@@ -120,8 +119,7 @@ class Hands:
         return tau, drive
 
     def guide(self, steps):
-        """The robot leads for half a second by half a wave of four joints, and stays; yields the efforts of each
-        step."""
+        """Move four joints of the robot along half a cosine for 0.5 s, then hold; yield the efforts of each step."""
         for k in range(steps):
             yield self.step(READY + 0.1 * (1.0 - math.cos(math.pi * min(k / 500.0, 1.0))) * FIRST_FOUR)
 
@@ -251,7 +249,7 @@ def test_a_start_outside_opens_the_stop(beside):
 
 @pytest.mark.parametrize("abduction", [0.3, math.pi / 2])
 def test_stops_add_no_energy(beside, abduction):
-    """Also from the shoulder's singular pose, in which two of its joints have next to no inertia."""
+    """Check the energy also in a singular pose of the shoulder, in which two joints have nearly no inertia."""
     plant, oracle = beside(ARM, integrator="accurate"), Oracle(ARM)
     start = [2.5, abduction, 0.5, 0.4, -1.2, 0.2, 0.1]
     plant.set_joints("model", start)
@@ -332,7 +330,7 @@ def test_a_grip_follows_the_robot(hands, integrator, stiffness):
 
 
 def test_robot_arm_and_grip_keep_their_energy(hands):
-    """What the drives gave is in the motion, in the grip's springs, or was taken by its dampers."""
+    """Check the energy balance: work of the drives = kinetic energy + energy of the grip's springs + damping losses."""
     held = hands()
     law = Bushing("", "", np.eye(4), np.eye(4))
 
@@ -386,7 +384,7 @@ def test_connected_links_do_not_touch(beside, contact):
 
 @pytest.mark.parametrize("contact", ["rigid", "penalty"])
 def test_a_held_sleeve_touches_nothing(make_plant, panda_urdf, contact):
-    """Hulls overlap by centimetres then."""
+    """Check that a held body has no contact with its holder although the hulls overlap by centimetres."""
     plant = make_plant(panda_urdf, q=READY, surfaces=[{"link": "glove::*", "contact": contact}], **WEIGHTLESS)
     plant.set_brakes([True] * 7)
     plant.spawn("glove", block(), plant.link_state("panda_hand")[0])

@@ -1,4 +1,4 @@
-"""Contact forces against closed formulas."""
+"""Contact forces compared with closed formulas."""
 
 import math
 from pathlib import Path
@@ -83,8 +83,12 @@ def test_two_springs_act_in_series(make_plant, panda_urdf, tmp_path):
 
 
 def press(plant, oracle, force, seconds):
-    """Joint torques J'F of a downward force at the tip, over gravity, with a little damping; the last contact forces,
-    summed over 0.1 s."""
+    """Apply joint torques J'F for a downward force at the tip, with gravity compensation and slight damping.
+
+    Returns:
+        sum of the contact forces in each of the last 100 steps, vertical parts of the contact normals in these steps,
+        and the largest joint speed at the end.
+    """
     q, dq, tau = [0.0] * 7, [0.0] * 7, [0.0] * 7
     readings, normals = [], []
     for k in range(round(seconds / 1e-3)):
@@ -140,8 +144,10 @@ def test_resting_weight_is_read_exactly(make_plant, panda_urdf, tmp_path):
 
 @pytest.mark.parametrize("rotor", [0.0, 0.1])
 def test_an_impact_conserves_link_and_rotor_momentum(make_plant, panda_urdf, tmp_path, rotor):
-    """A ball hits the hand; the joint momentum (M + B) dq after it equals the time integral of J'F, with F from the
-    contact itself."""
+    """Check the impulse when a ball hits the hand.
+
+    The joint momentum (M + B) dq afterwards equals the time integral of J'F with the reported contact force F.
+    """
     oracle = Oracle(panda_urdf)
     q0 = np.array(PRESS_POSE)
     T = oracle.frame(q0, "panda_hand_tcp")
@@ -180,8 +186,10 @@ def test_an_impact_conserves_link_and_rotor_momentum(make_plant, panda_urdf, tmp
 
 @pytest.mark.parametrize("rotor", [0.0, 0.1])
 def test_the_arm_hits_with_its_effective_mass(make_plant, panda_urdf, tmp_path, rotor):
-    """F = v sqrt(m k) with m = 1 / (n' J (M + B)^-1 J' n), ISO/TS 15066 with the reflected mass of the pose in place of
-    its rule of thumb."""
+    """Check F = v sqrt(m k) with m = 1 / (n' J (M + B)^-1 J' n).
+
+    This is the formula of ISO/TS 15066 with the reflected mass of the pose instead of the standard's estimate.
+    """
     oracle, n, speed = Oracle(panda_urdf), np.array([1.0, 0.0, 0.0]), 0.25
     q = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
     T = oracle.frame(q, "panda_hand")
@@ -203,7 +211,7 @@ def test_the_arm_hits_with_its_effective_mass(make_plant, panda_urdf, tmp_path, 
 
 @pytest.mark.parametrize("angle", [0.2, 0.4])
 def test_a_block_slides_by_coulomb_friction(make_plant, panda_urdf, tmp_path, angle):
-    """Friction 0.6 * 0.5 = 0.3 holds up to 0.291 rad; beyond it the acceleration is g (sin - 0.3 cos)."""
+    """Check sliding: friction 0.6 * 0.5 = 0.3 holds up to 0.291 rad; above, the acceleration is g (sin - 0.3 cos)."""
     along, up = np.array([math.cos(angle), 0.0, -math.sin(angle)]), np.array([math.sin(angle), 0.0, math.cos(angle)])
     start = np.array([1.5, 0.0, 0.5]) + 0.05 * up
     slope = {
@@ -226,7 +234,7 @@ def test_a_block_slides_by_coulomb_friction(make_plant, panda_urdf, tmp_path, an
 
 
 def gripper_urdf():
-    """Two fingers of 0.1 kg that slide along y towards each other."""
+    """Return the URDF of two fingers of 0.1 kg that slide along y towards each other."""
     fingers = "".join(
         f"""<link name="{side}"><inertial><mass value="0.1"/><inertia ixx="1e-4" iyy="1e-4" izz="1e-4" ixy="0" ixz="0" iyz="0"/></inertial>
         <collision><geometry><box size="0.02 0.01 0.04"/></geometry></collision></link>
@@ -239,7 +247,7 @@ def gripper_urdf():
 
 @pytest.mark.parametrize(("force", "holds"), [(15.0, True), (5.0, False)])
 def test_fingers_hold_by_friction(make_plant, tmp_path, force, holds):
-    """0.5 kg between two fingers with friction 0.5 * 0.9: 2 * 0.45 * F carries 4.9 N from 5.45 N on."""
+    """Check the grip of 0.5 kg between two fingers: friction 0.5 * 0.9 holds 4.9 N if F is at least 5.45 N."""
     block = {
         "name": "block",
         "shape": "box",

@@ -19,9 +19,9 @@ from rigid_body_oracle import Oracle
 
 STIFFNESS, STEP = 75000.0, 1e-3
 POINT, FACE = 1.0, 3.0
-"""What the errors of peak and impulse may be where one point meets, and where a side does [%]."""
+"""Allowed errors of peak force and impulse for contact at a point, and of a face [%]."""
 ENERGY = 1.0
-"""What may be gained or lost [%]."""
+"""Allowed gain or loss of energy [%]."""
 MASSES, SPEEDS = (0.6, 5.0), (0.25, 1.0)
 PARKED = [0.0, 0.2, 0.0, -2.2, 0.0, 2.4, 0.785]
 FRONT = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
@@ -37,11 +37,11 @@ SIZES = {
     "capsule": ([0.03, 0.12], 0.03),
     "cylinder end": ([0.04, 0.1], 0.05),
 }
-"""size, and distance of the centre from the side that meets [m]."""
+"""Size of each shape, and distance of its centre from the contacting side [m]."""
 
 
 class Errors(NamedTuple):
-    """Of peak force, impulse and energy; those of several phases: the largest [%]."""
+    """Errors of peak force, impulse and energy; for several phases the largest ones [%]."""
 
     peak: float
     impulse: float
@@ -80,7 +80,7 @@ def write_world(folder, *objects):
 
 
 def collide(plant, steps):
-    """(peak force [N], impulse [N s]) of the contacts of some steps."""
+    """Return peak force [N] and impulse [N s] of the contacts during some steps."""
     peak = impulse = 0.0
     for _ in range(steps):
         plant.apply([0.0] * 7)
@@ -92,7 +92,7 @@ def collide(plant, steps):
 
 
 def free_body(make_plant, panda_urdf, folder, shape, mass, speed, phase):
-    """A body flies straight at a wall; phase: of the step in which it touches."""
+    """Let a body fly straight at a wall; `phase` is the fraction of a step at which it makes contact."""
     size, reach = SIZES[shape]
     gap = (3.0 + phase) * STEP * speed
     body = {"name": "body", "shape": shape.partition(" ")[0], "size": size, "mass": mass, "friction": 0.0}
@@ -127,7 +127,7 @@ def oracle_of(urdf, rotor):
 
 
 def impulse_on_ball(urdf, rotor, start, centre):
-    """[N s] that the hand's capsule gives to a fixed ball, by leapfrog in 20 us on the library's forward dynamics."""
+    """Return the impulse of the hand's capsule on a fixed ball [N s], by leapfrog with 20 us and pinocchio."""
     oracle, h = oracle_of(urdf, rotor), 2e-5
     q, dq, impulse, touched = FRONT.copy(), start.copy(), 0.0, False
     for _ in range(2500):
@@ -149,8 +149,11 @@ def impulse_on_ball(urdf, rotor, start, centre):
 
 
 def arm(make_plant, panda_urdf, oracle, folder, rotor, speed, wall, phase):
-    """The hand's capsule, which lies along y, moves along x into a fixed ball or into the face of a box; (mass [kg],
-    errors)."""
+    """Move the hand's capsule, which is parallel to y, along x into a fixed ball or the face of a box.
+
+    Returns:
+        reflected mass [kg] and errors.
+    """
     n = np.array([1.0, 0.0, 0.0])
     T, J = oracle.frame(FRONT, "panda_hand"), oracle.jacobian(FRONT, "panda_hand")
     # The hand's capsule: 0.035 m thick, its axis along y of the hand, 0.03 m before the hand's frame.

@@ -1,4 +1,4 @@
-"""The one rule by which a simulation has diverged, on every engine."""
+"""Criterion of a diverged simulation, on every engine."""
 
 import math
 import re
@@ -59,7 +59,7 @@ def test_time_goes_on_over_a_reset(make_plant) -> None:
 
 
 def test_a_finger_that_falls_far_beyond_its_velocity_limit_has_not_diverged(make_plant) -> None:
-    """1 cm long and without friction, it passes below at sqrt(6 g / L) = 77 rad/s, 770 times its limit."""
+    """Check a pendulum of 1 cm without friction: sqrt(6 g / L) = 77 rad/s at the bottom, 770 times its limit."""
     length, mass = 0.01, 0.02
     inertia = mass * length**2 / 12.0
     urdf = f"""<robot name="finger"><link name="base"/><link name="tip"><inertial><origin xyz="0 0 {length / 2}"/>

@@ -1,4 +1,4 @@
-"""Friction that holds, on every engine: joints by their bristles, bodies in penalty contact."""
+"""Static friction on every engine: bristle friction of joints, and friction of penalty contacts."""
 
 import math
 
@@ -24,7 +24,7 @@ def state(plant):
 
 
 def pushed(plant, efforts):
-    """Positions and speeds after each of the steps, shape (m, 2) each."""
+    """Return positions and speeds after each of the steps, shape (m, 2) each."""
     course = []
     for effort in efforts:
         plant.apply([effort, 0.0])
@@ -35,7 +35,7 @@ def pushed(plant, efforts):
 
 @pytest.mark.parametrize("form", FORMS, ids=str)
 def test_a_joint_gives_a_little_up_to_its_breakaway_and_slides_beyond(make_plant, form):
-    """It holds 0.98 of it, not 1.02, and bends as a spring."""
+    """Check that the joint holds 0.98 of its friction torque, not 1.02, and deflects like a spring."""
     plant = make_plant(two_link_urdf(axis="0 0 1"), JOINTS, q=[0.3, 0.2], **STILL, **FRICTION, **form)
     dt = plant.time_step
     ramp = np.arange(0.0, 0.98 * BREAKAWAY, 4.0 * dt)
@@ -69,7 +69,7 @@ def test_the_bristles_of_joints_take_energy_on_any_drive_and_forget_with_a_reset
 
 
 def test_a_fast_joint_has_the_identified_friction_alone(make_plant):
-    """Bit for bit: beyond FADE the bristle holds nothing."""
+    """Check that above the speed FADE, where the bristle force is zero, the motion is bitwise that without bristles."""
     without = {**FRICTION, "friction_parameters": {name: PHI for name in JOINTS}}
     courses = []
     for friction in (FRICTION, without):
@@ -93,7 +93,7 @@ def test_a_joint_that_is_pushed_in_turns_below_its_breakaway_stays(make_plant):
     ("seconds", "stiffness"), [(3.0, 75000.0), pytest.param(10.0, 75000.0, marks=pytest.mark.slow)]
 )
 def test_a_block_at_half_the_onset_angle_stays_on_its_spring(make_plant, panda_urdf, tmp_path, seconds, stiffness):
-    """Friction 0.6 * 0.5 = 0.3. It is put as deep as it stands; while it settles it may go 0.1 mm, too."""
+    """Check friction 0.6 * 0.5 = 0.3, from the static depth; while it settles the body may slide 0.1 mm."""
     angle = 0.5 * math.atan(0.3)
     along, up = np.array([math.cos(angle), 0.0, -math.sin(angle)]), np.array([math.sin(angle), 0.0, math.cos(angle)])
     place = {"rpy": [0.0, angle, 0.0]}

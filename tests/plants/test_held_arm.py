@@ -1,4 +1,4 @@
-"""A human arm leads the robot's hand: the same motion and the same force on engines that differ in everything."""
+"""Human arm that guides the robot's hand: same motion and force on all engines."""
 
 import numpy as np
 import pinocchio
@@ -13,12 +13,12 @@ PANDA = [f"panda_joint{i}" for i in range(1, 8)]
 START = np.array([0.0, -0.5, 0.0, -2.0, 0.0, 1.5, 0.0])
 ARM_START = np.array([0.5, 0.2, 0.1, 1.3, 0.1, 0.0, 0.0])
 WAY = np.array([0.4, 0.12, 0.08, -0.28, 0.08, 0.0, 0.0])
-"""Of the arm's joints, there and back [rad]."""
+"""Amplitude of the motion of the arm's joints, forth and back [rad]."""
 SHOULDER = np.array([[1.0, 0.0, 0.0, 1.0], [0.0, 1.0, 0.0, 0.1], [0.0, 0.0, 1.0, 0.9], [0.0, 0.0, 0.0, 1.0]])
 
 
 class Law:
-    """Stiffness, damping and gravity of a chain of seven joints."""
+    """Return joint torques of stiffness, damping and gravity compensation for a chain of seven joints."""
 
     def __init__(self, urdf, stiffness, damping):
         self.model = pinocchio.buildModelFromXML(urdf)
@@ -31,7 +31,7 @@ class Law:
 
 
 def guidance(engine, panda_urdf, duration):
-    """Joints of both and the force between them at each step, shape (steps, 17)."""
+    """Return the joint positions of both and the force between them at each step, shape (steps, 17)."""
     arm = describe(Subject(code="P50M", mass=78.2, height=1.759, sex="male", parts="right_arm")).urdf
     plant = plugins.find(plugins.PLANT, engine)(panda_urdf, PANDA, {})
     robot, human = Law(panda_urdf, [20.0] * 7, [4.0] * 7), Law(arm, [60, 60, 30, 60, 10, 10, 10], [6, 6, 3, 6, 1, 1, 1])

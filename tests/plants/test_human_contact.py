@@ -33,21 +33,21 @@ PLANTS = [name for name in plugins.names(plugins.PLANT) if issubclass(plugins.fi
 STEP, ROTOR = 1e-3, 0.1
 SPEEDS = (0.25, 0.5, 1.0)
 TRANSIENT, CLAMPED = 3.0, 2.0
-"""What the errors may be [%]: of the peak, of the impulse from the library's; of the force."""
+"""Allowed errors [%]: of peak force and impulse (compared with pinocchio) in transient contact; of a clamping force."""
 PRESS = 100.0
-"""Of the hand on what is clamped [N]."""
+"""Force of the hand on a clamped link [N]."""
 FRONT = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
 NORMAL = np.array([1.0, 0.0, 0.0])
-"""In which the hand moves; its capsule lies along y."""
+"""Direction of motion of the hand, whose capsule is parallel to y."""
 HAND, HAND_RADIUS, HAND_HALF = "panda_hand", 0.035, 0.075
 T_HAND_CAPSULE = np.array([0.0, 0.0, 0.03])
 """Middle of the hand's capsule in the hand's frame [m]."""
 BENT = {"sh_flex": 0.3, "sh_abd": 0.2, "sh_rot": 0.1, "el_flex": 1.2, "pro_sup": 0.1, "wr_flex": 0.2, "wr_dev": 0.1}
-"""Of both arms [rad]."""
+"""Joint positions of both arms [rad]."""
 
 
 class Place(NamedTuple):
-    """Where a body is met: the segment, how far along its axis (0 to 1), on which side in axes of its link."""
+    """Place of a contact on the body: segment, fraction of its axis (0 to 1), and direction in axes of its link."""
 
     parts: str
     segment: str
@@ -84,13 +84,13 @@ def at(position):
 
 
 def row(oracle, q, frame, point, direction):
-    """Speed of a point of a link along a direction per joint speed, shape (n,); both in axes of the root."""
+    """Return the row of the Jacobian for a point of a link along a direction, shape (n,); both in axes of the root."""
     J = oracle.jacobian(q, frame)
     return direction @ J[:3] + np.cross(point - oracle.frame(q, frame)[:3, 3], direction) @ J[3:]
 
 
 class Robot:
-    """The arm in front of the body, and the point of its hand that meets it."""
+    """Arm in front of the body, with the contact point of its hand."""
 
     def __init__(self, urdf):
         self.oracle = Oracle(urdf, rotor_inertia=ROTOR)
@@ -101,16 +101,16 @@ class Robot:
         inverse = np.linalg.inv(self.oracle.mass_matrix(FRONT) + ROTOR * np.eye(7))
         self.mass = 1.0 / (self.row @ inverse @ self.row)
         self.start = self.mass * inverse @ self.row
-        """Joint speeds at which the point moves with 1 m/s, and with the least energy."""
+        """Joint speeds with the least energy at which the contact point moves at 1 m/s."""
 
     def axis(self, q):
-        """A point of the capsule's axis and its direction."""
+        """Return a point and the direction of the capsule's axis."""
         T = self.oracle.frame(q, HAND)
         return (T @ [*T_HAND_CAPSULE, 1.0])[:3], T[:3, 1]
 
 
 class Human:
-    """A body whose link stands upright before the hand; gap: between both [m]."""
+    """Body with an upright link in front of the hand; `gap` is the distance between both [m]."""
 
     def __init__(self, place, robot, gap=0.0):
         self.body, self.oracle = described(place.parts)
@@ -141,7 +141,7 @@ class Human:
         return RegionContacts(self.body, "human")
 
     def axis(self, q):
-        """A point of the link's axis and its direction, world frame."""
+        """Return a point and the direction of the link's axis in the world frame."""
         T = self.T @ self.oracle.frame(q, self.link)
         return (T @ [*self.p_link, 1.0])[:3], T[:3, 2]
 
@@ -158,7 +158,7 @@ def robot_of(urdf):
 
 
 class Expected(NamedTuple):
-    """Of one meeting: reflected masses [kg], and the peak by the formula [N]."""
+    """Expected values of one contact: reflected masses [kg], and the peak force by the formula [N]."""
 
     robot: float
     human: float
@@ -172,7 +172,7 @@ def formula(robot, human, speed):
 
 
 def closest(p, u, r, v):
-    """Points of two lines that are closest to each other."""
+    """Return the closest points of two lines."""
     w, b = p - r, u @ v
     d, e = u @ w, v @ w
     s, t = np.linalg.solve([[1.0, -b], [b, -1.0]], [-d, -e])
@@ -180,8 +180,7 @@ def closest(p, u, r, v):
 
 
 def by_library(robot, human, speed):
-    """(peak [N], impulse [N s]) of the same two bodies and spring, by leapfrog in 20 us on the library's forward
-    dynamics."""
+    """Return peak force [N] and impulse [N s] of the same bodies and spring, by leapfrog with 20 us and pinocchio."""
     h, peak, impulse = 2e-5, 0.0, 0.0
     q, dq, x, dx = FRONT.copy(), speed * robot.start, human.q.copy(), np.zeros(human.q.size)
     R = human.T[:3, :3]
@@ -205,7 +204,7 @@ def by_library(robot, human, speed):
 
 
 def pushed(oracle, q, dq, tau):
-    """Acceleration without gravity."""
+    """Return the joint accelerations without gravity."""
     return oracle.acceleration(q, dq, tau + oracle.gravity(q))
 
 
@@ -215,7 +214,7 @@ def without_friction(make_plant, urdf, **config):
 
 
 def meet(plant, contacts, steps):
-    """Contacts that ended in some steps."""
+    """Return the contacts that ended during some steps."""
     ended = []
     for k in range(steps):
         plant.apply([0.0] * 7)
@@ -279,8 +278,10 @@ def test_a_hand_that_meets_a_rigid_body_gives_no_force_on_a_person(make_plant, p
 
 
 class Clamp:
-    """A link of a body between the hand and a wall; the hand presses by J'F over its own weight, the body carries its
-    own."""
+    """Body with a link clamped between the hand and a wall.
+
+    The hand presses by joint torques J'F in addition to its gravity compensation; the body has its own.
+    """
 
     def __init__(self, make_plant, urdf, place, folder, **config):
         self.robot = robot_of(urdf)
@@ -297,13 +298,13 @@ class Clamp:
         self.weight.model.gravity.linear = self.human.T[:3, :3].T @ [0.0, 0.0, -9.81]
 
     def step(self, force):
-        """Once, with a force of the hand [N]."""
+        """Step once, with a force of the hand [N]."""
         self.press(force)
         self.carry()
         self.plant.step()
 
     def press(self, force):
-        """Torques that press with a force, hold the hand across it, and damp."""
+        """Apply torques that press with a force, hold the hand in the other directions, and damp."""
         q, dq, tau = [0.0] * 7, [0.0] * 7, [0.0] * 7
         self.plant.read_state(q, dq, tau)
         x, v, oracle = np.array(q), np.array(dq), self.robot.oracle
@@ -315,7 +316,7 @@ class Clamp:
         self.plant.apply(oracle.gravity(x) + force * touch - hold - 4.0 * v)
 
     def carry(self):
-        """Torques that hold the body loosely where it is."""
+        """Apply torques that hold the body with low stiffness."""
         n, order = self.human.q.size, self.human.order
         q, dq = [0.0] * n, [0.0] * n
         self.plant.read_joints("human", q, dq)

@@ -1,4 +1,4 @@
-"""Links without mass or inertia of their own: alike on every engine, and as the rigid-body library has them."""
+"""Links without mass or inertia: same motion on every engine and in pinocchio."""
 
 from collections.abc import Sequence
 
@@ -21,7 +21,7 @@ NAMES = ["x", "y", "z"]
 
 
 def chain(*inside: str, fixed: str = "") -> str:
-    """Links that turn about x, y and z, one on the other, and what is fixed to the last."""
+    """Return the URDF of three links that turn about x, y and z in series, with elements fixed to the last one."""
     links = "".join(f'<link name="{name}">{inertial}</link>' for name, inertial in zip(NAMES, inside, strict=True))
     joints = "".join(
         f'<joint name="{name}" type="continuous"><parent link="{parent}"/><child link="{name}"/><axis xyz="{axis}"/>'

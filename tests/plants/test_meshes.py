@@ -1,4 +1,4 @@
-"""Collision meshes and shapes as every engine must take them: read by this project's readers, alike on all."""
+"""Collision meshes and shapes, read by the workspace's own readers: same result on every engine."""
 
 import math
 from pathlib import Path
@@ -23,7 +23,7 @@ COLLADA = """<?xml version="1.0"?><COLLADA xmlns="http://www.collada.org/2005/11
 <scene><instance_visual_scene url="#s"/></scene></COLLADA>"""  # noqa: E501
 FACES = "0 2 1 0 1 3 0 3 2 1 2 3"
 HEAP = "-1 -1 0 1 -1 0 0 1 0 0 0 0.5"
-"""A tetrahedron whose top is 0.5 m above the origin."""
+"""Vertices of a tetrahedron with its top 0.5 m above the origin."""
 
 
 def collada(asset: str = "", corners: str = HEAP, faces: str = FACES) -> str:
@@ -36,7 +36,7 @@ def obj(corners: np.ndarray, faces: list[tuple[int, ...]]) -> str:
 
 
 def drum(edges: int) -> str:
-    """A cylinder of radius and height 0.5 m on the ground: each lid is a polygon of many corners."""
+    """Return the mesh of a cylinder with radius and height 0.5 m on the ground, with many corners per end face."""
     angles = 2.0 * math.pi * np.arange(edges) / edges
     ring = 0.5 * np.column_stack([np.cos(angles), np.sin(angles)])
     corners = np.vstack([np.column_stack([ring, np.full(edges, z)]) for z in (0.0, 0.5)])
@@ -49,7 +49,7 @@ def mesh(path: Path, attributes: str = "") -> str:
 
 
 def rest_height(make_plant, base: str) -> float:
-    """Height at which the lowest point of a ball on the base comes to rest [m]."""
+    """Return the height at which the lowest point of a ball on the base comes to rest [m]."""
     plant = make_plant(ROBOT.format(base), ["j"], [0.0], rotor_inertia=0.0, contact_stiffness=1e5)
     plant.spawn("ball", THING.format(BALL), [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0.61], [0, 0, 0, 1]])
     for _ in range(300):
@@ -79,8 +79,8 @@ def test_a_ball_comes_to_rest_on_a_mesh_with(name: str, make_plant, tmp_path: Pa
 CORNERS = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
 FLAT = obj(CORNERS, [(1, 2, 3), (1, 3, 4)])
 BAD = {
-    "flat": ("a.obj", FLAT, "", "it is flat; as a solid it must enclose a volume"),
-    "nearly flat": ("a.obj", FLAT.replace("v 0 1 0", "v 0 1 1e-8"), "", "it is flat"),
+    "flat": ("a.obj", FLAT, "", "the mesh is flat; a collision shape must enclose a volume"),
+    "nearly flat": ("a.obj", FLAT.replace("v 0 1 0", "v 0 1 1e-8"), "", "the mesh is flat"),
     "empty": ("a.stl", "", "", "cannot be read as .stl"),
     "without a triangle": ("a.obj", "v 0 0 0\n", "", "cannot be read as .obj"),
     "cut": ("a.dae", collada()[:600], "", "cannot be read as .dae"),

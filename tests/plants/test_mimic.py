@@ -1,4 +1,4 @@
-"""Joints that mimic others, on every engine: what drives, holds, stops or pushes one of them acts on both."""
+"""Mimic joints on every engine: drives, brakes, stops and forces on one joint act on both."""
 
 import numpy as np
 import pytest
@@ -17,25 +17,25 @@ PAIR = f"""<robot name="pair"><link name="base"/>
 <joint name="follow" type="revolute"><origin xyz="0 0.3 0"/><axis xyz="0 1 0"/><parent link="base"/><child link="b"/>
 <limit lower="-1" upper="0.4" effort="100" velocity="5"/><mimic joint="lead" multiplier="-0.5" offset="0.1"/></joint>
 </robot>"""
-"""Two arms that hang side by side, the second at half the angle on the other side; positive angles lower the ends."""
+"""Robot with two hanging arms side by side, the second at minus half the angle; positive angles lower the ends."""
 MULTIPLIER, OFFSET = -0.5, 0.1
 GRAVITY = 9.81
 BOTH = pytest.mark.parametrize("integrator", ["accurate", "semi_implicit"])
 
 
 def angle(plant, link):
-    """Of an arm about y [rad]."""
+    """Return the angle of an arm about y [rad]."""
     T = plant.link_state(link)[0]
     return float(np.arctan2(T[0, 2], T[0, 0]))
 
 
 def gap(plant):
-    """Distance of the follower from its law [rad]."""
+    """Return the deviation of the follower from its mimic law [rad]."""
     return abs(angle(plant, "b") - (MULTIPLIER * angle(plant, "a") + OFFSET))
 
 
 def run(plant, steps, command):
-    """Largest distance from the law on the way [rad]."""
+    """Return the largest deviation from the mimic law during the motion [rad]."""
     worst = gap(plant)
     for _ in range(steps):
         plant.apply([command])
@@ -45,14 +45,14 @@ def run(plant, steps, command):
 
 
 def state(plant):
-    """Of the leader: position [rad], speed [rad/s], effort [N m]."""
+    """Return position [rad], speed [rad/s] and effort [N m] of the leader."""
     q, dq, tau = [0.0], [0.0], [0.0]
     plant.read_state(q, dq, tau)
     return q[0], dq[0], tau[0]
 
 
 def holding(q):
-    """Effort of the leader that holds both arms [N m]."""
+    """Return the effort of the leader that holds both arms [N m]."""
     return GRAVITY * 0.3 * -(1.0 * np.cos(q) + MULTIPLIER * 0.5 * np.cos(MULTIPLIER * q + OFFSET))
 
 
@@ -103,7 +103,7 @@ def test_where_other_joints_are_locked_the_follower_still_follows(make_plant):
 @BOTH
 @pytest.mark.parametrize("contact", ["rigid", "penalty, stiffness: 10000, damping: 100"])
 def test_what_the_leader_is_given_the_follower_presses_with(make_plant, tmp_path, integrator, contact):
-    """Virtual work: the ball's way per angle of the leader is half its lever of 0.5 m."""
+    """Check virtual work: the motion of the ball per angle of the leader is half its lever of 0.5 m."""
     (tmp_path / "world.yaml").write_text(
         "objects:\n- {name: wall, shape: box, size: [0.4, 0.4, 0.1], pose: {xyz: [0.5, 0.3, -0.1]}, "
         f"friction: 0.0, contact: {contact}}}\n"

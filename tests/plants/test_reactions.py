@@ -1,4 +1,4 @@
-"""Joint loads against pinocchio's inverse dynamics, and against what contact and wrenches do to them."""
+"""Joint reactions compared with pinocchio's inverse dynamics, also with contacts and external wrenches."""
 
 import numpy as np
 import pinocchio
@@ -15,7 +15,7 @@ HOOK = '<robot name="hook"><link name="body"/></robot>'
 
 @pytest.fixture(params=[OPENSIM, MUJOCO], ids=lambda name: name.rpartition("/")[2])
 def plant_type(request):
-    """Those with a record of what goes through the joints."""
+    """Plants that report joint reactions."""
     return request.param
 
 
@@ -26,7 +26,7 @@ def acceleration(urdf, rotor, q, dq, tau):
 
 
 def loads(urdf, q, dq, ddq):
-    """(origin, force, torque) of each joint on its child, world frame."""
+    """Return origin, force and torque of each joint on its child link, in the world frame."""
     model = pinocchio.buildModelFromXML(urdf)
     data = model.createData()
     pinocchio.rnea(model, data, q, dq, ddq)
@@ -108,7 +108,7 @@ def test_what_is_connected_to_the_hand_pulls_through_all_joints(make_plant, pand
 
 
 def test_what_presses_on_the_hand_is_carried_by_the_first_joint(make_plant, panda_urdf, tmp_path):
-    """A ball on a spring: the arm's base carries the arm's own weight and the force that the contact reports."""
+    """Check a ball on a contact spring: the arm's base carries the weight of the arm and the reported contact force."""
     hand = make_plant(panda_urdf, q=POSE).link_state("panda_hand")[0][:3, 3]
     world = tmp_path / "world.yaml"
     at = [float(hand[0]), float(hand[1]), float(hand[2]) + 0.093]

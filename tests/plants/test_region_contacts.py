@@ -1,4 +1,4 @@
-"""Contacts of a body by regions, of a ball that falls on a fixed arm, against closed formulas."""
+"""Contacts by body region for a ball that falls on a fixed arm, compared with closed formulas."""
 
 import math
 import re
@@ -14,7 +14,7 @@ from hric_human.contact import RegionContacts
 
 JOINTS = ["joint1", "joint2"]
 STEP, MASS, RADIUS, HEIGHT, STIFFNESS = 1e-3, 1.0, 0.05, 0.05, 40e3
-"""[s], [kg] and [m] of the ball, [m] that it falls, [N/m] of a forearm."""
+"""Time step [s]; mass [kg], radius [m] and height of fall [m] of the ball; stiffness of the forearm [N/m]."""
 ARM = body(parts="right_arm")
 LYING = np.array([[0.0, 0.0, 1.0, 2.0], [0.0, 1.0, 0.0, 0.0], [-1.0, 0.0, 0.0, 0.5], [0.0, 0.0, 0.0, 1.0]])
 """Pose of an arm along -x."""
@@ -22,7 +22,7 @@ LYING = np.array([[0.0, 0.0, 1.0, 2.0], [0.0, 1.0, 0.0, 0.0], [-1.0, 0.0, 0.0, 0
 
 @pytest.fixture
 def fall(make_plant, tmp_path):
-    """fall(every=1, springs=True): contacts, looked at in each n-th step."""
+    """Function fall(every=1, springs=True) that returns the contacts, read in each n-th step."""
     upper_arm, forearm = ARM.segments["right_upper_arm"], ARM.segments["right_forearm"]
     middle = upper_arm.p_parent_link + forearm.p_parent_link + 0.5 * (forearm.start + forearm.end)
     p_world_middle = (LYING @ [*middle, 1.0])[:3]
@@ -48,7 +48,7 @@ def fall(make_plant, tmp_path):
 
 
 def test_a_ball_that_falls_on_a_forearm_is_one_contact_with_force_times_and_impulse_of_the_formula(fall):
-    """m x'' = m g - k x from x' = v: one bow of a sine about m g / k, whose ends are where x = 0."""
+    """Check m x'' = m g - k x from x' = v: a sine about m g / k between two zeros of x."""
     (contact,) = fall()
     speed, rate = math.sqrt(2.0 * 9.81 * HEIGHT), math.sqrt(STIFFNESS / MASS)
     sunk = math.atan(9.81 / (rate * speed)) / rate

@@ -1,4 +1,4 @@
-"""What a simulated robot publishes of the world around it, from the real plants."""
+"""Topics of a simulated robot about the world around it, with the real plants."""
 
 import math
 
@@ -111,7 +111,7 @@ def test_objects_of_a_world_file_are_where_they_are_also_after_they_moved(make_r
 
 
 def test_an_impact_between_two_messages_is_told_with_its_kind_and_its_true_peak(make_robot):
-    """0.6 kg at 0.25 m/s on 75 N/mm touch for 8.9 ms: a sample every 10 ms may miss all of it."""
+    """Check a contact of 8.9 ms (0.6 kg at 0.25 m/s on 75 N/mm), which samples every 10 ms may miss."""
     ball = {
         "name": "ball",
         "shape": "sphere",

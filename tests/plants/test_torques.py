@@ -1,4 +1,4 @@
-"""The joint torque that a plant tells is that of an arm's torque sensors, behind the gears."""
+"""Joint torques reported by a plant: those of torque sensors on the output side of the gears."""
 
 import numpy as np
 import pinocchio
@@ -10,7 +10,7 @@ import panda_description
 
 @pytest.mark.parametrize("rotor", [0.0, 0.1])
 def test_the_torque_that_is_read_is_that_behind_the_rotors(make_plant, panda_urdf, rotor):
-    """What inverse dynamics without rotors says, and the joints' friction: as the torque sensors of an arm measure."""
+    """Check that the read torque is that of inverse dynamics without rotors, plus joint friction."""
     friction = panda_description.friction_parameters()
     plant = make_plant(
         panda_urdf, rotor_inertia=rotor, friction="identified", friction_parameters=friction, self_collision=False

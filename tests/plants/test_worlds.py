@@ -1,4 +1,4 @@
-"""Worlds, spawned models, names, masks, and the same result every time."""
+"""Worlds, spawned models, names, collision masks, and reproducible results."""
 
 import hashlib
 import subprocess
@@ -136,8 +136,7 @@ def test_a_new_load_keeps_the_world(make_plant, panda_urdf):
 
 
 def test_legal_poses_have_no_self_collision(make_plant, panda_urdf, rng):
-    """Capsules of neighbours overlap; the masks take that out. What remains is a folded arm, and is reported by the
-    links' names."""
+    """Check the collision masks: overlaps of neighbouring capsules are ignored, so that few random poses collide."""
     plant = make_plant(panda_urdf)
     touching = 0
     for q in rng.uniform([-2.8, -1.7, -2.8, -2.6, -2.8, 0.2, -2.8], [2.8, 1.7, 2.8, -0.3, 2.8, 3.5, 2.8], (60, 7)):
@@ -166,7 +165,7 @@ BALL = """<robot name="ball"><link name="shell"><inertial><mass value="1.0"/><in
 
 
 def kinds(plant, steps):
-    """Kind of contact by pair of bodies, over some steps."""
+    """Return the kind of contact of each pair of bodies during some steps."""
     found = {}
     for _ in range(steps):
         run(plant, 1)
@@ -198,7 +197,7 @@ def test_surfaces_are_set_per_link(make_plant, tmp_path):
 
 
 def resting(plant, model):
-    """(kind, force per depth [N/m]) of the contact of a ball with the floor, after it came to rest."""
+    """Return kind and stiffness (force per depth [N/m]) of the contact of a ball at rest on the floor."""
     run(plant, 250)
     (contact,) = (c for c in plant.contacts() if f"{model}::shell" in (c.body_a, c.body_b))
     return contact.kind, contact.force / contact.depth if contact.kind == "penalty" else None
@@ -267,7 +266,7 @@ def test_a_rule_for_an_unknown_link_is_refused(make_plant):
 
 
 def scene(plant_type, rotor, steps):
-    """A falling arm beside a stack, with a wrench: a hash of every bit of the way, twice."""
+    """Return hashes of two motions of a falling arm next to a stack, with an external wrench on a cube."""
     joints = [f"panda_joint{i}" for i in range(1, 8)]
     config = {"world": "package://pybullet_ros_control/worlds/table.yaml", "rotor_inertia": rotor, "seed": 1}
     plant = plugins.find(plugins.PLANT, plant_type)(panda_description.load(meshes=False), joints, config)

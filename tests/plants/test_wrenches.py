@@ -1,4 +1,4 @@
-"""Wrenches from outside, on the robot and on free models."""
+"""External wrenches on the robot and on free models."""
 
 import numpy as np
 import pytest

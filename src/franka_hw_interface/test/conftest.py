@@ -29,7 +29,7 @@ def description(**arguments: object) -> str:
 
 @dataclass(frozen=True)
 class Case:
-    """What the model describes: the mounting and the hand of the URDF, and the payload and frames that it is told."""
+    """Situation of the arm in a test: mounting and hand of the URDF, and the configured payload and frames."""
 
     name: str
     hand: bool = True
@@ -66,7 +66,7 @@ CASES = [
 
 @pytest.fixture(scope="session")
 def arms() -> Iterator[Arms]:
-    """libfranka connected to emulated control boxes."""
+    """Yield libfranka connections to emulated control boxes."""
     from libfranka_box import Arms  # slow to import, and not for every test here
 
     made = Arms()
@@ -89,7 +89,7 @@ def libfranka_fr3(case: Case, arms: Arms) -> FrankaModel:
 
 
 def gravity_base(case: Case) -> list[float]:
-    """What a libfranka does not tell that does not know how the arm is mounted [m/s^2]."""
+    """Return gravity in the base frame [m/s^2], which a libfranka without the arm's mounting pose does not give."""
     return KdlFrankaModel(case.urdf(), case.arm_id).gravity_base.tolist()
 
 
@@ -102,7 +102,7 @@ IMPLEMENTATIONS: dict[str, tuple[Callable[[Case, Arms], FrankaModel], float]] = 
 
 
 class Oracle:
-    """The same quantities by a second rigid-body library."""
+    """Model quantities computed by a second rigid-body library."""
 
     def __init__(self, case: Case) -> None:
         full = pin.buildModelFromXML(case.urdf())
@@ -134,13 +134,13 @@ class Oracle:
         self.ids = {frame: self.model.getFrameId(names[frame.value]) for frame in FrankaFrame}
 
     def dynamics(self, q: FloatArray, dq: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """M, C dq, g."""
+        """Return M, C dq and g."""
         M = np.triu(pin.crba(self.model, self.data, q))
         g = pin.computeGeneralizedGravity(self.model, self.data, q)
         return M + np.triu(M, 1).T, pin.nonLinearEffects(self.model, self.data, q, dq) - g, g.copy()
 
     def kinematics(self, q: FloatArray) -> dict[FrankaFrame, tuple[FloatArray, FloatArray, FloatArray]]:
-        """Pose, Jacobian in the base frame, Jacobian in the frame itself."""
+        """Return pose, Jacobian in the base frame, and Jacobian in the frame itself."""
         pin.computeJointJacobians(self.model, self.data, q)
         pin.updateFramePlacements(self.model, self.data)
         turn = np.kron(np.eye(2), self.world_base.rotation.T)
@@ -153,7 +153,7 @@ class Oracle:
 
 
 def random_states(n: int, seed: int = 7) -> tuple[FloatArray, FloatArray]:
-    """Legal joint positions and velocities, each shape (n, 7)."""
+    """Return random legal joint positions and velocities, each of shape (n, 7)."""
     limits, rng = list(panda_description.joint_limits().values()), np.random.default_rng(seed)
     q = rng.uniform([joint.lower for joint in limits], [joint.upper for joint in limits], (n, 7))
     speed = np.array([joint.velocity for joint in limits])
@@ -177,7 +177,7 @@ def tolerance(implementation: str) -> float:
 
 @pytest.fixture
 def model(implementation: str, case: Case, arms: Arms) -> FrankaModel:
-    """A model told all that the case says."""
+    """Return a model configured as the case specifies."""
     built = IMPLEMENTATIONS[implementation][0](case, arms)
     if case.load is not None:
         built.set_load(*case.load)

@@ -25,7 +25,7 @@ from hric_core.errors import CommandError, HricError, UnknownNameError
 
 
 class CountingModel:
-    """Counts what it is asked."""
+    """Model that counts the calls of its functions."""
 
     def __init__(self) -> None:
         self.revision, self.calls = 0, []

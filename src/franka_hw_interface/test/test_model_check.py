@@ -243,7 +243,7 @@ def test_a_commanded_torque_without_gravity_is_refused(urdf: str, model: KdlFran
         ("".join(f"joint{i}: {{phi1: 1, phi2: .nan, phi3: 0}}\n" for i in range(1, 8)), "must give finite numbers"),
         (
             "".join(f"joint{i}: {{phi1: 1, phi2: 1, phi3: 0, breakaway: -1}}\n" for i in range(1, 8)),
-            "and breakaway from 0 on",
+            "breakaway, if present, must not be negative",
         ),
         ("{phi1: [1, 2], phi2: [1, 2], phi3: [0, 0]}", "must give finite numbers phi1, phi2 and phi3"),
     ],

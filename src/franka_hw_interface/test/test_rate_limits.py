@@ -26,7 +26,7 @@ def follow(wanted: np.ndarray, cutoff: float = MAX_CUTOFF) -> np.ndarray:
 
 
 def rates(sent: np.ndarray) -> list[np.ndarray]:
-    """Largest velocity, acceleration and jerk of each joint."""
+    """Return the largest velocity, acceleration and jerk of each joint."""
     padded = np.vstack([sent[:1]] * 3 + [sent])
     return [np.abs(np.diff(padded, k, axis=0)).max(axis=0) / 1e-3**k for k in (1, 2, 3)]
 

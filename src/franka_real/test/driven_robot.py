@@ -36,7 +36,7 @@ def description() -> str:
 
 
 class Law(Controller):
-    """Claims what its parameters say and writes a constant command; notes what is called."""
+    """Controller that claims the resources in its parameters, writes a constant command and records the calls to it."""
 
     def init(self, robot_hw: RobotHW, root_node: Any, controller_node: Any) -> None:
         self.joints = robot_hw.get(INTERFACES[controller_node.param("interface")]).group(
@@ -66,7 +66,7 @@ class Law(Controller):
 
 
 class Broadcaster(Controller):
-    """Claims nothing; notes the times of its updates."""
+    """Controller that claims nothing and records the times of its updates."""
 
     def init(self, robot_hw: RobotHW, root_node: Any, controller_node: Any) -> None:
         self.states = robot_hw.get(JointStateInterface).group()
@@ -91,13 +91,13 @@ class Robot:
         self.times: list[float] = []
 
     def load(self, name: str, **parameters: Any) -> Any:
-        """Load a controller with these parameters; answers it."""
+        """Load a controller with these parameters; return it."""
         self.node.set_param(name, {"type": "test/Law", **parameters})
         self.manager.load(name)
         return self.manager._loaded[name].controller
 
     def switch(self, start: list[str], stop: list[str]) -> None:
-        """Before or between runs."""
+        """Switch controllers, before or between runs."""
         self.manager.switch(start, stop, loop_running=False)
 
     def run(self, duration: float, hook: Callable[[float], None] | None = None) -> None:
@@ -118,7 +118,7 @@ class Robot:
 
     @property
     def positions(self) -> list[float]:
-        """Measured now, 7 floats [rad]."""
+        """Return the measured joint positions, 7 floats [rad]."""
         return list(self.hw.get(JointStateInterface).states.position)
 
     def close(self) -> None:

@@ -38,7 +38,7 @@ class Arms:
         self._arms: dict[tuple[str, bool], tuple[Any, Any]] = {}
 
     def get(self, robot: str, hand: bool) -> tuple[Any, Any]:
-        """libfranka's Robot and its model."""
+        """Return libfranka's Robot and its model."""
         key = (robot, hand)
         if key not in self._arms:
             connected = self._stack.enter_context(arm(robot, *([] if hand else ["--no-hand"])))
@@ -46,6 +46,6 @@ class Arms:
         return self._arms[key]
 
     def close(self) -> None:
-        """End the boxes."""
+        """End the control boxes."""
         self._arms.clear()
         self._stack.close()

@@ -47,7 +47,7 @@ def kind(request: pytest.FixtureRequest) -> str:
 
 @pytest.fixture
 def connect(kind: str, boxes: dict[str, tuple[str, Any]]) -> Iterator[Callable[..., Robot]]:
-    """connect(**parameters) -> the arm, in good order."""
+    """Provide connect(**parameters), which returns a connected arm without errors."""
     with ExitStack() as stack:
 
         def make(**parameters: Any) -> Robot:
@@ -65,7 +65,7 @@ def recover(robot: Robot) -> Any:
 
 
 def order(boxes: dict[str, tuple[str, Any]], kind: str, text: str) -> None:
-    """A word to the console of the box, and time for it to act."""
+    """Write a command to the console of the control box."""
     process = boxes[kind][1]
     process.stdin.write(text + "\n")
     process.stdin.flush()

@@ -49,7 +49,7 @@ def kdl(connected: tuple[str, Any]) -> KdlFrankaModel:
 
 
 def wait_for(robot: Any, condition: Callable[[Any], bool]) -> Any:
-    """The first state of which it holds; libfranka may have older ones in store."""
+    """Return the first state that fulfils a condition; libfranka may still have older states buffered."""
     end = time.monotonic() + 30.0
     while time.monotonic() < end:
         state = robot.read_once()
@@ -79,7 +79,7 @@ def test_it_is_a_franka_model_with_the_hand_that_the_arm_reports(connected, kdl)
 
 
 def tell(kind: str, robot: Any, mass: float, NE_T_EE: list[float], EE_T_K: list[float]) -> None:
-    """Tell the arm a payload and frames, 16 floats column-major."""
+    """Set a payload and frames of the arm, 16 column-major floats each."""
     robot.set_load(mass, COM, INERTIA)
     set_ee, set_k = (robot.set_ee, robot.set_k) if kind == "panda" else (robot.set_EE, robot.set_K)
     set_ee(NE_T_EE)

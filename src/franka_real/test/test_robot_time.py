@@ -20,7 +20,7 @@ class WallNode:
 
 
 class Machine:
-    """A clock that the test moves."""
+    """Clock of the machine that the test sets."""
 
     def __init__(self, begin: float) -> None:
         self.value = begin

@@ -1,4 +1,4 @@
-"""Who is not there is reported in time, and who hangs is ended."""
+"""An arm that cannot be reached is reported in time, and a process that hangs is ended."""
 
 import os
 import socket

@@ -1,4 +1,4 @@
-"""Addresses and parameters that are wrong, and arms that go away: one clear error, in time."""
+"""Wrong addresses and parameters, and arms that disconnect, give one clear error in time."""
 
 import os
 import re

@@ -1,4 +1,4 @@
-"""The check of this machine reads, and tells what it found; only with --fix does it write."""
+"""The check of this machine reads and reports its settings; only with --fix it changes them."""
 
 import resource
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""A simulated arm without a master, and what tests do with it."""
+"""Fixtures and helpers for tests of the simulated arm without a ROS master."""
 
 import functools
 from collections.abc import Callable, Iterator
@@ -31,7 +31,7 @@ def description(**arguments: Any) -> str:
 def claim(
     interface: type = EffortJointInterface, name: str = "law", joints: int = 7, arm_id: str = "panda"
 ) -> ControllerInfo:
-    """A controller that claims the first joints of the arm through an interface."""
+    """Return a controller that claims the first joints of the arm through an interface."""
     return ControllerInfo(
         name, "test/Law", {interface.cpp_name: frozenset(f"{arm_id}_joint{i}" for i in range(1, joints + 1))}
     )
@@ -136,13 +136,13 @@ class BoxArm:
         generator: GeneratorMode = GeneratorMode.NONE,
         **kwargs: Any,
     ) -> None:
-        """A motion, with the two states that pass before a client's first command."""
+        """Start a motion, and run the two cycles whose states a client reads before its first command."""
         assert self.box.move(MoveRequest(controller, generator, **kwargs)) is RequestOutcome.STARTED
         self.cycle()
         self.cycle()
 
     def until_reflex(self, command: Callable[[], MotionCommand | None], cycles: int) -> frozenset[str]:
-        """Cycles until the motion ends; the errors that are set then."""
+        """Run cycles until the motion ends; return the errors that are set then."""
         for _ in range(cycles):
             self.cycle(command())
             if self.box.mode is not RobotMode.MOVE:
@@ -151,7 +151,7 @@ class BoxArm:
 
 
 def torques(*tau: float, finished: bool = False) -> MotionCommand:
-    """A torque command; zero by default."""
+    """Return a torque command; zero by default."""
     return MotionCommand([0.0] * 7, [0.0] * 7, [0.0] * 16, [0.0] * 6, None, list(tau) or [0.0] * 7, finished)
 
 

@@ -1,4 +1,4 @@
-"""Programs of users of panda-python (protocol 5) and pylibfranka (protocol 10), run as processes of their own."""
+"""Programs of users of panda-python (protocol 5) and pylibfranka (protocol 10), run in processes of their own."""
 
 CONNECT_PANDA = """
 import json, math, sys, time

@@ -13,7 +13,7 @@ from franka_sim.fci.wire import WIRE_ERRORS
 
 
 class PatternDevice(ConstantDevice):
-    """Each field another number, one error after the other."""
+    """Device whose state has another number in each field, and whose errors are set one after the other."""
 
     def __init__(self) -> None:
         super().__init__(fr3_served_urdf())

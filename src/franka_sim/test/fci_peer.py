@@ -1,4 +1,4 @@
-"""A client of the control box in plain Python, and servers to try it on."""
+"""A client of the control box in plain Python, and servers to connect it to."""
 
 import itertools
 import os
@@ -27,13 +27,13 @@ _counter = itertools.count(os.getpid() * 4999)
 
 
 def new_address() -> str:
-    """A loopback address that no other test uses now."""
+    """Return a loopback address that no other test uses at present."""
     n = next(_counter) % (120 * 250 * 250)
     return f"127.{100 + n // 62500}.{n // 250 % 250 + 2}.{n % 250 + 2}"
 
 
 def command(tau: float = 0.0, finished: bool = False, **fields: Any) -> MotionCommand:
-    """A command of torques, all alike, or of what `fields` say."""
+    """Return a command with seven equal torques, or with the given `fields`."""
     values: dict[str, Any] = {
         "q": [0.0] * 7,
         "dq": [0.0] * 7,
@@ -46,7 +46,7 @@ def command(tau: float = 0.0, finished: bool = False, **fields: Any) -> MotionCo
 
 
 class Peer:
-    """A client: connects, sends requests and commands, receives states."""
+    """Client that connects, sends requests and commands, and receives states."""
 
     def __init__(self, ip: str, version: int = 5, port: int = ARM, connect: bool = True) -> None:
         self.ip, self.version = ip, version
@@ -125,17 +125,17 @@ class Peer:
         )
 
     def move(self, controller: int = 2, generator: int = 1) -> int:
-        """Request a motion; the response is for the caller."""
+        """Request a motion; the caller has to receive the response."""
         payload = struct.pack("<II6d", controller, generator, 10.0, 3.12, 6.28, 10.0, 3.12, 6.28)
         return self.request(1, payload + (bytes(57) if self.version == 10 else b""))
 
     def modes(self, datagram: bytes) -> tuple[int, int, int]:
-        """(generator, controller, robot mode) of a state."""
+        """Return (motion generator mode, controller mode, robot mode) of a state."""
         at = 2280 if self.version == 5 else 1288
         return datagram[at], datagram[at + 1], datagram[at + 84]
 
     def flags(self, datagram: bytes) -> tuple[bytes, bytes]:
-        """(errors, reflex reason) of a state."""
+        """Return (errors, reflex reasons) of a state."""
         at = (2280 if self.version == 5 else 1288) + 2
         return datagram[at : at + 41], datagram[at + 41 : at + 82]
 
@@ -154,7 +154,7 @@ class Peer:
         return False
 
     def finish(self) -> None:
-        """Say that the motion is over until the state agrees."""
+        """Send commands with motion_generation_finished until the state shows the end of the motion."""
         while True:
             self.send(command(finished=True))
             if self.modes(self.state())[2] != 2:
@@ -163,7 +163,7 @@ class Peer:
 
 @contextmanager
 def serving(device: Device, version: int = 5, **arguments: Any) -> Iterator[str]:
-    """A server in a thread; gives its address."""
+    """Run a server in a thread; yield its address."""
     ip = new_address()
     server = FciServer(device, ip, version, **arguments)
     failure: list[BaseException] = []
@@ -189,7 +189,7 @@ def serving(device: Device, version: int = 5, **arguments: Any) -> Iterator[str]
 
 @contextmanager
 def control_box(*words: str, ip: str = "") -> Iterator[tuple[str, subprocess.Popen[str]]]:
-    """The command as a process; gives its address and the process."""
+    """Run the command `control_box` as a process; yield its address and the process."""
     ip = ip or new_address()
     with tempfile.TemporaryFile("w+") as log:  # a pipe that nobody reads would fill
         process = subprocess.Popen(
@@ -206,14 +206,14 @@ def control_box(*words: str, ip: str = "") -> Iterator[tuple[str, subprocess.Pop
 
 
 def log_of(process: subprocess.Popen[str]) -> str:
-    """What a control box has written so far."""
+    """Return the output of a control box so far."""
     assert process.stderr is not None
     process.stderr.seek(0)
     return process.stderr.read()
 
 
 def wait_for_log(process: subprocess.Popen[str], text: str) -> None:
-    """Until the control box has written a text."""
+    """Wait until the output of the control box contains a text."""
     end = time.monotonic() + PATIENCE
     while text not in log_of(process):
         assert time.monotonic() < end, f"{text!r} is not in the log:\n{log_of(process)}"
@@ -234,7 +234,7 @@ def wait_until_up(ip: str, process: subprocess.Popen[str], limit: float = 60.0) 
 
 
 def run_client(script: str, *words: str, limit: float = 60.0) -> str:
-    """A client in a process of its own (libfranka's bindings keep the interpreter lock); what it printed."""
+    """Run a client in a process of its own (libfranka's bindings keep the interpreter lock); return its output."""
     done = subprocess.run(
         [sys.executable, "-c", script, *words], capture_output=True, text=True, timeout=limit, check=False
     )

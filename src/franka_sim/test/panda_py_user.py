@@ -17,14 +17,14 @@ LIMIT = 20.0
 
 
 def wait(controller: Any, seconds: float) -> None:
-    """Some time of the robot, as its controller counts it [s]."""
+    """Wait until the robot's time, as panda-python's controller counts it, has advanced [s]."""
     end, limit = controller.get_time() + seconds, time.monotonic() + LIMIT
     while controller.get_time() < end and time.monotonic() < limit:
         time.sleep(1e-3)
 
 
 def raised(panda: Any) -> str:
-    """What the controller that runs ends with, by raise_error."""
+    """Return the text with which panda-python's raise_error ends the running controller."""
     limit = time.monotonic() + LIMIT
     while time.monotonic() < limit:
         try:
@@ -48,14 +48,14 @@ def from_goal(panda: Any, goal: Any) -> tuple[float, float]:
 
 
 def moved(pose: Any, y: float, z: float) -> Any:
-    """The pose moved [m]."""
+    """Return the pose, moved by a translation [m]."""
     goal = pose.copy()
     goal[1:3, 3] += y, z
     return goal
 
 
 def joint_motions(panda: Any) -> dict[str, Any]:
-    """To the start, to one position, along several."""
+    """Move to the start, to one position, and along several positions."""
     there = START + 0.2
     waypoints = [START + 0.1, START - 0.1, START + np.array([0.3, 0, 0, 0, 0, 0, -0.3])]
     found = {"there": [panda.move_to_joint_position(there), farthest(panda, there)]}
@@ -109,7 +109,7 @@ def resting_pose(panda: Any) -> dict[str, Any]:
 
 
 def joint_controllers(panda: Any) -> dict[str, Any]:
-    """JointPosition along a ramp; IntegratedVelocity for a second."""
+    """Use JointPosition along a ramp, and IntegratedVelocity for a second."""
     law, goal = controllers.JointPosition(), START + 0.1
     panda.start_controller(law)
     for share in np.linspace(0.0, 1.0, 101):
@@ -132,7 +132,7 @@ def joint_controllers(panda: Any) -> dict[str, Any]:
 
 
 def task_controllers(panda: Any) -> dict[str, Any]:
-    """CartesianImpedance to a pose near by, AppliedForce downwards."""
+    """Use CartesianImpedance to a pose near by, and AppliedForce downwards."""
     law, goal = controllers.CartesianImpedance(), moved(panda.get_pose(), 0.05, -0.05)
     orientation = panda.get_orientation()
     panda.start_controller(law)
@@ -174,7 +174,7 @@ def torque_and_log(panda: Any) -> dict[str, Any]:
 
 
 def context(panda: Any) -> dict[str, Any]:
-    """A loop of the user's own, paced by the robot's time."""
+    """Run a loop of the user's own code at the pace of the robot's time."""
     law = controllers.JointPosition()
     panda.start_controller(law)
     goal = START
@@ -209,7 +209,7 @@ def errors(panda: Any) -> dict[str, Any]:
 
 
 def the_rest(panda: Any) -> dict[str, Any]:
-    """Teaching, default behaviour, model, robot, hand."""
+    """Call the remaining functions: teaching, default behaviour, model, robot, hand."""
     panda.set_default_behavior()
     panda.teaching_mode(True)
     time.sleep(0.2)

@@ -1,4 +1,4 @@
-"""The compiled arm gives what KDL and pinocchio give, number by number."""
+"""The compiled code of the arm computes the same numbers as KDL and pinocchio."""
 
 import struct
 from collections.abc import Sequence
@@ -34,18 +34,18 @@ def urdf(request: pytest.FixtureRequest) -> str:
 
 
 def states(n: int) -> np.ndarray:
-    """Random q, dq, ddq, shape (n, 3, 7)."""
+    """Return random q, dq, ddq, shape (n, 3, 7)."""
     return np.random.default_rng(3).uniform(-1.0, 1.0, (n, 3, 7)) * np.array([[2.0], [2.0], [10.0]])
 
 
 def same(got: Sequence[float], expected: Sequence[float], what: str = "") -> None:
-    """Within 1e-12 of the largest number."""
+    """Assert that two arrays agree within 1e-12 of the largest element."""
     scale = max(1.0, *map(abs, expected))
     assert got == pytest.approx(expected, rel=0.0, abs=1e-12 * scale), what
 
 
 def make_box(urdf: str, friction: bool = False) -> ControlBox:
-    """With a payload and a stiffness frame of its own."""
+    """Return a control box with a payload and a stiffness frame that are not the defaults."""
     config = BoxConfig(friction=PARAMETERS if friction else None)
     box = ControlBox(KdlFrankaModel(urdf, "panda"), CompiledArm(urdf, "panda", LEAST_SINGULAR_VALUE), config)
     box.set_load(MASS, COM, INERTIA)
@@ -54,7 +54,7 @@ def make_box(urdf: str, friction: bool = False) -> ControlBox:
 
 
 class KdlExternalTorque:
-    """The estimate of `ExternalTorque` by KDL's inverse dynamics."""
+    """External torque estimated as by `ExternalTorque`, but with KDL's inverse dynamics."""
 
     def __init__(self, model: KdlFrankaModel, config: BoxConfig) -> None:
         self.model, self.rate = model, 1.0 / config.time_step

@@ -1,4 +1,4 @@
-"""What the box costs, relative to a bare step of the engine measured in the same rounds."""
+"""Computing time of the control box, relative to a bare step of the engine measured in the same rounds."""
 
 from collections.abc import Callable
 from statistics import median

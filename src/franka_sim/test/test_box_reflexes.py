@@ -10,7 +10,7 @@ TORQUE = MoveRequest(ControllerMode.EXTERNAL, GeneratorMode.NONE)
 
 
 def check_reflex(arm, name: str) -> None:
-    """All that a reflex must show, and the way out of it."""
+    """Assert all signs of a reflex, and that recovery leads back to idle."""
     box, state = arm.box, arm.state
     assert state.current_errors == state.last_motion_errors == {name}
     assert (box.mode, box.take_finished()) == (RobotMode.REFLEX, RequestOutcome.REFLEX_ABORTED)
@@ -27,7 +27,7 @@ def check_reflex(arm, name: str) -> None:
 
 
 def ramp(arm, torques, joint: int, slope: float, limit: float):
-    """A torque on one joint that grows by `slope` per cycle to `limit` [N m]."""
+    """Return a law whose torque on one joint grows by `slope` per cycle up to `limit` [N m]."""
 
     def command():
         tau = [0.0] * 7

@@ -16,7 +16,7 @@ def moved(arm, q) -> float:
 
 
 def pd(arm, goal, kp: float, kd: float) -> list[float]:
-    """Within the limit of the torque rate, as a client limits it."""
+    """Return PD torques whose rate is within the limit, as a client limits it."""
     s = arm.state
     wanted = [kp * (g - q) - kd * dq for g, q, dq in zip(goal, s.q, s.dq, strict=True)]
     return [min(max(t, b - 0.999), b + 0.999) for t, b in zip(wanted, s.tau_J_d, strict=True)]

@@ -31,7 +31,7 @@ EPOCH = 1.5e9
 
 
 class Node:
-    """The node in the namespace /cell with a human in MuJoCo."""
+    """Node `emulated_arm` in the namespace /cell, with a human as participant in MuJoCo."""
 
     def __init__(self, packages: str = "", **parameters: Any) -> None:
         import rospy
@@ -55,7 +55,7 @@ class Node:
         self.process.stderr = log  # so that it can be read
 
     def output(self) -> str:
-        """All that it said until its end."""
+        """Return the whole output of the node until its end."""
         self.process.wait(LIMIT)
         return log_of(self.process)
 

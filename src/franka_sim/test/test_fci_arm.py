@@ -221,7 +221,7 @@ def test_a_plant_that_breaks_down_ends_the_motion_by_name_is_put_back_and_the_bo
         step, device.plant.step = device.plant.step, break_down  # type: ignore[method-assign]
         device.cycle(command(1.0))
         device.plant.step = step  # type: ignore[method-assign]
-        assert "diverged" in caplog.text and "put back to its start" in caplog.text
+        assert "diverged" in caplog.text and "reset to its start pose" in caplog.text
         assert device.take_finished() is RequestOutcome.REFLEX_ABORTED
         assert device.state.current_errors == device.state.last_motion_errors == {"instability_detected"}
         assert device.state.q == pytest.approx(start, abs=1e-12) and device.state.robot_mode is RobotMode.REFLEX

@@ -13,7 +13,7 @@ RUN = 1.7e9
 
 
 class Cell:
-    """An arm with a driver; the test moves the machine's clock [ns]."""
+    """Arm with a driver; the test sets the clock of the machine [ns]."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.now = 5_000 * MS
@@ -21,7 +21,7 @@ class Cell:
         self.epoch, self.cycles, self.run = Epoch(12.0), 0, RUN
 
     def cycle(self, milliseconds: float = 1.0, n: int = 1) -> None:
-        """Cycles of the arm, each after so long."""
+        """Run cycles of the arm, each after a given time of the machine."""
         for _ in range(n):
             self.now += round(milliseconds * MS)
             self.cycles += 1

@@ -19,7 +19,7 @@ RECOVERY = {5: 12, 10: 10}
 
 
 class Garbage:
-    """Random bytes, and messages that were right before something happened to them."""
+    """Source of random bytes, and of messages that were valid until they were changed at random."""
 
     def __init__(self, sizes: dict[int, int], header: struct.Struct, seed: int) -> None:
         self.random, self._sizes, self._header = random.Random(seed), sizes, header
@@ -40,7 +40,7 @@ class Garbage:
         return struct.pack(f"<{size // 8}d", *(self.random.gauss(0.0, scale) for _ in range(size // 8)))
 
     def mutated(self, whole: bytes) -> bytes:
-        """Some bytes changed, or cut, or longer."""
+        """Return a message with some bytes changed, cut off or added."""
         data = bytearray(whole)
         for _ in range(self.random.randrange(1, 5)):
             data[self.random.randrange(len(data))] = self.random.randrange(256)
@@ -51,7 +51,7 @@ class Garbage:
 
 
 def connected(ip: str, version: int, port: int) -> Peer:
-    """A client; the box may need a moment to notice that the one before has gone."""
+    """Return a connected client; the box may need a moment to notice that the client before has disconnected."""
     end = time.monotonic() + PATIENCE
     while True:
         try:
@@ -90,7 +90,7 @@ def throw(ip: str, version: int, port: int, garbage: Garbage, n: int) -> None:
 
 
 def check_usable(ip: str, version: int) -> None:
-    """A client gets states, a motion, and the hand."""
+    """Assert that a client gets states, can start a motion, and can use the hand."""
     with connected(ip, version, ARM) as peer:
         assert len(peer.state()) == PROTOCOLS[version].state.size
         assert peer.exchange(RECOVERY[version]) == b"\x00"

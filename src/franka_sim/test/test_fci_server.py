@@ -25,7 +25,7 @@ STOP, RECOVER_V5, LIBRARY, URDF = 2, 12, 13, 11
 
 
 class Recorder(ConstantDevice):
-    """Keeps the commands that it was given."""
+    """Device that stores the commands that it gets."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -165,7 +165,7 @@ def test_clients_that_leave_at_once_are_logged_once_for_as_long_as_it_goes_on(ca
         with Peer(ip) as peer:  # waits until the box has noticed that the last one has gone
             peer.state()
         assert caplog.text.count("is connected") == 1, caplog.text
-        assert caplog.text.count("connected for less than 1 s, has gone") == 1, caplog.text
+        assert caplog.text.count("connected for less than 1 s, has left") == 1, caplog.text
 
 
 def test_a_flood_of_addresses_grows_neither_memory_nor_log(caplog: pytest.LogCaptureFixture) -> None:

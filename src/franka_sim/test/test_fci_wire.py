@@ -58,7 +58,7 @@ OFFSETS = {
 
 
 def patterned() -> DeviceState:
-    """Each number of the state another one, exact in 32 bits."""
+    """Return a state whose numbers are all different and exact in 32 bits."""
     state, n = DeviceState(), 0
     for name, (count, _, _) in OFFSETS.items():
         setattr(state, name, [float(n + i) for i in range(count)] if count else float(n))

@@ -9,7 +9,7 @@ DT = 0.001
 
 
 def run(hand, motion=None, seconds=5.0):
-    """Step until the motion ends (or for the time); the time it took [s]."""
+    """Step until the motion ends, or for the given time; return the time that passed [s]."""
     for step in range(round(seconds / DT)):
         if motion is not None and motion.outcome is not None:
             return step * DT

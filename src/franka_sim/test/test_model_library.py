@@ -95,7 +95,7 @@ def test_mass_matrix_coriolis_and_gravity_equal_kdl_over_200_states(pair: Pair) 
 def frame_functions(
     end_effector: list[float],
 ) -> Iterator[tuple[FrankaFrame, int, Callable[[list[float]], tuple[Any, ...]], bool]]:
-    """Frame of KDL, number in the symbol, its arguments from q, whether the Jacobian takes q."""
+    """Yield each frame: KDL's frame, number in the symbol, arguments from q, whether the Jacobian needs q."""
     for i in range(1, 8):
         yield FrankaFrame(f"joint{i}"), i, lambda q: (q,), i > 1
     yield FrankaFrame.FLANGE, 8, lambda q: (q,), True

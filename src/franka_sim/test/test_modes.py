@@ -12,7 +12,7 @@ from hric_core.errors import HricError, ResourceConflictError
 
 
 class Law(Controller):
-    """Claims what its parameters say, writes a constant command."""
+    """Controller that claims the resources in its parameters and writes a constant command."""
 
     def init(self, robot_hw, root_node, controller_node) -> None:
         interface = {
@@ -198,7 +198,7 @@ def test_a_motion_against_an_obstacle_ends_in_a_collision_reflex_and_begins_anew
     hw.plant.apply_wrench("panda_link8", (0.0, -100.0, 0.0), (0.0,) * 3, (0.0,) * 3, -1.0)
     arm.run(0.3)
     assert hw.robot_state.current_errors == frozenset(("cartesian_reflex",)) and hw.mode is HOLD
-    with pytest.raises(HricError, match=r"error state, franka_control/error_recovery ends it: .*cartesian_reflex"):
+    with pytest.raises(HricError, match=r"error state; .*/error_recovery to end it. Reason: .*cartesian_reflex"):
         hw.prepare_switch([claim()], [])
     starts = law.starts
     hw.plant.clear_wrenches()

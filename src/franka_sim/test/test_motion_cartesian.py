@@ -1,4 +1,4 @@
-"""Cartesian generators: what they write, and which errors they name. Poses are checked with pinocchio."""
+"""Cartesian motion generators: the motion that they command, and the errors that they report; checked by pinocchio."""
 
 from typing import Any
 
@@ -64,7 +64,7 @@ def swing(t: float, duration: float) -> float:
 
 
 def run(generator: MotionGenerator, twist: list[float], duration: float = 0.3, hold: int = 2000) -> frozenset[str]:
-    """Speed up to a twist and keep it until an error or the end of the steps."""
+    """Accelerate to a twist and keep it until an error occurs or the steps end."""
     for step in range(int(duration / DT) + hold):
         share = swing(step * DT, duration)
         errors = generator.advance(command(O_dP_EE=[share * x for x in twist]))

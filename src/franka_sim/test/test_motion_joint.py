@@ -1,4 +1,4 @@
-"""Joint generators: what they write, and which errors they name."""
+"""Joint motion generators: the motion that they command, and the errors that they report."""
 
 from typing import Any
 
@@ -52,7 +52,7 @@ def only(joint: int, value: float, base: list[float] = REST) -> list[float]:
 
 
 def ramp(generator: MotionGenerator, joint: int, velocity: float, acceleration: float) -> None:
-    """Bring one joint to a velocity within the limits."""
+    """Accelerate one joint to a velocity within the limits."""
     v, a = 0.0, 0.0
     while abs(velocity - v) > 1e-9:
         a = min(abs(a) + 0.9 * LIMITS.jerk[joint] * DT, acceleration, 500.0 * abs(velocity - v)) * np.sign(velocity - v)

@@ -111,7 +111,7 @@ def command(**fields: Any) -> MotionCommand:
 
 
 def losses(rng: np.random.Generator, longest: int) -> list[bool]:
-    """Which of the packets are lost: none at first, then now and then up to `longest` in a row."""
+    """Return which packets are lost: none at first, then now and then up to `longest` consecutive ones."""
     lost = [False] * 50
     while len(lost) < STEPS:
         lost += [False] * int(rng.integers(1, 40)) + [True] * int(rng.integers(0, longest + 1))

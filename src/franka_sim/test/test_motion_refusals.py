@@ -48,7 +48,7 @@ def command(**fields: Any) -> MotionCommand:
 
 
 def refusal(arm, generator: GeneratorMode, *commands: MotionCommand) -> tuple[frozenset[str], str]:
-    """(errors, the line that tells of them) of a motion with these commands; only the last may be refused."""
+    """Return (errors, the log line about them) of a motion with these commands; only the last one may be refused."""
     arm.start(ControllerMode.JOINT_IMPEDANCE, generator)
     for one in commands:
         assert not arm.state.current_errors

@@ -48,7 +48,7 @@ def make_device() -> Iterator[Callable[..., ArmDevice]]:
 
 
 def seen(arm: ArmDevice, cycles: int) -> np.ndarray:
-    """q, dq, tau_J and the external wrench of each cycle, shape (cycles, 27)."""
+    """Return q, dq, tau_J and the external wrench of each cycle, shape (cycles, 27)."""
     rows = []
     for _ in range(cycles):
         arm.cycle(None)
@@ -223,7 +223,7 @@ def test_a_reset_goes_on_with_the_noise(make_device) -> None:
 
 
 def inertias(urdf: str) -> dict[str, pin.Inertia]:
-    """Of each moving link by its joint's name, read by another library."""
+    """Return the inertia of each moving link by the name of its joint, as another library reads it."""
     model = pin.buildModelFromXML(urdf)
     return {name: model.inertias[i] for i, name in enumerate(model.names)}
 

@@ -28,7 +28,7 @@ def positions(arm):
 
 
 def drift(arm, duration):
-    """Largest way of a joint from where it is now [rad]."""
+    """Return the largest distance that a joint moves from its present position [rad]."""
     start, ways = positions(arm), [0.0]
     arm.run(duration, lambda _: ways.append(float(np.abs(positions(arm) - start).max())))
     print(f"{1e6 * max(ways):.0f} urad in {duration:g} s")

@@ -1,4 +1,4 @@
-"""From a bag to metrics, on a made-up run whose numbers are known; and the bag as it is written."""
+"""Metrics of a synthetic run with known values, and the content of its bag."""
 
 import math
 import subprocess

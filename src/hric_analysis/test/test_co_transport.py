@@ -1,4 +1,4 @@
-"""A board between a human and the robot: what is said of how they carry it, from closed forms and from runs."""
+"""Metrics of co-transport of a board by a human and a robot, compared with closed forms and runs."""
 
 import json
 from collections.abc import Sequence
@@ -31,14 +31,14 @@ GRIPS = {
 
 
 def grip(name: str, force: Any, point: Any, closed: tuple[float, float] = (0.0, 9.0)) -> GripRecord:
-    """force: on the board, shape (n, 3) or (3,) [N]; the record has the one on what holds it."""
+    """Return a grip with `force` on the board, shape (n, 3) or (3,) [N]; the record has the force on the holder."""
     held = (closed[0] <= TIME) & (closed[1] > TIME)
     rows = np.zeros((len(TIME), 3))
     return GripRecord(name, "board::link", f"{name}::palm", TIME, held, rows - force, rows, rows + point, rows[:, 0])
 
 
 def carried(forces: Sequence[Any], centre: Any = (0.0, 0.0, 0.5), tilt: float = 0.0) -> Transport:
-    """The board about a centre, by the forces of both."""
+    """Return the metrics of the board about a centre, from the forces of both holders."""
     half = HALF * np.array([np.cos(tilt), 0.0, np.sin(tilt)])
     ends = [grip(name, force, centre + side * half) for name, force, side in zip(GRIPS, forces, (-1, 1), strict=True)]
     (found,) = carrying.transports(ends, {"grips": GRIPS}, {"world": BOARD})
@@ -100,7 +100,7 @@ def test_a_world_that_is_not_there_any_more_leaves_the_squeeze() -> None:
 
 
 def test_at_rest_each_end_carries_what_the_levers_say(tmp_path: Path) -> None:
-    """The hand is 1.857 times as far from the board's centre as the robot."""
+    """The distance of the hand from the board's centre is 1.857 times that of the robot."""
     near, far = 0.35, 0.65
     board = {"name": "board", "shape": "box", "size": [0.6, 0.3, 0.02], "mass": MASS}
     board["pose"] = {"xyz": [0.307 + near, 0.0, 0.472]}
@@ -131,7 +131,7 @@ def test_at_rest_each_end_carries_what_the_levers_say(tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def led(tmp_path_factory: pytest.TempPathFactory) -> runner.HeadlessResult:
-    """The person lifts the board by 3 cm and pushes it 5 cm towards the robot."""
+    """Return a run in which the person lifts the board by 3 cm and pushes it 5 cm towards the robot."""
     points = "[[0.5, 1.607, 0.0, 0.472], [1.3, 1.557, 0.05, 0.502]]"
     changes = ["simulator:=mujoco", "duration:=1.6", f"human.control.parameters.reference.points:={points}"]
     definition = experiment.load("co_transport", changes)

@@ -1,4 +1,4 @@
-"""What was sent and what was recorded, and the skew of synchronised samples, of a made-up bag whose truth is known."""
+"""Lost samples and skew of synchronised samples of a synthetic bag with known values."""
 
 from collections.abc import Collection as Some
 from pathlib import Path
@@ -22,7 +22,7 @@ END, RATE, CHUNK, FRAME_RATE, SYNC_RATE = 4.0, 500.0, 25, 200.0, 50.0
 INTERVAL = (1.0, 3.0)
 EMG, FRAMES, SYNC = "/hric/perception/emg/raw", "/hric/perception/mocap", "/hric/perception/sync_50hz"
 BORN = 100
-"""The driver began to count when the source was at this sample."""
+"""Number of the sample of the source at which the driver starts to count."""
 
 
 def hand(time: Any) -> Any:
@@ -38,8 +38,8 @@ def write(
     skew: float = 0.0,
     ticks_lost: Some[int] = (),
 ) -> Path:
-    """A bag of END seconds: samples `late` too late by their stamps, without chunks `lost`; synchronised values of
-    `skew` before their instant."""
+    """Write a bag of END seconds: stamps of samples are delayed by `late`, chunks `lost` are missing, synchronised
+    values are older than their instant by `skew`."""
     data = signals(int(END * 1000), 1.5)
     with BagWriter(path) as bag:
         for first in range(0, int(END * 1000), 20):
@@ -183,7 +183,7 @@ def test_frames_go_on_after_the_last_number_of_their_counter(tmp_path: Path) -> 
 def test_without_an_interval_nothing_is_known_to_be_sent(tmp_path: Path) -> None:
     found = judged(write(tmp_path / "a.bag"), None)
     assert found.sources[EMG].sent is None and found.sources[EMG].recorded == int(END * RATE)
-    assert "number of sent samples unknown" in sensor_text.collection(found.sources, found.sync)
+    assert "number of sent samples not known" in sensor_text.collection(found.sources, found.sync)
 
 
 @pytest.mark.parametrize("skew", [0.0, 0.002])

@@ -1,4 +1,4 @@
-"""What a run required of the human in it: from records with known results, and from a run."""
+"""Load metrics of the human in a run: records with known results, and a run."""
 
 import json
 from collections.abc import Sequence
@@ -42,7 +42,7 @@ STARTED, ENDED = (
 
 
 def grip(name: str = "guide", closed: tuple[float, float] = (0.0, 9.0), **changes: Any) -> GripRecord:
-    """One that carries nothing and rests."""
+    """Return a grip at rest without force."""
     zeros, held = np.zeros((len(TIME), 3)), (closed[0] <= TIME) & (closed[1] > TIME)
     made = GripRecord(name, "baton::link", f"{name}::palm", TIME, held, zeros, zeros, zeros, np.zeros(len(TIME)))
     return replace(made, **changes)
@@ -58,7 +58,7 @@ def record(
 
 
 def pulse(height: float, begin: float, end: float) -> Any:
-    """Along x, shape (n, 3)."""
+    """Return a pulse along x, shape (n, 3)."""
     values = np.zeros((len(TIME), 3))
     values[(begin <= TIME) & (end >= TIME), 0] = height
     return values
@@ -129,7 +129,9 @@ def test_humans_without_a_common_joint_or_time_have_no_difference() -> None:
     a = record()
     other = replace(a, joints=tuple(f"left{name.removeprefix('right')}" for name in JOINTS))
     found = human_difference.difference(a, other)
-    assert found.joint_difference_max is None and "nothing that both have" in human_text.difference_line(found)
+    assert found.joint_difference_max is None and "no joint and no grip in both runs" in human_text.difference_line(
+        found
+    )
 
 
 def test_a_force_below_a_twentieth_of_the_peak_has_faded() -> None:
@@ -170,7 +172,7 @@ def test_a_run_with_a_human_says_what_it_required_of_them(guided: runner.Headles
     assert found["subject"] == "P50M"
     assert 0.5 < found["grips"]["guide"]["force_max"] < 10.0
     assert 0.0 < found["strength_share_max"] < 0.5
-    assert "a model's estimate" in (guided.folder.path / "summary.txt").read_text()
+    assert "(model estimate)" in (guided.folder.path / "summary.txt").read_text()
     assert {"grip.svg", "strength.svg", "human_joints.svg"} <= {
         p.name for p in (guided.folder.path / "figures").iterdir()
     }
@@ -197,7 +199,7 @@ def test_a_run_with_muscles_says_what_it_cost_them(by_muscles: runner.HeadlessRe
     assert 0.01 < found["activation_mean"] < found["activation_max"] < 0.5
     assert 100.0 < found["contact"]["right_shoulder"]["force_max"] < 2000.0
     summary = (folder / "summary.txt").read_text()
-    assert "- muscles: activation at most" in summary and "- contact force between bones" in summary
+    assert "- muscles: highest activations" in summary and "- contact force between bones" in summary
     assert {"activation.svg", "joint_contact.svg"} <= {path.name for path in (folder / "figures").iterdir()}
     assert tables.values(by_muscles.metrics, "human", tables.HUMAN_COLUMNS)["activation_max"] == found["activation_max"]
 
@@ -266,7 +268,9 @@ def test_a_study_with_an_abscissa_refuses_runs_without_a_number() -> None:
             }
         },
     }
-    with pytest.raises(ExperimentError, match=r"forms.a.runs is '1, soft'; valid: names that are numbers, of gain"):
+    with pytest.raises(
+        ExperimentError, match=r"forms.a.runs is '1, soft'; valid: names that are numbers, values of gain"
+    ):
         study.parse("mine", raw)
 
 

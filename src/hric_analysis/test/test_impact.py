@@ -1,4 +1,4 @@
-"""Contacts of a human beside a closed form and the commanded torque, of a run."""
+"""Contacts of a human in a run, compared with a closed form and the commanded torque."""
 
 import json
 import math
@@ -24,7 +24,7 @@ WALL = "package://hric_experiments/worlds/wall_behind_arm.yaml"
 
 @pytest.fixture(scope="module")
 def clamped(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunFolder]:
-    """The arm meets a forearm, pushes it to a wall, and goes on pushing."""
+    """Return a run in which the arm hits a forearm, pushes it against a wall, and continues to push."""
     root = tmp_path_factory.mktemp("runs")
     words = ["simulator:=mujoco", "robot.parameters.reflexes:=false", f"world:={WALL}", "human.parts:=right_arm"]
     assert main(["run", "contact", *words, "--quiet", "--no-figures", "--runs", str(root)]) == 0
@@ -75,7 +75,11 @@ def test_what_is_expected_is_beside_what_was_found_in_text_table_and_figures(
     balanced, contact = press.curves
     assert contact.values[-50:] == pytest.approx(balanced.values[-50:], rel=0.05)
     shown = render_page(replace(run_page.build(data), figures=[], robots=[]))
-    rows = shown[shown.index("<h3>Blows</h3>") :].partition("</tbody>")[0].partition("<tbody>")[2]
+    rows = (
+        shown[shown.index("<h3>Impacts compared with the closed form</h3>") :]
+        .partition("</tbody>")[0]
+        .partition("<tbody>")[2]
+    )
     assert rows.count("<tr>") == sum(one["transient"] is not None for one in found["human"]["contacts"])
 
 

@@ -1,4 +1,4 @@
-"""The schema of metrics.json, and its dataclasses."""
+"""Schema of metrics.json and its dataclasses."""
 
 import json
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""The verdict on the control loop, on made-up logs whose truth is known."""
+"""Stability of the control loop, from synthetic logs with known results."""
 
 from dataclasses import replace
 from typing import Any
@@ -17,7 +17,7 @@ TIME = 1e-3 * np.arange(2000)
 
 
 def log_of(wrist: FloatArray) -> ControlRecord:
-    """A run whose shoulder follows a smooth motion under gravity, and whose wrist is asked for this torque [N m]."""
+    """Return the log of a smooth motion of the shoulder under gravity and this torque of the wrist [N m]."""
     torque = np.stack([40.0 + 20.0 * np.sin(2.0 * np.pi * 2.0 * TIME[: len(wrist)]), wrist], axis=1)
     zero = np.zeros_like(torque)
     return ControlRecord(
@@ -49,7 +49,7 @@ def test_it_is_said_when_the_chatter_began_and_ended() -> None:
 
 
 def ring(frequency: float, decay: float) -> FloatArray:
-    """Contact at 1 s whose ringing decays [N m]."""
+    """Return the torque of a contact at 1 s with a decaying oscillation [N m]."""
     after = np.maximum(TIME - 1.0, 0.0)
     return np.where(TIME >= 1.0, 5.0 + 8.0 * np.exp(-after / decay) * np.cos(2.0 * np.pi * frequency * after), 0.0)
 
@@ -77,7 +77,7 @@ def test_what_is_no_chatter_is_stable(case: str) -> None:
 
 def test_wild_torque_needs_no_period() -> None:
     found = judged(12.0 * NOISE)
-    assert found.verdict == "unstable" and "without a period" in found.reasons[0]
+    assert found.verdict == "unstable" and "without a fixed period" in found.reasons[0]
 
 
 def test_the_requested_torque_counts_where_the_command_was_an_effort_else_the_measured_one() -> None:

@@ -1,4 +1,4 @@
-"""Lag, error, frames and stamps of a made-up run whose truth is known."""
+"""Lag, error, frames and stamps of a synthetic run with known values."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -23,7 +23,7 @@ TIMES = np.arange(0.0, END, 1e-3)
 
 
 def marker(time: np.ndarray) -> np.ndarray:
-    """In the base, shape (n, 3): at rest until 1 s; the acceleration has no step."""
+    """Return the marker in the base frame, shape (n, 3): at rest until 1 s; continuous acceleration."""
     since = np.maximum(0.0, time - 1.0)
     s = since**3 / (1.0 + since**2)
     return np.stack([0.02 * np.sin(3 * s) ** 2, 0.1 * np.sin(1.5 * s), 0.5 + 0.03 * np.sin(s)], axis=1)
@@ -32,8 +32,8 @@ def marker(time: np.ndarray) -> np.ndarray:
 def made_up(
     noise: float = 0.0, late: float = 0.0, truth: bool = True, lost: tuple[float, float] | None = None
 ) -> TrackingRecord:
-    """A record of it: frames at 240 Hz with y up, stamped `late` too late; not tracked from the first to the second
-    time of `lost`."""
+    """Return a record of the marker: frames with 240 Hz and y up, stamps delayed by `late`; not tracked between the
+    two times of `lost`."""
     exposed = np.arange(0.004, END, 1 / 240)
     seen = marker(exposed) + noise * np.random.default_rng(1).standard_normal((len(exposed), 3))
     valid = np.ones(len(exposed), dtype=bool) if lost is None else (exposed < lost[0]) | (exposed >= lost[1])
@@ -49,7 +49,7 @@ def made_up(
 
 
 def follow(time: np.ndarray, lag: float = LAG) -> np.ndarray:
-    """The end effector: the marker's displacement a lag ago, from another origin."""
+    """Return the end effector: the displacement of the marker one lag earlier, from another origin."""
     return OFFSET + marker(time - lag) - marker(np.zeros(1))
 
 
@@ -101,7 +101,7 @@ def test_without_the_truth_the_frames_serve_and_nothing_is_said_of_stamps() -> N
     assert found.lag == pytest.approx(LAG, abs=2e-3)
     assert found.rms_error < 5e-4
     assert (found.stamp_error, found.marker, found.acceleration.ratio) == (None, "motion capture", None)
-    assert "against the motion capture" in sensor_text.tracking(found)
+    assert "reference: motion capture" in sensor_text.tracking(found)
 
 
 @pytest.mark.parametrize("late", [-0.003, 0.0, 0.0042])
@@ -144,7 +144,7 @@ def test_a_marker_at_rest_or_never_seen_has_no_lag() -> None:
     assert "lag not known" in sensor_text.tracking(found)
     unseen = judged(replace(record, frames=replace(record.frames, valid=np.zeros_like(record.frames.valid))))
     assert unseen.first_marker is None and unseen.rms_error is None
-    assert "no valid marker of hand came" in sensor_text.tracking(unseen)
+    assert "no valid marker of hand was received" in sensor_text.tracking(unseen)
 
 
 def test_the_end_effector_of_a_log_is_where_the_models_kinematics_puts_it() -> None:

@@ -30,23 +30,23 @@ Row = tuple[MemoryConnection, int, bytes]
 Window = tuple[float, float]
 """Begin and end, time of the bag [s]."""
 PEOPLE = ("/hric/human", "/hric/person")
-"""What topics of a person begin with."""
+"""Prefixes of the topics of a person."""
 READ = (*PEOPLE, "/control_log", "/tf_static", "/robot_description", "/mocap", "/hric/safety/state")
-"""What topics begin with that a verdict reads."""
+"""Prefixes of the topics that a verdict reads."""
 MANY = 10
-"""Messages from which on a topic is thinned, cut and shifted: fewer are events or latched."""
+"""Minimum number of messages of a topic that is thinned, cut and shifted; topics with fewer are events or latched."""
 RATES = (100.0, 20.0, 5.0, 1.0)
-"""Of throttled topics [Hz]."""
+"""Rates of throttled topics [Hz]."""
 LOST = (0.05, 0.3, 0.9)
 """Shares of messages that are lost at random."""
 SHIFTS = (0.2, -0.2, 5.0)
-"""Of stamps [s]."""
+"""Times by which stamps are shifted [s]."""
 CLIPPED = (0.9, 0.6, 0.3)
 """Levels at which a force is cut, as share of its peak."""
 BLOW = 0.5
 """Longest duration of a blow [s]."""
 MARGIN = 0.01
-"""Around a window that is lost [s]."""
+"""Margin by which a lost window is extended on both sides [s]."""
 
 
 class RawBag(MemoryBag):
@@ -131,13 +131,13 @@ class RawBag(MemoryBag):
 
 @dataclass(frozen=True)
 class Mutation:
-    """One thing that is worse.
+    """Damage of one kind to a recording.
 
     Attributes:
         kind: strip, drop, cut, throttle, nan, sign, clip, second person, two publishers, swap, shift.
-        name: what is worse, with the topic.
-        topics: that are changed, or added.
-        apply: makes the damaged bag.
+        name: name of the damage, with the topic.
+        topics: topics that are changed, or added.
+        apply: function that makes the damaged bag.
     """
 
     kind: str
@@ -153,9 +153,9 @@ def mutations(bag: RawBag, windows: Mapping[str, Window], seed: int = 0) -> list
     """Return the mutations of a bag.
 
     Args:
-        bag: what is damaged.
-        windows: times of the findings, by a name of each; in these, messages are lost.
-        seed: of what is random, and which of the rates, shares, levels and shifts are taken.
+        bag: bag to be damaged.
+        windows: times of the findings, by their names; in these, messages are lost.
+        seed: seed of all randomness, and of the choice of rates, shares, levels and shifts.
     """
     counts = {c.topic: c.msgcount for c in bag.connections if c.msgcount}
     read = [topic for topic in counts if topic.startswith(READ)]
@@ -275,7 +275,7 @@ def _edit(topic: str, edit: Callable[[Any], None], bag: RawBag) -> RawBag:
 
 
 def _set(value: float, *fields: str) -> Callable[[Any], None]:
-    """Edit that sets fields, all values of arrays; a field of a field is written with a dot."""
+    """Return an edit that sets fields, in arrays all values; nested fields are written with a dot."""
 
     def edit(message: Any) -> None:
         for field in fields:
@@ -320,7 +320,7 @@ NAN: dict[str, dict[str, Callable[[Any], None]]] = {
     ROOT: {"position": _set(math.nan, "pose.position.x", "pose.position.y")},
     TRACKING: {"root": _set(math.nan, "root.position.x", "root.position.y", "root.position.z")},
 }
-"""Edits by type of message, and the name of what is no number any more."""
+"""Edits that set a value to NaN, by type of message and name of the value."""
 
 
 def nan(topic: str, field: str, share: float, seed: int) -> Mutation:
@@ -424,11 +424,11 @@ OTHER = {**CALM, STATES: _bent}
 """Messages of a person whom nothing touches, in another posture than the first: two who hold the same one, or nearly,
 are one for any reader."""
 LATER = 2_500_000
-"""After a message that of the second publisher [ns]."""
+"""Delay of the second publisher's messages after those of the first [ns]."""
 
 
 def _second(name: str, topics: Sequence[str], bag: RawBag) -> RawBag:
-    """The topics of a person again, below another name."""
+    """Return a bag in which a person's topics occur again below another name."""
     own = {c.topic: c for c in bag.connections if c.topic in topics}
     other = {topic: replace(c, topic=f"{name}2{topic.removeprefix(name)}") for topic, c in own.items()}
     rows = [bag.changed(row, CALM.get(row[0].msgtype)) for row in bag.rows if row[0].topic in other]
@@ -437,7 +437,7 @@ def _second(name: str, topics: Sequence[str], bag: RawBag) -> RawBag:
 
 
 def _interleaved(topics: Sequence[str], bag: RawBag) -> RawBag:
-    """Messages of somebody else on the same topics."""
+    """Return a bag with messages of another person on the same topics."""
 
     def other(row: Row) -> Row:
         connection, time, raw = bag.changed(row, OTHER.get(row[0].msgtype))

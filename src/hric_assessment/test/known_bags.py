@@ -27,27 +27,27 @@ STORE.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms",
 ARM = ("right_sh_flex", "right_sh_abd", "right_sh_rot", "right_el_flex", "right_pro_sup", "right_wr_flex")
 HAND, SKULL = "hand, fingers", "skull, forehead"
 AREA = 4e-4
-"""Of contact [m^2]."""
+"""Contact area [m^2]."""
 NEAREST_Y = -0.60
 """How far to the left of the middle of the shoulders the ball passes: to the right, beside the right arm [m]."""
 BALL = 0.05
-"""Its radius [m]."""
+"""Radius of the ball [m]."""
 
 
 @dataclass(frozen=True)
 class Known:
-    """A bag and what has to be found.
+    """Bag whose verdict is known, with the expected findings.
 
     Attributes:
-        name: of the bag.
-        options: of `assess`.
-        group: of the findings that count.
-        outcomes: of these, by their number.
-        values: of the first of them, by the beginning of the name; a share is called "share".
-        figures: of the verdict, by name.
-        reason: words in the reason of the first.
+        name: name of the bag.
+        options: options of `assess`.
+        group: group of the findings that are compared.
+        outcomes: expected outcomes of these findings, by their index.
+        values: expected values of the first finding, by the beginning of the name; its share is called "share".
+        figures: expected figures of the verdict, by name.
+        reason: words in the reason of the first finding.
         missing: words in the list of missing signals.
-        code: exit code; None: other groups have a say.
+        code: exit code; None: other groups influence it.
     """
 
     name: str
@@ -75,7 +75,7 @@ class Bag:
         self._writer.close()
 
     def write(self, topic: str, kind: str, at: float, /, **values: Any) -> None:
-        """A message; at: its time and that of its header [s]."""
+        """Write a message; at: time of recording and stamp of its header [s]."""
         message = made(kind, **({"header": header(at)} if kind.startswith(("hric", "sensor")) else {}), **values)
         if topic not in self._connections:
             self._connections[topic] = self._writer.add_connection(topic, kind, typestore=STORE)
@@ -153,7 +153,7 @@ def contact(
 
 
 def half_sine(peak: float, duration: float) -> Callable[[float], float]:
-    """[N], [s]."""
+    """Return a half-sine force [N] over time [s]."""
     return lambda t: peak * math.sin(math.pi * min(max(t / duration, 0.0), 1.0))
 
 

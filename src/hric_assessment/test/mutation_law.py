@@ -34,18 +34,18 @@ from hric_bags.records import recording
 from hric_core.errors import HricError
 
 ORDER = (Outcome.ABOVE, Outcome.NOT_ASSESSABLE, Outcome.WARNING, Outcome.WITHIN)
-"""From the worst on."""
+"""Outcomes from the worst to the best."""
 AROUND = 0.1
-"""Around a window [s]."""
+"""Time around a finding's window in which its messages must be undamaged [s]."""
 WORDS = {
     "contacts": ("contact",),
     "joint_states": ("joint", "angle", "posture"),
     "joint_torque": ("torque",),
-    "root": ("root", "where the person", "person", "human_base"),
+    "root": ("root", "person's position", "person", "human_base"),
     "grip": ("grip", "hand", "load"),
     "control_log": ("arm", "robot"),
     "robot_description": ("description",),
-    "tf_static": ("transform", "where the person"),
+    "tf_static": ("transform", "person's position"),
     "tracking": ("track", "root"),
     "activation": ("activation", "muscle"),
     "events": ("event",),
@@ -85,12 +85,12 @@ class Recorded:
 
 @dataclass(frozen=True)
 class Judged:
-    """What is said of a recording.
+    """Result of assessing a recording: verdict, refusal or crash.
 
     Attributes:
         recorded: the recording.
         verdict: None: it was refused.
-        refusal: why.
+        refusal: text of the refusal.
         crash: exception that is no HricError; empty: none.
         offset: time of the bag at robot time zero [s].
     """
@@ -103,7 +103,7 @@ class Judged:
 
     @property
     def outcomes(self) -> dict[str, Outcome]:
-        """Of the verdict, as "all", and of each group."""
+        """Outcomes of the verdict (key "all") and of each group of findings."""
         if self.verdict is None:
             return {}
         groups: dict[str, Outcome] = {"all": self.verdict.outcome}
@@ -113,7 +113,7 @@ class Judged:
 
     @property
     def sentences(self) -> set[str]:
-        """All that is said in words."""
+        """All sentences of the verdict, or the text of the refusal."""
         if self.verdict is None:
             return {self.refusal}
         said = [*map(str, self.verdict.missing), *self.verdict.assumptions]
@@ -159,7 +159,7 @@ def judged(recorded: Recorded) -> Judged:
 
 @dataclass
 class Tally:
-    """Count of mutations, by what became of them.
+    """Number of mutations by their effect on the verdict.
 
     Attributes:
         named: in a sentence that was not there before.
@@ -175,7 +175,7 @@ class Tally:
 
     @property
     def count(self) -> int:
-        """All of them."""
+        """Number of all mutations."""
         return self.named + self.unchanged + self.refused + len(self.faults)
 
     def __str__(self) -> str:

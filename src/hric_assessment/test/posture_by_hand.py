@@ -6,7 +6,7 @@ import published_tables as published
 
 
 def band(value: float, *bounds: tuple[float, int]) -> int:
-    """Score of the first bound that the value does not exceed."""
+    """Return the score of the first bound that the value does not exceed."""
     return next(score for bound, score in bounds if value <= bound)
 
 
@@ -31,7 +31,7 @@ def rula_by_hand(p: dict[str, Any], older: bool = False) -> int:
 
 
 def reba_by_hand(p: dict[str, Any], coupling: int = 1) -> int:
-    """Coupling: 0 good, 1 fair."""
+    """Return the REBA score; coupling: 0 good, 1 fair."""
     neck = 1 if 0 <= p["neck_flexion"] <= 20 else 2
     neck += abs(p["neck_twist"]) > 10 or abs(p["neck_bend"]) > 10
     lean = p["trunk_flexion"]

@@ -113,12 +113,12 @@ NIOSH_FREQUENCY = """
 
 
 def cells(text: str) -> list[list[str]]:
-    """Rows between bars, as texts."""
+    """Return the cells of a text table whose columns are separated by bars."""
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in text.strip().splitlines()]
 
 
 def rula_a(older: bool = False) -> dict[tuple[int, ...], list[int]]:
-    """Scores by (upper arm, lower arm): wrist 1 to 4, each with twist 1 and 2."""
+    """Return RULA's table A by (upper arm, lower arm): scores for wrist 1 to 4, each with twist 1 and 2."""
     found = {}
     for row, current, before in cells(RULA_A):
         upper, lower = map(int, row.split(","))
@@ -127,7 +127,7 @@ def rula_a(older: bool = False) -> dict[tuple[int, ...], list[int]]:
 
 
 def by_row(text: str) -> dict[int, list[int]]:
-    """Scores by the number of the row."""
+    """Return the scores of a table by the number of the row."""
     rows = [row.split(":") for row in text.replace("\n", " ").split("/") if row.strip()]
     return {int(number): [int(score) for score in scores.split()] for number, scores in rows}
 

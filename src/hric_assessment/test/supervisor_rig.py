@@ -20,7 +20,7 @@ PERIOD = 0.01
 
 
 def ball(stamp, x, region="chest", radius=0.1, y=0.0, z=0.5, frame="world"):
-    """One part of a person, a ball."""
+    """Return the observation of a person that consists of one ball."""
     ends = np.tile([float(x), float(y), float(z)], (1, 2, 1))
     return Observation(stamp, frame, ends, np.array([radius]), ("part",), ((region,),), (None,))
 
@@ -41,7 +41,7 @@ class Cell:
         self.time, self.decisions = 0.0, []
 
     def decide(self, person, dq=STILL, q=READY, arm_stamp=None, seen=True, in_force=UNHINDERED):
-        """Once; person: x of a ball, or what was seen, or None."""
+        """Decide once; person: x of a ball [m], an observation, or None."""
         self.time = round(self.time + PERIOD, 9)
         if seen and isinstance(person, float):
             person = ball(self.time, person)
@@ -50,7 +50,7 @@ class Cell:
         return self.decisions[-1]
 
     def approach(self, start, speed, seconds, dq=STILL):
-        """The ball comes along x [m], [m/s]."""
+        """Decide while a ball approaches along x, from a position [m] at a speed [m/s]."""
         return [self.decide(float(start - speed * PERIOD * k), dq) for k in range(round(seconds / PERIOD))]
 
     def events(self):

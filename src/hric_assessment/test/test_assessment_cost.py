@@ -1,4 +1,4 @@
-"""What the scorers cost, as a share of the recorded time."""
+"""Processor time of posture scoring as a share of the recorded time."""
 
 import time
 from collections.abc import Callable
@@ -13,11 +13,11 @@ from hric_assessment.separation.minima import separation
 pytestmark = pytest.mark.alone
 
 MINUTE = 60.0
-"""Of a run [s]; a minute of it may take 6 s of processor in all."""
+"""Duration of the recorded run [s]; a recorded minute may take 6 s of processor time in total."""
 
 
 def share(work: Callable[[], object]) -> float:
-    """Of a minute that a call takes of a processor, the least of several [1]."""
+    """Return the processor time of a call as share of a recorded minute, the minimum of several calls [1]."""
     found = []
     for _ in range(3):
         begin = time.process_time()

@@ -178,7 +178,7 @@ def test_an_unknown_answer_says_what_would_make_it_known() -> None:
     )
     given = replies(without_area, arm)
     assert "--contact-area" in str(given["contact"]) and "human.parts:=upper_body" in str(given["posture"])
-    nothing = conclusions((), (), (Missing("contacts (hric/human/contacts)", "contact forces to hold"),), {})
+    nothing = conclusions((), (), (Missing("contacts (hric/human/contacts)", "contact forces to compare"),), {})
     assert "record contacts (hric/human/contacts)" in str(nothing[0])
 
 

@@ -36,7 +36,7 @@ def contact(
 
 
 def changed(changes: dict[str, Any]) -> RegionContact:
-    """A contact of 0.2 s whose messages are as if nothing had changed but the time series."""
+    """Return a contact of 0.2 s with a changed time series and otherwise unchanged messages."""
     made = contact(5.0, series=changes.get("series"))
     return replace(made, **{name: value for name, value in changes.items() if name != "series"})
 
@@ -120,7 +120,7 @@ def test_a_source_is_fast_where_its_messages_are_or_name_instants_between_them(
 def test_a_source_with_a_single_message_is_fast_where_two_other_instants_are_whole_periods_from_it(
     begin: float, duration: float, peak_time: float, fast: bool
 ) -> None:
-    """Its message is of its peak."""
+    """The message is from the time of the peak."""
     at = np.array([peak_time])
     made = contact(5.0, duration=0.01, series={"time": at, "reached_time": at})
     assert resolved(replace(made, begin=begin, duration=duration), PERIOD) is fast
@@ -236,19 +236,19 @@ def test_a_force_that_is_none_is_left_out_and_counted(bad: float) -> None:
     reached = np.maximum.accumulate(sine(50.0))
     episode = only(contact(force, series={"reached": reached}))
     assert episode.overall.peak == pytest.approx(max(sine(50.0)))
-    assert "2 of 20 forces are not numbers or below 0" in episode.doubts
+    assert "2 of 20 forces are NaN, infinite or negative" in episode.doubts
 
 
 def test_peaks_that_are_none_are_counted_too() -> None:
     reached = np.maximum.accumulate(sine(50.0))
     reached[:3] = [math.nan, -1.0, math.inf]
     doubts = only(contact(sine(50.0), series={"reached": reached})).doubts
-    assert "3 of 20 forces are not numbers or below 0" in doubts
+    assert "3 of 20 forces are NaN, infinite or negative" in doubts
 
 
 @pytest.mark.parametrize("force", [50.0, 50.04, 74.0])
 def test_a_force_above_the_peak_that_its_message_states_is_told_beyond_rounding(force: float) -> None:
-    told = ("a force is above the peak that its message states",) if force > 50.05 else ()
+    told = ("a force exceeds the peak stated in the same message",) if force > 50.05 else ()
     made = contact(np.array([10.0, force, 20.0]), duration=0.03, series={"reached": np.array([10.0, 50.0, 50.0])})
     assert only(made).doubts == told
 
@@ -257,7 +257,7 @@ def test_a_force_above_the_peak_that_its_message_states_is_told_beyond_rounding(
     ("impulse", "told"), [(None, False), (0.0, False), (0.5, False), (-0.1, True), (math.nan, True)]
 )
 def test_an_impulse_that_is_none_is_told(impulse: float | None, told: bool) -> None:
-    words = ("its impulse is not a number or below 0",) if told else ()
+    words = ("the contact's impulse is NaN or negative",) if told else ()
     assert only(contact(sine(50.0), impulse=impulse)).doubts == words
 
 
@@ -273,7 +273,7 @@ def test_of_a_contact_that_is_recorded_from_its_begin_to_its_end_nothing_is_unkn
 def test_a_blow_that_had_not_ended_may_have_become_harder(duration: float, told: bool) -> None:
     going_on = contact(sine(50.0, round(100 * duration)), duration=duration, ended=False)
     assert only(going_on, until=1.0 + duration).doubts == (
-        ("it had not ended when the recording ended",) if told else ()
+        ("the contact had not ended when the recording ended",) if told else ()
     )
     over = contact(1.0, duration=duration, other="panda::panda_leftfinger")
     assert bool(only(over, going_on, until=1.0 + duration).doubts) == told
@@ -281,7 +281,7 @@ def test_a_blow_that_had_not_ended_may_have_become_harder(duration: float, told:
 
 @pytest.mark.parametrize(("period", "slow"), [(1e-3, False), (1.0005e-3, False), (1.0 / 600.0, True), (math.inf, True)])
 def test_a_source_slower_than_a_blow_needs_is_told(period: float, slow: bool) -> None:
-    told = ("a blow needs 1000 samples a second, and its messages do not show that it has them",) if slow else ()
+    told = ("an impact needs 1000 samples per second, and the messages do not prove that rate",) if slow else ()
     assert only(contact(sine(50.0)), period=period).doubts == told
 
 
@@ -299,19 +299,19 @@ def test_a_source_slower_than_a_blow_needs_is_told(period: float, slow: bool) ->
 )
 def test_messages_of_another_time_than_they_state_are_told(series: dict[str, Any], duration: float, told: bool) -> None:
     found = only(replace(contact(sine(50.0), series=series), duration=duration)).doubts
-    assert found == (("its messages are not of the time that begin and duration state",) if told else ())
+    assert found == (("the messages' stamps do not agree with the begin and duration that they state",) if told else ())
 
 
 @pytest.mark.parametrize(("after", "told"), [(0.09, False), (0.11, True)])
 def test_an_end_that_ought_to_have_been_recorded_is_told(after: float, told: bool) -> None:
     pressing = contact(np.linspace(5.0, 9.0, 100), duration=1.0, ended=False)
     assert only(pressing, until=2.0 + after).doubts == (
-        ("its end is not recorded: the last message of it is of 2.000 s",) if told else ()
+        ("the contact's end is not recorded: its last message is from 2.000 s",) if told else ()
     )
 
 
 def test_messages_of_a_second_publisher_are_told() -> None:
-    words = "messages in between have neither the contact nor its end, as those of a second publisher"
+    words = "some messages report neither the contact nor its end, as if there were a second publisher"
     assert only(contact(sine(50.0), interrupted=True)).doubts == (words,)
 
 
@@ -356,7 +356,7 @@ def test_a_largest_force_that_is_held_to_the_last_bit_between_steep_sides_is_a_f
     """Steep: between the two messages before or behind, by more than a hundredth of it; a contact begins and ends
     without force."""
     found = only(contact(np.array(force), duration=0.01 * len(force))).doubts
-    told = [one for one in found if one == "the force has a flat top at 60.0 N, as of a sensor at its range"]
+    told = [one for one in found if one == "the force has a flat top at 60.0 N, as from a saturated sensor"]
     assert bool(told) == (flat and all(map(math.isfinite, force)))
 
 
@@ -397,7 +397,7 @@ def test_a_smooth_peak_of_any_size_length_and_resolution_is_not_flat(peak: float
 
 def test_a_top_below_a_newton_is_flat_too() -> None:
     made = contact(np.array([0.1, 0.6, 0.6, 0.6, 0.2]), duration=0.05)
-    assert only(made).doubts == ("the force has a flat top at 0.6 N, as of a sensor at its range",)
+    assert only(made).doubts == ("the force has a flat top at 0.6 N, as from a saturated sensor",)
 
 
 @pytest.mark.parametrize(("before", "flat"), [(63.1, True), (63.2, False)])
@@ -459,7 +459,7 @@ def test_a_link_of_which_no_peak_is_known_adds_nothing_to_the_bound_and_is_told(
     blind = contact(0.0, duration=2.0, other="panda::panda_link7", series={"reached": np.full(200, math.nan)})
     episode = only(lost(2.0, 2.5), blind)
     assert episode.unknown_peak == pytest.approx(80.0)
-    assert episode.doubts == ("200 of 200 forces are not numbers or below 0",)
+    assert episode.doubts == ("200 of 200 forces are NaN, infinite or negative",)
 
 
 def test_a_peak_that_is_no_number_bounds_nothing() -> None:

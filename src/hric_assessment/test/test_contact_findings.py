@@ -1,4 +1,4 @@
-"""Contacts cut into episodes, and what is found of each."""
+"""Contacts divided into episodes, and the finding about each."""
 
 import math
 from dataclasses import replace
@@ -25,7 +25,7 @@ TIME = np.arange(0.0, 2.0, 1e-3)
 
 
 def pulse(begin: float, duration: float, peak: float, time: np.ndarray = TIME) -> np.ndarray:
-    """Half a sine [N]."""
+    """Return a half-sine force [N]."""
     inside = (time >= begin) & (time <= begin + duration)
     return np.where(inside, peak * np.sin(math.pi * (time - begin) / duration), 0.0)
 
@@ -35,7 +35,7 @@ def step(begin: float, end: float, force: float) -> np.ndarray:
 
 
 def one(force: np.ndarray, time: np.ndarray = TIME) -> Episode:
-    """From the first touch to the last."""
+    """Return the single episode of a force, from the first touch to the last."""
     touching = np.flatnonzero(force > 0.0)
     part = slice(touching[0], touching[-1] + 1)
     return split(time[part], force[part], episode_table(), 1.0 / float(time[1] - time[0]))
@@ -82,8 +82,8 @@ def test_a_clamp_that_rattles_becomes_quasi_static() -> None:
 def test_a_rate_that_is_too_low_for_a_peak_is_said() -> None:
     assert len(hit(100.0).notes) == 1
     slow = one(pulse(0.2, 0.02, 100.0)[::5], TIME[::5])
-    assert slow.notes[-1] == "a peak needs 1000 samples a second: higher ones may be between these"
-    assert "200 samples a second" in slow.notes[0] and "0.5 s (unconfirmed)" in slow.notes[0]
+    assert slow.notes[-1] == "less than 1000 samples per second: higher peaks may lie between the samples"
+    assert "200 samples per second" in slow.notes[0] and "0.5 s (unconfirmed)" in slow.notes[0]
 
 
 @pytest.mark.parametrize(
@@ -193,7 +193,7 @@ def test_a_held_force_that_is_unknown_is_bounded_by_the_limits_of_force_and_pres
     """A hand bears 140 N, and 190 N/cm^2 of which 0.5 cm^2 makes 95 N."""
     finding = assess(replace(hit(50.0), unknown_peak=unknown), where(contact_area=area), ISO)
     assert finding.outcome == outcome
-    told = f"the force is not known for a part of the time, and may have been {unknown:.1f} N there; "
+    told = f"the force is not known for a part of the time, and may have been up to {unknown:.1f} N then; "
     assert finding.reason.startswith(told) == (outcome == Outcome.NOT_ASSESSABLE)
 
 
@@ -270,7 +270,7 @@ def test_a_finding_has_its_signals_and_what_is_missing() -> None:
 def test_a_rigid_pair_is_not_assessable_and_has_no_values() -> None:
     finding = assess(hit(900.0), where(kind="rigid", contact_area=LARGE), ISO)
     assert (finding.outcome, finding.share, dict(finding.values)) == (Outcome.NOT_ASSESSABLE, None, {})
-    assert "number of the integrator" in finding.reason
+    assert "depends on the integration step" in finding.reason
 
 
 def test_a_link_without_a_region_is_not_assessable_and_a_foot_is_by_the_older_set() -> None:

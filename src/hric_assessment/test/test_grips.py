@@ -105,7 +105,7 @@ def test_the_rate_and_the_cut_off_of_a_motion_are_those_asked_for(walks: bool) -
 
 
 def test_a_joint_that_is_not_recorded_is_named_with_those_that_are() -> None:
-    with pytest.raises(HricError, match="no joint d in the recorded motion; valid: a, b"):
+    with pytest.raises(HricError, match="the recorded motion has no joint d; valid: a, b"):
         motion_of(recorded(["a", "b"], np.zeros((200, 2))), ["a", "d"], Pose(), 5.0)
 
 

@@ -57,7 +57,7 @@ def test_what_is_known_comes_out(name: str, bags: tuple[Path, dict[str, Known]])
 
 
 def postures(found: list[dict[str, object]]) -> dict[tuple[str, str], object]:
-    """Scores that count, of those whose values are stated."""
+    """Return the posture scores that count, for bags whose expected values state them."""
     scores = {}
     for one in found:
         method, _, _, side, _ = str(one["subject"]).split(" ")

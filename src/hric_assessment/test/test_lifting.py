@@ -147,7 +147,7 @@ def test_all_reasons_for_a_refusal_come_at_once() -> None:
 @pytest.mark.parametrize("speed", [0.5, 0.76, -0.76])
 def test_a_speed_within_the_scope_is_rated_and_an_unknown_one_is_said(speed: float) -> None:
     assert rate(replace(BEST, speed=speed)).assumptions == ()
-    assert rate(BEST).assumptions == ("speed is not known: taken as up to 0.76 m/s",)
+    assert rate(BEST).assumptions == ("speed is not known: assumed up to 0.76 m/s",)
 
 
 def test_the_rounded_index_is_the_load_over_the_rounded_limit() -> None:

@@ -18,7 +18,7 @@ for _name in ("JointReactions", "HumanGrip"):
     STORE.register(get_types_from_msg((MESSAGES / f"{_name}.msg").read_text(), f"hric_msgs/msg/{_name}"))
 G, PARTS = 9.80665, "both_arms"
 LOAD, REACH, LOW, RISE = 10.0, 0.40, 0.30, 0.70
-"""Of the box: [kg], from the middle of the hips, above the floor, and by which it is lifted [m]."""
+"""Mass of the box [kg]; its distance from the middle of the hips, height above the floor, and lift height [m]."""
 HANDS = ("right", "left")
 
 
@@ -57,7 +57,7 @@ def test_without_them_a_verdict_says_what_they_would_give(tmp_path: Path) -> Non
         joints(bag, np.arange(0.0, 2.0, 0.02), {"right_el_flex": 0.4, "right_sh_flex": 0.0})
     lacking = {one.signal: one.gives for one in assess(opened(str(tmp_path / "moves.bag"))).missing}
     (gives,) = (gives for signal, gives in lacking.items() if "joint_reactions" in signal)
-    assert gives == "how much shoulders and elbows carry"
+    assert gives == "the load in shoulders and elbows"
 
 
 def height(time: float) -> float:

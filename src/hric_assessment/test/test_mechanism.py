@@ -17,7 +17,7 @@ from hric_human.body import describe
 from hric_human.participant.settings import HumanSettings
 
 ROTOR = 0.1
-"""Of the robot [kg m^2]."""
+"""Rotor inertia of the robot's joints [kg m^2]."""
 FORM = ClosedFormImpact(0.5, 6.0, 2.0, 40e3)
 
 

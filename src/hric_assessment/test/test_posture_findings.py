@@ -73,7 +73,7 @@ def test_a_trunk_of_unknown_inclination_is_never_upright() -> None:
     finding = findings(person({}))["RULA right"]
     assert (counts(finding), finding.outcome) == (1.0, Outcome.WARNING)  # with the trunk at its worst, too
     assert "it can be up to 5: inclination of the trunk not known" in finding.reason
-    assert finding.remedy.startswith("record where the root link of the body is")
+    assert finding.remedy.startswith("record the pose of the body's root link")
     assert finding.missing == ("inclination of the trunk",)
 
 
@@ -98,7 +98,7 @@ def test_a_person_known_for_three_of_thirty_seconds_is_not_assessable() -> None:
     for finding in findings(person({}, seconds=3.0, root=leaning(0.0)), seconds=30.0).values():
         assert finding.outcome == Outcome.NOT_ASSESSABLE
         assert "known for 2.98 of 30.00 s, longest gap 27.02 s" in finding.reason
-        assert "record the joint states all the time" in finding.remedy
+        assert "record the joint states without gaps" in finding.remedy
 
 
 @pytest.mark.parametrize(("lost", "outcome"), [(0.8, Outcome.WITHIN), (1.2, Outcome.NOT_ASSESSABLE)])
@@ -131,7 +131,7 @@ def test_a_posture_held_for_two_minutes_scores_one_more_for_muscle_use() -> None
     short, long = (findings(person(held, seconds, leaning(0.0)))["RULA right"] for seconds in (50.0, 120.0))
     assert (counts(short), short.outcome) == (2.0, Outcome.WITHIN)
     assert (counts(long), long.outcome) == (3.0, Outcome.WARNING)
-    assert "not judged beyond this recording of 50.0 s" in " ".join(short.notes)
+    assert "this recording of 50.0 s is too short to judge it" in " ".join(short.notes)
     assert "not judged" not in " ".join(long.notes)
 
 

@@ -20,7 +20,7 @@ from hric_core.errors import HricError
 
 Score = Callable[..., Scores]
 STEP = 0.01
-"""[deg]"""
+"""Step between the tested angles [deg]."""
 METHODS = {"rula": rula.score, "reba": reba_method.score}
 THRESHOLDS = [
     # method, part, angle, threshold [deg], score of the part one step below, on and one step above it
@@ -280,8 +280,8 @@ def test_the_last_cells_of_reba_a_are_7_8_9_9() -> None:
 
 def test_what_is_not_known_is_said_and_scores_least() -> None:
     found = rula.score(Posture(upper_arm_flexion=1.0))
-    assert "neck_flexion is not known: taken as 0 deg" in found.assumptions
-    assert "elbow_flexion is not known: taken as 80 deg" in found.assumptions
+    assert "neck_flexion is not known: assumed 0 deg" in found.assumptions
+    assert "elbow_flexion is not known: assumed 80 deg" in found.assumptions
     assert not any(line.startswith("upper_arm_flexion") for line in found.assumptions)
     random = np.random.default_rng(3)
     known = Posture(upper_arm_flexion=1.0, **{name: random.uniform(-1.5, 1.5, 500) for name in ANGLES[1:]})
@@ -291,7 +291,7 @@ def test_what_is_not_known_is_said_and_scores_least() -> None:
 def test_a_sample_that_is_not_known_is_said_and_does_not_score_as_extension() -> None:
     found = rula.score(Posture(neck_flexion=np.array([0.1, math.nan, 0.1])))
     assert found.parts["neck"].tolist() == [1, 1, 1]
-    assert "neck_flexion is not known at 1 of 3 instants: taken as 0 deg there" in found.assumptions
+    assert "neck_flexion is not known at 1 of 3 instants: assumed 0 deg there" in found.assumptions
 
 
 def test_a_score_is_given_also_for_chosen_thresholds_5_deg_either_way() -> None:
@@ -302,7 +302,7 @@ def test_a_score_is_given_also_for_chosen_thresholds_5_deg_either_way() -> None:
     assert found.looser.tolist() == [arm[0], arm[0], arm[0], arm[3]]
     assert arm[0] < arm[3]
     assert "abducted: 20 deg, chosen here: abduction beyond which an upper arm is abducted" in found.chosen
-    assert found.chosen[-1] == "5 deg either way change 2 of 4 scores"
+    assert found.chosen[-1] == "changing them by 5 deg either way changes 2 of 4 scores"
 
 
 def test_thresholds_that_a_source_has_are_not_moved() -> None:
@@ -348,15 +348,13 @@ def test_fields_of_different_lengths_are_refused_by_name() -> None:
 
 
 def test_a_field_of_two_dimensions_is_refused_by_name() -> None:
-    with pytest.raises(
-        HricError, match=r"elbow_flexion has the shape \(1, 3\); valid: one value, or \(3,\) as the others"
-    ):
+    with pytest.raises(HricError, match=r"elbow_flexion has the shape \(1, 3\); valid: one value, or \(3,\) as others"):
         rula.score(Posture(upper_arm_flexion=0.2, elbow_flexion=np.zeros((1, 3))))
 
 
 def test_a_coupling_that_is_not_known_is_said_once() -> None:
     found = reba_method.score(Posture(trunk_flexion=0.3), Task(load=6.0), spread={"trunk_flexion": 0.1})
-    assert found.assumptions.count("coupling is not known: taken as good") == 1
+    assert found.assumptions.count("coupling is not known: assumed good") == 1
 
 
 def test_each_point_of_reba_beyond_the_posture_is_named() -> None:
@@ -377,7 +375,7 @@ def test_each_point_of_reba_beyond_the_posture_is_named() -> None:
 )
 def test_a_part_that_begins_with_a_point_says_so_before_what_is_added(method: str, balance: str) -> None:
     reasons = [one for one in METHODS[method](Posture(unbalanced=True)).reasons(0) if one.startswith("legs")]
-    assert reasons == ["legs +1: to begin with", f"legs +1: {balance}"]
+    assert reasons == ["legs +1: start value", f"legs +1: {balance}"]
 
 
 def test_a_point_that_one_of_several_angles_gives_is_named_without_an_angle() -> None:
@@ -447,9 +445,9 @@ def test_what_is_not_known_is_said_with_its_stand_in_and_flags_as_not_so() -> No
         Posture(upper_arm_flexion=1.0, arm_supported=None), Task(load=None, held=np.array([1.0, math.nan]))
     )
     for line in (
-        "arm_supported is not known: taken as not so",
-        "load is not known: taken as 0",
-        "held is not known at 1 of 2 instants: taken as 0 there",
+        "arm_supported is not known: assumed false",
+        "load is not known: assumed 0",
+        "held is not known at 1 of 2 instants: assumed 0 there",
     ):
         assert line in found.assumptions
 
@@ -664,6 +662,6 @@ def test_the_use_of_neck_and_trunk_counts_for_them_alone() -> None:
 def test_an_arm_alone_has_no_trunk_and_says_so() -> None:
     names = list(body(parts="right_arm").joints)
     found = rula.score(of_joints(names, np.zeros((3, len(names))), "right"))
-    assert "trunk_flexion is not known: taken as 0 deg" in found.assumptions
-    with pytest.raises(HricError, match="no arm 'both'; valid: right, left"):
+    assert "trunk_flexion is not known: assumed 0 deg" in found.assumptions
+    with pytest.raises(HricError, match="the side of the arm is 'both'; valid: right, left"):
         of_joints(names, np.zeros((3, len(names))), "both")

@@ -299,7 +299,7 @@ def test_a_place_that_is_not_finite_is_refused_with_its_time() -> None:
     def lost(t: np.ndarray) -> np.ndarray:
         return np.where((t > 0.5)[:, None, None, None], math.nan, still(t))
 
-    with pytest.raises(HricError, match=r"a place of arm or person is not finite at 0.510 s"):
+    with pytest.raises(HricError, match=r"a position of arm or person is not finite at 0.510 s"):
         separation(0.0, 1.0, still, STILL.radii, lost, STILL.radii)
-    with pytest.raises(HricError, match=r"separation from 1\.0 to 1\.0 s"):
+    with pytest.raises(HricError, match=r"separation is requested from 1\.0 to 1\.0 s"):
         separation(1.0, 1.0, still, STILL.radii, still, STILL.radii)

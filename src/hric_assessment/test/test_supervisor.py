@@ -252,7 +252,7 @@ def test_an_arm_that_is_faster_than_its_stops_are_known_is_stopped_and_that_is_n
     cell = Cell(stops=file)
     assert cell.decide(5.0).scale == pytest.approx(0.3)  # of 1 m/s
     decision = cell.decide(5.0, 3.0 * SPEED)
-    assert decision.scale == 0.0 and "stops are known up to 0.32 m/s" in decision.fault
+    assert decision.scale == 0.0 and "table of stops goes up to 0.32 m/s" in decision.fault
 
 
 def test_standstill_knows_free_and_stopped_only():

@@ -35,7 +35,7 @@ RNG = np.random.default_rng(3)
 
 
 class Tracking:
-    """What the node of a person publishes, and the input that takes it."""
+    """Messages that the node `person` publishes, and the supervisor's input that receives them."""
 
     def __init__(self):
         self.node, self.came = node, _ = LocalNode({}), 0

@@ -120,7 +120,7 @@ def test_a_measured_pose_that_repeats_to_the_last_bit_is_a_tracker_that_hangs(so
 
 
 def several(*xs, **settings):
-    """A decision of a supervisor who watches two hands; xs: where they are [m], None: not seen."""
+    """Return a decision of a supervisor that observes two hands; xs: their positions [m], None: not seen."""
     supervisor = Supervisor(SupervisorSettings(source="marker", body=["left", "right"], **settings), ARM)
     first, second = (None if x is None else ball(0.01, x) for x in xs)
     return supervisor.decide(0.01, ArmState(0.01, READY, STILL), first, others=[second])

@@ -24,7 +24,7 @@ LEGS = [f"{side}_{name}" for side in ("right", "left") for name in LEG]
 WHOLE = [*TRUNK, *RIGHT, *(name.replace("right", "left") for name in RIGHT), *LEGS]
 HAND = "hand, fingers"
 AREA = 4e-4
-"""Area of contact [m^2]."""
+"""Contact area [m^2]."""
 Force = Callable[[float], float]
 """Time since the begin of a contact [s] -> force [N]."""
 
@@ -43,8 +43,8 @@ class Bag:
 
     Attributes:
         rows: time [s], topic, kind and message.
-        lost: whether a message of a time [s] and a topic is counted, and left out of the bag.
-        node: that publishes what is put from now on; empty: the bag does not say it.
+        lost: function of time [s] and topic: True if the message is counted but left out of the bag.
+        node: node that publishes the following messages; empty: not stated in the bag.
     """
 
     rows: list[tuple[float, str, str, Any]] = field(default_factory=list)
@@ -129,11 +129,11 @@ class Bag:
         """Messages of one contact.
 
         Args:
-            force: of the time since the begin.
-            start, stop: [s].
-            rate: of messages and of the source's evaluations [Hz].
-            recorded: whether the message of a time [s] is in the bag.
-            ends: whether a message says that it ended.
+            force: force as a function of the time since the begin.
+            start, stop: begin and end of the contact [s].
+            rate: rate of the messages and of the source's evaluations [Hz].
+            recorded: function of time [s]: True if the message is in the bag.
+            ends: True if a message states that the contact ended.
             about: fields of the message in place of those below; `peak` and `impulse` follow from the force.
         """
         nan = {"x": math.nan, "y": math.nan, "z": math.nan}

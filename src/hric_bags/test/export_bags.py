@@ -1,4 +1,4 @@
-"""A made-up bag with one of everything that export knows, and what is in it."""
+"""A synthetic bag with each kind of data that export supports, and its contents."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,18 +22,18 @@ EMG_RATE, EMG_CHUNK = 2000.0, 16
 PLATE_RATE, PLATE_CHUNK = 1000.0, 10
 FRAMES, FRAME_PERIOD = 60, 1.0 / 240.0
 HIDDEN = range(20, 30)
-"""Frames in which marker hand/2 is not seen."""
+"""Frames in which marker hand/2 is not visible."""
 MARKERS_BODY = np.array([[0.06, -0.02, 0.0], [-0.04, -0.03, 0.01], [-0.02, 0.05, 0.02]])
-"""On the body [m]."""
+"""Positions of the markers in the body [m]."""
 PLATE_ORIGIN = np.array([1.0, 0.2, 0.0])
-"""Of the plate in the base, axes parallel [m]."""
+"""Position of the plate in the base, with parallel axes [m]."""
 WEIGHT, PRESSED = 100.0, np.array([0.1, 0.05])
-"""Of what presses on the plate [N], and where on it [m]."""
+"""Force that presses on the plate [N], and its point on the plate [m]."""
 
 
 @dataclass(frozen=True)
 class Truth:
-    """What is in the bag.
+    """Contents of the bag.
 
     Attributes:
         bag: its path.
@@ -104,7 +104,7 @@ def _emg(first: int, emg: np.ndarray) -> SampleChunk:
 
 
 def _plate(first: int) -> SampleChunk:
-    """100 N straight down: M = p x F with F = (0, 0, -100)."""
+    """Return plate samples for 100 N straight down: M = p x F with F = (0, 0, -100)."""
     message = SampleChunk(
         source="made up", channels=["Fx", "Fy", "Fz", "Mx", "My", "Mz"], unit="N N N N m N m N m", rate=PLATE_RATE
     )

@@ -1,4 +1,4 @@
-"""A made-up run with known numbers: three joints, first-order moves, a bag as a robot would leave it."""
+"""A synthetic run with known numbers: three joints, first-order moves, a bag as of a robot."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -20,7 +20,7 @@ PERIOD, BATCH, TIME_CONSTANT = 1e-3, 20, 0.1
 
 
 def signals(cycles: int, sent_at: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """time (n,), position (n, 3), velocity (n, 3) of exponential moves that start at `sent_at`."""
+    """Return time (n,), position (n, 3) and velocity (n, 3) of exponential moves that start at `sent_at`."""
     time = np.arange(cycles) * PERIOD
     moved = 1.0 - np.exp(-np.maximum(time - sent_at, 0.0) / TIME_CONSTANT)
     position = START + moved[:, None] * (TARGET - START)
@@ -28,7 +28,7 @@ def signals(cycles: int, sent_at: float) -> tuple[np.ndarray, np.ndarray, np.nda
 
 
 def log_message(first: int, count: int, data: tuple[np.ndarray, np.ndarray, np.ndarray]) -> Any:
-    """Control log of `count` cycles from `first` on; the requested command is twice what was sent on joint 1."""
+    """Return a control log of `count` cycles from `first` on; joint 1's command before limiting is twice that after."""
     time, position, velocity = (values[first : first + count] for values in data)
     command = position * 10.0
     raw = command * np.array([2.0, 1.0, 1.0])
@@ -47,7 +47,7 @@ def log_message(first: int, count: int, data: tuple[np.ndarray, np.ndarray, np.n
 
 
 def counts_message(time: float) -> Any:
-    """Limit counts in which joint 2 was cut by speed and joint 3 began outside."""
+    """Return limit counts in which joint 2 was limited by velocity and joint 3 began outside its range."""
     message = JointLimitCounts(
         joint_names=list(JOINTS),
         cycles=100,
@@ -73,8 +73,7 @@ def write_run(
     twice: tuple[int, ...] = (),
     extra: Sequence[tuple[str, Any, float]] = (),
 ) -> RunFolder:
-    """A run folder with a bag; `lost` and `twice` are batches (of 20 cycles) left out or written twice, `extra` more
-    for the bag."""
+    """Write a run folder; lost, twice: batches of 20 cycles left out, or written twice; extra: more messages."""
     folder = RunFolder.create(root, "made_up")
     data = signals(cycles, sent_at)
     with BagWriter(folder.bag_path) as bag:

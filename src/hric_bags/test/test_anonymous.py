@@ -1,4 +1,4 @@
-"""What an anonymised export still says: all its files are searched for whom and when the run was of."""
+"""Anonymised exports: all files are searched for anything that identifies the person or the date."""
 
 import json
 import re
@@ -35,7 +35,7 @@ from hric_run.bag_writer import BagWriter
 
 RAW = "/hric/perception/emg/raw"
 WALL = 1_773_480_000
-"""2026-03-14 09:20:00 UTC [s]."""
+"""Date of the run: 2026-03-14 09:20:00 UTC, as seconds since 1970 [s]."""
 STRENGTH = 0.35170923
 BODY = {
     "mass": 83.719531,
@@ -86,9 +86,9 @@ TOLD = (
     ),
     *("2026-03-14", "20260314", "09:20", "1773480", "S07_still", "lab-pc"),
 )
-"""Text that must be nowhere."""
+"""Texts that must not be in any exported file."""
 NUMBERS = (83.719531, 1.873492, 0.33310417, 0.81290731, STRENGTH, 2.22271905, 1.11170342)
-"""And numbers, as floats of 8 bytes. (Of 4 bytes some may turn up by chance.)"""
+"""Numbers that must not be in any file as 8-byte floats (4-byte floats may occur by chance)."""
 
 
 def times_later(value: Any) -> Any:
@@ -106,7 +106,7 @@ def times_later(value: Any) -> Any:
 
 
 def write_own(path: Path) -> None:
-    """Messages that tell of the person, beside those of every other test of export."""
+    """Write a bag with messages that identify the person, in addition to those of other export tests."""
     with BagWriter(path) as bag:
         bag.write("/rosout", Log(name="/driver", msg="Jane Doe on lab-pc"), 0.01)
         torque = JointTorque(name=["r_elbow"], torque=[4.5], strength_share=[STRENGTH], at_strength=[True], clipped=[3])
@@ -120,7 +120,7 @@ def write_own(path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> RunFolder:
-    """Of a person, recorded on the wall clock, in a folder with the date."""
+    """Write the run of a person, recorded on the wall clock, in a folder with the date."""
     made = tmp_path_factory.mktemp("made")
     export_bags.write(made / "usual.bag", mocap_frame="base")
     write_own(made / "own.bag")
@@ -153,7 +153,7 @@ def exported(run: RunFolder) -> tuple[Path, exporting.ExportResult]:
 
 
 def contents(folder: Path) -> Iterator[tuple[str, bytes]]:
-    """(name, all bytes that a reader may get) of each file: compressed ones also uncompressed."""
+    """Yield (name, bytes) of each file, of compressed files also uncompressed."""
     for path in sorted(folder.rglob("*")):
         if path.is_file():
             yield str(path.relative_to(folder)), path.read_bytes()
@@ -233,7 +233,7 @@ def test_what_is_left_of_the_run_is_coarse(exported: tuple[Path, exporting.Expor
 def test_what_was_dropped_coarsened_and_left_is_listed(exported: tuple[Path, exporting.ExportResult]) -> None:
     folder, result = exported
     said = (folder / "about" / "anonymised.txt").read_text()
-    for part in ("dates of the run", "mass of the subject: to the next 10 kg", "height of the subject", STAYS):
+    for part in ("dates of the run", "mass of the subject: rounded to 10 kg", "height of the subject", STAYS):
         assert part in said and any(part in note for note in result.notes)
 
 
@@ -262,7 +262,7 @@ def test_a_bag_by_itself_needs_a_folder_whose_name_its_user_chooses(run: RunFold
 
 
 class CountedBag:
-    """Definitions and messages of a bag, and how many were decoded."""
+    """Return definitions and messages of a bag, and how many messages were decoded."""
 
     def __init__(self, store: Typestore) -> None:
         self.typestore, self.decoded = store, 0

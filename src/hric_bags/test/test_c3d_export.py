@@ -26,13 +26,13 @@ from hric_core.trial.c3d import read_trial
 from hric_perception.plate.section import PlateSection
 
 SINGLE = 2.0**-24
-"""Relative rounding of a number of 32 bits."""
+"""Relative rounding error of a 32-bit float."""
 CALIBRATION = (
     (np.diag([500.0, 510.0, 1000.0, 300.0, 200.0, 100.0]) + np.random.default_rng(5).normal(scale=3.0, size=(6, 6)))
     .round(6)
     .tolist()
 )
-"""[N/V, N m/V]"""
+"""Calibration matrix of the plate [N/V, N m/V]."""
 R_GROUND_BASE = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 
 
@@ -58,7 +58,7 @@ def run_of(truth: Truth, folder: Path, section: dict[str, Any]) -> RunFolder:
 
 @pytest.fixture(scope="module", params=[2, 4])
 def file(truth: Truth, tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest) -> tuple[int, Path]:
-    """(type of the plate, the file)."""
+    """Return (type of the plate, path of the c3d file)."""
     section = {"size": [0.5, 0.3], "calibration": CALIBRATION} if request.param == 4 else {"size": [0.5, 0.3]}
     run = run_of(truth, tmp_path_factory.mktemp("run"), section)
     assert main(["export", str(run.path), "--format", "c3d", "--quiet"]) == 0
@@ -66,14 +66,14 @@ def file(truth: Truth, tmp_path_factory: pytest.TempPathFactory, request: pytest
 
 
 def markers(truth: Truth) -> np.ndarray:
-    """In the ground, shape (frames, 3, 3) [m]; NaN: not seen."""
+    """Return the marker positions in OpenSim's ground, shape (frames, 3, 3) [m]; NaN: not visible."""
     found = np.stack([(truth.p + truth.R @ point) @ R_GROUND_BASE.T for point in MARKERS_BODY], axis=1)
     found[list(HIDDEN), 1] = np.nan
     return found
 
 
 def read(path: Path) -> tuple[c3d.Reader, np.ndarray, np.ndarray]:
-    """(reader, points (frames, markers, 5), analogs (samples, channels)) by the independent reader."""
+    """Return (reader, points (frames, markers, 5), analogs (samples, channels)) by an independent reader."""
     with path.open("rb") as handle, warnings.catch_warnings():
         warnings.simplefilter("ignore")
         reader = c3d.Reader(handle)

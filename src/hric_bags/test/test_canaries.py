@@ -1,4 +1,4 @@
-"""A canary in every text of every file and message of a run: none comes out of an anonymised export."""
+"""Unique texts (canaries) in all files and messages of a run: none is in an anonymised export."""
 
 import importlib
 import json
@@ -25,15 +25,15 @@ from hric_run.bag_writer import BagWriter
 from hric_run.definition import experiment
 
 CANARY = "Kanarienvogel"
-"""Begin of each unique canary."""
+"""Begin of each canary."""
 WALL = 1_773_480_000
-"""2026-03-14 09:20:00 UTC [s]."""
+"""Date of the run: 2026-03-14 09:20:00 UTC, as seconds since 1970 [s]."""
 PRIVATE_NUMBER = 83.719531
 OTHERS = ("std_msgs", "sensor_msgs", "diagnostic_msgs", "visualization_msgs", "rosgraph_msgs", "tf2_msgs")
 
 
 class Canaries:
-    """Makes unique texts, and counts them."""
+    """Generator of unique texts, which counts them."""
 
     def __init__(self) -> None:
         self.count = 0
@@ -43,7 +43,7 @@ class Canaries:
         return f"{CANARY}{self.count}"
 
     def everywhere(self, value: Any) -> Any:
-        """The same data with a canary for each text, and in each mapping keys that nobody knows; times are dates."""
+        """Return data with a canary for each text, and unknown keys in each mapping; times become dates."""
         if isinstance(value, Mapping):
             known = {key: self.everywhere(item) for key, item in value.items()}
             return {**known, self.new(): PRIVATE_NUMBER, f"note_{self.new()}": self.new(), "notes": self.new()}
@@ -52,7 +52,7 @@ class Canaries:
         return self.new() if isinstance(value, str) else value
 
     def message(self, kind: type) -> Any:
-        """A message with a canary in each text, two elements in each array, and dates for times."""
+        """Return a message with a canary in each text, two elements in each array, and dates as times."""
         made = kind()
         for name, typed in zip(made.__slots__, made._slot_types, strict=True):
             setattr(made, name, self.field(typed))
@@ -78,7 +78,7 @@ class Canaries:
 
 
 def messages() -> Iterator[type]:
-    """All message types of the packages that an export knows, and of others."""
+    """Return all message types of packages that an export passes on, and of others."""
     for package in (*sorted(privacy().packages), *OTHERS):
         module = importlib.import_module(f"{package}.msg")
         yield from (kind for kind in vars(module).values() if isinstance(kind, type) and hasattr(kind, "_slot_types"))
@@ -151,7 +151,7 @@ def test_what_is_known_is_passed_on(exported: Path) -> None:
 
 
 def test_every_key_of_the_projects_own_files_has_a_class() -> None:
-    """One that is new gets a class in config/privacy.yaml: public words, or private."""
+    """A new message type or key needs a class in config/privacy.yaml: public words, or private."""
     known = privacy()
 
     def unknown(value: Any, path: tuple[str, ...]) -> Iterator[str]:

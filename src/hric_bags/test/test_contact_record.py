@@ -80,7 +80,7 @@ def test_metrics_report_and_page_have_the_kind(tmp_path, kind):
     assert (pair["kind"], pair["peak_force"]) == (kind, 152.34 if kind == "penalty" else 80.0)
     (line,) = [line for line in result["report"].splitlines() if line.startswith(HAND)]
     assert kind in line
-    assert ("not to be assessed" in result["report"]) == (kind == "rigid")
+    assert ("must not be assessed" in result["report"]) == (kind == "rigid")
 
 
 def test_a_run_without_contact_has_none(tmp_path):

@@ -16,9 +16,9 @@ from hric_report import headless
 from hric_run.definition import experiment
 
 R_GROUND_BASE = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
-"""z of the base points along y of OpenSim's ground."""
+"""Rotation from the base to OpenSim's ground: z of the base points along y of the ground."""
 TORQUE_BOUND = 0.002
-"""Of inverse dynamics of pd_step against the logged torque, as INTERFACE.md states it [N m]."""
+"""Largest error of pd_step's inverse dynamics against the logged torque, as in INTERFACE.md [N m]."""
 
 
 @pytest.fixture(scope="module")
@@ -35,14 +35,14 @@ def folder(truth: Truth) -> Path:
 
 
 def markers(path: Path) -> tuple[opensim.TimeSeriesTableVec3, list[np.ndarray]]:
-    """OpenSim's table of a .trc file, and its markers, each shape (n, 3)."""
+    """Return OpenSim's table of a .trc file, and its markers, shape (n, 3) each."""
     table = opensim.TimeSeriesTableVec3(str(path))
     columns = [table.getDependentColumnAtIndex(k) for k in range(table.getNumColumns())]
     return table, [np.array([column[i].to_numpy() for i in range(table.getNumRows())]) for column in columns]
 
 
 def seen_markers(truth: Truth) -> np.ndarray:
-    """In the stream's frame, shape (3, n, 3), NaN where not seen [m]."""
+    """Return the marker positions in the stream's frame, shape (3, n, 3) [m]; NaN: not visible."""
     found = np.array([truth.p + truth.R @ point for point in MARKERS_BODY])
     found[1, list(HIDDEN)] = np.nan
     return found

@@ -1,4 +1,4 @@
-"""One bag as rosbags' own reader has it, and streams of which only a part is wanted."""
+"""The reader of one bag, compared with that of rosbags, also for some topics or times only."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""What a run on OpenSim leaves for OpenSim's own tools, read by OpenSim."""
+"""Files that a run on OpenSim writes for OpenSim's tools, read by OpenSim."""
 
 from pathlib import Path
 
@@ -17,7 +17,7 @@ from hric_report import headless
 from hric_run.definition import experiment
 
 R_GROUND_BASE = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
-"""z of the base points along y of OpenSim's ground."""
+"""Rotation from the base to OpenSim's ground: z of the base points along y of the ground."""
 
 
 @pytest.fixture(scope="module")

@@ -47,7 +47,7 @@ class Robot:
         self._thread.start()
 
     def send_setpoint(self) -> None:
-        """One setpoint for the report."""
+        """Publish one setpoint for the report."""
         self._command.publish(Float64MultiArray(data=TARGET.tolist()))
 
     def _run(self) -> None:
@@ -67,7 +67,7 @@ class Robot:
             self.batches += 1
 
     def close(self) -> None:
-        """End it."""
+        """Stop publishing."""
         self._stop.set()
         self._thread.join()
         for publisher in (*self._publishers.values(), self._command):
@@ -104,7 +104,7 @@ def split(robot: Robot, start: Callable[..., Node], tmp_path: Path) -> RunFolder
 
 
 def cut(bag: Path, keep: Callable[[str, float], bool]) -> None:
-    """Leave out messages of a bag; keep: of a topic, recorded at a time [s]."""
+    """Write a bag without some messages; keep: function (topic, recording time [s]) that returns True to keep one."""
     whole = bag.with_suffix(".whole")
     shutil.move(bag, whole)
     with rosbag.Bag(str(whole)) as old, rosbag.Bag(str(bag), "w") as new:

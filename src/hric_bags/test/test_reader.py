@@ -1,4 +1,4 @@
-"""The control log, setpoints and times of a bag as they are read, on a made-up run whose numbers are known."""
+"""Control log, setpoints and times as read from the bag of a synthetic run with known numbers."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -44,7 +44,7 @@ def test_an_overlapping_batch_adds_only_its_new_cycles() -> None:
 
 
 class Watched(SimpleNamespace):
-    """A message whose end can be seen."""
+    """Message of which tests can see when it is deleted."""
 
 
 def test_of_the_messages_of_a_control_log_none_is_kept_but_the_last() -> None:

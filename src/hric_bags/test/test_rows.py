@@ -1,4 +1,4 @@
-"""Numbers of messages as they are kept."""
+"""Collection of numbers from messages in arrays."""
 
 import pytest
 
@@ -6,7 +6,7 @@ from hric_bags.records.rows import Thinning
 
 
 def raw(milliseconds: int) -> bytes:
-    """A header with a stamp."""
+    """Return a header with a stamp."""
     seconds, rest = divmod(milliseconds, 1000)
     return bytes(4) + seconds.to_bytes(4, "little") + (rest * 1_000_000).to_bytes(4, "little")
 

@@ -1,4 +1,4 @@
-"""Run folders and files that are whole or absent."""
+"""Run folders, and files that are either complete or absent."""
 
 import errno
 import json
@@ -41,7 +41,7 @@ def test_a_run_is_found_by_path_name_and_latest(tmp_path: Path) -> None:
 
 
 def write_and_die(root: Path, number: int) -> Path:
-    """A run whose process is ended by a signal while it runs; its folder."""
+    """Create a run whose process is ended by signal `number` while it runs; return its folder."""
     code = (
         "import os, sys; from pathlib import Path; from hric_bags.run_folder import RunFolder\n"
         "folder = RunFolder.create(Path(sys.argv[1]), 'a'); folder.write({'status': 'running', 'seed': 4})\n"

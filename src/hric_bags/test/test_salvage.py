@@ -1,4 +1,4 @@
-"""One flipped bit at any place of a bag costs one chunk at most, and what may be wrong is marked."""
+"""One flipped bit anywhere in a bag destroys at most one chunk, and doubtful messages are marked."""
 
 import json
 import struct

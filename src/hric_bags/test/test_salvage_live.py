@@ -1,4 +1,4 @@
-"""A flipped bit anywhere in a bag that the recorder wrote from a real master costs one chunk at most."""
+"""A flipped bit anywhere in a bag of the real recorder destroys at most one chunk."""
 
 import random
 import time
@@ -55,7 +55,7 @@ def contents(path: Path) -> list[Message]:
 
 
 def check(whole: Path, damaged: Path, seed: int) -> None:
-    """Flip a random bit of a bag, salvage it, and compare what is kept with what there was."""
+    """Flip a random bit of a bag, salvage the bag, and compare its messages with the original ones."""
     expected, data, places = contents(whole), bytearray(whole.read_bytes()), random.Random(seed)
     at, bit = places.randrange(len(data)), places.randrange(8)
     where = f"bit {bit} of byte {at} of {len(data)}"

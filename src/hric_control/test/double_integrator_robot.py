@@ -1,5 +1,4 @@
-"""A robot small enough to reckon with by hand: two joints of 1 kg m^2 each, no gravity, on the loop, services and
-limits of the package."""
+"""Simulated robot with two joints of 1 kg m^2 and no gravity, whose motion can be calculated by hand."""
 
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -27,7 +26,7 @@ CUBE = """<robot name="cube"><link name="cube_link"><inertial><mass value="1"/>
 
 
 class DoubleIntegrator(ReactingPlant):
-    """q'' = tau per joint, semi-implicit; remembers what it was asked for."""
+    """Plant with q'' = tau for each joint, integrated semi-implicitly; records the calls of its methods."""
 
     def __init__(self, joint_names: Sequence[str], time_step: float) -> None:
         self.joint_names, self.time_step = tuple(joint_names), time_step

@@ -10,7 +10,9 @@ from hric_core.node import Node
 
 
 class RecordingRobotHW(FakeRobotHW):
-    """`calls`: those of the manager, e.g. ("do_switch", ["a"], ["b"]). `ready`: return value of `switch_done`, or an
+    """Robot that records the calls of the manager.
+
+    `calls`: recorded calls, e.g. ("do_switch", ["a"], ["b"]). `ready`: return value of `switch_done`, or an
     error that it raises. `refuse`: error that `prepare_switch` raises, or None."""
 
     def __init__(self) -> None:

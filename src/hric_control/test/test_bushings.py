@@ -1,4 +1,4 @@
-"""The law of a bushing against closed forms, and what it keeps."""
+"""The force law of a bushing against analytic solutions, and conservation of momentum and energy."""
 
 import math
 from collections.abc import Sequence
@@ -135,7 +135,7 @@ def test_what_is_no_bushing_is_refused_by_name(change: dict[str, object], messag
 def test_names_are_taken_once_and_unknown_ones_are_refused_with_those_that_exist() -> None:
     bushings = Bushings(lambda body: body, lambda body: [body])
     bushings.connect("grip", LOOSE)
-    with pytest.raises(HricError, match="connection 'grip' exists"):
+    with pytest.raises(HricError, match="connection name 'grip' is empty or taken"):
         bushings.connect("grip", LOOSE)
     with pytest.raises(HricError, match="no connection 'grib' in the plant; valid: grip"):
         bushings.disconnect("grib")

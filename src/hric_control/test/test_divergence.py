@@ -1,4 +1,4 @@
-"""What counts as diverged, and how it is said."""
+"""The criterion for a diverged simulation, and its error message."""
 
 import math
 

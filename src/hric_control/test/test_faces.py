@@ -1,4 +1,4 @@
-"""Where shapes lie on each other, against what one sees."""
+"""Contact areas of shapes that lie on each other, against areas known from geometry."""
 
 import math
 

@@ -16,7 +16,7 @@ SHARED = 4.0
 
 
 def give(force, mass=MASS):
-    """Bend of the bristle under a force [m]: a light body's is softer, so that five of them stay stable in a step."""
+    """Deflection of the bristle under a force [m]; that of a light body is softer, so that five of them are stable."""
     return force / BRISTLE_STIFFNESS + SHARED * STEP**2 * force / mass
 
 

@@ -1,4 +1,4 @@
-"""What the limiters let through."""
+"""The commands that the limiters return."""
 
 import logging
 import math
@@ -201,7 +201,8 @@ class TestEffort:
             for _ in range(3):
                 limiter.enforce(DT)
         assert [record.getMessage() for record in caplog.records] == [
-            "j4 starts at 0.0000 rad, outside its range [-3.0718, -0.0698]: until it is inside it may only move inwards"
+            "joint j4 starts at 0.0000 rad, outside its range [-3.0718, -0.0698]: it may only move inwards until it is "
+            "inside"
         ]
         assert limiter.counts.started_outside == [False, True]
 

@@ -75,7 +75,10 @@ def test_without_a_node_the_description_alone_counts():
         ({"max_velocity": -1.0}, "/max_velocity is -1.0; valid: a finite number of 0 or more [rad/s or m/s]"),
         ({"min_position": 3.0}, "limits of joint arm: lower 3 is above upper 2"),
         ({"soft_lower_limit": 5.0}, "soft_lower 5 is above soft_upper 1.9"),
-        ({"has_effort_rate_limits": True}, "has_effort_rate_limits is true, but max_effort_rate is not given"),
+        (
+            {"has_effort_rate_limits": True},
+            "has_effort_rate_limits is true, but max_effort_rate is not set, and the URDF",
+        ),
         ({"has_velocity_limits": "yes"}, "has_velocity_limits is 'yes'; valid: true or false"),
         ({"max_effort": "much"}, "max_effort is 'much'; valid: a finite number"),
         ({"max_effort": True}, "max_effort is True; valid: a finite number"),
@@ -100,7 +103,7 @@ def test_an_unknown_joint_is_refused_with_those_that_exist():
 
 
 def test_an_unknown_kind_is_refused_with_those_that_exist():
-    with pytest.raises(ParameterError, match="no kind of limit speed; valid: position, velocity, effort"):
+    with pytest.raises(ParameterError, match="unknown kind of joint limit: speed; valid: position, velocity, effort"):
         load_limits(URDF, None, ["arm"], use=("speed",))
 
 

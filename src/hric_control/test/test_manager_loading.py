@@ -78,7 +78,7 @@ def test_an_unknown_joint_is_refused_with_the_joints_that_exist(rig) -> None:
 
 
 class Talkative(Controller):
-    """Offers topics and a service, and takes nothing back by itself."""
+    """Controller that offers topics and a service and does not unregister them."""
 
     def init(self, robot_hw, root_node, controller_node) -> None:
         robot_hw.get(EffortJointInterface).group()
@@ -177,7 +177,7 @@ def test_a_fake_controller_is_a_controller() -> None:
 
 
 class Lazy(Controller):
-    """Reads a number, a group and a number of a group, and looks for a switch."""
+    """Controller that reads a number, a group of parameters and a number in a group, and asks if a parameter exists."""
 
     def init(self, robot_hw, root_node, controller_node) -> None:
         self.values = [controller_node.param(name, 0.0) for name in ("gain", "limits", "filter/time")]

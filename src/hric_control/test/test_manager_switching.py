@@ -101,7 +101,7 @@ def test_strictness_0_is_best_effort_with_a_warning_and_others_are_refused(
 ) -> None:
     rig.load("left")
     rig.manager.switch(["left", "lift"], [], 0)
-    assert rig.states() == {"left": "running"} and "taken as BEST_EFFORT" in caplog.text
+    assert rig.states() == {"left": "running"} and "strictness is not set, BEST_EFFORT is used" in caplog.text
     with pytest.raises(HricError, match=r"strictness must be 1 \(BEST_EFFORT\) or 2 \(STRICT\), not 3"):
         rig.manager.switch([], ["left"], 3)
 
@@ -188,7 +188,7 @@ def test_without_a_loop_a_switch_is_cancelled_in_time_and_not_made_later(rig) ->
     rig.manager.loop_running, rig.manager.loop_timeout = True, 0.05
     with pytest.raises(
         HricError,
-        match=r"the control loop is not running \(paused\?\): the switch was cancelled after 0.05 s, nothing changed",
+        match=r"loop is not running \(paused\?\): the switch was cancelled after 0.05 s; nothing was changed",
     ):
         rig.manager.switch(["left"], [])
     rig.cycle(3)

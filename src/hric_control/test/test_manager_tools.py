@@ -1,4 +1,4 @@
-"""The manager on rospy, spoken to by ROS's own tools and by spawner, unspawner and controller_manager."""
+"""The manager on rospy, used by ROS's own tools and by spawner, unspawner and controller_manager."""
 
 import os
 import re
@@ -220,7 +220,7 @@ def test_an_unspawner_keeps_controllers_stopped_and_starts_them_again_at_its_end
 
 
 class SlowClient:
-    """A manager whose switches take effect at once and are answered late."""
+    """Manager client whose switches take effect at once but return late."""
 
     def __init__(self) -> None:
         self.running = {"left"}
@@ -244,7 +244,7 @@ class SlowClient:
 
 
 def in_the_middle(client: SlowClient, work: Callable[[], None], end: Callable[[], None]) -> None:
-    """Begin `end` while `work` waits for an answer of the manager, then let it answer."""
+    """Begin `end` while `work` waits for the manager's response, then let the response arrive."""
     working, ending = threading.Thread(target=work), threading.Thread(target=end)
     working.start()
     assert client.switching.wait(10)

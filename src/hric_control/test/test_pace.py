@@ -1,4 +1,4 @@
-"""The schedule of a paced run: announced ahead, slower where the loop or a source is late, one map for all."""
+"""The schedule of a paced simulation: announced in advance, and slower if the loop or another process is late."""
 
 import random
 
@@ -12,7 +12,7 @@ PERIOD = 0.001
 
 
 class Loop:
-    """A loop of 1 ms on a machine by arithmetic alone.
+    """Loop with cycles of 1 ms on a machine that is only calculated.
 
     Args:
         factor: requested robot time per wall time.

@@ -1,4 +1,4 @@
-"""Who acts beside the robot in its plant: a pusher from a package of its own, on a robot of two masses."""
+"""Participants in a robot's plant: a pusher, which another package exports, and a robot of two masses."""
 
 import sys
 from collections.abc import Iterator
@@ -40,7 +40,7 @@ EXPORT = '<export><hric_control plugin="${prefix}/plugins.xml"/></export>'
 
 @pytest.fixture(autouse=True)
 def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """One that exports the pusher."""
+    """Package that exports the pusher as a plugin."""
     (tmp_path / "package.xml").write_text(f"<package format='3'><name>lab</name>{EXPORT}</package>")
     (tmp_path / "plugins.xml").write_text(
         '<library path="lib"><class name="lab/Pusher" type="lab_pusher:Pusher"'

@@ -1,4 +1,4 @@
-"""The PID by which joints follow a position or velocity."""
+"""PID controller for the position or velocity of a joint."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""What plants share: files, worlds, parameters, the memory of stops, wrenches that end."""
+"""Common parts of plants: files, worlds, parameters, joint stops, wrenches that end."""
 
 import math
 from dataclasses import dataclass

@@ -39,7 +39,7 @@ class Push(Controller):
 
 
 class Run:
-    """A headless app on the toy robot; every message is kept by topic."""
+    """RobotApp without ROS on the toy robot; all messages are recorded by topic."""
 
     def __init__(self, parameters=None, effort=1.0, start=True):
         self.node = LocalNode({"robot_description": toy.URDF, "push": {"type": "test/Push", "effort": effort}})
@@ -229,7 +229,9 @@ def test_diagnostics_tell_the_loop_and_what_was_limited(run):
     loop, limits, listeners = status.message().status
     values = {item.key: item.value for item in loop.values}
     assert (loop.name, loop.hardware_id, loop.message) == ("robot: control loop", "toy", "not running")
-    assert listeners.name == "robot: listeners" and "limit for each [bytes]" in {item.key for item in listeners.values}
+    assert listeners.name == "robot: listeners" and "queue limit for each [bytes]" in {
+        item.key for item in listeners.values
+    }
     assert values["cycles"] == "400"
     assert values["robot time [s]"] == "0.400"
     assert limits.level == DiagnosticStatus.WARN
@@ -260,11 +262,11 @@ def test_nobody_listening_is_told_and_the_robot_goes_on(caplog):
     app = RobotApp(node, LocalNode({"real_time_factor": 0.0, "wait_for_log_listener": 0.02}), hw=toy.ToyRobot())
     with caplog.at_level(logging.WARNING, "hric"):
         app.wait_for_log_listener()
-    assert "nobody listens to control_log after 0.02 s" in caplog.text
+    assert "control_log has no subscriber after 0.02 s" in caplog.text
 
 
 class Bare(RecordingRobotHW):
-    """Three cycles of a robot that has nothing optional."""
+    """Robot without optional attributes, which runs three cycles."""
 
     def run(self, on_cycle):
         for k in range(3):
@@ -280,6 +282,6 @@ def test_a_robot_that_has_nothing_optional_runs_without_clock_log_counts_and_ser
     assert not {"/clock", "/control_log", "/limit_counts"} & set(node.topics())
     assert not [name for name in node.services() if name.startswith("/sim")]
     assert app.limit_counts().total == 0
-    with pytest.raises(HricError, match=r"Bare\w* has no robot time, so run\(\) cannot take a duration"):
+    with pytest.raises(HricError, match=r"Bare\w* has no robot time, so run\(\) cannot have a duration"):
         app.run(1.0)
     app.shutdown()

@@ -15,7 +15,7 @@ pytestmark = pytest.mark.alone
 
 
 class Runner:
-    """Runs a loop in a thread and remembers its cycles."""
+    """Loop that runs in a thread and whose cycles are recorded."""
 
     def __init__(self, loop, until=None):
         self.loop, self.until = loop, until

@@ -1,4 +1,4 @@
-"""What the services under sim/ do, on a robot without physics worth the name."""
+"""The services in the namespace `sim`, on a robot with very simple physics."""
 
 import importlib
 import math
@@ -51,7 +51,7 @@ def robot(node):
 
 
 def cycles(hw, n):
-    """Run n cycles; answers the reset_controllers that each got."""
+    """Run n cycles; return the argument `reset_controllers` of each."""
     resets = []
 
     def on_cycle(time, period, reset):

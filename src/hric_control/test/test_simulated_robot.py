@@ -1,4 +1,4 @@
-"""What every simulated robot does with its plant and its loop, whoever commands it."""
+"""The behaviour of all simulated robots: plant, loop, reset and changes of the pose."""
 
 import math
 
@@ -21,7 +21,7 @@ def robot() -> ToyRobot:
 @pytest.mark.parametrize("q", [[0.1], [0.1, 0.2, 0.3], [0.1, math.nan], [math.inf, 0.2]])
 def test_a_pose_that_is_none_is_refused_with_the_joints_and_nothing_moves(robot: ToyRobot, q: list[float]) -> None:
     for put in (robot.reset, robot.set_configuration):
-        with pytest.raises(CommandError, match="2 finite numbers for j1, j2; got"):
+        with pytest.raises(CommandError, match="2 finite numbers, for j1, j2; got"):
             put(q)
     assert robot.plant.q.tolist() == [0.0, 0.0] and robot.plant.resets == 0
 

@@ -50,7 +50,7 @@ def test_damping_never_pulls():
 
 
 def impact(mass, speed, phase, known_mass=1.0, damping=0.0):
-    """(peak, impulse, speed afterwards) of a mass on a fixed spring, pushed by the mean of each step."""
+    """(peak force, impulse, speed afterwards) of a mass on a fixed spring, moved by the mean force of each step."""
     springs, x, v, before, peak, impulse = Springs(STEP), -(3.0 + phase) * STEP * speed, speed, speed, 0.0, 0.0
     while v > 0.0 or x > -1e-4:
         springs.begin()

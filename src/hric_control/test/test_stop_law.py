@@ -1,4 +1,4 @@
-"""Stops of spawned models: a spring and a damper that follow from the inertia which the stop meets."""
+"""Stops of spawned models: a spring and a damper computed from the effective inertia of the joint."""
 
 import math
 
@@ -8,7 +8,7 @@ from hric_control.plants import StopLaw
 from hric_control.plants.stops import STOP_RATE
 
 INERTIA, MASS = 0.21, 2.0
-"""Of a joint that swings [kg m^2] and one that slides [kg]."""
+"""Inertia at a revolute joint [kg m^2] and mass at a prismatic one [kg]."""
 
 
 @pytest.fixture

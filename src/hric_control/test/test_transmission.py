@@ -1,4 +1,4 @@
-"""Transmissions and what the description says of them."""
+"""Transmissions, and reading them from a robot description."""
 
 import pytest
 
@@ -70,7 +70,7 @@ def test_the_gear_maps_power_onto_itself_and_positions_by_the_offset():
         (
             '<actuator name="m1">',
             '<actuator name="m0"/><actuator name="m1">',
-            "a SimpleTransmission has one <actuator>; it has 2",
+            "a SimpleTransmission needs exactly one <actuator>; it has 2",
         ),
     ],
 )

@@ -1,4 +1,4 @@
-"""The simulated arm with the controllers as they come configured, headless: for tests of one controller."""
+"""The simulated arm without a ROS master and with the shipped configuration, for tests of one controller."""
 
 from pathlib import Path
 

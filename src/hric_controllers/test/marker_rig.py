@@ -15,7 +15,7 @@ THESIS = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 
 
 def sinusoid(time):
-    """Marker's way in the base, shape (3,) [m]: one axis."""
+    """Return the position of a marker that moves along one axis, in the base, shape (3,) [m]."""
     return np.array([0.0, AMPLITUDE * math.sin(2 * math.pi * FREQUENCY * time), 0.0])
 
 
@@ -72,7 +72,7 @@ class MarkerRig(ArmRig):
         self.marker.publish(message)
 
     def figures(self, path):
-        """Lag [s], RMS error after it [m], RMS acceleration by the ideal one; over all cycles."""
+        """Return the lag [s], the RMS error without it [m], and the RMS acceleration relative to the ideal one."""
         moved, truth, n = path - path[0], self.truth - self.truth[0], len(path)
         errors = [np.sqrt(np.mean(np.sum((moved[lag:] - truth[: n - lag]) ** 2, axis=1))) for lag in range(400)]
         lag = int(np.argmin(errors))

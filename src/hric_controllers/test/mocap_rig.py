@@ -37,7 +37,7 @@ class MocapArm(ArmRig):
         self.rows = []
 
     def robot_time(self, monotonic):
-        """Of a time of the client's clock [ns] -> [s]."""
+        """Return the robot time [s] of a time of the client's clock [ns]."""
         return (monotonic - START) * 1e-9
 
     def marker_cycle(self, time):
@@ -57,7 +57,7 @@ class MocapArm(ArmRig):
 
     @property
     def desired(self):
-        """Setpoints of the position, shape (n, 3) [m]."""
+        """Return the desired positions, shape (n, 3) [m]."""
         return np.array([position for _, position in self.rows])
 
     def check_within_limits(self):

@@ -1,4 +1,4 @@
-"""Cartesian impedance on the simulated arm: what a spring, a damper and a null space must do."""
+"""Cartesian impedance on the simulated arm behaves as a spring, a damper and a null-space posture."""
 
 import itertools
 import logging
@@ -221,10 +221,10 @@ def test_the_rate_of_torque_is_limited_from_the_first_cycle_on():
         (lambda p, q: (p, [math.inf, *q[1:]]), "orientation is not finite"),
         (lambda p, q: (p, [0.0] * 4), "its norm is 0"),
         (lambda p, q: (p, [2.0 * value for value in q]), "is not a unit quaternion"),
-        (lambda p, q: ([p[0] + 0.31, *p[1:]], q), "0.31 m from the equilibrium in force; valid: up to 0.3 m"),
+        (lambda p, q: ([p[0] + 0.31, *p[1:]], q), "0.31 m from the present equilibrium; valid: up to 0.3 m"),
         (
             lambda p, q: (p, quaternions.product(quaternions.from_rotation_vector((0.0, 0.0, 1.7)), tuple(q))),
-            "1.7 rad from the equilibrium",
+            "1.7 rad from the present equilibrium",
         ),
     ],
 )

@@ -108,8 +108,8 @@ def test_in_an_occlusion_it_stops_within_its_limits_and_does_not_jump_on_return(
     said = [text for text in lines(caplog, logging.INFO) if "marker" in text]
     assert (
         len(said) == 3
-        and "first marker" in said[0]
-        and "is lost: no valid one for 10" in said[1]
+        and "first valid marker" in said[0]
+        and "is lost: no valid sample for 10" in said[1]
         and "new origins" in said[2]
     )
     seen = [message.tracking for message in bench.messages[STATE]]

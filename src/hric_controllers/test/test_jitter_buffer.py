@@ -1,4 +1,4 @@
-"""The jitter buffer of marker samples: when each counts."""
+"""Jitter buffer of marker samples: the time at which each sample takes effect."""
 
 import numpy as np
 import pytest

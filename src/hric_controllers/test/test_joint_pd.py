@@ -108,7 +108,7 @@ def test_a_new_setpoint_in_motion_leaves_the_desired_state_continuous():
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        ([0.1], "the one before stays: 1 values; valid: 2, for a, b"),
+        ([0.1], "the present one is kept: 1 values; valid: 2, for a, b"),
         ([0.1, math.nan], "b nan is not a finite number"),
         ([0.1, math.inf], "b inf is not a finite number"),
         ([1.6, 0.0], "a 1.6 is outside -1 to 1.5"),
@@ -155,7 +155,7 @@ def test_the_parameter_setpoint_is_where_it_goes_at_the_start():
         ({"kp": [1.0, -2.0]}, "/pd/kp/b is -2.0"),
         ({"kd": math.nan}, "/pd/kd is nan"),
         ({"kd": [1.0]}, "/pd/kd is [1.0]; valid: 2 values, for a, b"),
-        ({"kp": {"a": 1.0}}, "/pd/kp has nothing for b"),
+        ({"kp": {"a": 1.0}}, "/pd/kp has no value for b"),
         ({"kp": {"a": 1.0, "b": 1.0, "c": 1.0}}, "no joint 'c' in /pd/kp"),
         ({"kp": "high"}, "'high'"),
         ({"joints": ["a", "z"]}, "no joint 'z' in EffortJointInterface; valid: a, b"),
@@ -257,7 +257,9 @@ def test_a_damping_within_the_bound_gives_no_warning(caplog):
 
 
 def test_strict_gains_refuse_what_would_be_warned_of():
-    assert "strict_gains refuses it" in refusal(description=URDF, kd=BOUND_B * 1.01, strict_gains=True)
+    assert "refused because the parameter strict_gains is true" in refusal(
+        description=URDF, kd=BOUND_B * 1.01, strict_gains=True
+    )
 
 
 def test_rotor_inertia_raises_the_bound(caplog):
@@ -267,7 +269,7 @@ def test_rotor_inertia_raises_the_bound(caplog):
 
 def test_a_live_damping_beyond_the_bound_is_refused_when_strict():
     bench = lab(description=URDF, strict_gains=True)
-    with pytest.raises(HricError, match="strict_gains refuses it"):
+    with pytest.raises(HricError, match="refused because the parameter strict_gains is true"):
         bench.node.set_live("/pd", {"kd_b": BOUND_B * 2})
     assert bench.node.param("pd/kd_b") == 20.0
 

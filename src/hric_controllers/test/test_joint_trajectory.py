@@ -403,7 +403,7 @@ def test_the_yaml_of_thesis_listing_5_loads_and_follows():
 @pytest.mark.parametrize(
     ("extra", "words"),
     [
-        ({"gains": {"a": GAINS["a"]}}, "/jt/gains has nothing for b"),
+        ({"gains": {"a": GAINS["a"]}}, "/jt/gains has no value for b"),
         ({"gains": {**GAINS, "z": {"p": 1}}}, "no joint 'z' in /jt/gains; valid: a, b"),
         ({"gains": {**GAINS, "b": {"p": -1.0}}}, "/jt/gains/b/p is -1.0"),
         (

@@ -1,4 +1,4 @@
-"""The targets that a marker's samples give, and when they give none."""
+"""Targets that follow from marker samples, and the samples from which none follows."""
 
 import dataclasses
 import itertools
@@ -98,10 +98,10 @@ def test_on_return_both_are_anchored_anew_or_the_marker_is_caught_up_with(catch_
 NAN = float("nan")
 UNBELIEVABLE = {
     "position not finite": MarkerSample((NAN, 0.0, 0.0)),
-    "further away than largest_distance": MarkerSample((1e30, 0.0, 0.0)),
-    "further from the one before than largest_step": MarkerSample((0.2, 0.0, 0.0)),
-    "not newer than the one before": MarkerSample((0.0, 0.0, 0.0), stamp=1.0),
-    "in another frame than the one before": MarkerSample((0.0, 0.0, 0.0), in_base=True),
+    "further from the origin of its frame than largest_distance": MarkerSample((1e30, 0.0, 0.0)),
+    "further from the previous marker than largest_step": MarkerSample((0.2, 0.0, 0.0)),
+    "not newer than the previous marker": MarkerSample((0.0, 0.0, 0.0), stamp=1.0),
+    "in another frame than the previous marker": MarkerSample((0.0, 0.0, 0.0), in_base=True),
 }
 
 
@@ -162,7 +162,7 @@ def test_the_attitude_turns_the_end_effector_about_the_same_axis_as_the_marker()
     )
     far = quaternions.product(quaternions.from_rotation_vector((0.0, 2.8, 0.0)), tilted)
     assert made.take(MarkerSample((0.0, 0.0, 0.0), attitude=far), 0.02, HERE) is None
-    assert made.counts.refused == {"asks for more than largest_turn": 1}
+    assert made.counts.refused == {"rotates the end effector by more than largest_turn": 1}
 
 
 def test_a_commanded_pose_goes_before_markers_until_it_is_reached():

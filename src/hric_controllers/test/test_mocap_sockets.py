@@ -60,7 +60,7 @@ class WireArm(MocapArm):
                 self.publisher.restart()
 
     def until(self, condition, then=0.0):
-        """Run until a condition holds, and for `then` [s] more."""
+        """Run until a condition holds, and for `then` seconds more."""
         limit = time.monotonic() + PATIENCE
         while not condition():
             assert time.monotonic() < limit, f"waited too long; the client says: {self.client.health().text}"
@@ -86,7 +86,7 @@ class Flood(threading.Thread):
         self.sent, self._session = 0, bench.client.session
 
     def _genuine(self):
-        """As the newest frame of the stream."""
+        """Return a datagram that imitates the newest frame of the stream."""
         body = RigidBody(1, (0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
         return CODEC.encode_frame(one_body_frame(self._session._sequence or 0)._replace(bodies=(body,)))
 

@@ -27,7 +27,7 @@ def motive(up="y", faults=None, source=MOVING, **settings):
 
 
 def way(bench):
-    """Of the setpoint from the start, shape (n, 3) [m]."""
+    """Return the displacement of the desired position from the start, shape (n, 3) [m]."""
     return bench.desired - bench.desired[0]
 
 
@@ -79,7 +79,7 @@ def test_the_log_and_the_bag_say_that_the_marker_was_lost(tmp_path, caplog):
     for words in (
         "hand: tracking lost",
         "hand: tracked",
-        "the marker is lost: no valid one for 10",
+        "the marker is lost: no valid sample for 10",
         "the marker is back",
     ):
         assert any(words in line for line in said), words

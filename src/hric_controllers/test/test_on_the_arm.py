@@ -1,4 +1,4 @@
-"""The controllers as they come configured, on the simulated arm."""
+"""The controllers with the shipped configuration on the simulated arm."""
 
 import itertools
 import logging

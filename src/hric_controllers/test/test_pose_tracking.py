@@ -1,4 +1,4 @@
-"""The desired pose under any messages, without an arm: what reaches the arm never jumps."""
+"""The desired pose never jumps, whatever messages arrive; without an arm."""
 
 import logging
 import math
@@ -54,7 +54,7 @@ def resident():
 
 
 class Watch:
-    """Differences of the setpoints against the limits."""
+    """Check of the desired poses' differences against the motion limits."""
 
     def __init__(self):
         self.velocity, self.acceleration = (

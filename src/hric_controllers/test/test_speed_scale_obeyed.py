@@ -1,4 +1,4 @@
-"""Controllers that declare the speed scale: the path stays, the time along it stretches, and at 0 nothing moves."""
+"""Controllers with a speed scale: the path does not change, its duration does, and at 0 nothing moves."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""On-line retargeting: limits, continuity, and what a noisy marker makes of it."""
+"""Online trajectory generator: limits, continuity, and the effect of a noisy marker."""
 
 import math
 import random

@@ -42,7 +42,7 @@ class ToyBox(Command):
 
 @pytest.fixture
 def toys(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A package from outside the workspace that has commands."""
+    """Package outside the workspace that exports commands."""
     package = tmp_path / "toys"
     package.mkdir()
     (package / "toys_module.py").write_text(TOY)

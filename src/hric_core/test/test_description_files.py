@@ -1,4 +1,4 @@
-"""Descriptions from files: the meshes that one names beside itself are found wherever the text is read."""
+"""Robot descriptions from files: meshes with relative paths are found wherever the text is read."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Errors on their way from one process to another."""
+"""Errors that are pickled and passed to another process."""
 
 import pickle
 

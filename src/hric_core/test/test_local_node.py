@@ -86,16 +86,16 @@ def test_a_latched_message_reaches_those_who_come_later_and_others_do_not() -> N
 
 def test_a_message_of_a_wrong_type_is_refused_with_topic_and_types() -> None:
     publisher = LocalNode().advertise("x", Float64)
-    with pytest.raises(HricError, match="topic /x carries std_msgs/Float64, not std_msgs/String"):
+    with pytest.raises(HricError, match="topic /x has type std_msgs/Float64, not std_msgs/String"):
         publisher.publish(String("1"))
-    with pytest.raises(HricError, match="topic /x carries std_msgs/Float64, not float"):
+    with pytest.raises(HricError, match="topic /x has type std_msgs/Float64, not float"):
         publisher.publish(1.0)
 
 
 def test_a_topic_has_one_type() -> None:
     node = LocalNode()
     node.advertise("x", Float64)
-    with pytest.raises(HricError, match="topic /x carries std_msgs/Float64, not std_msgs/String"):
+    with pytest.raises(HricError, match="topic /x has type std_msgs/Float64, not std_msgs/String"):
         node.subscribe("x", String, print)
 
 
@@ -194,7 +194,7 @@ def test_a_service_is_a_call_and_its_error_reaches_the_caller() -> None:
     assert node.call("a/set", SetBoolRequest(data=True)).success
     with pytest.raises(HricError, match="only true"):
         node.call("a/set", SetBoolRequest(data=False))
-    with pytest.raises(HricError, match="service /a/set carries std_srvs/SetBoolRequest, not std_srvs/TriggerRequest"):
+    with pytest.raises(HricError, match="service /a/set has type std_srvs/SetBoolRequest, not std_srvs/TriggerRequest"):
         node.call("a/set", TriggerRequest())
     assert node.services() == {"/a/set": "std_srvs/SetBool"}
     service.unregister()
@@ -208,7 +208,7 @@ def test_a_service_is_offered_once_and_must_answer_with_its_type() -> None:
     with pytest.raises(HricError, match="service /x is offered already"):
         node.service("x", Empty, lambda request: None)
     with pytest.raises(
-        HricError, match="response of service /x carries std_srvs/EmptyResponse, not std_srvs/TriggerResponse"
+        HricError, match="response of service /x has type std_srvs/EmptyResponse, not std_srvs/TriggerResponse"
     ):
         node.call("x", Empty._request_class())
 

@@ -12,7 +12,7 @@ from hric_core.node import GoalHandle
 
 
 class Server:
-    """Keeps the handles that it gets."""
+    """Action server that stores the goal handles it gets."""
 
     def __init__(self, node: LocalNode) -> None:
         self.goals: list[GoalHandle] = []
@@ -132,7 +132,7 @@ def test_the_topics_of_an_action_carry_what_actionlib_sends() -> None:
 def test_a_wrong_goal_type_and_an_unknown_action_are_refused() -> None:
     node = LocalNode()
     server = Server(node)
-    with pytest.raises(HricError, match="action /gripper carries control_msgs/GripperCommandGoal, not std_msgs/Empty"):
+    with pytest.raises(HricError, match="action /gripper has type control_msgs/GripperCommandGoal, not std_msgs/Empty"):
         node.send_goal("gripper", Empty())
     with pytest.raises(HricError, match="offered already"):
         Server(node)

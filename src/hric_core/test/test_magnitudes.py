@@ -1,4 +1,4 @@
-"""What no value of a unit can be is refused, with the unit that was probably meant."""
+"""Impossible values are refused, and the message names the unit that was probably meant."""
 
 import math
 from dataclasses import dataclass

@@ -61,11 +61,11 @@ def test_columns_are_those_that_opensim_wrote_and_it_is_known_whether_they_are_d
 
 WRONG = {
     "a.mot: No such file": None,
-    "no motion or storage file of OpenSim: it has no line 'endheader'": "time\ta\n0\t1\n",
-    "line 2: valid: `time` and the labels": "endheader\na\tb\n0\t1\n",
+    "not a motion or storage file of OpenSim: it has no line 'endheader'": "time\ta\n0\t1\n",
+    "line 2: wrong column labels; valid: `time`, then the other labels": "endheader\na\tb\n0\t1\n",
     "line 3: 3 columns; valid: 2": "endheader\ntime\ta\n0\t1\t2\n",
     "line 4: could not convert string to float: 'x'": "endheader\ntime\ta\n0\t1\n1\tx\n",
-    "valid: times that rise": "endheader\ntime\ta\n1\t1\n0\t1\n",
+    "the times of the rows do not increase; valid: finite, increasing times": "endheader\ntime\ta\n1\t1\n0\t1\n",
     "has no rows": "endheader\ntime\ta\n",
 }
 
@@ -80,9 +80,9 @@ def test_what_is_no_motion_is_refused_with_its_line(tmp_path: Path, said: str) -
 
 
 WRONG_MARKERS = {
-    "is no .trc file": ("PathFileType", "File"),
+    "is not a .trc file": ("PathFileType", "File"),
     "has markers in 'inch'; valid: mm, cm, dm, m": ("\tm\t", "\tinch\t"),
-    "line 4: valid: names of markers, each once": ("RWRA", "RELB"),
+    "line 4: wrong marker names; valid: one name or more, each once": ("RWRA", "RELB"),
 }
 
 
@@ -98,5 +98,5 @@ def test_what_are_no_markers_is_refused(tmp_path: Path, said: str) -> None:
 
 
 def test_uneven_times_have_no_rate() -> None:
-    with pytest.raises(ParameterError, match="at even times"):
+    with pytest.raises(ParameterError, match="not evenly spaced in time; valid: two rows or more, at a constant rate"):
         rate_of(Path("a.mot"), np.array([0.0, 0.1, 0.3]))

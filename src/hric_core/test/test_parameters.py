@@ -1,4 +1,4 @@
-"""The reader of parameters: what each kind takes and refuses, from each source, in which words."""
+"""Parameters: valid and refused values of each kind, from each source, and the error messages."""
 
 from dataclasses import dataclass, replace
 
@@ -85,7 +85,7 @@ def test_a_mapping_and_python_give_the_same():
         ({"kp": -1}, "arm.kp is -1; valid: a finite number of 0 or more [N m/rad]"),
         ({"kp": [1, -2]}, "arm.kp.b is -2; valid: a finite number of 0 or more [N m/rad]"),
         ({"kp": [1]}, "arm.kp is [1]; valid: 2 values, for a, b"),
-        ({"kp": {"a": 1}}, "arm.kp has nothing for b; valid: a value for each of a, b"),
+        ({"kp": {"a": 1}}, "arm.kp has no value for b; valid: a value for each of a, b"),
         ({"kp": {"a": 1, "bb": 1}}, "no joint 'bb' in arm.kp; valid: a, b (did you mean b?)"),
         ({"mode": "slow"}, "arm.mode is 'slow'; valid: fast, exact"),
         ({"mode": ["fast"]}, "arm.mode is ['fast']; valid: fast, exact"),

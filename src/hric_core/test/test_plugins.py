@@ -14,7 +14,7 @@ CLASS = (
 
 
 class Workspace:
-    """Packages in a folder that is all there is in ROS_PACKAGE_PATH."""
+    """Folder with packages, the only one in ROS_PACKAGE_PATH."""
 
     def __init__(self, root: Path) -> None:
         self.root = root

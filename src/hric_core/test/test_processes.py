@@ -76,7 +76,7 @@ def interrupted() -> None:
 
 
 def refused(error: HricError, begun: bool = False) -> int:
-    """What a command returns whose work raises the error, before or after it has begun."""
+    """Exit code of a command whose work raises the error, before or after it has begun."""
 
     def work() -> None:
         with failing() if begun else contextlib.nullcontext():

@@ -86,7 +86,7 @@ MADE: list[Listener] = []
 
 
 class Sink(Listener):
-    """A topic with one listener at the end of a real socket, which can be held up."""
+    """Topic with one listener on a real socket, which can stop reading."""
 
     def __init__(self) -> None:
         self.socket, self._peer = socket.socketpair()
@@ -103,14 +103,14 @@ class Sink(Listener):
         self.socket = None
 
     def hold(self) -> None:
-        """Fill the socket up: it takes nothing more."""
+        """Fill the socket, so that it accepts no more data."""
         self.socket.setblocking(False)
         with suppress(BlockingIOError):
             while True:
                 self._filling += self.socket.send(b"-" * 4096)
 
     def go_on(self) -> None:
-        """Take out what it was filled with, and what waits comes through."""
+        """Read the filling from the socket, so that queued messages arrive."""
         while self._filling:
             self._filling -= len(self._peer.recv(self._filling))
 
@@ -118,12 +118,12 @@ class Sink(Listener):
         pass
 
     def leave(self) -> None:
-        """Listen no longer."""
+        """Close the listener's end."""
         self._peer.close()
 
     @property
     def sent(self) -> list[object]:
-        """What has arrived so far."""
+        """Messages that have arrived so far."""
         with suppress(BlockingIOError):
             while heard := self._peer.recv(1 << 20):
                 self._heard += heard
@@ -170,7 +170,7 @@ def test_behind_a_busy_thread_the_newest_win_and_the_drops_are_counted_and_repor
     busy.set()
     assert thread.drain(2.0)
     assert sink.sent == [*range(300 - realtime.LAGGING_LIMIT, 300)]
-    assert reports == ["/x: messages were dropped, more than 100 waited (reported once)"]
+    assert reports == ["/x: messages were dropped, as more than 100 were queued (reported once)"]
 
 
 def test_messages_that_wait_together_are_sent_in_one_write_but_for_a_builder_that_fails(thread: PublishThread) -> None:

@@ -14,7 +14,7 @@ from hric_core.ros import process as ros_backlog
 pytestmark = pytest.mark.alone
 
 LONGEST_QUEUE = 28
-"""Where Linux tells, of a socket that listens, how many connections may wait: tcpi_sacked of struct tcp_info."""
+"""Offset of tcpi_sacked in struct tcp_info, where Linux gives the backlog of a listening socket."""
 
 
 @pytest.mark.rostest

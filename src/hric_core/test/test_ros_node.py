@@ -97,7 +97,7 @@ def test_a_wrong_type_and_a_wrong_field_are_refused_with_the_topic(node: RosNode
     publisher = node.advertise("typed", Float64, queue_size=0)
     node.subscribe("typed", Float64, print)
     assert wait(publisher.subscribers)
-    with pytest.raises(HricError, match="/typed carries std_msgs/Float64, not std_msgs/String"):
+    with pytest.raises(HricError, match="/typed has type std_msgs/Float64, not std_msgs/String"):
         publisher.publish(String("1"))
     with pytest.raises(HricError, match="/typed: "):
         publisher.publish(Float64("one"))
@@ -137,7 +137,7 @@ def test_a_services_error_is_its_text_at_the_caller(node: RosNode) -> None:
 
 def test_a_service_must_answer_with_its_type(node: RosNode) -> None:
     node.service("set", SetBool, lambda request: TriggerResponse())
-    with pytest.raises(rospy.ServiceException, match="carries std_srvs/SetBoolResponse, not std_srvs/TriggerResponse"):
+    with pytest.raises(rospy.ServiceException, match="has type std_srvs/SetBoolResponse, not std_srvs/TriggerResponse"):
         rospy.ServiceProxy(node.resolve("set"), SetBool)(True)
 
 

@@ -24,7 +24,7 @@ START = {"kp": 50.0, "count": 3, "on": True, "mode": "soft", "free": 0.5}
 
 
 class Owner:
-    """Keeps what it was asked for; does not let kp above 100."""
+    """Owner of live parameters that records requests and refuses kp above 100."""
 
     def __init__(self, namespace: str) -> None:
         self.asked: list[dict] = []

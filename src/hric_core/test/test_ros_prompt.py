@@ -22,11 +22,11 @@ from hric_core.ros.prompt import PromptConnection, send_promptly
 pytestmark = pytest.mark.alone
 
 SIZE = 50_000
-"""Of a message [bytes]: some fill the buffers of a socket."""
+"""Size of a message [bytes]; a few of them fill the buffers of a socket."""
 
 
 class Wire:
-    """What rospy's connection to a listener is made of, and the listener's end."""
+    """Parts of rospy's connection to a listener, and the listener's end of the socket."""
 
     endpoint_id, name = "/listener", "/topic"
 
@@ -40,7 +40,7 @@ class Wire:
         self.socket.close()
 
     def hear(self, number: int) -> list[int]:
-        """Numbers of so many messages."""
+        """Receive `number` messages and return the numbers in them."""
         heard = []
         for _ in range(number):
             heard.append(struct.unpack("<I", self._take(4))[0])
@@ -67,7 +67,7 @@ def message(number: int) -> bytes:
 
 
 def overfill(connection: PromptConnection) -> int:
-    """How many messages were sent until one had to wait."""
+    """Send messages until one is queued; return their number."""
     for number in range(1000):
         connection.write_data(message(number))
         if connection.waiting:
@@ -152,7 +152,7 @@ def test_a_listener_that_takes_nothing_for_long_is_closed_with_a_word(
     connection = PromptConnection(wire)
     overfill(connection)
     until(lambda: wire.done)
-    assert not connection.open and "/listener on /topic took nothing for 0.5 s: closed" in caplog.text
+    assert not connection.open and "/listener on /topic read nothing for 0.5 s: its connection is closed" in caplog.text
 
 
 LISTENER = """

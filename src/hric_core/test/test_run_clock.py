@@ -1,4 +1,4 @@
-"""The time of the run from pairs: through hiccups, lost time, pauses and other paces."""
+"""Robot time from clock pairs: with late cycles, lost time, pauses and other paces."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ PERIOD = 0.02
 
 
 class Run:
-    """A loop that tells a pair each 20 ms of wall time."""
+    """Loop that publishes a clock pair every 20 ms of wall time."""
 
     def __init__(self, pace: float = 1.0, told: float | None = None, seed: int = 0) -> None:
         self.clock, self.wall, self.time = RunClock(), 0.0, 0.0
@@ -30,7 +30,7 @@ class Run:
         self.pace = pace
 
     def ask(self) -> float:
-        """The clock's robot time now, which settles it."""
+        """Return the clock's present robot time and settle the clock up to it."""
         now = START + round(self.wall * NS)
         self.clock.settle(now)
         told = self.clock.robot_time(now)
@@ -38,7 +38,7 @@ class Run:
         return told
 
     def error(self, ago: float = 0.0) -> float:
-        """Of the clock's robot time so long ago [s]."""
+        """Error of the clock's robot time at an earlier instant [s]."""
         told = self.clock.robot_time(START + round((self.wall - ago) * NS))
         assert told is not None
         return told - (self.time - ago * self.pace)
@@ -116,7 +116,7 @@ def test_a_run_that_restarts_begins_a_new_line() -> None:
 
 @pytest.mark.parametrize("pace", [1.0, None])
 def test_pairs_that_go_back_a_little_bend_the_line_and_no_time_goes_back(pace: float | None) -> None:
-    """As those of a real arm, whose time was brought forward while a busy machine got its states late."""
+    """This happens with a real arm if a busy machine receives its states late."""
     clock, told = RunClock(), []
     for index in range(400):
         wall = 0.02 * index
@@ -167,7 +167,7 @@ def test_no_time_comes_twice_where_the_loop_loses_some_and_the_line_is_right_aga
 
 
 def test_who_looks_back_later_finds_the_time_that_was_returned_then() -> None:
-    """Without being asked meanwhile: all who hear the pairs within `LEAD` give a time one meaning."""
+    """All processes that receive the pairs within `LEAD` map a time in the same way, also if asked later."""
     run = Run()
     run.go(2.0)
     told, asked = [], []

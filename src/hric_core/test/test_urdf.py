@@ -1,5 +1,4 @@
-"""The one reader of descriptions: what the tree holds, what is refused and how, and that what is written is read
-again."""
+"""Reader of robot descriptions: content of the tree, refused descriptions, and reading of written elements."""
 
 import math
 from xml.etree import ElementTree
@@ -57,7 +56,7 @@ def test_joints_go_from_the_root_outwards_and_links_stand_as_in_the_document() -
 
 def test_a_path_that_is_none_is_refused() -> None:
     arm = read(ARM)
-    with pytest.raises(DescriptionError, match="link base does not hang on link tool"):
+    with pytest.raises(DescriptionError, match="link base is not a descendant of link tool"):
         arm.path("tool", "base")
     with pytest.raises(UnknownNameError, match="no link 'hand' in robot r; valid: base, box, lower, tool, upper"):
         arm.path("base", "hand")
@@ -191,11 +190,11 @@ REFUSED = {
     "nothing": ("", "not XML"),
     "another root element": ("<sdf/>", r"starts with <sdf>; it must be <robot> \(a .xacro file must be expanded"),
     "no link": (robot(), "no <link>; a robot needs at least one"),
-    "link without a name": (robot("<link/>"), "<link> number 1 has no name"),
-    "link twice": (robot(link("a"), link("a")), "link 'a' is there twice"),
+    "link without a name": (robot("<link/>"), "<link> number 1 of the robot description has no name"),
+    "link twice": (robot(link("a"), link("a")), "link 'a' is defined twice"),
     "joint twice": (
         robot(link("a"), link("b"), joint("j", "a", "b"), joint("j", "a", "b")),
-        "joint 'j' is there twice",
+        "joint 'j' is defined twice",
     ),
     "unknown joint type": (
         robot(link("a"), link("b"), joint("j", "a", "b", "screw")),
@@ -213,7 +212,7 @@ REFUSED = {
     ),
     "cycle beside a root": (
         robot(link("r"), link("a"), link("b"), joint("j", "a", "b"), joint("k", "b", "a")),
-        "joints j, k form a cycle that does not hang on the root link r",
+        "joints j, k form a cycle that is not connected to the root link r",
     ),
     "two parents": (
         robot(link("a"), link("b"), link("c"), joint("j", "a", "c"), joint("k", "b", "c"), joint("m", "a", "b")),
@@ -236,7 +235,7 @@ REFUSED = {
     ),
     "no axis": (
         robot(link("a"), link("b"), joint("j", "a", "b", inside=f'{LIMIT}<axis xyz="0 0 0"/>')),
-        "joint j: its axis .* has no length",
+        "joint j: its axis .* has length 0",
     ),
     "short axis": (
         robot(link("a"), link("b"), joint("j", "a", "b", inside=f'{LIMIT}<axis xyz="0 1"/>')),
@@ -282,7 +281,7 @@ REFUSED = {
             joint("f", "a", "b", "fixed"),
             joint("j", "b", "c", inside=f'{LIMIT}<mimic joint="f"/>'),
         ),
-        "joint j: it mimics f, which is fixed; a joint can mimic revolute",
+        "joint j: it mimics f, a fixed joint; valid types: revolute",
     ),
     "no geometry": (
         robot(link("a", "<visual/>")),

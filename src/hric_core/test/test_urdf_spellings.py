@@ -72,14 +72,14 @@ REFUSED = {
     "no version": (version(""), "has version ''"),
     "quaternion without a version": (
         QUATERNION,
-        "joint j: quat_xyzw of <origin> is URDF 1.1 and the description is 1.0",
+        "joint j: quat_xyzw of <origin> needs URDF 1.1, and the description has version 1.0",
     ),
     "quaternion in 1.0": (version("1.0", QUATERNION), "joint j: quat_xyzw"),
     "quaternion and angles": (version("1.1", QUATERNION.replace("quat", 'rpy="0 0 1" quat')), "needs either rpy, or"),
     "quaternion of three": (version("1.1", QUATERNION.replace('"0 0 0.12', '"0 0.12')), "quat_xyzw of .* 4 numbers"),
     "quaternion of nothing": (
         version("1.1", QUATERNION.replace("0.12467473338522769 0.992197667229329", "0 0")),
-        "joint j: <origin> needs either rpy, or quat_xyzw of a length other than 0",
+        "joint j: <origin> needs either rpy, or a quat_xyzw that is not zero",
     ),
     "two geometries": (
         shaped('<box size="1 1 1"/><sphere radius="1"/>'),

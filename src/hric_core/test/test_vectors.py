@@ -1,4 +1,4 @@
-"""Sums and tests over short lists, against the same in Python."""
+"""Sums and comparisons over short lists in C, against the same computations in Python."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Dynamics of a description beside those of a rigid-body library."""
+"""Dynamics of a robot description against those of the library pinocchio."""
 
 import numpy as np
 import pinocchio
@@ -29,7 +29,7 @@ JOINTS = ("je", "ja", "jd", "jb")
 
 
 class Oracle:
-    """The branched tree by pinocchio at a random state, with its joints in the order of JOINTS."""
+    """Branched robot in pinocchio at a random state, with its joints in the order of JOINTS."""
 
     def __init__(self, seed: int) -> None:
         self.model = pinocchio.buildModelFromXML(BRANCHED)

@@ -15,9 +15,9 @@ namespace
 constexpr std::size_t MAX_WAITING = std::size_t{ 1 }
                                     << 30;   // maximum size of the queue in memory [B]; project default, unconfirmed
 constexpr uint32_t CHUNK_SIZE = 768 * 1024;  // before compression [B]; default of rosbag
-// Maximum age of an open chunk, which is lost if the recorder is killed. Closing a chunk costs two seeks.
+// Maximum age of an open chunk; it is lost if the recorder is killed. Closing a chunk costs two seeks on the disk.
 constexpr std::chrono::milliseconds CHUNK_TIME{ 400 };
-// Polling period of the queue, so that one wake-up writes many messages.
+// Polling period of the queue; one wake-up writes many messages.
 constexpr std::chrono::milliseconds PERIOD{ 20 };
 
 std::string active(const std::string& path)
@@ -25,7 +25,7 @@ std::string active(const std::string& path)
   return path + ".active";
 }
 
-// Returns a valid stamp: in ROS, 0 means that there is no time yet, and bags refuse it.
+// Returns a stamp that a bag accepts: 0, which in ROS means that there is no time yet, is replaced by the minimum.
 ros::Time stamp(const ros::Time& received)
 {
   return received < ros::TIME_MIN ? ros::TIME_MIN : received;
@@ -61,8 +61,7 @@ void BagWriter::put(Message message)
     return;
   if (bytes_ + size > MAX_WAITING)
   {
-    ROS_ERROR_COND(dropped_ == 0,
-                   "%s: the disk does not keep up, and memory for what waits is used up: messages are dropped",
+    ROS_ERROR_COND(dropped_ == 0, "%s: the disk is too slow and the queue in memory is full: messages are dropped",
                    path_.c_str());
     ++dropped_;
     return;
@@ -85,7 +84,7 @@ void BagWriter::finish()
     throw rosbag::BagIOException(failure_);
   bag_.close();
   if (std::rename(active(path_).c_str(), path_.c_str()) != 0)
-    throw rosbag::BagIOException(path_ + " cannot be given its name: " + std::strerror(errno));
+    throw rosbag::BagIOException(path_ + " cannot be renamed to its final name: " + std::strerror(errno));
 }
 
 bool BagWriter::failed() const
@@ -148,8 +147,8 @@ void BagWriter::endChunk()
 {
   if (!fresh_)
     return;
-  // Any threshold closes the open chunk. But librosbag empties its copy of the messages only after a chunk that they
-  // fill, so from time to time the next message fills one alone.
+  // Setting any threshold closes the open chunk. But librosbag frees its copy of the messages only when a chunk becomes
+  // full, so from time to time a threshold of 1 makes the next message fill a chunk alone.
   filling_ = buffered_ > CHUNK_SIZE;
   bag_.setChunkThreshold(filling_ ? 1 : CHUNK_SIZE);
   fresh_ = false;

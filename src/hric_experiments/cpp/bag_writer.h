@@ -1,4 +1,4 @@
-// Writes messages into a bag in a separate thread, so that a stalled disk does not block the subscribers.
+// Writer of a bag in a separate thread, so that a stalled disk does not block the subscribers.
 #pragma once
 
 #include <condition_variable>
@@ -28,14 +28,14 @@ public:
   explicit BagWriter(const std::string& path);
   ~BagWriter();
 
-  // Queues a message; never waits for the disk.
+  // Queues a message without waiting for the disk.
   void put(Message message);
 
-  // Writes the queued messages, closes the bag and renames it to its final path. Throws rosbag::BagException, also
-  // for earlier failures.
+  // Writes the queued messages, closes the bag and renames it to its final path. Throws rosbag::BagException if this
+  // or an earlier write failed.
   void finish();
 
-  // Returns true if writing failed; nothing more is written then.
+  // Returns true if a write failed; no more messages are written then.
   bool failed() const;
 
   // Returns the number of messages that were dropped because the queue was full.
@@ -55,8 +55,8 @@ private:
   std::size_t bytes_ = 0;
   uint64_t dropped_ = 0;
   bool finishing_ = false;
-  bool fresh_ = false, filling_ = false;  // whether a chunk is open, and whether the next message fills one
-  std::size_t buffered_ = 0;              // of messages that librosbag keeps a copy of [B]
+  bool fresh_ = false, filling_ = false;  // true if a chunk is open; true if the next message shall fill a chunk alone
+  std::size_t buffered_ = 0;              // size of the messages of which librosbag has a copy [B]
   std::string failure_;
   std::thread thread_;
 };

@@ -1,4 +1,5 @@
-// This bind() of the program overrides that of the C library.
+// Override bind() of the C library, so that ROS sockets listen on the loopback interface if ROS_IP or ROS_HOSTNAME is
+// there.
 #include <hric_core/loopback.h>
 
 extern "C" int bind(int fd, const sockaddr* address, socklen_t size) noexcept

@@ -15,14 +15,15 @@ namespace
 {
 
 constexpr char HELP[] =
-    "Records topics into a bag until SIGINT or SIGTERM: BAG.active until it is closed.\n"
+    "Record topics into a bag until SIGINT or SIGTERM. The bag is called BAG.active until it is closed.\n"
     "Usage: rosrun hric_experiments bag_recorder BAG [--exclude EXPRESSION] [TOPIC...]\n"
-    "Without topics: all, but for those whose whole name EXPRESSION fits. Run folders, splitting and free space are "
-    "the node recorder's.\n";
-// Polling period of the messages, which have their receipt stamps already; one wake-up takes many of them.
+    "Without TOPIC all topics are recorded, except those whose complete name matches the regular expression "
+    "EXPRESSION. "
+    "Run folders, splitting and free disk space are managed by the node recorder.\n";
+// Polling period of received messages, which are stamped at their receipt; one wake-up processes many of them.
 const ros::WallDuration PERIOD(0.01);
 
-// Limits calls to a dead master, which roscpp would repeat for ever.
+// Time limit for calls to a dead master, which roscpp would repeat forever.
 const ros::WallDuration MASTER_TIMEOUT(1.0);
 
 constexpr int INTERRUPTED = 130;
@@ -63,8 +64,8 @@ int record(const hric_experiments::Options& options)
     recorder.take();
   }
   if (writer.dropped())
-    ROS_ERROR("%s: %lu messages found no room in memory, since the disk did not keep up", options.bag.c_str(),
-              writer.dropped());
+    ROS_ERROR("%s: %lu messages were dropped, because the disk was too slow and the queue in memory was full",
+              options.bag.c_str(), writer.dropped());
   writer.finish();
   return 0;
 }

@@ -32,13 +32,14 @@ Options readOptions(const std::vector<std::string>& arguments)
       options.exclude = readExpression(*argument);
     }
     else if (argument->rfind("-", 0) == 0)
-      throw std::invalid_argument("option '" + *argument + "' is not known; valid: --exclude EXPRESSION");
+      throw std::invalid_argument("unknown option '" + *argument + "'; valid: --exclude EXPRESSION");
     else if (options.bag.empty())
       options.bag = *argument;
     else
       options.topics.push_back(*argument);
   if (options.bag.empty())
-    throw std::invalid_argument("the path of the bag is missing");
+    throw std::invalid_argument(
+        "the path of the bag is missing; usage: bag_recorder BAG [--exclude EXPRESSION] [TOPIC...]");
   return options;
 }
 

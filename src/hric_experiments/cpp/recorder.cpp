@@ -10,8 +10,9 @@ namespace hric_experiments
 namespace
 {
 
-const ros::WallDuration LOOK_PERIOD(0.5);  // period of the search for new topics at the master
-// A paced run waits for the nodes that report their progress here (hric_core.robot_time.progress).
+const ros::WallDuration LOOK_PERIOD(0.5);  // period of the query for new topics at the master
+// A simulation with a limited real-time factor waits for the nodes that report their progress on this topic
+// (hric_core.robot_time.progress).
 constexpr char PROGRESS_TOPIC[] = "hric/progress";
 const ros::WallDuration PROGRESS_PERIOD(0.05);
 
@@ -32,7 +33,7 @@ void Recorder::take()
     lookForTopics();
     next_look_ = ros::WallTime::now() + LOOK_PERIOD;
   }
-  const ros::Time reached = ros::Time::now();  // of /clock: earlier messages have arrived or are in the queue
+  const ros::Time reached = ros::Time::now();  // time of /clock; earlier messages have arrived or are in the queue
   queue_.callAvailable();
   if (ros::Time::isSimTime() && ros::WallTime::now() >= next_report_)
   {

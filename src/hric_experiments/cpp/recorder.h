@@ -1,4 +1,4 @@
-// Subscribes to topics of any type and passes the messages to the writer.
+// Subscriber to topics of any type, which passes their messages to a bag writer.
 #pragma once
 
 #include <map>
@@ -18,17 +18,18 @@ class Recorder
 public:
   Recorder(const Options& options, BagWriter& writer);
 
-  // Passes on the messages received since the last call.
+  // Passes the messages received since the last call to the writer; subscribes to new topics.
   void take();
 
-  // Reports that the run does not have to wait for the recording any more.
+  // Reports that the simulation no longer has to wait for the recorder.
   ~Recorder()
   {
     report(ros::Time());
   }
 
 private:
-  void report(const ros::Time& reached);  // 0: the recording has ended
+  void report(
+      const ros::Time& reached);  // reached: time up to which messages were received; 0: the recording has ended
   void lookForTopics();
   bool chosen(const std::string& topic) const;
   void subscribe(const std::string& topic);

@@ -1,5 +1,5 @@
-"""A robot made of topics: robot time four times as fast as the wall, a control log, a controller that moves at once, a
-manager that lists it."""
+"""Simulated interface of a robot: robot time at four times the speed of wall time, a control log, a controller without
+dynamics, and a controller manager that lists it."""
 
 import sys
 import time
@@ -34,11 +34,11 @@ class FakeRobot:
         )
 
     def command(self, message: Float64MultiArray) -> None:
-        """Take a setpoint."""
+        """Receive a setpoint."""
         self.target = list(message.data)
 
     def step(self) -> None:
-        """One batch."""
+        """Publish one batch."""
         message = ControlLog(
             joint_names=JOINTS, command_interface=["effort"] * 3, first_cycle=self.cycle, n_cycles=BATCH
         )

@@ -1,5 +1,4 @@
-"""A recorder in a process of its own, and a source of numbered messages for it; the fixtures for tests that import
-them."""
+"""A recorder in its own process, and a source of numbered messages; fixtures for tests that import them."""
 
 import os
 import signal
@@ -19,11 +18,11 @@ from std_srvs.srv import Trigger
 from hric_bags.run_folder import RunFolder
 
 RATE = 500.0
-"""Of the counted topic [Hz]."""
+"""Rate of the topic with numbered messages [Hz]."""
 
 
 class Source:
-    """Publishes 0, 1, 2, ... from a thread, beside a latched text that never changes."""
+    """Publishes 0, 1, 2, ... from a thread, and a latched text that does not change."""
 
     def __init__(self) -> None:
         self.sent = 0
@@ -41,7 +40,7 @@ class Source:
             self.sent += 1
 
     def close(self) -> None:
-        """End it."""
+        """Stop the source."""
         self._stop.set()
         self._thread.join()
         self._counter.unregister()
@@ -49,7 +48,7 @@ class Source:
 
 
 class Node:
-    """A recorder in a process of its own."""
+    """A recorder in its own process."""
 
     def __init__(
         self, runs: Path, name: str, *given: str, topics: str = "[/recorder_test/counter, /recorder_test/layout]"
@@ -70,23 +69,23 @@ class Node:
         )
 
     def call(self, what: str) -> Any:
-        """A service of the recorder."""
+        """Call a service of the recorder."""
         rospy.wait_for_service(f"/hric/experiment/{what}_recording", 20.0)
         return rospy.ServiceProxy(f"/hric/experiment/{what}_recording", Trigger)()
 
     def wait_recording(self) -> None:
-        """Wait until it says that it records."""
+        """Wait until the recorder reports that it records."""
         heard: list[str] = []
         subscriber = rospy.Subscriber("/hric/experiment/recording", String, lambda message: heard.append(message.data))
         until(lambda: bool(heard and heard[-1]))
         subscriber.unregister()
 
     def folder(self) -> RunFolder:
-        """The newest run."""
+        """Return the newest run folder."""
         return RunFolder.open("latest", self.runs)
 
     def close(self) -> str:
-        """End it as Ctrl-C does; what it said."""
+        """Stop the recorder as Ctrl-C does, and return its output."""
         if self.process.poll() is None:
             os.killpg(self.process.pid, signal.SIGINT)
         try:

@@ -1,5 +1,4 @@
-"""The program that writes a recording: what arrives is kept, also when it does not get to run, and mistakes are told in
-a line."""
+"""Program that writes a recording: no message is lost, also without processor time, and errors have one line."""
 
 import os
 import signal
@@ -20,7 +19,7 @@ pytestmark = [pytest.mark.alone, pytest.mark.rostest]
 
 
 def record(bag: Path, topics: list[str], exclude: str = "") -> RecorderProcess:
-    """A recorder that has opened its bag."""
+    """Return a recorder that has opened its bag."""
     arguments = recorder_process.arguments(bag, topics, exclude, f"record_{bag.stem}")
     recorder = RecorderProcess(bag, [recorder_process.find_recorder(), *arguments])
     recorder.wait_open(20.0)
@@ -32,7 +31,7 @@ def advertise(topic: str, kind: type, latch: bool = False) -> rospy.Publisher:
 
 
 def wait_heard(*publishers: rospy.Publisher) -> None:
-    """Wait until each has a listener."""
+    """Wait until each publisher has a subscriber."""
     deadline = time.monotonic() + 20.0
     while not all(publisher.get_num_connections() for publisher in publishers):
         assert time.monotonic() < deadline, "the recorder does not listen"
@@ -111,7 +110,7 @@ def test_all_topics_but_the_excluded_are_recorded_also_those_that_come_later(ros
         ([], "the path of the bag is missing"),
         (["x.bag", "--exclude", "("], "--exclude '(' is no regular expression"),
         (["x.bag", "--exclude"], "--exclude needs a regular expression"),
-        (["--split", "x.bag"], "option '--split' is not known; valid: --exclude EXPRESSION"),
+        (["--split", "x.bag"], "unknown option '--split'; valid: --exclude EXPRESSION"),
     ],
 )
 def test_an_invalid_command_line_is_one_error_before_the_master_is_contacted(

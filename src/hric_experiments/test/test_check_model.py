@@ -1,5 +1,4 @@
-"""check_model as users call it: CSV files of any kind, bags, run folders; what it prints, writes and refuses; and the
-friction that it fits, used."""
+"""hric check_model: CSV files, bags and run folders as input; output, files and errors; use of the fitted friction."""
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -32,7 +31,7 @@ TEXT = "--no-figures"
 
 @pytest.fixture(scope="module")
 def data() -> simulated.Simulated:
-    """Every tenth sample of a simulation: 100 Hz, for files that are quick to read."""
+    """Return every tenth sample of a simulation: 100 Hz, for files that are quick to read."""
     made = simulated.simulate(panda_description.load(meshes=False, collision=False), 8.0)
     return simulated.Simulated(*(values[::10] for values in (made.time, made.q, made.dq, made.tau)))
 
@@ -74,7 +73,7 @@ def test_a_log_is_compared_drawn_and_its_friction_fitted_and_read_back(data, tmp
         "cut-off 10 Hz",
         "0.3 s dropped at each end",
         "inertials barycentric, with hand; friction none",
-        "sum of 1.7 N m",
+        "sum 1.7 N m",
         "real arm",
     ):
         assert told in out
@@ -96,12 +95,12 @@ def test_a_log_is_compared_drawn_and_its_friction_fitted_and_read_back(data, tmp
 
 
 def total(printed: str) -> float:
-    """Sum of the residuals' RMS [N m]."""
+    """Return the sum of the RMS of the residuals [N m]."""
     return float(next(line for line in printed.splitlines() if line.startswith("sum")).split()[1])
 
 
 def renamed(q: str, dq: str, tau: str, t: str = "t", first: int = 1) -> dict[str, str]:
-    """Names of the columns: {} stands for the joint's number from `first` on."""
+    """Return names of columns; {}: number of the joint, from `first`."""
     patterns = {"q": q, "dq": dq, "tau": tau}
     return {
         "t": t,
@@ -193,16 +192,16 @@ REFUSED = {
     "time back": (edited(put("t", 7, 0.02)), "time does not increase: t is 0.02 in line 9 after 0.06 in line 8"),
     "missing columns": (
         replaced("tau4", "load4"),
-        "has no columns tau1 to tau7 for the measured joint torques [N m]; columns there: t, q1, q2",
+        "has no columns tau1 to tau7 for the measured joint torques [N m]; columns in the file: t, q1, q2",
     ),
-    "missing time": (replaced("t,q1", "x,q1"), "has no columns t for the time [s]; columns there: x, q1"),
+    "missing time": (replaced("t,q1", "x,q1"), "has no columns t for the time [s]; columns in the file: x, q1"),
     "a missing velocity": (replaced("dq1,dq2", "dq1,q2"), "columns dq1 to dq7 for the joint velocities"),
     "text": (replaced("0.01,", "soon,"), "line 3, column t is 'soon'; each value must be a number"),
     "a short line": (whole(HEADER + ZEROS + b"0,0,0\n"), "line 3, column q3 is missing"),
     "no header": (whole(ZEROS), "has no header; its first line must name the columns, usually t, q1 to q7"),
     "empty": (whole(b""), "has no header"),
     "header alone": (whole(HEADER), "a header, but no samples"),
-    "binary": (whole(b"\xff\xfe\x00"), "it is no text"),
+    "binary": (whole(b"\xff\xfe\x00"), "it is not a text file"),
 }
 
 
@@ -221,14 +220,14 @@ def test_what_cannot_be_compared_is_refused_in_one_line_and_nothing_is_written(
     ("arguments", "said"),
     [
         (("--columns", "qq=a"), "cannot read 'qq=a' of --columns; valid: t=NAME"),
-        (("--columns", "q=a,b"), "--columns names 2 columns in 'a,b'; 7 are needed"),
+        (("--columns", "q=a,b"), "--columns has 2 columns in 'a,b'; valid: 7"),
         (("--columns", "q=angle{}"), "has no column angle1, angle2, angle3"),
-        (("--topic", "/joint_states"), "--topic is for bags; for a CSV file use --columns"),
+        (("--topic", "/joint_states"), "--topic selects a topic of a bag; valid for a CSV file: --columns"),
         (("--friction", "dry"), "--friction dry: no such file; valid: none, identified, or a YAML file"),
         (("--load", "1"), "--load has 1 values; valid: 4 (mass x y z) or 10"),
         (("--load", "-1", "0", "0", "0"), "load mass must not be negative"),
-        (("-o", "x.yaml"), "-o names the file for the fitted friction; valid: only with --fit friction"),
-        (("--urdf", "x.urdf", "--no-hand"), "--urdf brings its own inertials and hand"),
+        (("-o", "x.yaml"), "-o is the file for the fitted friction; valid: -o only together with --fit friction"),
+        (("--urdf", "x.urdf", "--no-hand"), "--urdf already defines inertials and hand"),
         (("--urdf", "nowhere.urdf"), "cannot read nowhere.urdf: No such file"),
         (("--cutoff", "30"), "a cut-off of 30 Hz needs 150 or more"),
     ],
@@ -258,7 +257,7 @@ def test_hand_load_and_inertial_set_belong_to_the_model(data, tmp_path: Path, ca
 
 
 def without_hand(data: simulated.Simulated) -> simulated.Simulated:
-    """The log of an arm that made the same motion without a hand."""
+    """Return the log of the same motion of an arm without a hand."""
     ddq = np.gradient(data.dq, data.time, axis=0)
     needed = []
     for hand in (True, False):
@@ -272,9 +271,13 @@ def without_hand(data: simulated.Simulated) -> simulated.Simulated:
 def test_whether_the_arm_had_a_hand_is_tried_where_nobody_says(data, tmp_path: Path, capsys) -> None:
     bare = write_csv(tmp_path / "bare.csv", columns(without_hand(data)))
     out = called(capsys, bare, TEXT)[1]
-    assert "without hand" in out and "hand not given (--hand, --no-hand): the residual's sum is" in out
+    assert "without hand" in out and "neither --hand nor --no-hand is given: the sum of the residuals is" in out
     wrong = called(capsys, bare, TEXT, "--hand")[1]
-    assert "with hand" in wrong and "hand not given" not in wrong and total(wrong) > 2.0 * total(out)
+    assert (
+        "with hand" in wrong
+        and "neither --hand nor --no-hand is given" not in wrong
+        and total(wrong) > 2.0 * total(out)
+    )
     right = called(capsys, write_csv(tmp_path / "arm.csv", columns(data)), TEXT)[1]
     assert "with hand" in right and total(right) == pytest.approx(total(out), rel=0.05)
 
@@ -290,7 +293,7 @@ def joint_state(
 
 
 def write_joint_states(path: Path, data: simulated.Simulated, names: Sequence[str]) -> Path:
-    """The arm, its joints backwards, and between its messages those of a gripper on the same topic."""
+    """Write joint states of the arm in reverse order of joints, alternating with those of a gripper on this topic."""
     fingers = np.zeros(2)
     with BagWriter(path) as bag:
         for t, q, dq, tau in zip(data.time, data.q, data.dq, data.tau, strict=True):
@@ -327,12 +330,13 @@ def test_joints_and_topics_that_a_bag_does_not_have_are_refused_with_those_it_ha
     path = write_joint_states(tmp_path / "other.bag", few, [f"a{i}" for i in range(1, 8)])
     code, _, err = called(capsys, path)
     assert (
-        code == 2 and "no joints <arm>_joint1 to 7 with position, velocity and effort; joints there: a1, a2, a3" in err
+        code == 2
+        and "no joints <arm>_joint1 to 7 with position, velocity and effort; joints in the bag: a1, a2, a3" in err
     )
     path = write_joint_states(tmp_path / "panda.bag", few, NAMES)
     assert "no joints left_joint1 to 7" in called(capsys, path, "--arm-id", "left")[2]
     assert "no topic with joints '/x' in panda.bag; valid: /joint_states" in called(capsys, path, "--topic", "/x")[2]
-    assert "--columns is for CSV files" in called(capsys, path, "--columns", "t=x")[2]
+    assert "--columns selects columns of a CSV file" in called(capsys, path, "--columns", "t=x")[2]
 
 
 def test_a_nan_in_a_bag_is_refused_with_its_message_and_field(data, tmp_path: Path, capsys) -> None:
@@ -344,7 +348,7 @@ def test_a_nan_in_a_bag_is_refused_with_its_message_and_field(data, tmp_path: Pa
 
 @pytest.fixture(scope="module")
 def fitted(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A friction file as a fit writes it: the known friction on joint names of another arm, with comments."""
+    """Write a friction file as a fit does: known friction with joint names of another arm, and comments."""
     lines = [
         f"fr3_joint{i + 1}: {{phi1: {a}, phi2: {b}, phi3: {c}}}  # fitted"
         for i, (a, b, c) in enumerate(FRICTION.tolist())
@@ -359,7 +363,7 @@ def test_a_simulated_run_with_fitted_friction_leaves_a_small_residual(fitted: Pa
     assert main(run) == 0
     capsys.readouterr()
     code, out, _ = called(capsys, "latest", "--runs", tmp_path)
-    assert code == 0 and "/control_log" in out and "friction identified, as it acted in the simulation" in out
+    assert code == 0 and "/control_log" in out and "friction identified, as in the simulation" in out
     assert total(out) < 0.02
     assert (tmp_path / "latest" / "check_model" / "torques.png").is_file()
     for option in (("--friction", "none"), ("--friction", "identified")):

@@ -1,4 +1,4 @@
-"""Recorder and experiment node with a master of their own and a robot made of topics."""
+"""Recorder and experiment node with their own ROS master and a simulated interface of a robot."""
 
 import json
 import os
@@ -25,7 +25,7 @@ from hric_run.definition import parameters
 HERE = Path(__file__).parent
 pytestmark = [pytest.mark.alone, pytest.mark.rostest]
 PATIENCE = 60.0
-"""Nothing may take longer [s]."""
+"""Time limit of each step [s]."""
 
 OWN = """
 description: three joints that move at once
@@ -44,7 +44,7 @@ mocap:
 
 
 class System:
-    """Processes on a master, all ended by their own process ids."""
+    """Processes with a ROS master; each is stopped by its process id."""
 
     def __init__(self, folder: Path, uri: str) -> None:
         self.runs = folder / "runs"
@@ -59,18 +59,18 @@ class System:
         self.processes: list[subprocess.Popen[str]] = []
 
     def until(self, what: Callable[[], bool], timeout: float = PATIENCE) -> None:
-        """Wait for something."""
+        """Wait until a condition is met."""
         deadline = time.monotonic() + timeout
         while not what():
             assert time.monotonic() < deadline, f"not within {timeout} s"
             time.sleep(0.05)
 
     def knows(self, node: str) -> bool:
-        """Whether a node of this test is registered with the master."""
+        """Return whether a node of this test is registered with the master."""
         return self.master.lookupNode("/test", f"/{node}_{self.runs.parent.name}")[0] == 1  # type: ignore[index]
 
     def serves(self, service: str) -> bool:
-        """Whether a node offers it."""
+        """Return whether a node provides a service."""
         return self.master.lookupService("/test", service)[0] == 1  # type: ignore[index]
 
     def start(self, *command: str) -> subprocess.Popen[str]:
@@ -87,21 +87,21 @@ class System:
         return process
 
     def node(self, name: str, *parameters: str) -> subprocess.Popen[str]:
-        """Start a node of this package under a name of its own: parameters and registrations of another test do not
-        reach it."""
+        """Start a node of this package with a unique name, so that parameters and registrations of other tests do not
+        affect it."""
         return self.start(str(HERE.parent / "nodes" / name), f"__name:={name}_{self.runs.parent.name}", *parameters)
 
     def robot(self) -> subprocess.Popen[str]:
-        """Start the made-up robot."""
+        """Start the simulated robot interface."""
         return self.start(sys.executable, str(HERE / "fake_robot.py"))
 
     def folder(self) -> RunFolder:
-        """The run folder, as soon as its bag is being written."""
+        """Return the run folder as soon as its bag is written."""
         self.until(lambda: bool(list(self.runs.glob("latest/*.bag.active"))))
         return RunFolder.open("latest", self.runs)
 
     def close(self) -> None:
-        """End everything, the newest first."""
+        """Stop all processes, the newest first."""
         for process in reversed(self.processes):
             if process.poll() is None:
                 os.killpg(process.pid, signal.SIGINT)
@@ -138,7 +138,7 @@ def system(tmp_path: Path, uri: str) -> Iterator[System]:
 
 
 def ended(process: subprocess.Popen[str]) -> tuple[int, str]:
-    """Exit code and output."""
+    """Return exit code and output."""
     output, _ = process.communicate(timeout=PATIENCE)
     return process.returncode, output
 
@@ -153,7 +153,7 @@ def test_an_armed_experiment_waits_for_the_trigger_then_records_reports_and_ends
     experiment = system.node("experiment", f"_experiment:={path}", "_armed:=true", "_ready_timeout:=10")
     assert experiment.stdout is not None
     said = ""
-    while "waits for the trigger" not in said:
+    while "waits until the recording is triggered" not in said:
         said = experiment.stdout.readline()
         assert said, "the experiment ended"
     assert not system.runs.exists() and recorder.poll() is None
@@ -178,7 +178,7 @@ def test_an_armed_experiment_waits_for_the_trigger_then_records_reports_and_ends
 
 
 def seen(path: Path, *ports: int) -> list[dict[str, Any]]:
-    """An experiment with motion capture; answers the parameters of its two nodes."""
+    """Write an experiment with motion capture, and return the parameters of its two nodes."""
     # The hand's end has to be heard before the run's, also where this machine is busy.
     path.write_text(OWN.replace("duration: 2.0", "duration: 4.0") + SEEN % ports)
     described = parameters.mocap(experiments.load(str(path)))
@@ -220,7 +220,10 @@ def test_an_experiment_that_sees_nobody_says_so(system: System, tmp_path: Path) 
     system.until(lambda: system.serves("/controller_manager/list_controllers"))
     code, output = ended(system.node("experiment", f"_experiment:={path}", "_record:=false", "_ready_timeout:=5"))
     assert code == 1 and "Traceback" not in output, output
-    assert "no motion capture: nothing on /hric/perception/mocap; does natnet_client run?" in output
+    assert (
+        "motion capture is not ready: no messages on /hric/perception/mocap; is the node natnet_client running?"
+        in output
+    )
 
 
 def test_ctrl_c_closes_the_bag_and_leaves_no_process(system: System) -> None:
@@ -254,7 +257,7 @@ def test_an_experiment_without_robot_ends_on_ctrl_c_without_traceback(system: Sy
 def test_an_experiment_that_never_becomes_ready_says_what_is_missing(system: System) -> None:
     code, output = ended(system.node("experiment", "_experiment:=pd_step", "_ready_timeout:=0.5"))
     assert code == 1 and "Traceback" not in output, output
-    assert "controllers that do not run: controller_manager/list_controllers" in output
+    assert "controllers are not running: controller_manager/list_controllers" in output
 
 
 def test_an_unknown_experiment_is_one_line_with_the_valid_names(system: System) -> None:
@@ -279,6 +282,6 @@ def test_a_recorder_that_does_not_end_is_killed_and_reported(tmp_path: Path) -> 
         tmp_path / "a.bag", ["sh", "-c", f"trap '' INT; touch {tmp_path}/a.bag.active; while :; do sleep 0.05; done"]
     )
     process.wait_open(PATIENCE)
-    with pytest.raises(RecordError, match=r"not closed within 0\.5 s; what was recorded is in a\.bag\.active"):
+    with pytest.raises(RecordError, match=r"not closed within 0\.5 s; the recorded messages are in a\.bag\.active"):
         process.stop(0.5)
     assert not process.running

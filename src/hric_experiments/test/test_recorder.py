@@ -1,4 +1,4 @@
-"""The recorder node: started, split, triggered and stopped by service, guarded against a full disk."""
+"""Recorder node: start, split, trigger and stop by service; behaviour with a full disk."""
 
 import os
 import random
@@ -27,7 +27,7 @@ rostest = pytest.mark.rostest
 
 
 def numbers(bags: list[Path]) -> list[list[int]]:
-    """What each bag holds of the counted topic."""
+    """Return the numbers in each bag."""
     found: list[list[int]] = []
     for bag in bags:
         with AnyReader([bag]) as reader:
@@ -93,7 +93,7 @@ def test_an_armed_recorder_begins_with_the_trigger_and_each_trigger_is_a_run(
     publisher.publish(Empty())
     node.wait_recording()
     again = node.call("start")
-    assert not again.success and "goes on already" in again.message
+    assert not again.success and "is already running" in again.message
     time.sleep(0.3)
     assert node.call("stop").success
     assert node.call("start").success
@@ -108,13 +108,13 @@ def test_a_disk_without_room_is_refused_before_anything_is_made(source: Source, 
     node = start("_min_free:=1e12")
     output = node.process.communicate(timeout=30)[0]
     assert node.process.returncode == 1 and "Traceback" not in output
-    assert "are free where recordings go" in output and "min_free" in output and "record:=false" in output
+    assert "are free in the folder for recordings" in output and "min_free" in output and "record:=false" in output
     assert not list(node.runs.iterdir())
 
 
 @pytest.fixture
 def small_disk(tmp_path: Path) -> Iterator[Path]:
-    """A disk of 24 MB."""
+    """Return a folder on a disk of 24 MB."""
     if os.geteuid() != 0:
         pytest.skip("only root can mount a small file system")
     disk = tmp_path / "disk"

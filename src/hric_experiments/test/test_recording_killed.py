@@ -1,4 +1,4 @@
-"""A recorder that is killed: what it wrote opens after the health command, with at most a second lost."""
+"""A recorder that is killed: its recording can be read after `hric health`, with at most one second lost."""
 
 import random
 import threading
@@ -18,13 +18,13 @@ from hric_experiments.recorder.process import RecorderProcess
 
 pytestmark = [pytest.mark.alone, pytest.mark.rostest]
 RATE = 100.0
-"""Of the single topic [Hz]."""
+"""Rate of the single topic [Hz]."""
 MOST_LOST = 1.0
-"""[s]"""
+"""Maximum duration that may be lost [s]."""
 
 
 class Counter:
-    """Publishes 0, 1, 2, ... at RATE: the smallest messages that tell which are missing."""
+    """Publishes 0, 1, 2, ... with RATE: numbers show which messages are missing."""
 
     def __init__(self) -> None:
         self.sent = 0
@@ -40,14 +40,14 @@ class Counter:
             self.sent += 1
 
     def wait_heard(self) -> None:
-        """Wait until somebody listens."""
+        """Wait for a subscriber."""
         deadline = time.monotonic() + 20.0
         while not self._publisher.get_num_connections():
             assert time.monotonic() < deadline, "the recorder does not listen"
             time.sleep(0.02)
 
     def close(self) -> None:
-        """End it."""
+        """Stop publishing."""
         self._stop.set()
         self._thread.join()
         self._publisher.unregister()
@@ -61,8 +61,8 @@ def counter(ros: str) -> Iterator[Counter]:  # noqa: F811
 
 
 def lost_when_killed(counter: Counter, bag: Path, after: float) -> float:
-    """Record for `after` [s], kill the recorder, salvage; how much is missing at the end, by the messages' own numbers
-    [s]."""
+    """Record for `after` [s], kill the recorder, salvage; return the missing duration at the end, from the numbers of
+    the messages [s]."""
     arguments = recorder_process.arguments(bag, ["/counter"], "", f"record_{bag.stem}")
     recorder = RecorderProcess(bag, [recorder_process.find_recorder(), *arguments])
     recorder.wait_open(20.0)

@@ -1,4 +1,4 @@
-"""What the making of a report says meanwhile, and after Ctrl-C."""
+"""Progress messages of a report, and behaviour after Ctrl-C."""
 
 import io
 from pathlib import Path
@@ -74,5 +74,5 @@ def test_ctrl_c_during_the_report_leaves_the_bag_whole_and_says_how_to_make_it_l
     recording._folder = str(folder.path)
     with pytest.raises(LiveInterrupted):
         live_experiment()._report(recording)
-    assert said == [f"interrupted: the bag is complete, but there is no report; to make it: hric report {folder.path}"]
+    assert said == [f"interrupted: the bag is complete, but there is no report; to write it: hric report {folder.path}"]
     assert bag_reader.read(folder.bag_path).log.cycles == report_run.CYCLES

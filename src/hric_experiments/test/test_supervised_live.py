@@ -1,4 +1,4 @@
-"""The supervisor as a node: how late a slow-down is behind motion capture over sockets, and persons who cannot be."""
+"""Supervisor node: delay of a slow-down with motion capture over sockets, and refused persons."""
 
 import math
 import os
@@ -107,7 +107,7 @@ rospy.spin()
 
 
 class Cell:
-    """A moving arm, a hand before cameras as this process shows it, and a stranger who requests full speed."""
+    """A moving arm, a hand tracked by emulated motion capture, and another node that requests full speed."""
 
     def __init__(self, shape):
         import rospy
@@ -166,7 +166,7 @@ class Cell:
         return len(self.speeds) > 20 and max(speed for _, speed in self.speeds[-20:]) <= STANDING
 
     def stop(self, change, said):
-        """Time [s] from a change of the person's data until the arm stands, which must come with an event."""
+        """Return the time from a change of the person's data until the arm stands [s]; an event is required."""
         self.until("moving", self.moves)
         count, begin = len(self.events), self.speeds[-1][0]
         begin = change() or begin

@@ -1,4 +1,4 @@
-"""OpenSim's arm26 twice: for OpenSim's own tools, and as a body with an anatomy for ours."""
+"""OpenSim's model arm26 twice: for OpenSim's own tools, and as a `Body` with an `Anatomy` for the code under test."""
 
 from functools import cached_property
 from pathlib import Path
@@ -21,14 +21,14 @@ FILE = Path(__file__).parent / "arm26" / "arm26.osim"
 COORDINATES = {"sh_flex": "r_shoulder_elev", "el_flex": "r_elbow_flex"}
 JOINTS = {"shoulder": "r_shoulder", "elbow": "r_elbow"}
 ORDER = 9
-"""Of the polynomials of its pulls."""
+"""Order of the polynomials of the muscles' forces on the bones."""
 BODIES = {"upper_arm": "r_humerus", "forearm": "r_ulna_radius_hand"}
 GRAVITY = (0.0, -9.80665, 0.0)
-"""In OpenSim's axes, y up."""
+"""Gravity vector in OpenSim's axes (y up) [m/s^2]."""
 
 
 class Arm26:
-    """The model, and where OpenSim has it."""
+    """The model arm26, with OpenSim's state of it."""
 
     def __init__(self) -> None:
         opensim.Logger.removeFileSink()
@@ -40,25 +40,25 @@ class Arm26:
         self._coordinates = [self.paths.by_name[name] for name in COORDINATES.values()]
 
     def put(self, q: FloatArray, dq: FloatArray) -> None:
-        """Angles [rad] and speeds [rad/s] of shoulder and elbow."""
+        """Set angles [rad] and speeds [rad/s] of shoulder and elbow."""
         for coordinate, angle, speed in zip(self._coordinates, q, dq, strict=True):
             coordinate.setValue(self.paths.state, float(angle), False)
             coordinate.setSpeedValue(self.paths.state, float(speed))
         self.paths.model.realizeVelocity(self.paths.state)
 
     def arms(self) -> FloatArray:
-        """Shape (6, 2) [m]."""
+        """Return the moment arms of the muscles, shape (6, 2) [m]."""
         state = self.paths.state
         return np.array([[m.computeMomentArm(state, c) for c in self._coordinates] for m in self.muscles])
 
     def gain(self) -> FloatArray:
-        """Force per activation as OpenSim's static optimisation has it, with a tendon that does not stretch, shape (6,)
+        """Return the force per activation as in OpenSim's static optimisation, with a rigid tendon, shape (6,)
         [N]."""
         return np.array([m.calcInextensibleTendonActiveFiberForce(self.paths.state, 1.0) for m in self.muscles])
 
     @cached_property
     def body(self) -> Body:
-        """With OpenSim's axes at its zero pose."""
+        """Return the model as a `Body`, whose axes at the zero pose are OpenSim's."""
         self.put(np.zeros(2), np.zeros(2))
         centres, segments, joints = self.paths.centres(list(JOINTS.values())), {}, {}
         parent, at = ROOT, centres[0]
@@ -93,7 +93,10 @@ class Arm26:
         )
 
     def anatomy(self, lower: tuple[float, float], upper: tuple[float, float]) -> Anatomy:
-        """Its pulls over a range of the angles [rad]; of an order that follows where a muscle leaves a wrap."""
+        """Return the model's muscles as an `Anatomy`, fitted over a range of angles [rad].
+
+        The order of the polynomials is high enough for muscles that come off a wrapping surface.
+        """
         grid = np.stack(np.meshgrid(*np.linspace(lower, upper, 25).T), axis=-1).reshape(-1, 2)
         rows = [self._pulls(q) for q in grid]
         terms, joints = monomials(grid, ORDER), tuple(COORDINATES)
@@ -109,7 +112,7 @@ class Arm26:
         return Anatomy("arm26", joints, lower, upper, muscles, {}, "see arm26/README.md", {})
 
     def _pulls(self, q: FloatArray) -> dict[str, FloatArray]:
-        """By centre, in axes of the ground and of the humerus, shape (6, 3)."""
+        """Return the muscles' pulls by joint centre, in axes of the ground and of the humerus, shape (6, 3) [1]."""
         self.put(q, np.zeros(2))
         lines = self.paths.lines()
         R_ground_humerus, _ = self.paths.frame(BODIES["upper_arm"])
@@ -119,7 +122,7 @@ class Arm26:
 
     @cached_property
     def whole(self) -> WholeBody:
-        """The body for inverse dynamics."""
+        """Return the body's dynamics for inverse dynamics."""
         return WholeBody(self.body)
 
 
@@ -128,11 +131,11 @@ def _text(values: FloatArray) -> str:
 
 
 class OpenSimRun:
-    """What OpenSim's analysis tool makes of a motion: its static optimisation, then the joint reactions of its forces.
+    """Results of OpenSim's analysis tool for a motion: static optimisation, and joint reactions with its forces.
 
     Attributes:
-        time: shape (n,) [s].
-        q, dq, ddq: as the tool has them after its splines, shape (n, 2) each [rad], [rad/s], [rad/s^2].
+        time: times of the motion, shape (n,) [s].
+        q, dq, ddq: motion as the tool computes it from its splines, shape (n, 2) each [rad], [rad/s], [rad/s^2].
         activation, force: shape (n, 6) [1], [N].
         reactions: force of the proximal on the distal bone, in the ground, by centre, shape (n, 3) [N].
     """

@@ -11,9 +11,9 @@ from scipy.spatial.transform import Rotation
 
 FOREARM = 0.25
 COUPLED = -0.3
-"""Angle of the clavicle per square of the arm's elevation [1/rad]."""
+"""Factor of the coupler: angle of the clavicle per square of the arm's elevation [1/rad]."""
 R_HUMERUS = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-"""From the ground's axes to those of the body humerus_r, with the arm hanging."""
+"""Rotation from the ground's axes to those of the body humerus_r, with the arm hanging."""
 JOINTS = {
     "thorax": ("ground", (0.0, 0.0, 0.0), ()),
     "clavicle_r": ("thorax", (0.0, 0.0, 0.03), (("girdle", (1, 0, 0), (-90, 90)),)),
@@ -41,11 +41,11 @@ PATHS = {
 }
 """Points on bodies [m], axes as above."""
 FORCE, OPTIMAL, SLACK, PENNATION = 500.0, 0.12, 0.09, {"deltoid": 0.5}
-"""Of each muscle [N], [m], [m], [rad]."""
+"""Maximum isometric force [N], optimal fibre length [m], tendon slack length [m], pennation [rad] of each muscle."""
 
 
 def write(path: Path) -> None:
-    """The model."""
+    """Write the OpenSim model."""
     bodies = "".join(map(_body, JOINTS))
     joints = "".join(_joint(name, *of) for name, of in JOINTS.items())
     muscles = "".join(_muscle(name, points) for name, points in PATHS.items())
@@ -75,12 +75,12 @@ def _address(body: str) -> str:
 
 
 def _own(body: str, vector: object) -> str:
-    """In axes of a body."""
+    """Return a vector of ground axes in axes of a body."""
     return _text(R_HUMERUS @ vector if body == "humerus_r" else vector)
 
 
 def _orientation(body: str) -> str:
-    """Of the ground's axes in those of a body."""
+    """Return the orientation of the ground's axes in a body's axes."""
     return _text(Rotation.from_matrix(R_HUMERUS if body == "humerus_r" else np.eye(3)).as_euler("XYZ"))
 
 

@@ -15,7 +15,7 @@ PUBLISHED = Path(__file__).parent / "data" / "published_moment_arms.yaml"
 FIGURE, PAGE = ROOT / "docs" / "moment_arms.svg", ROOT / "docs" / "concepts" / "muscle_anatomy.md"
 BEGIN, END = "<!-- moment arms: moment_arms.py --write -->\n", "<!-- end of moment arms -->\n"
 WIDTH, HEIGHT, LEFT, TOP, ACROSS, COLUMNS = 250, 180, 44, 30, 195, 3
-"""Of a panel, the place of its plot in it, the width of that, and panels in a row [px]."""
+"""Size of a panel, position and width of the plot in it [px], and number of panels in a row."""
 DOWN = 115
 """Height of a plot [px]."""
 
@@ -25,12 +25,12 @@ class Compared:
     """A muscle beside what was published.
 
     Attributes:
-        row: of the file.
-        angles: that a curve is drawn over [deg], shape (n,).
+        row: row of the file of published values.
+        angles: joint angles of the curve, shape (n,) [deg].
         lines: moment arms by line of action, shape (lines, n) [mm].
-        mean: weighted by force, shape (n,) [mm].
-        at: where the model is compared [deg].
-        model, published: there [mm].
+        mean: mean moment arm weighted by force, shape (n,) [mm].
+        at: angle at which model and publication are compared [deg].
+        model, published: moment arm at that angle [mm].
     """
 
     row: dict[str, Any]
@@ -68,7 +68,7 @@ def _compared(anatomy: Anatomy, row: dict[str, Any]) -> Compared:
 
 
 def _arms(anatomy: Anatomy, name: str, row: dict[str, Any], angles: np.ndarray) -> np.ndarray:
-    """Of a line of action over angles of a joint [mm]."""
+    """Return the moment arm of a line of action over angles of a joint [mm]."""
     length = anatomy.muscles[name].length
     if row["joint"] not in length.joints:
         return np.zeros(len(angles))
@@ -78,7 +78,7 @@ def _arms(anatomy: Anatomy, name: str, row: dict[str, Any], angles: np.ndarray) 
 
 
 def table(rows: list[Compared]) -> str:
-    """As Markdown."""
+    """Return the comparison as a Markdown table."""
     text = [
         "| muscle | at | model mm | published mm | difference in size mm | source | status |",
         "|---|---|---|---|---|---|---|",
@@ -110,7 +110,7 @@ def _published(one: Compared) -> str:
 
 
 def figure(rows: list[Compared]) -> str:
-    """As SVG."""
+    """Return the comparison as an SVG figure."""
     height = HEIGHT * (-(-len(rows) // COLUMNS))
     panels = [
         f'<g transform="translate({WIDTH * (k % COLUMNS)} {HEIGHT * (k // COLUMNS)})">{_panel(one)}</g>'

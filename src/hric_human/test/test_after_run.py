@@ -117,7 +117,9 @@ def test_an_arm_beyond_the_range_of_muscle_paths_is_flagged_and_the_other_is_not
 
 
 def test_what_is_no_motion_is_refused() -> None:
-    with pytest.raises(HricError, match="a motion of 5 instants; valid: 20 or more"):
+    with pytest.raises(HricError, match="a motion of 5 samples cannot be smoothed; valid: 20 samples or more"):
         smoothed(TIME[:5], np.zeros((5, 7)))
-    with pytest.raises(HricError, match=r"a cut-off of 200.0 Hz; valid: above 0, below half of the rate of 200.0 Hz"):
+    with pytest.raises(
+        HricError, match=r"filter is 200.0 Hz; valid: above 0, below half of the sample rate of 200.0 Hz"
+    ):
         smoothed(TIME, np.zeros((len(TIME), 7)), 200.0)

@@ -1,4 +1,4 @@
-"""Models of arms that a user chose: what their fit is against OpenSim, where their joints are, and what is refused."""
+"""Arm models chosen by a user: their fit compared with OpenSim, matching of their joints, and refused models."""
 
 import logging
 import shutil
@@ -28,10 +28,12 @@ from hric_human.muscles.opensim_paths import with_muscles
 
 WHERE = "human.muscles.anatomy"
 NEAR, DISAGREES = (1e-3, 1e-3), (2.5e-3, 3.5e-3)
-"""Root mean square errors of length and moment arm [m]; of TRIlong, whose moment arm about the shoulder in OpenSim is
-2.8 mm from the slope of its length there."""
+"""Largest root mean square errors of length and moment arm [m], and those of TRIlong.
+
+In OpenSim, the moment arm of TRIlong about the shoulder differs from the slope of its length there by 2.8 mm.
+"""
 C = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-"""From x forward, y up, z right to x forward, y left, z up."""
+"""Rotation from axes x forward, y up, z right to axes x forward, y left, z up."""
 
 
 @pytest.fixture(autouse=True)
@@ -114,7 +116,7 @@ def test_coordinates_of_another_order_sense_and_zero_put_the_bones_where_ours_ar
 
 
 def palm_medial() -> np.ndarray:
-    """From the hand's axes at our zero, with the palm medial, to those at the model's, with the palm forward."""
+    """Return the rotation from the hand's axes at our zero pose (palm medial) to the model's (palm forward)."""
     return np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
 
 
@@ -210,7 +212,7 @@ def test_the_built_in_anatomy_and_a_fitted_file_are_found(tmp_path: Path):
     [
         (lambda text: "no model", "is no model of an arm"),
         (lambda text: "<a/>", "no OpenSim model"),
-        (lambda text: text.replace("ulna", "shin"), "no body named ulna behind one named humerus"),
+        (lambda text: text.replace("ulna", "shin"), "it needs a body named ulna, distal to one named humerus"),
         (lambda text: without(text, "ForceSet"), "has no muscles"),
         (lambda text: text.replace("<locked>false", "<locked>true"), "no coordinate that bends the elbow"),
         (lambda text: text.replace("r_humerus", "l_humerus").replace("r_ulna", "l_ulna"), "no right arm"),

@@ -15,14 +15,14 @@ MIRROR = np.diag([1.0, -1.0, 1.0])
 
 
 def direction(posed: Posed, kind: str) -> np.ndarray:
-    """Of a segment from its joint to its far end, as a unit vector."""
+    """Return the unit vector of a segment from its joint to its far end."""
     segment = BODY.segments[kind]
     along = posed.point(segment.link, segment.end) - posed.point(segment.link)
     return np.asarray(along / np.linalg.norm(along))
 
 
 def palm(posed: Posed, side: str) -> np.ndarray:
-    """Where a palm looks to: inward at the zero pose."""
+    """Return the direction that the palm faces; inward at the zero pose."""
     return posed.rotation(f"{side[0]}_wrist") @ (LEFT if side == "right" else -LEFT)
 
 

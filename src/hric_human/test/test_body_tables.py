@@ -99,7 +99,7 @@ def test_a_wrong_subject_is_refused_with_what_is_valid(changes: dict[str, object
 
 
 def test_a_mass_that_is_no_capsule_of_its_length_is_refused() -> None:
-    with pytest.raises(ParameterError, match="upper_trunk and middle_trunk are no capsule"):
+    with pytest.raises(ParameterError, match="upper_trunk and middle_trunk do not fit a capsule"):
         describe(subject(mass=200.0, height=1.3, parts="upper_body"))
 
 

@@ -62,7 +62,7 @@ def test_the_published_endurance_is_missed_by_what_the_module_says() -> None:
 
 
 def test_a_joint_without_rates_is_refused_by_name() -> None:
-    with pytest.raises(HricError, match=r"fatigue of wrist .* valid: shoulder, elbow"):
+    with pytest.raises(HricError, match=r"fatigue of joint 'wrist'; valid: shoulder, elbow"):
         Fatigue(["shoulder", "wrist"])
-    with pytest.raises(HricError, match=r"factor of rest of 0\.5"):
+    with pytest.raises(HricError, match=r"factor of rest is 0\.5"):
         Fatigue(["shoulder"], rest=0.5)

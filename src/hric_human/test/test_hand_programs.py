@@ -164,7 +164,7 @@ def test_the_hand_rests_until_it_is_started_and_then_for_begin() -> None:
     hand.start(100.0)
     assert hand(100.5).position == (0.6, 0.0, 0.4)
     assert hand(102.0).position == program(SINUSOID).pose(1.5).position
-    with pytest.raises(HricError, match="the hand has moved since 100"):
+    with pytest.raises(HricError, match="the hand's program has already started at 100"):
         hand.start(101.0)
 
 
@@ -181,7 +181,10 @@ BAD = {
         "program": "minimum_jerk",
         "points": [[0, 1]],
     },
-    "human.points: the times of a track must rise": {"program": "minimum_jerk", "points": [[0, 0, 0, 0], [0, 1, 0, 0]]},
+    "human.points: the times must increase from row to row": {
+        "program": "minimum_jerk",
+        "points": [[0, 0, 0, 0], [0, 1, 0, 0]],
+    },
     "human.variation.time is 2; valid: a finite number from 0 to 0.3": {
         "program": "minimum_jerk",
         "points": [[0, 0, 0, 0]],

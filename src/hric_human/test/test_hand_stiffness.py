@@ -1,4 +1,4 @@
-"""How stiff a hand is for whoever pulls it by a centimetre, beside what is published of arms."""
+"""Stiffness of the hand when it is pulled by a centimetre, compared with published stiffness of arms."""
 
 import math
 from collections.abc import Callable
@@ -13,9 +13,9 @@ from hric_human.control import HumanControl
 
 ARM = body(parts="right_arm")
 PULL = 0.01
-"""[m]"""
+"""Displacement by which the hand is pulled [m]."""
 UPPER_ARM, FOREARM = 0.31, 0.34
-"""Of the arm of PMC2784227, table 1 [m]."""
+"""Segment lengths of the arm in PMC2784227, table 1 [m]."""
 RELAXED = np.array([[10.8, 2.83], [2.51, 8.67]])
 """Stiffness of shoulder and elbow of a relaxed arm (Gomi & Osu 1998; unconfirmed) [N m/rad]."""
 
@@ -41,7 +41,7 @@ POST = """<robot name="post"><link name="world"/><link name="knob"><inertial><ma
 
 
 def way(force: FloatArray) -> FloatArray:
-    """How far a hand has gone when a force on it has acted for long, shape (3,) [m]."""
+    """Return the final displacement of a hand under a constant force, shape (3,) [m]."""
     plant = plugins.find(plugins.PLANT, "mujoco_ros_control/MujocoPlant")(POST, ["axle"], {})
     human = HumanControl(ARM, {}, 0)
     hand = human.person.hand
@@ -60,7 +60,7 @@ def way(force: FloatArray) -> FloatArray:
 
 
 def pulled(direction: FloatArray) -> float:
-    """Force per way along the force, of one that pulls the hand by about PULL [N/m]."""
+    """Return the stiffness along a force that displaces the hand by about PULL [N/m]."""
     tried = 0.5
     force = tried * PULL / float(way(tried * direction) @ direction)
     gone = float(way(force * direction) @ direction)

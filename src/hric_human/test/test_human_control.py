@@ -1,4 +1,4 @@
-"""What surrounds a human's controller, the built-in one, and one of a user."""
+"""Senses and strength limits around a human's controller, the built-in controller, and a controller of a user."""
 
 import itertools
 import math
@@ -31,7 +31,7 @@ HAND = HumanControl(ARM, {}, 0).person.hand.pose(REST).position
 
 
 class Noted(HumanController):
-    """Keeps what it senses, and gives the torque that the test says."""
+    """Controller that stores what it senses, and returns the torque that the test sets."""
 
     senses: list[Senses]
     tau: Sequence[float]
@@ -120,8 +120,8 @@ def test_a_torque_beyond_the_strength_is_clipped_and_counted_once_while_it_lasts
 @pytest.mark.parametrize(
     ("tau", "text"),
     [
-        ([0.0] * 6, "Noted gave 6 torques; valid: one for each of right_sh_flex, "),
-        ([0.0] * 6 + [float("nan")], "Noted gave nan N m for right_wr_dev at 0.500 s; valid: finite torques"),
+        ([0.0] * 6, "Noted returned 6 values; valid: one for each of right_sh_flex, "),
+        ([0.0] * 6 + [float("nan")], "Noted returned nan N m for right_wr_dev at 0.500 s; valid: finite torques"),
     ],
 )
 def test_what_is_no_torque_is_refused_with_the_joint(noted: object, tau: list[float], text: str) -> None:
@@ -269,7 +269,7 @@ def test_a_motion_out_of_reach_is_refused_before_the_run() -> None:
     with pytest.raises(OutOfReachError) as refusal:
         HumanControl(ARM, hand_motion(amplitude=[0.6, 0.0, 0.0]), 0)
     assert "human.control.parameters.reference: " in str(refusal.value)
-    assert "m from the right shoulder; valid: up to 0.625 m, its reach" in str(refusal.value)
+    assert "m from the right shoulder; valid: up to 0.625 m, the reach of the arm" in str(refusal.value)
 
 
 def reactive(**keys: Any) -> HumanControl:
@@ -403,7 +403,7 @@ def test_wrong_parameters_are_refused_in_one_block_with_what_is_valid(user_packa
 def test_a_load_that_a_joint_is_too_weak_for_is_refused_with_the_heaviest_that_it_holds() -> None:
     (line,) = refusals(impedance(load=45.0))
     found = re.fullmatch(
-        r"human\.control\.parameters\.load is 45\.0; valid: up to (.*) \[kg\], which (.*) holds at the start", line
+        r"human\.control\.parameters\.load is 45\.0; valid: up to (.*) \[kg\], which (.*) can hold at the start", line
     )
     assert found is not None, line
     heaviest, joint = float(found[1]), found[2]
@@ -422,12 +422,12 @@ def test_joint_references_out_of_range_are_refused_together() -> None:
     assert lines[1].startswith(f"no joint 'right_knee' in {where}[0]; valid: ")
     assert lines[2] == f"{where}[1].right_sh_flex is -2.0; valid: from -1.047 to 3.142 [rad]"
     assert refusals(impedance(reference={"program": "joints", "points": [{"time": 1}, {"time": 1}]})) == [
-        f"{where}: the times must rise, from 0 s on"
+        f"{where}: the times must increase, and be 0 s or later"
     ]
 
 
 def test_a_cycle_of_the_law_costs_less_than_fifty_products_of_seven_numbers() -> None:
-    """30 us where the product of two lists takes 0.6 us."""
+    """A cycle takes 30 us on a machine where the product of two lists of seven numbers takes 0.6 us."""
     human, k = HumanControl(ARM, hand_motion(cycles=5), 0), itertools.count()
     human.start(0.0)
     q = list(REST)

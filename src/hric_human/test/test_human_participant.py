@@ -39,9 +39,9 @@ from hric_msgs.msg import (
 PLANTS = [name for name in plugins.names(plugins.PLANT) if issubclass(plugins.find(plugins.PLANT, name), Articulated)]
 READY = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
 HAND = [0.42, 0.0, 0.55]
-"""Before the robot's hand at READY, where a handle would be, in the world [m]."""
+"""Position in front of the robot's hand at READY, where a handle would be, in the world [m]."""
 ASIDE = [0.5, 0.2, 0.6]
-"""Away from it."""
+"""Position of the hand away from the handle [m]."""
 BALL = """<robot name="ball"><link name="ball"><inertial><mass value="0.2"/>
   <inertia ixx="1e-4" iyy="1e-4" izz="1e-4" ixy="0" ixz="0" iyz="0"/></inertial>
   <collision><geometry><sphere radius="0.03"/></geometry></collision></link></robot>"""
@@ -92,7 +92,7 @@ def plant_type(request: pytest.FixtureRequest) -> str:
 
 @pytest.fixture
 def lab(request: pytest.FixtureRequest) -> Iterator[Callable[..., Lab]]:
-    """lab(plant_type=..., **keys of the human)."""
+    """Return a function that builds a Lab: lab(plant_type=..., **keys of the human)."""
     made: list[Lab] = []
 
     def make(
@@ -138,7 +138,7 @@ def test_the_person_moves_from_the_start_on_and_says_when_the_person_is_done(lab
         ("ended", 0.7),
     ]
     answer = there.call("start")
-    assert not answer.success and "runs once" in answer.message
+    assert not answer.success and "already started" in answer.message
 
 
 def test_a_grip_closes_where_palm_and_handle_are_near_and_carries_what_the_motion_needs(
@@ -230,7 +230,7 @@ def test_a_reset_puts_them_back_with_their_grip_and_the_person_waits_again(lab: 
         ({"control": {"type": "lab/None"}}, "no human controller 'lab/None'"),
         (
             {"control": moves([0.0, 5.0, 0.0, 0.0])},
-            "human/control/parameters/reference: 0.00 s after the motion's start .*reach",
+            "human/control/parameters/reference: 0.00 s after the motion's start, .*reach",
         ),
         ({"grips": {"guide": {"held": "tail"}}}, "no link 'tail' in .*human/grips/guide; valid: .*panda_hand"),
         ({"grips": {"guide": {}}}, "grips.guide.held is not set"),
@@ -334,8 +334,8 @@ def test_activation_force_and_joint_loads_have_the_stamps_of_their_joint_states(
 
 
 def test_a_joint_load_counts_what_their_hand_holds(lab: Any) -> None:
-    """At rest the load of a joint is what muscles pull there, and the weight and the grip of what is distal: with an
-    anatomy without muscles across it, those alone."""
+    """At rest the reaction in a joint is the sum of the muscle forces across it and of weight and grip of all distal
+    parts; without muscles across it, of weight and grip only."""
     there = lab(drive="muscle", control=moves([0.0, *HAND], [0.3, 0.42, 0.05, 0.55]), grips={"guide": TAKEN})
     heard = heard_of_muscles(there)
     there.app.run(0.1)
@@ -360,7 +360,7 @@ def test_a_muscle_that_gives_all_it_can_is_an_event_and_the_run_goes_on(lab: Any
     heard = heard_of_muscles(there)
     there.app.run(0.3)
     events, last = there.events("muscle"), heard["activation"][-1]
-    assert events and "is saturated (1 so far)" in events[0].text
+    assert events and "reaches full activation (1 times so far)" in events[0].text
     assert last.limited[last.name.index(events[0].name)] >= 1
 
 

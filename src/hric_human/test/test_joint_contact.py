@@ -87,5 +87,5 @@ def test_all_pulls_at_once_are_the_polynomials_of_each_muscle() -> None:
 
 
 def test_a_muscle_without_a_force_is_refused_by_name() -> None:
-    with pytest.raises(HricError, match="force of right_puller; given are right_other"):
+    with pytest.raises(HricError, match="force of muscle right_puller; available: right_other"):
         JointContact(WholeBody(body(parts="right_arm")), anatomy(), ["right_other"])

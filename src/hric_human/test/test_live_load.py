@@ -42,7 +42,7 @@ def estimate(when: float, q: Sequence[float], root: Pose = ROOT, **changes: obje
 
 
 def force_at(when: float, point: np.ndarray) -> HandForce:
-    """Of a robot that is guided: some 20 N, and a torque."""
+    """Return the force of a robot that is guided by hand: some 20 N, and a torque."""
     s, c = np.sin(2.0 * when), np.cos(1.5 * when)
     x, y, z = point.tolist()
     return HandForce(when, (12.0 * s, 15.0 * c, -20.0 + 5.0 * s), (0.5 * c, 0.3 * s, -0.4 * c), (x, y, z))
@@ -57,7 +57,7 @@ def grasped(when: float) -> np.ndarray:
 def fed(
     live: LiveLoad, estimates: Iterable[PersonEstimate], forces: Iterable[HandForce] = (), every: int = 1
 ) -> list[PersonLoad]:
-    """In order of time, taken after every so many frames."""
+    """Feed frames and forces in order of time; take results after every given number of frames."""
     found, frames = [], 0
     for one in sorted([*estimates, *forces], key=lambda one: one.time):
         if isinstance(one, HandForce):
@@ -75,7 +75,7 @@ def joined(found: list[PersonLoad], part: Callable[[PersonLoad], np.ndarray]) ->
 
 
 def test_joint_torque_of_somebody_who_sways_and_pushes_is_that_of_an_independent_library(figure: Figure) -> None:
-    """From markers with 0.5 mm of noise, and a force in samples at 30 Hz, as the robot's state comes."""
+    """The input is markers with 0.5 mm of noise, and a force sampled at 30 Hz, like the robot's state."""
     tracker, noise = PersonTracker(BODY, NAMES), np.random.default_rng(3)
     times = np.arange(0.0, 4.0, 1.0 / RATE)
     frames = [MOVER.markers(when) for when in times]
@@ -104,7 +104,7 @@ def test_joint_torque_of_somebody_who_sways_and_pushes_is_that_of_an_independent
 
 
 def torque_errors(known: Body, mover: Mover, offsets: dict[str, np.ndarray]) -> np.ndarray:
-    """Of somebody whose hands are empty, tracked as `known`, shape (n, joints) [N m]."""
+    """Return the torque errors for a person with empty hands, tracked with the body `known`, (n, joints) [N m]."""
     tracker, noise, live = PersonTracker(known, NAMES), np.random.default_rng(3), LiveLoad(known, ANATOMY, None)
     for when in np.arange(0.0, 3.0, 1.0 / RATE):
         p = mover.markers(when, offsets)
@@ -206,7 +206,7 @@ def test_a_force_on_one_hand_loads_that_arm_alone() -> None:
 
 
 def test_the_load_of_an_arm_is_bridged_and_lost_with_its_joints() -> None:
-    """And what a window has of it: joints that were bridged for 0.2 s flag 0.2 s and half a window on each side."""
+    """A window with a bridged frame is flagged: joints bridged for 0.2 s flag 0.2 s and half a window on each side."""
     elbow = JOINTS.index("right_el_flex")
 
     def states(when: float) -> list[str]:

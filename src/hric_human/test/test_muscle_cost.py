@@ -1,4 +1,4 @@
-"""What the arithmetic of muscles costs, beside what goes with the machine."""
+"""Processor time of the muscle computations, relative to that of numpy operations on the same machine."""
 
 import math
 import time
@@ -17,11 +17,11 @@ from hric_human.muscles.static_optimization import StaticOptimization
 pytestmark = pytest.mark.alone
 
 SHARE = 0.1
-"""Of a recorded time that its load may take of a processor [1]: the demand of this project."""
+"""Largest processor time of the muscle load per recorded time [1]: requirement of this project."""
 
 
 def seconds(work: Callable[[int], object], count: int) -> float:
-    """Of the processor for one call, the least of several rounds."""
+    """Return the processor time of one call, the minimum of several rounds [s]."""
     least = math.inf
     for _ in range(5):
         start = time.process_time()
@@ -32,7 +32,7 @@ def seconds(work: Callable[[int], object], count: int) -> float:
 
 
 def test_sharing_a_torque_costs_less_than_three_products_of_its_matrices() -> None:
-    """60 us are asked for; numpy's own B^T B and B^T b are a measure that goes with the machine."""
+    """The requirement is 60 us; the time of numpy's B^T B and B^T b scales it to the machine."""
     one = body(parts="right_arm")
     muscles = MuscleSet(one, load(BUILT_IN))
     state = muscles.at([0.7, 0.3, 0.2, 1.3, 0.1, 0.1, 0.0], [0.0] * 7)

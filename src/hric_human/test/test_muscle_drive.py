@@ -1,4 +1,4 @@
-"""Muscles that move a body: what they give of a wanted torque."""
+"""Muscles that move a body: the torque that they produce for a desired one."""
 
 from collections.abc import Sequence
 
@@ -28,7 +28,7 @@ def drive(one: Person | None = None, strength: float = 1.0, **settings: float) -
 
 
 def updated(muscles: MuscleDrive, tau: Sequence[float], cycles: int) -> list[float]:
-    """The torque of the last of some cycles at rest."""
+    """Return the torque in the last of several cycles at rest."""
     for _ in range(cycles):
         given = muscles.update(Q, REST, tau)
     return given
@@ -63,7 +63,7 @@ def test_activation_follows_excitation_by_its_dynamics() -> None:
 
 
 def test_what_was_not_foreseen_meets_short_range_stiffness_and_damping() -> None:
-    """Of 75/m times force, and 0.05 s of it; the forces themselves are those of the curves, as without it."""
+    """Stiffness is 75/m times force, damping 0.05 s times stiffness; the forces themselves follow only the curves."""
     one = person()
     muscles, weight = drive(one), one.own_weight(Q)
     updated(muscles, weight, 5)
@@ -136,5 +136,7 @@ def test_a_restart_gives_what_the_first_start_gave() -> None:
 
 
 def test_a_rate_of_no_whole_number_of_cycles_is_named() -> None:
-    with pytest.raises(ParameterError, match=r"human\.muscles\.rate is 300\.0; valid: a whole part of the 1000 cycles"):
+    with pytest.raises(
+        ParameterError, match=r"human\.muscles\.rate is 300\.0; valid: a divisor of the cycle rate, 1000 Hz"
+    ):
         drive(rate=300.0)

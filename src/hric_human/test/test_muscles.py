@@ -17,7 +17,7 @@ from hric_human.muscles import BUILT_IN, MuscleSet, load
 ANATOMY = load(BUILT_IN)
 LOWER, UPPER = np.array(ANATOMY.lower), np.array(ANATOMY.upper)
 SAMPLES = Path(__file__).parent / "data" / "das4_mended_samples.npz"
-"""Of OpenSim: lengths, moment arms and pulls of the mended das4_v4.osim at poses that the fit did not see."""
+"""Lengths, moment arms and pulls that OpenSim computes for the repaired das4_v4.osim at poses not used in the fit."""
 FROM_THE_HAND_MODEL = ("ECR", "ECU", "FC", "PL", "PT", "PQ", "FD", "ED", "EI", "EP", "FPL", "APL")
 GRAVITY = (0.0, 0.0, -9.81)
 
@@ -47,7 +47,7 @@ def poses(count: int, seed: int) -> np.ndarray:
 
 
 def arm(q: list[float], muscle: str, joint: str) -> float:
-    """Moment arm [mm]."""
+    """Return the moment arm of a muscle about a joint [mm]."""
     made = as_measured()
     state = made.at(q, [0.0] * 7)
     return float(1e3 * state.arms[made.names.index(f"right_{muscle}"), ANATOMY.joints.index(joint)])
@@ -291,7 +291,7 @@ def shortfall(state, torque: np.ndarray) -> float:
 
 
 class LoadedHand:
-    """The torque that holds a load at the palm, by differences of its height."""
+    """Torque that holds a load at the palm, computed from numerical derivatives of its height."""
 
     def __init__(self, human) -> None:
         self._chain = HandChain(human, "right")

@@ -31,7 +31,7 @@ from hric_human.tracking.tracker import BRIDGE, moved
 Figure = Callable[[str, float, str], None]
 Hide = Callable[[float, np.ndarray], None]
 STEP = 2
-"""Frames from one estimate to the next: 60 Hz of 120."""
+"""Number of frames between two estimates: 60 Hz out of frames at 120 Hz."""
 BODY = body(parts="upper_body")
 NAMES = list(BODY.markers)
 FOREARM = ("RFRM", "RWRA", "RWRB", "RFIN")
@@ -43,13 +43,13 @@ def positions_of(mover: Mover, times: np.ndarray, noise: float, offsets: dict[st
 
 
 class Followed:
-    """What a tracker says of somebody who moves, beside the truth.
+    """Estimates of a tracker for a moving person, with the true motion.
 
     Args:
-        known: the person's body, as the tracker has it.
-        mover: who they are.
-        offsets: of the person's markers from where their body has them [m].
-        hide: takes a time and the positions, which it may change.
+        known: body that the tracker assumes.
+        mover: the moving person.
+        offsets: displacement of the person's markers from their positions on the body [m].
+        hide: function of a time and the marker positions, which it may change.
     """
 
     def __init__(
@@ -123,7 +123,7 @@ def test_markers_with_half_a_millimetre_of_noise_give_joints_and_hand_at_60_hz(f
 
 
 def somebody_else(seed: int) -> tuple[Mover, dict[str, np.ndarray]]:
-    """3 % taller than is known, with markers 10 mm off."""
+    """Return a person who is 3 % taller than the tracker assumes, with markers displaced by 10 mm."""
     random, known = np.random.default_rng(seed), subject(parts="upper_body")
     directions = random.normal(size=(len(NAMES), 3))
     offsets = 0.01 * directions / np.linalg.norm(directions, axis=1)[:, None]
@@ -275,7 +275,7 @@ def test_somebody_who_moves_is_refused_with_the_markers_that_moved() -> None:
     frames = frames_of_a_still_pose()
     frames[:, NAMES.index("RFIN"), 0] += np.linspace(0.0, 0.06, len(frames))
     with pytest.raises(
-        CommandError, match=r"the person has moved: RFIN 3\d mm from the mean; valid: up to 10 mm in 1 s"
+        CommandError, match=r"the person has moved: RFIN 3\d mm from the mean position; valid: up to 10 mm in 1 s"
     ):
         mean_of(frames)
 
@@ -284,7 +284,9 @@ def test_markers_that_are_missing_are_named() -> None:
     frames = frames_of_a_still_pose()
     frames[30:, NAMES.index("T10")] = np.nan
     frames[:, NAMES.index("LFIN")] = np.nan
-    with pytest.raises(CommandError, match=r"missing: T10 \(25%\), LFIN \(0%\) of the frames; valid: at least 90%"):
+    with pytest.raises(
+        CommandError, match=r"too many frames: visible are T10 \(25%\), LFIN \(0%\); valid: visible in at least 90%"
+    ):
         mean_of(frames)
 
 

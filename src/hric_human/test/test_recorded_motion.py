@@ -18,7 +18,7 @@ from hric_human.control.recorded import MarkerSolver
 
 RATE = 100.0
 TURNED = {"xyz": [0.4, -0.2, 0.9], "xyzw": [0.0, 0.0, math.sin(0.5), math.cos(0.5)]}
-"""Where the root link was in the laboratory."""
+"""Pose of the root link in the laboratory."""
 
 
 def swings(one: Body, frames: int, seed: int = 1) -> np.ndarray:
@@ -32,7 +32,10 @@ def swings(one: Body, frames: int, seed: int = 1) -> np.ndarray:
 
 
 def markers_of(one: Body, q: np.ndarray, T: bool = False) -> dict[str, np.ndarray]:
-    """Where pinocchio has the body's markers, shape (frames, 3) each [m]; T: in the laboratory."""
+    """Return the body's marker positions computed by pinocchio, shape (frames, 3) each [m].
+
+    T: pose of the root link in the laboratory.
+    """
     R = np.array([[math.cos(1), -math.sin(1), 0], [math.sin(1), math.cos(1), 0], [0, 0, 1]]) if T else np.eye(3)
     offset = np.array(TURNED["xyz"]) if T else np.zeros(3)
     found: dict[str, list[np.ndarray]] = {name: [] for name in one.markers}
@@ -149,7 +152,7 @@ def test_recorded_angles_are_followed_and_other_joints_rest() -> None:
 
 
 BAD = {
-    "angles must have one joint or more, with as many values each": {
+    "angles must have one joint or more, all with the same number of values": {
         "angles": {"right_el_flex": [1, 1], "right_sh_rot": [0]}
     },
     "no joint 'right_knee' in human.control.parameters.reference.angles; valid: right_el_flex, ": {
@@ -157,8 +160,10 @@ BAD = {
     },
     r"angles.right_el_flex\[1\] is 3.0; valid: 0.000 to 2.618 \[rad\]": {"angles": {"right_el_flex": [1, 3.0]}},
     "angles.right_el_flex is 'x'; valid: a list of numbers": {"angles": {"right_el_flex": "x"}},
-    "none of the markers is on the body; valid: RSHO, RUPA": {"markers": {"LASI": [[0, 0, 0]]}},
-    "markers must have as many rows of x, y, z each": {"markers": {"RELB": [[0, 0, 0]], "RWRA": [[0, 0]]}},
+    "the body has none of the markers; valid: RSHO, RUPA": {"markers": {"LASI": [[0, 0, 0]]}},
+    "markers must have the same number of rows x, y, z for each marker": {
+        "markers": {"RELB": [[0, 0, 0]], "RWRA": [[0, 0]]}
+    },
     "path: c3d file .*none.c3d: No such file": {"path": "none.c3d"},
     "path: .*none.mot: No such file": {"path": "none.mot"},
     "path: .*none.trc: No such file": {"path": "none.trc"},

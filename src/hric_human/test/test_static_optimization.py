@@ -19,7 +19,7 @@ MINIMUM = 0.01
 JOINTS = 7
 SHOULDER, FOREARM, WRIST = slice(0, 3), slice(3, 5), (5, 6)
 Task = tuple[FloatArray, FloatArray, FloatArray]
-"""Arms [m], gain [N], torque [N m]."""
+"""Problem of static optimisation: moment arms [m], gain [N], torque [N m]."""
 
 
 def _least_distance(B: FloatArray, torque: FloatArray, least: FloatArray) -> FloatArray | None:
@@ -46,7 +46,10 @@ def _least_distance(B: FloatArray, torque: FloatArray, least: FloatArray) -> Flo
 def _least_distance_on_face(
     B: FloatArray, torque: FloatArray, shortfall: FloatArray, least: FloatArray
 ) -> FloatArray | None:
-    """The same where all that pull along a shortfall are at their bounds; None where rounding decides, or grows."""
+    """Return the solution of `_least_distance` if all muscles along a shortfall are at their bounds.
+
+    Return None if rounding decides.
+    """
     pull = B @ shortfall
     free = np.abs(pull) <= 1e-9 * np.linalg.norm(B, axis=1) * np.linalg.norm(shortfall)
     a = np.where(pull > 0.0, 1.0, least)
@@ -62,7 +65,7 @@ def _least_distance_on_face(
 
 
 def _any_task(rng: np.random.Generator) -> Task:
-    """Of any number of muscles and joints; many have no arm on many joints, some no gain."""
+    """Return a random problem with any number of muscles and joints; many moment arms and some gains are zero."""
     k = int(rng.integers(3, 40))
     m = int(rng.integers(1, min(k, 7) + 1))
     arms = rng.normal(0.0, 0.02, (k, m)) * (rng.random((k, m)) < 0.6)
@@ -71,8 +74,8 @@ def _any_task(rng: np.random.Generator) -> Task:
 
 
 def _arm(rng: np.random.Generator) -> Task:
-    """As of an arm: muscles of the shoulder, of the elbow and forearm, of both, and a pair of actuators each at the two
-    joints of the wrist."""
+    """Return a problem like that of an arm: muscles of the shoulder, of elbow and forearm, of both, and a pair of
+    actuators at each of the two wrist joints."""
     arms = np.zeros((36, JOINTS))
     arms[:18, SHOULDER] = rng.normal(0.0, 0.02, (18, 3))
     arms[18:22] = rng.normal(0.0, 0.02, (4, JOINTS))
@@ -88,7 +91,7 @@ def _arm(rng: np.random.Generator) -> Task:
 
 
 def _with_torque(rng: np.random.Generator, arms: FloatArray, gain: FloatArray) -> Task:
-    """Within reach with all muscles between their bounds, or many at one of them, or any torque."""
+    """Return the problem with a torque: reachable between all bounds, or with many muscles at a bound, or any."""
     B, k = gain[:, None] * arms, len(gain)
     kind = rng.integers(3)
     if kind == 2:

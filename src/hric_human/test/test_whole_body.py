@@ -130,7 +130,7 @@ def test_a_root_that_moves_needs_what_an_independent_library_says() -> None:
 
 def test_a_load_on_a_link_that_is_not_there_is_refused_by_name() -> None:
     whole, none = WholeBody(body(parts="right_arm")), np.zeros((1, 3))
-    with pytest.raises(HricError, match="'l_wrist', which is no link of the body; valid: r_shoulder"):
+    with pytest.raises(HricError, match="load on 'l_wrist', which is no link of the body; valid: r_shoulder"):
         whole.inverse_dynamics(*np.zeros((3, 1, 7)), ROOT, [ExternalLoad("l_wrist", none, none, none)])
 
 

@@ -1,4 +1,4 @@
-"""Somebody who moves their whole upper body in a laboratory, with markers on them, as pinocchio has them."""
+"""Person who moves their whole upper body in a laboratory, with markers on them, computed by pinocchio."""
 
 from collections.abc import Mapping
 
@@ -14,9 +14,9 @@ class Mover:
     """A body whose root and joints swing, away from the singularity of the shoulder.
 
     Args:
-        body: the person's, as it really is.
-        speed: of the swings, a factor [1].
-        seed: of phases and rates.
+        body: true body of the person.
+        speed: factor on the speed of the swings [1].
+        seed: seed of phases and rates.
         within: lower and upper angle by joint, where the person swings in less than its range [rad].
     """
 
@@ -51,7 +51,7 @@ class Mover:
         return pinocchio.SE3(turn, np.array([0.8 + 0.1 * np.sin(0.8 * time), -0.3 + 0.05 * np.sin(time), 0.95]))
 
     def state(self, time: float) -> np.ndarray:
-        """Positions as the model has them."""
+        """Return the positions in pinocchio's order."""
         q = np.zeros(self.model.nq)
         q[:7], q[self._q] = pinocchio.SE3ToXYZQUAT(self.root(time)), self.joints(time)[0]
         return q
@@ -80,7 +80,7 @@ class Mover:
         pinocchio.framesForwardKinematics(self.model, self.data, q)
 
     def point(self, link: str, p_link: np.ndarray) -> np.ndarray:
-        """Where a point of a link is now [m]."""
+        """Return the current position of a point of a link in the world [m]."""
         return np.asarray(self.data.oMf[self.model.getFrameId(link)].act(p_link))
 
     def markers(
@@ -89,8 +89,8 @@ class Mover:
         """Marker positions of the person, shape (m, 3) [m].
 
         Args:
-            time: [s].
-            offsets: how far each is from where the body has it, in axes of its link [m].
+            time: time of the motion [s].
+            offsets: displacement of each marker from its position on the body, in axes of its link [m].
             joints: see `place`.
         """
         self.place(time, joints)
@@ -100,7 +100,7 @@ class Mover:
         ])  # fmt: skip
 
     def hand(self, time: float, side: str = "right") -> np.ndarray:
-        """Where the centre of mass of a hand is [m]."""
+        """Return the position of a hand's centre of mass in the world [m]."""
         self.place(time)
         hand = self.body.segments[f"{side}_hand"]
         return self.point(hand.link, hand.mass.com)

@@ -12,7 +12,7 @@ FIBRES = (0.5, 1.5)
 
 
 def opensim_text() -> str:
-    """The model of OpenSim."""
+    """Return the text of the OpenSim model."""
     root = ElementTree.fromstring(FILE.read_text())
     for path in root.iter("GeometryPath"):
         for wraps in path.findall("PathWrapSet"):
@@ -21,7 +21,7 @@ def opensim_text() -> str:
 
 
 def write_mujoco(path: Path, osim: Path) -> None:
-    """The model of MuJoCo: y up as in OpenSim, masses of no interest."""
+    """Write the MuJoCo model: y up as in OpenSim; its masses have no effect."""
     model = opensim.Model(str(osim))
     model.initSystem()
     points = dict[str, list[str]]()

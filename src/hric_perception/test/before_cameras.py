@@ -1,4 +1,4 @@
-"""Somebody who moves before the cameras of an emulated Motive, and the programs that see them."""
+"""A simulated person who moves in front of an emulated Motive's cameras, and the nodes that track them."""
 
 import os
 import threading
@@ -24,7 +24,7 @@ BODY = describe(SETTINGS.person)
 PERIOD = 0.005
 FRAME_RATE = 120.0
 BODY_OF_PERSON = "/hric/person/robot_description"
-"""Set by the node `person` when it is about to look."""
+"""Parameter that the node `person` sets when it is about to process frames."""
 
 
 def text_of(value: Any) -> str:
@@ -32,14 +32,14 @@ def text_of(value: Any) -> str:
 
 
 class Swings:
-    """Publishes joint states as if from a plant: joints swing about their middle, or all are zero.
+    """Publisher of a simulated person's joint states: joints swing about their middle, or all are zero.
 
     Args:
-        run: by whose time.
-        within: lower and upper angle by joint, where it swings in less than its range [rad].
+        run: clock of robot time.
+        within: lower and upper angle by joint, for joints that swing in less than their range [rad].
 
     Attributes:
-        still: from when on they are zero [s].
+        still: robot time from which all joints are zero [s].
     """
 
     def __init__(self, run: TellsTime, within: Mapping[str, tuple[float, float]] | None = None) -> None:
@@ -56,14 +56,14 @@ class Swings:
         self._thread.start()
 
     def joints(self, time: float) -> tuple[np.ndarray, np.ndarray]:
-        """Positions [rad] and velocities [rad/s]."""
+        """Return joint positions [rad] and velocities [rad/s] at a robot time [s]."""
         if time >= self.still:
             return np.zeros(len(self._middle)), np.zeros(len(self._middle))
         phase = 2.0 * time + self._phase
         return self._middle + self._swing * np.sin(phase), 2.0 * self._swing * np.cos(phase)
 
     def accelerations(self, time: float) -> np.ndarray:
-        """While they swing [rad/s^2]."""
+        """Return joint accelerations at a robot time [s] while the joints swing [rad/s^2]."""
         return np.asarray(-4.0 * self._swing * np.sin(2.0 * time + self._phase))
 
     def _work(self) -> None:
@@ -98,14 +98,13 @@ def listen(topic: str, kind: type) -> list[Any]:
 
 
 def processor_time(pid: int) -> float:
-    """Of a process [s]: user and system, fields 14 and 15 of its stat (proc(5))."""
+    """Return the processor time of a process [s]: user and system, fields 14 and 15 of its stat (proc(5))."""
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def begin(nodes: Nodes, *arguments: str, **stream_keys: Any) -> Any:
-    """Motive with further keys of its stream, its client, and the node with its arguments, which is there before the
-    stream begins."""
+    """Start the mocap client, the node `person` with arguments, and then the emulated Motive with stream settings."""
     import rospy
 
     ports = {"command_port": free_port(), "data_port": free_port()}

@@ -1,4 +1,4 @@
-"""A body whose joints swing, as messages of the human in the plant tell it, and as pinocchio has it."""
+"""A body whose joints swing: as messages of a simulated human, and as reference computed by pinocchio."""
 
 from typing import Any
 
@@ -16,11 +16,11 @@ BODY = describe(HumanSettings.of(PERSON, "human").person)
 JOINTS = list(BODY.joints)
 RANGES = [joint.range for joint in BODY.joints.values()]
 PERIOD = 0.005
-"""Between two of the person's messages [s]."""
+"""Time between two messages of the simulated human [s]."""
 
 
 def motion(time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Joint positions, velocities and accelerations [rad]."""
+    """Return joint positions [rad], velocities [rad/s] and accelerations [rad/s^2] at a time [s]."""
     n = np.arange(1, len(JOINTS) + 1)
     w, share = 2.0 * np.pi * (0.3 + 0.05 * n), 0.15 * np.array([high - low for low, high in RANGES])
     phase = w * time + n
@@ -29,7 +29,7 @@ def motion(time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 class Oracle:
-    """The same body by pinocchio, its root on a free-flyer joint."""
+    """Reference computation of the body by pinocchio, with its root on a free-flyer joint."""
 
     def __init__(self) -> None:
         self.model = pinocchio.buildModelFromXML(BODY.urdf, pinocchio.JointModelFreeFlyer())
@@ -46,12 +46,12 @@ class Oracle:
         return own, v, a
 
     def point(self, time: float, link: str, p_link: Any) -> np.ndarray:
-        """In the world."""
+        """Return the position of a point of a link in the world [m]; p_link: the point in the link [m]."""
         pinocchio.framesForwardKinematics(self.model, self.data, self.state(time)[0])
         return np.asarray(self.data.oMf[self.model.getFrameId(link)].act(np.asarray(p_link)))
 
     def pressed(self, time: float) -> tuple[np.ndarray, np.ndarray]:
-        """Force and torque about the world's origin on the floor, of the body that is described."""
+        """Return force [N] and torque about the world's origin [N m] of the body on the floor."""
         tau = pinocchio.rnea(self.model, self.data, *self.state(time))
         R = rotation_from_quaternion(self.root.orientation)
         force = -R @ tau[:3]

@@ -1,4 +1,4 @@
-"""For tests of the sensors' nodes: the time of a run, processes that end with the test, what they say."""
+"""Helpers of tests of sensor nodes: clock of robot time, node processes that end with the test, diagnostics."""
 
 import signal
 import subprocess
@@ -22,7 +22,7 @@ LIMIT = 40.0
 
 
 class TellsTime:
-    """Publishes pairs at 50 Hz as a robot does.
+    """Publisher of hric_msgs/ClockPair at 50 Hz, as a robot publishes them.
 
     Attributes:
         pace: robot time per wall time; may be changed.
@@ -62,7 +62,7 @@ def run(ros: str) -> Iterator[TellsTime]:
 
 
 class Nodes:
-    """Processes that end with the test."""
+    """Node processes that end with the test."""
 
     def __init__(self) -> None:
         self._running: list[subprocess.Popen[str]] = []
@@ -79,7 +79,7 @@ class Nodes:
         return process.communicate(timeout=LIMIT)[0]
 
     def close(self) -> None:
-        """End them and show what they said."""
+        """End all processes, and print their output."""
         for process, said in zip(self._running, end_nodes(*self._running), strict=True):
             print(process.args, said)
 
@@ -105,7 +105,7 @@ def wait(condition: Callable[[], object]) -> None:
 
 
 class TopicActivation:
-    """Chunks of a topic."""
+    """Recorder of the chunks on a topic."""
 
     def __init__(self, topic: str) -> None:
         import rospy
@@ -124,7 +124,7 @@ class TopicActivation:
 
 
 class Diagnosis:
-    """What is on /diagnostics about a node."""
+    """Recorder of a node's status on /diagnostics."""
 
     def __init__(self, name: str) -> None:
         import rospy

@@ -1,5 +1,6 @@
-"""Sends what a synchroniser hears, at the rates of a data collection: `python sync_feed.py SECONDS FORM`. Every value
-tells the stamp it is of.
+"""Publishes topics for a synchroniser at the rates of a data collection: `python sync_feed.py SECONDS FORM`.
+
+Each value is the time of its sample since the start [s].
 
 The robot at 1 kHz, a body at 240 Hz, 8 channels of EMG at 2 kHz and a plate at 1 kHz. FORM is one of: `as recorded`:
 the control log with 20 cycles per message, EMG and plate in chunks of 10 ms; `joint states`: the same, but a JointState
@@ -31,10 +32,10 @@ class Feed(NamedTuple):
     """A topic.
 
     Attributes:
-        topic: its name.
+        topic: name of the topic.
         rate: messages per second [Hz].
-        samples: per message.
-        make: (stamp of the first sample [s], of the run's begin [s], running number of the message) -> message.
+        samples: number of samples per message.
+        make: function (stamp of the first sample [s], stamp of the start [s], number of the message) -> message.
     """
 
     topic: str
@@ -44,13 +45,13 @@ class Feed(NamedTuple):
 
 
 def joints(stamp: float, begin: float, number: int) -> Any:
-    """Positions and velocities that tell the time."""
+    """Return a JointState whose values are the time since the start [s]."""
     code = stamp - begin
     return JointState(name=JOINTS, position=[code] * 7, velocity=[code] * 7, effort=[code] * 7)
 
 
 def log(stamp: float, begin: float, number: int) -> Any:
-    """20 cycles whose values tell the time."""
+    """Return a ControlLog with 20 cycles whose values are the time since the start [s]."""
     times = [stamp - begin + 0.001 * index for index in range(20)]
     codes = [time for time in times for _ in JOINTS]
     return ControlLog(
@@ -66,14 +67,14 @@ def log(stamp: float, begin: float, number: int) -> Any:
 
 
 def bodies(stamp: float, begin: float, number: int) -> Any:
-    """One body whose x tells the time."""
+    """Return a MocapData with one body whose x is the time since the start [s]."""
     body = RigidBodyState(name="hand", id=1, tracking_valid=True)
     body.pose.position.x, body.pose.orientation.w = stamp - begin, 1.0
     return MocapData(frame_number=number, tracking_valid=True, rigid_bodies=[body])
 
 
 def chunk(channels: list[str], unit: str, rate: float, samples: int) -> Callable[[float, float, int], Any]:
-    """Chunks whose channels all tell the time."""
+    """Return a function that makes a SampleChunk whose values are the time since the start [s]."""
 
     def make(stamp: float, begin: float, number: int) -> Any:
         data = [stamp - begin + index / rate for index in range(samples) for _ in channels]
@@ -85,14 +86,14 @@ def chunk(channels: list[str], unit: str, rate: float, samples: int) -> Callable
 
 
 def wrench(stamp: float, begin: float, number: int) -> Any:
-    """A wrench whose force tells the time."""
+    """Return a WrenchStamped whose force is the time since the start [s]."""
     message = WrenchStamped()
     message.wrench.force.x = stamp - begin
     return message
 
 
 def feeds(form: str) -> list[Feed]:
-    """All topics of a form."""
+    """Return all topics of a form (see the module)."""
     robot = Feed("/control_log", 50.0, 20, log) if form == RECORDED else Feed("/joint_states", 1000.0, 1, joints)
     fixed = [robot, Feed("/hric/perception/mocap", 240.0, 1, bodies)]
     if form == SINGLE:
@@ -103,7 +104,7 @@ def feeds(form: str) -> list[Feed]:
 
 
 def send(feeds: list[Feed], seconds: float) -> list[int]:
-    """Send in real time; returns the samples of each topic. A message goes out when its last sample is taken."""
+    """Publish in real time, each message at the time of its last sample; return the number of samples by topic."""
     publishers = [rospy.Publisher(feed.topic, type(feed.make(0.0, 0.0, 0)), queue_size=1000) for feed in feeds]
     while any(publisher.get_num_connections() == 0 for publisher in publishers) and not rospy.is_shutdown():
         time.sleep(0.05)

@@ -1,4 +1,4 @@
-"""What tests of the synchroniser's nodes share: sources whose values tell their time, and ears."""
+"""Helpers of tests of synchroniser nodes: sources whose values are their time, and subscribers."""
 
 import time
 from collections.abc import Callable
@@ -10,11 +10,11 @@ from sensor_msgs.msg import JointState
 from hric_msgs.msg import SampleChunk
 
 LIMIT = 30.0
-"""Nothing takes as long as this [s]."""
+"""Time after which a test that waits has failed [s]."""
 
 
 def wait(condition: Callable[[], Any]) -> None:
-    """Until it is true."""
+    """Wait until a condition is true."""
     deadline = time.monotonic() + LIMIT
     while not condition():
         assert time.monotonic() < deadline, "waited too long"
@@ -22,7 +22,7 @@ def wait(condition: Callable[[], Any]) -> None:
 
 
 def listen(topic: str, kind: type) -> list[Any]:
-    """A list that grows with each message."""
+    """Return a list to which each message of a topic is appended."""
     import rospy
 
     seen: list[Any] = []
@@ -31,7 +31,7 @@ def listen(topic: str, kind: type) -> list[Any]:
 
 
 class Feeder:
-    """Two sources whose values tell the time since the first message."""
+    """Publisher of two topics whose values are the time since the first message [s]."""
 
     def __init__(self) -> None:
         import rospy
@@ -42,8 +42,7 @@ class Feeder:
         self._sent = 0
 
     def feed(self, seconds: float, chunks: bool = True, shift: float = 0.0) -> None:
-        """100 messages per second of each; without chunks, one of the sources is silent; its stamps are wrong by the
-        shift [s]."""
+        """Publish 100 messages per second on each topic; shift: error of the chunks' stamps [s]."""
         if not self._sent:  # else all that a node's start took would be sent at once
             self.begin = time.time()
         end = time.monotonic() + seconds
@@ -64,5 +63,5 @@ class Feeder:
             time.sleep(max(stamp - time.time(), 0.0))
 
     def heard(self) -> bool:
-        """Whether somebody listens to both."""
+        """Return True if both topics have a subscriber."""
         return bool(self.joints.get_num_connections() and self.chunks.get_num_connections())

@@ -1,5 +1,7 @@
-"""Emulated EMG of a simulated human's muscles, from messages alone: which muscle a channel measures, how late its
-envelope is, and the same in one process by each transport."""
+"""Emulated EMG of a simulated human's muscles: which muscle a channel measures, how late its envelope is.
+
+Each transport is also tested in one process.
+"""
 
 import math
 from typing import Any
@@ -30,7 +32,7 @@ def activation(time: float, **values: float) -> Any:
 
 
 def listening(channels: tuple[str, ...], **program: Any) -> tuple[LocalNode, Any, Any, list[str]]:
-    """(node, activation of the channels, up to when it is known, errors)."""
+    """Return (node, activation of the channels, function for the time up to which it is known, errors)."""
     node, told = LocalNode(), list[str]()
     node.log_error = told.append  # type: ignore[method-assign]
     given = PROGRAM.checked({"program": "topic", **program}, "activation")
@@ -95,7 +97,7 @@ def test_the_envelope_of_muscles_that_swell_once_a_second_is_late_by_the_stated_
 
 
 def streamed(transport: str, seed: int = 0, late: int = 0, **device: Any) -> list[Chunk]:
-    """Raw samples of 2 s in one process, the person's messages so many milliseconds late."""
+    """Return raw samples of 2 s from one process; late: delay of the person's messages [ms]."""
     faults = {"time_code": True, **device.pop("faults", {})}
     trigno = {"trigno": {"channels": [*MUSCLES, "time"]}} if transport == "trigno" else {}
     emulated = {"activation": {"program": "topic"}, "transport": transport, "seed": seed, "faults": faults, **device}
@@ -113,7 +115,7 @@ def streamed(transport: str, seed: int = 0, late: int = 0, **device: Any) -> lis
 
 
 def joined(chunks: list[Chunk]) -> tuple[np.ndarray, np.ndarray]:
-    """(numbers, data)."""
+    """Return (sequence numbers, data) of all chunks."""
     numbers = np.concatenate([np.arange(chunk.first, chunk.after) for chunk in chunks])
     return numbers, np.concatenate([chunk.data for chunk in chunks])
 

@@ -1,4 +1,4 @@
-"""The envelope against scipy's filters over the whole recording at once."""
+"""Compares the envelope with scipy's filters applied to the whole recording at once."""
 
 import subprocess
 import sys
@@ -33,8 +33,7 @@ def data() -> np.ndarray:
 
 
 def offline(data: np.ndarray) -> np.ndarray:
-    """The chain written again on transfer functions of scipy, double precision, whole recording, other code than the
-    node's."""
+    """Return the envelope computed independently of the node: transfer functions of scipy over the whole recording."""
     z = data[:, :2]
     z = signal.lfilter(*signal.butter(2, [20, 450], "bandpass", fs=RATE), z, axis=0)
     z = signal.lfilter(*signal.iirnotch(50, 30, fs=RATE), z, axis=0)
@@ -43,7 +42,7 @@ def offline(data: np.ndarray) -> np.ndarray:
 
 
 def streamed(data: np.ndarray, sizes: list[int], first: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(envelope, its numbers, its times) of a recording cut into chunks of these sizes in turn."""
+    """Return (envelope, sequence numbers, times) of a recording cut into chunks of the given sizes in turn."""
     chain, parts, at = Envelope(SETTINGS, LAYOUT), [], 0
     while at < len(data):
         size = sizes[len(parts) % len(sizes)]
@@ -111,7 +110,7 @@ def test_a_wrong_setting_is_named(given: dict, words: str) -> None:
 
 def test_a_rate_that_cannot_hold_the_band_is_refused() -> None:
     with pytest.raises(
-        ParameterError, match="band has 450 Hz, which samples at 500 Hz cannot hold; valid: above 0, below 250 Hz"
+        ParameterError, match="band is 450 Hz; valid with 500 samples per second: above 0, below 250 Hz"
     ):
         Envelope(EnvelopeSettings(), Layout("slow", ("a",), ("V",), 500.0))
     with pytest.raises(ParameterError, match="mvc names the channel 'leg'; valid: biceps, triceps"):

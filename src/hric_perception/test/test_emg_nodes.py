@@ -1,4 +1,4 @@
-"""The nodes `emulated_emg` and `emg` as processes, in the time of a run that somebody else tells."""
+"""The nodes `emulated_emg` and `emg` as processes, in robot time that the test publishes."""
 
 import os
 import time
@@ -19,7 +19,7 @@ line takes 0.4; the rest is for pairs that come late on a busy machine."""
 
 
 def errors(chunks: list[Chunk]) -> np.ndarray:
-    """Stamps minus time codes [s]."""
+    """Return stamps minus time codes [s]."""
     return np.concatenate([chunk.times - chunk.data[:, -1] for chunk in chunks])
 
 

@@ -1,4 +1,4 @@
-"""The node `emulated_human` under a master, heard by the real client."""
+"""The node `emulated_human` under a ROS master, received by the real client."""
 
 import contextlib
 import os
@@ -75,7 +75,7 @@ def test_the_hand_rests_until_it_is_started_and_the_client_sees_what_it_really_d
         assert answer.success and "the hand starts at" in answer.message
         wait(lambda: phases[-1].data == "done" and truth[-1].pose.position.y > 0.1999)
         again = start()
-        assert not again.success and "the hand has moved since" in again.message
+        assert not again.success and "the hand's program has already started" in again.message
         wait(lambda: frames[-1].rigid_bodies[0].pose.position.y > 0.1999)
         node.send_signal(signal.SIGINT)
         output, _ = node.communicate(timeout=LIMIT)
@@ -92,7 +92,7 @@ def test_the_hand_rests_until_it_is_started_and_the_client_sees_what_it_really_d
 
 
 def at(truth: list[Any], when: float) -> float:
-    """y of the hand at a time, between two of its poses."""
+    """Return the hand's y at a time [s], interpolated between two of its poses."""
     after = next(k for k, message in enumerate(truth) if message.header.stamp.to_sec() >= when)
     a, b = truth[after - 1], truth[after]
     share = (when - a.header.stamp.to_sec()) / (b.header.stamp.to_sec() - a.header.stamp.to_sec())

@@ -101,7 +101,7 @@ def test_channels_are_found_in_any_case_and_a_missing_one_is_named() -> None:
         Layout("x", ("fx", "FY", "Fz", "Mx", "my", "mz", "time"), ("",) * 6 + ("s",), 1000.0), "plate"
     )
     assert found.channels == (*CHANNELS, "time") and found.units == (*UNITS, "s") and found.frame == "plate"
-    with pytest.raises(ParameterError, match="has no channel Mz, but Fx, Fy"):
+    with pytest.raises(ParameterError, match="has no channel Mz, only Fx, Fy"):
         choose_channels(Layout("x", CHANNELS[:5], UNITS[:5], 1000.0), "plate")
 
 
@@ -191,7 +191,7 @@ def test_a_plate_that_is_not_there_and_a_server_that_dies_and_returns_are_report
     assert "waiting" in rig.health.report().text
     other_motive, motive = other.motive(), rig.motive()
     wait(lambda: rig.health.report().level == OK)
-    wait(lambda: "no force plate 7 in the stream; valid: 1" in other.health.report().text)
+    wait(lambda: "no force plate 7 in the NatNet stream; valid: 1" in other.health.report().text)
     motive.close()
     wait(lambda: rig.health.report().level == ERROR)
     before = rig.health.samples
@@ -204,7 +204,7 @@ def test_a_plate_that_is_not_there_and_a_server_that_dies_and_returns_are_report
 def test_a_rate_that_is_no_multiple_of_the_frames_is_refused() -> None:
     with pytest.raises(
         ParameterError,
-        match=r"natnet\.rate is 240.0; valid: with a plate of 1000 Hz a whole number of samples per frame",
+        match=r"natnet\.rate is 240.0; valid: a frame rate that divides the plate's 1000 Hz without remainder",
     ):
         PlateMotive(
             PlateStream.of({"rate": 240, "command_port": 0}, "natnet"),

@@ -1,4 +1,4 @@
-"""What acts on a person's hand, from what a robot or a plate says."""
+"""Force on a person's hand, from the messages of a robot or a force plate."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from hric_perception.person.hand_force import source_of
 from hric_perception.person.settings import PersonSettings
 
 TURNED = {"xyz": [1.0, 2.0, 0.5], "xyzw": list(from_rotation_vector((0.0, 0.0, np.pi / 2)))}
-"""x of what measures is y of the markers' frame."""
+"""Pose of the sensor in the markers' frame: the sensor's x axis is the frame's y axis."""
 
 
 def settings(**force: object) -> PersonSettings:

@@ -28,7 +28,7 @@ BASE = {"xyz": [1.0, -2.0, 0.3], "xyzw": [0.0, 0.0, math.sin(0.4), math.cos(0.4)
 
 
 def seen(stream: dict[str, Any], base: dict[str, Any] | None = None, seed: int = 0) -> tuple[list[Any], list[Any]]:
-    """(frames, true poses) of 2 s."""
+    """Return (frames, true poses) of 2 s."""
     client = {"up_axis": stream.get("up_axis", "y"), "body": "hand"} | (
         {"base_from_mocap": base, "base_frame": "panda_link0"} if base else {}
     )
@@ -96,7 +96,7 @@ BAD: dict[str, tuple[Any, Any, Any]] = {
     "mocap.stream.occlusions names the body 'head'; valid: hand": ({}, {"occlusions": [[1, 1, "head"]]}, None),
     r"mocap.stream.occlusions\[0\] is \[1\]; valid: a list of 2 finite numbers": ({}, {"occlusions": [[1]]}, None),
     "mocap.base_from_mocap.xyzw is .*; valid: a unit quaternion": ({}, {}, {"xyzw": [1, 1, 0, 0]}),
-    "mocap.human.markers has 2 rows; valid: three": ({"markers": [[0, 0, 0], [1, 0, 0]]}, {}, None),
+    "mocap.human.markers has 2 rows; valid: at least three": ({"markers": [[0, 0, 0], [1, 0, 0]]}, {}, None),
     "mocap.human.still.table is 3; valid: a list of 3 finite numbers": ({"still": {"table": 3}}, {}, None),
     "mocap.human is 'x'; valid: a mapping": ("x", {}, None),
 }

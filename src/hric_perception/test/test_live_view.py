@@ -1,4 +1,4 @@
-"""What people look at: nearness to limits, markers, means, and the node that sends them."""
+"""Live view: nearness to limits, markers, mean values, and the node that publishes them."""
 
 import math
 import os
@@ -215,7 +215,7 @@ def test_a_history_keeps_the_window_and_restarts_where_time_goes_back() -> None:
 
 
 class Feed:
-    """Speaks as a robot and its sensors do, until it is closed."""
+    """Publisher of the topics of a robot and its sensors, until it is closed."""
 
     def __init__(self) -> None:
         import rospy
@@ -261,7 +261,7 @@ class Feed:
             count += 1
 
     def close(self) -> None:
-        """End."""
+        """Stop publishing."""
         self._stop.set()
         self._thread.join()
         for publisher in self._publishers.values():

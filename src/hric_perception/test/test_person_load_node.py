@@ -32,10 +32,10 @@ IN_RANGE = {
 ROOT, HAND = SETTINGS.root(BODY), HandChain(BODY, "right")
 JOINTS = list(BODY.joints)
 BASE = Pose((0.2, -0.3, 0.1), (0.0, 0.0, 0.6, 0.8))
-"""Of the robot in the frame of the markers."""
+"""Pose of the robot's base in the frame of the markers."""
 STATE_RATE, PLATE_RATE = 30.0, 100.0
 LATEST = 1.0
-"""The load is at most so late [s of robot time]."""
+"""Largest permitted delay of the load [s of robot time]."""
 
 
 @pytest.fixture
@@ -83,13 +83,13 @@ def palm(swings: Swings, time: float) -> np.ndarray:
 
 
 def exerted(time: float) -> tuple[np.ndarray, np.ndarray]:
-    """By the robot, in its base: force [N] and torque [N m]."""
+    """Return force [N] and torque [N m] that the robot exerts, in its base."""
     s, c = np.sin(2.0 * time), np.cos(2.0 * time)
     return np.array([10.0 * s, 8.0 * c, -15.0]), np.array([0.5 * c, 0.0, 0.5 * s])
 
 
 def robot_state(swings: Swings, time: float) -> Any:
-    """The arm holds the person's palm, K turned and off the end effector."""
+    """Return a robot state in which the arm holds the person's palm, with K rotated and off the end effector."""
     R = pinocchio.Quaternion(*np.roll(BASE.orientation, 1)).matrix()
     O_p_K = R.T @ (palm(swings, time) - BASE.position)
     turn = pinocchio.exp3(np.array([0.3, -0.4, 0.5]))
@@ -101,7 +101,7 @@ def robot_state(swings: Swings, time: float) -> Any:
 
 
 def needed(swings: Swings, time: float) -> np.ndarray:
-    """Joint torque by pinocchio, the person's root at rest, what the robot exerts on their hand [N m]."""
+    """Return the joint torque by pinocchio [N m], with the robot's force on the hand and the person's root at rest."""
     model = pinocchio.buildModelFromXML(BODY.urdf, pinocchio.JointModelFreeFlyer())
     data, joints = model.createData(), [model.joints[model.getJointId(name)] for name in JOINTS]
     q, v, a = np.zeros(model.nq), np.zeros(model.nv), np.zeros(model.nv)
@@ -120,7 +120,7 @@ def needed(swings: Swings, time: float) -> np.ndarray:
 
 
 def left_out(at: list[float], frames: list[float]) -> list[float]:
-    """Instants each 10 ms without a load, though the frames around them came without a gap."""
+    """Return the instants, every 10 ms, that have no load although the frames around them have no gap."""
     wanted, known = range(round(at[0] * 100), round(at[-1] * 100)), {round(time * 100) for time in at}
     times = np.array(frames)
 
@@ -132,7 +132,7 @@ def left_out(at: list[float], frames: list[float]) -> list[float]:
 
 
 def held(nodes: Nodes, swings: Swings, run: TellsTime) -> tuple[Any, Publishes]:
-    """The node, and the robot that holds the person's hand."""
+    """Start the node, and the robot that holds the person's hand."""
     where = f"xyz: {list(BASE.position)}, xyzw: {list(BASE.orientation)}"
     process = begin(nodes, f"_force:={{source: robot, hand: right, {where}}}")
     topic = "/franka_state_controller/franka_states"
@@ -157,7 +157,7 @@ def test_what_their_muscles_do_comes_within_a_second_of_sixty_estimates_and_more
     settled = came[first : first + 400]
     figure("person with the load of their muscles, live at 120 Hz: share of a processor", share, "1")
     values = {pair.key: pair.value for pair in said.seen[-1].values}
-    figure("person, load of their muscles alone: share of a processor", float(values["processor [1]"]), "1")
+    figure("person, load of their muscles alone: share of a processor", float(values["processor share [1]"]), "1")
     behind = np.array([when - one.header.stamp.to_sec() for when, one in settled])
     figure("person, load of their muscles: received so late, median", float(np.median(behind)), "s of robot time")
     figure("person, load of their muscles: received so late, at most", behind.max(), "s of robot time")

@@ -1,4 +1,4 @@
-"""The node `person` behind a real NatNet connection: an emulated Motive streams somebody who moves."""
+"""The node `person` with a real NatNet connection: an emulated Motive streams a person who moves."""
 
 from collections.abc import Callable
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Numbers and times of samples from stamps that jitter, jump, or are only arrivals."""
+"""Sequence numbers and times of samples whose stamps jitter or jump, or that only have arrival times."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ LAYOUT = Layout("test", ("time",), ("s",), RATE)
 
 
 class Run:
-    """The time of the run is the monotonic clock and an offset, which may change."""
+    """Robot time as monotonic time plus an offset, which the test may change."""
 
     def __init__(self) -> None:
         self.offset = 100.0
@@ -22,7 +22,7 @@ class Run:
 
 
 class Device:
-    """Blocks whose data are the times of their samples by its own clock."""
+    """Device that sends blocks of samples whose values are their times by its own clock."""
 
     def __init__(self, latency: float | None = None, block: int = 20, rate: float = RATE) -> None:
         self.run, self.block, self.rate, self.number, self.monotonic = Run(), block, rate, 0, 0.0
@@ -35,7 +35,7 @@ class Device:
         self.chunks += self.clock.add(float(times[-1]) + late, 100.0 + times[:, None])
 
     def errors(self, after: float = 0.0) -> np.ndarray:
-        """Stamps minus truth [s]."""
+        """Return assigned minus true times of the samples [s]."""
         return np.concatenate(
             [chunk.times - chunk.data[:, 0] for chunk in self.chunks if chunk.data[0, 0] >= 100.0 + after]
         )

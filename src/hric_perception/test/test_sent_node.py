@@ -1,4 +1,4 @@
-"""Emulated devices tell what they have sent; what the driver publishes agrees with it to the sample."""
+"""Emulated devices publish how many samples they have sent, and the driver publishes exactly these."""
 
 import numpy as np
 import pytest

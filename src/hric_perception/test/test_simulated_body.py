@@ -1,4 +1,4 @@
-"""The human in the robot's plant before cameras and on a plate: from their messages alone, without a plant."""
+"""The simulated human as measured by cameras and a force plate, from messages alone, without a simulation."""
 
 import math
 from typing import Any
@@ -56,7 +56,9 @@ def test_messages_that_begin_again_replace_those_before_and_those_of_another_bod
     for time, q in ((1.0, 1.0), (2.0, 2.0), (0.5, 5.0)):
         track.add(time, ["a"], [q], [0.0])
     assert track.known == 0.5 and track.at(1.5) == [5.0]
-    with pytest.raises(HricError, match="the joints are b; valid: those of the section human, a"):
+    with pytest.raises(
+        HricError, match="the joint states of the human name b; valid: the joints of the section human, a"
+    ):
         track.add(3.0, ["b"], [0.0], [0.0])
 
 
@@ -116,7 +118,7 @@ def seen(stream: dict[str, Any], seed: int = 0) -> tuple[list[Any], list[Any], l
 
 TOPICS = (("joint_states", JointState), ("events", HumanEvent))
 TORQUE = np.array([0.5, -0.25, 1.0])
-"""Of the grip, about its point [N m]."""
+"""Torque of the grip about its point [N m]."""
 MARKS = {100: "closed", 300: "started", 800: "ended"}
 """Events of the person, by milliseconds."""
 
@@ -163,7 +165,9 @@ def test_what_is_seen_repeats_with_the_seed() -> None:
 
 
 def test_nobody_in_the_plant_is_refused_by_name() -> None:
-    with pytest.raises(ParameterError, match=r"mocap\.person is not set, and \{program: body\} measures the human"):
+    with pytest.raises(
+        ParameterError, match=r"mocap\.person is not set, but \{program: body\} measures a simulated human"
+    ):
         see({"program": "body"}, {}, None, 0, "mocap.")
     with pytest.raises(ParameterError, match=r"no subject 'nobody' in mocap\.person\.subject"):
         see({"program": "body"}, {}, None, 0, "mocap.", person={"subject": "nobody"})

@@ -1,5 +1,4 @@
-"""The nodes `emulated_human`, `emulated_plate` and `emulated_emg` as processes beside a human in a plant, of whom the
-messages come."""
+"""The nodes `emulated_human`, `emulated_plate` and `emulated_emg` as processes that measure a simulated human."""
 
 import os
 import threading
@@ -24,19 +23,19 @@ pytestmark = [pytest.mark.alone, pytest.mark.filterwarnings("ignore::Deprecation
 CLIENT = "../../mocap_natnet/nodes/natnet_client"
 PERSON_ARGUMENT = f"_person:={yaml.safe_dump(PERSON, default_flow_style=True, width=1000).strip()}"
 SWEEP = 4.0
-"""Of the person's activation, up and down [s]."""
+"""Time of one sweep of the person's activation, up and down [s]."""
 LATE = 0.03
-"""Of the person's messages [s]."""
+"""Delay of the person's messages [s]."""
 
 
 class Moves:
-    """Publishes the person's messages, late, as if from a plant.
+    """Publisher of the simulated person's messages, with a delay.
 
     Args:
-        run: whose time counts.
-        topic: below `hric/human`.
-        kind: of the messages.
-        made: the message of a time [s].
+        run: clock of robot time.
+        topic: name of the topic below `hric/human`.
+        kind: type of the messages.
+        made: function from a time [s] to the message.
     """
 
     def __init__(self, run: TellsTime, topic: str, kind: type, made: Callable[[float], Any]) -> None:
@@ -164,7 +163,7 @@ def test_a_plate_that_measures_nobody_says_so_and_sends_nothing(run: TellsTime, 
     process = nodes.start("emulated_plate", "__name:=wrong", "_load:={program: body}")
     output = process.communicate(timeout=30)[0]
     assert process.returncode == 2
-    assert "/wrong/person is not set, and {program: body} measures the human in the robot's plant" in output
+    assert "/wrong/person is not set, but {program: body} measures a simulated human" in output
     said = Diagnosis("emulated_plate")
     nodes.start("emulated_plate", f"_session:=nobody_{os.getpid()}", "_load:={program: body}", PERSON_ARGUMENT)
-    wait(lambda: said.says("nothing is known of the human in the robot's plant"))
+    wait(lambda: said.says("waiting for the first message about the simulated human"))

@@ -1,4 +1,4 @@
-"""Values between samples, and the buffer they lie in."""
+"""Interpolation between samples, and the buffer of the samples."""
 
 import numpy as np
 import pytest

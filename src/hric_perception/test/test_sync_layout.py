@@ -124,7 +124,7 @@ def test_whole_numbers_and_parts_of_a_quaternion_are_held_by_default() -> None:
         ("position[a", "elements in brackets"),
         ("name[0]", "not a number"),
         ("position[a].x", "has no field 'x'"),
-        ("header[0]", "is no list"),
+        ("header[0]", "is not a list"),
         ({"field": "position[a]", "interpolation": "cubic"}, "valid: linear, hold, slerp"),
         ({"field": "position[a]", "interpolation": "slerp"}, "no whole quaternion"),
         ({"fields": "position[a]"}, "no parameter 'fields'"),

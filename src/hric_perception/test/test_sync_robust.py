@@ -72,7 +72,7 @@ def test_a_source_that_never_comes_is_named_and_the_others_begin_without_it() ->
     batch, synchroniser = synchronise(plan("resample", 2, rate=100.0), [ROBOT, absent], 2.0)
     assert seconds(batch)[-1] > 1.9 and batch.valid[:, 0].all() and not batch.valid[:, 1].any()
     assert synchroniser.starving(START + 2.0) == {"/s1": "no message yet"}
-    assert synchroniser.starving(START + 11.0)["/s1"] == "never heard"
+    assert synchroniser.starving(START + 11.0)["/s1"] == "no message since the start"
 
 
 def test_a_source_that_is_not_heard_yet_is_waited_for_while_all_nodes_start_and_is_an_error_afterwards() -> None:
@@ -104,13 +104,13 @@ def test_a_source_whose_clock_jumps_is_named_and_does_not_take_the_others_along(
         not batch.valid[(seconds(batch) > 1.01) & (seconds(batch) < 1.99), 1].any()
         and batch.valid[seconds(batch) > 2.1].all()
     )
-    assert synchroniser.restarts == 0 and synchroniser.intakes[1].refused["stamped with another time"] >= 239
+    assert synchroniser.restarts == 0 and synchroniser.intakes[1].refused["stamped by another clock"] >= 239
 
 
 def test_the_source_that_jumped_is_named_with_the_reason() -> None:
     jumping = dataclasses.replace(MOCAP, shift=lambda time: 1000.0 if time > 1.0 else 0.0)
     _, synchroniser = synchronise(plan("resample", 2, rate=100.0), [ROBOT, jumping], 1.9)
-    assert synchroniser.starving(START + 1.9) == {"/s1": "only samples that are stamped with another time"}
+    assert synchroniser.starving(START + 1.9) == {"/s1": "only samples that are stamped by another clock"}
 
 
 def test_when_all_jump_as_in_a_new_run_the_synchroniser_follows() -> None:
@@ -154,7 +154,7 @@ def test_a_stamp_far_off_among_good_ones_that_wait_spoils_none_of_them() -> None
         synchroniser.push(0, np.array([stamp]), np.zeros((1, 2)), 0.0)
     synchroniser.take(0.0)
     assert synchroniser.intakes[0].buffer.stamps.tolist() == [NS, NS + 10, NS + 20]
-    assert synchroniser.intakes[0].refused == {"stamped with another time": 1, "not later than the sample before": 1}
+    assert synchroniser.intakes[0].refused == {"stamped by another clock": 1, "not later than the sample before": 1}
 
 
 def test_a_value_that_is_not_finite_spoils_its_own_instants_only() -> None:

@@ -1,4 +1,4 @@
-"""The synchroniser's three policies on streams that tell their own time."""
+"""The synchroniser's three policies on streams whose values are the time of their samples."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ ROBOT, MOCAP, EMG, PLATE = (
 )
 STREAMS = [ROBOT, MOCAP, EMG, PLATE]
 ROUNDING = 1e-8
-"""[s], of run times of 100 s in float."""
+"""Rounding error of robot times of 100 s as floats [s]."""
 
 
 @pytest.mark.parametrize("rate", [100.0, 1000.0, 59.94])

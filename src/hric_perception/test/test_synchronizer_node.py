@@ -1,4 +1,4 @@
-"""The node `synchronizer` under a master."""
+"""The node `synchronizer` under a ROS master."""
 
 import contextlib
 import itertools

@@ -23,7 +23,7 @@ pytestmark = pytest.mark.alone
 
 LIMIT = 30.0
 BOUND = 0.0135
-"""Declared for the stamps: one frame [s]; see INTERFACE.md."""
+"""Latency declared for the stamps: one frame [s]."""
 
 
 def wait(condition: Callable[[], object]) -> None:
@@ -34,7 +34,7 @@ def wait(condition: Callable[[], object]) -> None:
 
 
 def device(server: TrignoServer, rate: float) -> Emulator:
-    """Counts samples in the first channel."""
+    """Return an emulated device whose first channel counts its samples."""
 
     def count(first: int, times: np.ndarray) -> np.ndarray:
         return ((first + np.arange(len(times))) % 10000)[:, None].astype(float)

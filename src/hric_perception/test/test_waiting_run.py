@@ -23,12 +23,12 @@ from hric_core.ros import RosNode
 __all__ = ["nodes", "ros", "roscore"]
 pytestmark = [pytest.mark.alone, pytest.mark.filterwarnings("ignore::DeprecationWarning")]
 MARGIN = 0.1
-"""What a schedule is announced ahead, and a message takes [s]."""
+"""Time by which a schedule is announced ahead, plus time that a message takes [s]."""
 
 
 @pytest.fixture
 def loop(ros: str) -> Iterator[SimLoop]:
-    """The loop of a robot without joints, in real time."""
+    """Control loop of a robot without joints, in real time."""
     rospy.set_param("/use_sim_time", True)
     running = SimLoop(0.001, 1.0)
     pairs = ClockPairs(RosNode("/"), stamps.to_time, running)

@@ -1,5 +1,4 @@
-"""Streams that tell their own time: what a synchroniser makes of them shows the time that it took the values to be
-of."""
+"""Streams whose values are the time of their samples, so that synchronised values show which time they are of."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -16,7 +15,7 @@ START = 100.0
 
 
 def wave(seconds: Any) -> Any:
-    """A movement as of an arm: 0.1 at 0.5 Hz."""
+    """Return a motion similar to that of an arm: amplitude 0.1, 0.5 Hz."""
     return 0.1 * np.sin(np.pi * seconds)
 
 
@@ -25,13 +24,13 @@ class Stream:
     """A source of two values: the time of the sample [s], and a wave.
 
     Attributes:
-        rate: [Hz].
-        latency: from the sample to its arrival [s], and for the first of a chunk the chunk's length more.
-        chunk: samples that arrive together.
-        phase: of the first sample after `START` [s].
-        silent: from when to when nothing comes, after `START` [s].
-        jitter: of the latency, uniform [s].
-        shift: [s] by which stamps are wrong, at a time after `START` [s].
+        rate: sample rate [Hz].
+        latency: time from the last sample of a chunk to its arrival [s].
+        chunk: number of samples that arrive together.
+        phase: time of the first sample after `START` [s].
+        silent: begin and end of a time without samples, after `START` [s].
+        jitter: largest random addition to the latency [s].
+        shift: function from a time after `START` [s] to the error of stamps [s].
     """
 
     rate: float
@@ -43,7 +42,7 @@ class Stream:
     shift: Callable[[float], float] = field(default=lambda time: 0.0)
 
     def packets(self, seconds: float, seed: int) -> Iterator[tuple[float, Any, Any]]:
-        """(arrival [s], stamps [ns], values) of each packet."""
+        """Yield (arrival [s], stamps [ns], values) of each packet."""
         random = np.random.default_rng(seed)
         times = START + self.phase + np.arange(int((seconds - self.phase) * self.rate)) / self.rate
         for first in range(0, len(times) - self.chunk + 1, self.chunk):
@@ -59,7 +58,7 @@ class Stream:
 
 
 def plan(policy: str, count: int, **settings: Any) -> Any:
-    """A plan of so many sources of two values; `source` are settings of each source."""
+    """Return a plan of `count` sources with two values each; `source` in settings: settings of each source."""
     shared = settings.pop("source", {})
     sources = [
         {"topic": f"/s{index}", "type": "hric_msgs/SampleChunk", "signals": ["data[time, wave]"], **shared}
@@ -71,7 +70,7 @@ def plan(policy: str, count: int, **settings: Any) -> Any:
 def synchronise(
     plan: Any, streams: list[Stream], seconds: float, step: float = 0.005
 ) -> tuple[SampleBatch, Synchroniser]:
-    """Let the streams arrive in the order of their arrival, and take what is due at each step [s]."""
+    """Pass packets of all streams to a synchroniser in order of arrival, and return all synchronised samples."""
     synchroniser = Synchroniser(plan, START)
     packets = [
         (arrival, index, stamps, values)
@@ -95,13 +94,13 @@ def synchronise(
 
 
 def collect(synchroniser: Synchroniser, now: float, batches: list[SampleBatch]) -> None:
-    """All that is due."""
+    """Append all batches that are due."""
     while (batch := synchroniser.take(now)) is not None:
         batches.append(batch)
 
 
 def empty(plan: Any) -> SampleBatch:
-    """No samples."""
+    """Return a batch without samples."""
     return SampleBatch(
         np.zeros(0, np.int64),
         np.zeros((0, len(plan.names))),
@@ -111,5 +110,5 @@ def empty(plan: Any) -> SampleBatch:
 
 
 def skews(batch: SampleBatch) -> Any:
-    """Distance from the time that each source tells to the instant [s], shape (instants, sources)."""
+    """Return the time in each source's value minus the instant [s], shape (instants, sources)."""
     return batch.values[:, 0::2] - (batch.stamps[:, None] * 1e-9 - START)

@@ -1,5 +1,4 @@
-"""Headless Chromium, led through the DevTools protocol on a pipe: what the console says, what is asked of the network,
-and how a page looks."""
+"""Headless Chromium, controlled with the DevTools protocol on a pipe: console output, network requests, screenshots."""
 
 import base64
 import json
@@ -31,11 +30,11 @@ FLAGS = (
 # WebGL in software, as no display and no graphics card is there.
 SOFTWARE = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 WAIT = 90.0
-"""Of a busy machine, for one answer [s]."""
+"""Time limit for an answer, also on a busy machine [s]."""
 
 
 def installed() -> bool:
-    """Whether there is a Chromium."""
+    """Return whether Chromium is installed."""
     return shutil.which(PROGRAM) is not None
 
 
@@ -73,7 +72,7 @@ class Browser:
             self.call(f"{domain}.enable")
 
     def close(self) -> None:
-        """End the browser and all its processes."""
+        """Stop the browser and all its processes."""
         try:
             self.call("Browser.close")
             self._process.wait(5)
@@ -90,7 +89,7 @@ class Browser:
         self.close()
 
     def open(self, path: Path) -> None:
-        """Open a file, and wait until its scripts ran."""
+        """Open a file, and wait until its scripts have run."""
         self.problems.clear()
         self.requests.clear()
         self._page = path.resolve().as_uri()
@@ -98,7 +97,7 @@ class Browser:
         self.wait("document.readyState === 'complete'")
 
     def wait(self, expression: str, timeout: float = WAIT) -> None:
-        """Wait until an expression is true in the page."""
+        """Wait until a JavaScript expression is true in the page."""
         deadline = time.monotonic() + timeout
         while not self.evaluate(expression):
             if time.monotonic() > deadline:
@@ -106,28 +105,28 @@ class Browser:
             time.sleep(0.1)
 
     def evaluate(self, expression: str) -> Any:
-        """Value of an expression in the page, of a promise what it came to."""
+        """Return the value of a JavaScript expression in the page; of a promise, its result."""
         answer = self.call("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
         if "exceptionDetails" in answer:
             raise RuntimeError(f"{expression}: {json.dumps(answer['exceptionDetails'])[:2000]}")
         return answer["result"].get("value")
 
     def screenshot(self, path: Path) -> None:
-        """What is in sight, as PNG."""
+        """Return the visible part of the page as PNG."""
         path.write_bytes(base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"]))
 
     def pdf(self) -> bytes:
-        """The page as it is printed."""
+        """Return the page printed to PDF."""
         return base64.b64decode(self.call("Page.printToPDF", printBackground=True)["data"])
 
     def emulate(self, **features: str) -> None:
-        """Media features, e.g. scheme="dark"."""
+        """Set media features, e.g. scheme="dark"."""
         self.call(
             "Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": features["scheme"]}]
         )
 
     def processor(self) -> float:
-        """Time of processors that the browser took so far, all its processes together [s]."""
+        """Return the processor time of all processes of the browser so far [s]."""
         parents, times = {}, {}
         for path in Path("/proc").glob("[0-9]*/stat"):
             try:
@@ -142,7 +141,7 @@ class Browser:
         return sum(times[one] for one in ours) / os.sysconf("SC_CLK_TCK")
 
     def call(self, method: str, **parameters: Any) -> dict[str, Any]:
-        """A command of the protocol, and its answer."""
+        """Send a command of the protocol and return its answer."""
         self._number += 1
         message = {"id": self._number, "method": method, "params": parameters} | (
             {"sessionId": self._session} if self._session else {}

@@ -1,4 +1,4 @@
-"""Metrics of a run that have only the values a test is about; all others are 0, empty or null."""
+"""Metrics of a run in which only the values under test are set; all others are 0, empty or null."""
 
 from typing import Any
 

@@ -1,5 +1,5 @@
-"""A made-up run of the real Panda with everything that a page shows: sensors, markers, frames, synchroniser, log and
-diagnostics."""
+"""A synthetic run of the real Panda with everything that a page shows: sensors, markers, frames, synchroniser, log
+and diagnostics."""
 
 from pathlib import Path
 from typing import Any
@@ -32,18 +32,18 @@ BEGIN = np.array([0.0, -0.4, 0.0, -1.6, 0.0, 1.2, 0.0, 0.0, 0.0])
 END = np.array([0.8, 0.2, 0.3, -2.2, 0.2, 1.9, 0.8, 0.03, 0.03])
 CYCLES, BATCH, CHANNELS = 2000, 100, 4
 SOURCES = {"emg": 2000.0, "plate": 1000.0}
-"""Sensors that count what they send, and their rates [Hz]."""
+"""Sensors whose messages are numbered, and their rates [Hz]."""
 NASTY = "</script><script>document.title = 'broken'</script>"
-"""What a log message may hold."""
+"""Log message with characters that are special in HTML."""
 
 
 def positions(time: np.ndarray) -> np.ndarray:
-    """Of all joints, shape (n, 9) [rad, m]: half a cosine from BEGIN to END."""
+    """Return positions of all joints, shape (n, 9) [rad, m]: half a period of a cosine from BEGIN to END."""
     return BEGIN + 0.5 * (1.0 - np.cos(np.pi * time / (CYCLES * 1e-3)))[:, None] * (END - BEGIN)
 
 
 def write_run(root: Path, name: str = "made_up_panda", scale: float = 1.0) -> RunFolder:
-    """A run folder with bag, description and run.yaml; scale: of the way that the joints go to the same setpoint."""
+    """Write a run folder with bag, description and run.yaml; `scale`: factor of the motion for the same setpoint."""
     folder = RunFolder.create(root, name)
     folder.urdf_path.write_text(panda_description.load(hand=True))
     time = np.arange(CYCLES) * 1e-3
@@ -97,7 +97,7 @@ def _log(first: int, time: np.ndarray, q: np.ndarray) -> Any:
 
 
 def _chunk(first: int, time: float) -> Any:
-    """EMG with a time code, as an emulated device sends it."""
+    """Return EMG with a time code, as an emulated device sends it."""
     samples = np.arange(2 * first, 2 * (first + BATCH))
     bursts = 0.5 * (1.0 - np.cos(samples[:, None] * 0.004 + np.arange(CHANNELS)))
     data = np.column_stack([1e-3 * bursts * np.sin(samples[:, None] * np.linspace(0.5, 1.1, CHANNELS)), samples / 2e3])
@@ -130,7 +130,8 @@ def _plate(first: int, time: float) -> Any:
 
 
 def _static() -> Any:
-    """The motion capture is 0.5 m before the base, turned by 90 degrees about z; the plate 0.6 m before it."""
+    """Return the static transforms: motion capture 0.5 m in front of the base, turned by 90 degrees about z; plate
+    0.6 m in front of it."""
     transform = _stamped(TransformStamped(child_frame_id="mocap"), 0.0, "panda_link0")
     transform.transform.translation.x = 0.5
     transform.transform.rotation.z = transform.transform.rotation.w = np.sqrt(0.5)

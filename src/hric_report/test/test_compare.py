@@ -1,4 +1,4 @@
-"""Two runs compared as thesis ch. 4.4 compares the simulated and the real arm."""
+"""Comparison of two runs, as thesis ch. 4.4 compares the simulated and the real arm."""
 
 import json
 import os
@@ -54,7 +54,7 @@ def simulated(root: Path) -> RunFolder:
 
 @pytest.fixture(scope="module")
 def other(root: Path) -> RunFolder:
-    """The same motion of an arm with dry friction and heavier rotors, half a second later."""
+    """Return a run with the same motion, dry friction and heavier rotors, half a second later."""
     return run_pd_step(root, "duration:=4", "friction:=coulomb", "rotor_inertia:=0.2", "setpoints.0.time:=0.5")
 
 
@@ -166,7 +166,7 @@ def record(tmp_path: Path) -> RunRecord:
 
 
 def relabelled(record: RunRecord, names: tuple[str, ...], order: list[int]) -> RunRecord:
-    """The same run with its joints in another order and under other names."""
+    """Return the same run with other names and another order of the joints."""
     log = record.log
     arrays = {name: getattr(log, name)[:, order] for name in bag_reader.ARRAYS}
     setpoints = [SentSetpoint(point.time, point.controller, point.positions[order]) for point in record.setpoints]
@@ -174,7 +174,7 @@ def relabelled(record: RunRecord, names: tuple[str, ...], order: list[int]) -> R
 
 
 def delayed(record: RunRecord, delay: float) -> RunRecord:
-    """The same run, its setpoint recorded earlier than it came."""
+    """Return the same run with a setpoint that is recorded earlier than it was received."""
     return RunRecord(
         record.log, [SentSetpoint(point.time - delay, point.controller, point.positions) for point in record.setpoints]
     )
@@ -194,7 +194,7 @@ def test_a_panda_is_compared_with_an_fr3_joint_by_joint(record: RunRecord) -> No
     fr3 = relabelled(record, ("fr3_j3", "fr3_j2", "fr3_j1"), [2, 1, 0])
     compared = comparison.overlay(panda, fr3, {}, {})
     assert compared.joint_names == ("panda_j1", "panda_j2", "panda_j3") and worst(compared) == 0.0
-    with pytest.raises(ComparisonError, match="other joints: j1, j2, j3; and a, b, c"):
+    with pytest.raises(ComparisonError, match="different joints: j1, j2, j3; and a, b, c"):
         comparison.overlay(record, relabelled(record, ("a", "b", "c"), [0, 1, 2]), {}, {})
 
 
@@ -223,7 +223,7 @@ def test_other_setpoints_are_refused_and_none_at_all_compares_from_the_first_cyc
     with pytest.raises(ComparisonError, match=r"number 1 differs by 0\.1 rad"):
         comparison.overlay(record, moved, {}, {})
     bare = RunRecord(record.log, [])
-    with pytest.raises(ComparisonError, match="1 and 0 of them"):
+    with pytest.raises(ComparisonError, match="different numbers of setpoints: 1 and 0"):
         comparison.overlay(record, bare, {}, {})
     (laid,) = comparison.overlay(bare, bare, {}, {}).overlays
     assert laid.target is None and len(laid.time) == record.log.cycles

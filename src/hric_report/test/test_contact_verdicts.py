@@ -1,5 +1,5 @@
-"""Findings of the contact experiment on each engine: they flip at the speed of the closed form, and a head, a rigid
-pair and a contact without an area are never within limits."""
+"""Findings of the contact experiment on each engine: they change at the speed of the closed form; a head, a rigid pair
+and a contact without an area are never within limits."""
 
 import math
 from collections.abc import Callable
@@ -16,11 +16,11 @@ from hric_run.definition import experiment
 
 ENGINES = ("mujoco", "pybullet", "opensim")
 PRESSURE = 2.0 * 180e4
-"""Transient limit of a forearm's muscle, ISO/TS 15066:2016 Annex A, area 15 [Pa]."""
+"""Transient limit of the forearm muscle, ISO/TS 15066:2016 Annex A, area 15 [Pa]."""
 SPRING, BODY_MASS = 40e3, 2.0
-"""Of a forearm there [N/m], [kg]."""
+"""Stiffness [N/m] and mass [kg] of a forearm in the same standard."""
 TOLERANCE = 0.03
-"""Of the speed (the demand of this project)."""
+"""Maximum relative deviation of the speed (requirement of this project)."""
 
 
 def contact_run(root: Path, engine: str, change: Callable[[dict[str, Any]], None]) -> Path:
@@ -34,7 +34,7 @@ def contact_run(root: Path, engine: str, change: Callable[[dict[str, Any]], None
 
 
 def contacts(run: Path, area: float | None = None) -> list[Finding]:
-    """In order of time."""
+    """Return the contacts in order of time."""
     found = [
         one for one in assess(opened(str(run)), AssessmentChoices(contact_area=area)).findings if one.group == "contact"
     ]
@@ -59,7 +59,7 @@ def number(finding: Finding, name: str) -> float:
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_a_contact_flips_between_within_and_above_at_the_speed_of_the_closed_form(engine: str, tmp_path: Path) -> None:
-    """The standard's body is the worse one here: 2 kg in place of the simulated forearm's 0.8 kg."""
+    """The body of the standard gives the higher force: 2 kg instead of 0.8 kg for the simulated forearm."""
     first = contacts(contact_run(tmp_path, engine, at_velocity(1.0)))[0]
     met, human = (number(first, name) for name in (MET, "reflected mass of the body as simulated [kg]"))
     heavier = max(number(first, "reflected mass of the robot m_u [kg]"), number(first, "M/2 + m_L [kg]"))
@@ -120,7 +120,7 @@ def test_a_rigid_pair_is_not_assessable_and_has_no_values(tmp_path: Path) -> Non
 
     (found,) = contacts(contact_run(tmp_path, "mujoco", change), 1e-4)
     assert found.outcome == Outcome.NOT_ASSESSABLE and not found.values
-    assert "the force of a rigid contact is a number of the integrator" in found.reason
+    assert "the force of a rigid contact depends on the integration step" in found.reason
     assert "a force of penalty contact" in found.missing
 
 
@@ -133,4 +133,4 @@ def test_without_an_area_nothing_is_within_limits(tmp_path: Path) -> None:
 def test_a_contact_that_goes_on_when_the_run_ends_is_not_within_limits(tmp_path: Path) -> None:
     (finding,) = contacts(contact_run(tmp_path, "mujoco", at_velocity(0.5)), 1e-4)
     assert finding.outcome == Outcome.NOT_ASSESSABLE
-    assert finding.reason.startswith("it had not ended when the recording ended")
+    assert finding.reason.startswith("the contact had not ended when the recording ended")

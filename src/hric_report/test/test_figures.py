@@ -1,4 +1,4 @@
-"""What a figure shows, and what is drawn of it."""
+"""Content of figures."""
 
 from pathlib import Path
 from types import SimpleNamespace

@@ -1,4 +1,4 @@
-"""What a report says first."""
+"""Headline of a report."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""A human whose muscles move them leads the robot's hand: the same on each engine."""
+"""A human moved by muscles guides the robot's hand: equal on each engine."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -14,7 +14,7 @@ from hric_report import headless as runner
 from hric_run.definition import experiment
 
 DURATION = 3.0
-"""There, and a rest: the way back is the same again [s]."""
+"""Covers the motion to the end point and a pause; the way back is the same motion reversed [s]."""
 
 
 def guided(engine: str, root: Path) -> tuple[RunRecord, HumanRecord]:

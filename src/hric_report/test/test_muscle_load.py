@@ -1,4 +1,4 @@
-"""Muscle load of a recorded motion: of a run, and of a c3d file with the markers of the same run."""
+"""Muscle load of a recorded motion: from a run, and from a c3d file with the markers of the same run."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -26,7 +26,7 @@ from hric_run.definition import experiment
 
 ARM26 = Path(__file__).parents[2] / "hric_human" / "test" / "arm26" / "arm26.osim"
 ENDS = 0.3
-"""Of a record that filters and splines spoil [s]."""
+"""Duration at both ends of a record where filters and splines have errors [s]."""
 
 
 @pytest.fixture(scope="module")
@@ -36,13 +36,13 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def run(runs: Path) -> Path:
-    """Somebody leads the robot's hand before cameras."""
+    """Return a run in which a person guides the robot's hand in front of cameras."""
     return led(runs)
 
 
 @pytest.fixture(scope="module")
 def by_muscles(runs: Path) -> Path:
-    """The same by the person's muscles."""
+    """Return the same run with a person moved by muscles."""
     return led(runs, "human.drive:=muscle")
 
 
@@ -73,7 +73,7 @@ def recorded(run: Path) -> MuscleLoadResult:
 
 
 def with_noise(path: Path, folder: Path) -> Path:
-    """The same markers with 0.5 mm of noise."""
+    """Return the same markers with 0.5 mm of noise."""
     file = ezc3d.c3d(str(path))
     points = file["data"]["points"]
     points[:3] += np.random.default_rng(1).normal(0.0, 0.5, points[:3].shape)
@@ -83,7 +83,7 @@ def with_noise(path: Path, folder: Path) -> Path:
 
 
 def rms(a: MuscleLoad, b: MuscleLoad) -> float:
-    """Of the difference of activations."""
+    """Return the RMS of the difference of the activations."""
     first, last = max(a.time[0], b.time[0]) + ENDS, min(a.time[-1], b.time[-1]) - ENDS
     time = np.arange(first, last, 0.01)
     assert len(time) > 150
@@ -101,8 +101,8 @@ def test_joint_torque_after_a_run_is_what_the_run_logged(run: Path, recorded: Mu
     for j, name in enumerate(load.joints):
         logged = np.interp(load.time[inside], record.torque_time, record.torque[:, record.joints.index(name)])
         assert_allclose(load.torque[inside, j], logged, atol=0.02)
-    assert any("forces act on: r_wrist" in note for note in recorded.notes)
-    assert any("N m RMS from what the run logged" in note for note in recorded.notes)
+    assert any("external forces act on the links: r_wrist" in note for note in recorded.notes)
+    assert any("joint torques differ from those recorded in the run by" in note for note in recorded.notes)
 
 
 def test_without_the_grip_the_torque_would_be_another(run: Path, recorded: MuscleLoadResult) -> None:
@@ -180,7 +180,7 @@ def test_opensim_opens_its_files_and_has_the_forces_in_its_ground(
 def test_the_command_prints_tables_and_leaves_files(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["muscle_load", str(run), "--fatigue"]) == 0
     printed = capsys.readouterr().out
-    for words in ("a model's estimate", "right_delt_scap_d", "right_el_flex", "right_shoulder ", "NOT REPRODUCED"):
+    for words in ("(model estimate)", "right_delt_scap_d", "right_el_flex", "right_shoulder ", "NOT REPRODUCED"):
         assert words in printed
     assert (run / "muscle_load" / "activation.sto").is_file()
 
@@ -236,7 +236,9 @@ def test_what_is_missing_is_one_error_that_names_what_is_needed(
     labels = file["parameters"]["POINT"]["LABELS"]
     labels["value"] = [name.replace("body", "thing").replace("_R", "_Q") for name in labels["value"]]
     file.write(str(tmp_path / "other.c3d"))
-    with pytest.raises(HricError, match=r"has no marker of the body; needed are some of RSHO, .* thing_QSHO"):
+    with pytest.raises(
+        HricError, match=r"has no marker of the body; valid: markers of one body, some of RSHO, .* thing_QSHO"
+    ):
         muscle_load.of_c3d(tmp_path / "other.c3d", muscle_load.described_by(str(run)))
 
 
@@ -255,7 +257,7 @@ def test_what_is_beyond_the_range_of_muscle_paths_is_left_out(recorded: MuscleLo
 
 
 def test_a_plate_presses_the_link_back_where_it_lies() -> None:
-    """A plate on a wall, whose z points along -y of the laboratory, is pressed by 30 N, 2 cm above its middle."""
+    """Force plate on a wall with z along -y of the laboratory; force of 30 N, 2 cm above its centre."""
     T = np.array([[1.0, 0.0, 0.0, 0.4], [0.0, 0.0, -1.0, 0.8], [0.0, 1.0, 0.0, 1.1], [0.0, 0.0, 0.0, 1.0]])
     about_middle = np.array([0.0, 0.0, -30.0, 0.02 * -30.0, 0.0, 0.0])
     plate = TrialPlate(2, 100.0, T, (0.4, 0.6), np.tile(about_middle, (50, 1)))

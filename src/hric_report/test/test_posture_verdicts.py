@@ -1,4 +1,4 @@
-"""A streamed motion of known postures, from its bag to the scores of another scorer, at every sample."""
+"""Scores of a streamed motion with known postures agree with those of an independent implementation at every sample."""
 
 from typing import Any
 
@@ -33,7 +33,7 @@ NOT_SO = ("arm_supported", "trunk_supported", "unbalanced", "sitting", "static",
 
 @pytest.fixture(scope="module")
 def motion() -> dict[str, np.ndarray]:
-    """Whole degrees of all joints of a body, so that thresholds are met."""
+    """Return a motion in whole degrees of all joints of a body, so that it meets thresholds exactly."""
     random = np.random.default_rng(18)
     ranges = {name: SPREAD.get(name.partition("_")[2], (-25, 26)) for name in body().joints}
     return {name: random.integers(*limits, COUNT).astype(float) for name, limits in ranges.items()}
@@ -51,8 +51,8 @@ def verdict(motion: dict[str, np.ndarray], tmp_path_factory: pytest.TempPathFact
 
 
 def posture(motion: dict[str, np.ndarray], side: str, k: int) -> dict[str, Any]:
-    """Return what an observer would note [deg], directions of upper arm and forearm by a library's rotations, in whole
-    degrees; such a random motion goes there and back many times in its minute."""
+    """Return the angles that an observer would note, directions of upper arm and forearm with the rotations of a
+    library [deg, whole]; the random motion changes direction many times in its minute."""
     found: dict[str, Any] = dict.fromkeys(NOT_SO, False) | {"load": 0.0, "held": 0.0, "repeats": 99.0}
     found |= {name: motion[joint][k].item() for name, joint in MIDDLE.items()}
     found |= {name: motion[f"{side}_{joint}"][k].item() for name, joint in ARM.items()}
@@ -100,5 +100,5 @@ def test_the_score_that_counts_is_reached_for_a_second_in_all(verdict: Verdict) 
 def test_a_bag_without_a_run_says_what_is_not_in_it_and_what_was_assumed(verdict: Verdict) -> None:
     signals = " ".join(one.signal for one in verdict.missing)
     assert all(name in signals for name in ("human/contacts", "control_log", "robot_description", "joint_torque"))
-    assert any("taken as that of P50M, whole_body" in line for line in verdict.assumptions)
+    assert any("assumed to be that of P50M, whole_body" in line for line in verdict.assumptions)
     assert verdict.timelines.separation is None and verdict.timelines.activation is None

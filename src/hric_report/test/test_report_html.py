@@ -1,4 +1,4 @@
-"""The page of a run: what stands in it, how large it is, and what a browser makes of it."""
+"""Page of a run: content, size, and behaviour in a browser."""
 
 import re
 from collections.abc import Callable, Iterator
@@ -28,7 +28,7 @@ from hric_report.thinning import thin
 
 
 def in_a_browser(test: Callable[..., None]) -> Callable[..., None]:
-    """Mark a test as one that needs a browser, which takes long."""
+    """Mark a test as slow, because it needs a browser."""
     without = pytest.mark.skipif(not installed(), reason="no chromium; scripts/setup --with checks installs it")
     return pytest.mark.slow(without(test))
 
@@ -48,7 +48,7 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
 
 @pytest.fixture(scope="module")
 def opened(browser: Browser, run: RunFolder) -> Browser:
-    """The run's page, with every plot drawn."""
+    """Return the page of the run with all plots drawn."""
     browser.emulate(scheme="light")
     browser.open(run.path / report_html.NAME)
     browser.wait("typeof report === 'object' && report.ready === true")
@@ -58,7 +58,7 @@ def opened(browser: Browser, run: RunFolder) -> Browser:
 
 @pytest.fixture
 def shown(opened: Browser) -> Browser:
-    """The same, from the begin to the end of the run."""
+    """Return the page, with plots from the begin to the end of the run."""
     opened.evaluate("report.setRange([report.begin, report.end]); report.setTime(report.begin)")
     return opened
 
@@ -89,11 +89,11 @@ def test_a_short_run_is_shown_whole() -> None:
 def test_ten_minutes_with_every_sensor_make_less_than_20_MB(run: RunFolder) -> None:
     text = page.render_page(run_page.build(_long(run, duration=600.0)))
     assert len(text.encode()) < 20e6
-    assert "Long curves are thinned" in text
+    assert "Long curves are reduced" in text
 
 
 def _long(run: RunFolder, duration: float) -> run_data.RunData:
-    """A run of 1 kHz with 8 channels of 2 kHz, a plate of 1 kHz and 20 markers; noise, which nothing makes smaller."""
+    """Write a run with 1 kHz, 8 channels of 2 kHz, a plate of 1 kHz, 20 markers, and noise, which does not compress."""
     rng = np.random.default_rng(1)
     time = np.arange(0.0, duration, 1e-3)
     arrays = [rng.normal(size=(len(time), 9)) for _ in range(2)]
@@ -122,7 +122,7 @@ def test_a_run_without_a_description_has_a_page_without_a_replay(
     folder = synthetic.write_run(tmp_path)
     assert main(["report", str(folder.path), "--html", "--no-figures"]) == 0
     text = (folder.path / report_html.NAME).read_text()
-    assert "there is no replay" in text and str(folder.path / report_html.NAME) in capsys.readouterr().out
+    assert "There is no replay" in text and str(folder.path / report_html.NAME) in capsys.readouterr().out
 
 
 def test_what_a_message_says_stays_text(run: RunFolder) -> None:
@@ -133,7 +133,7 @@ def test_what_a_message_says_stays_text(run: RunFolder) -> None:
 @pytest.mark.parametrize(
     "word",
     [
-        "starves",
+        "no samples (starving)",
         "approach",
         "error: no samples",
         "Synchronised on /hric/perception/sync",
@@ -169,8 +169,8 @@ def test_a_lost_mesh_is_noted_and_the_rest_is_drawn(run: RunFolder) -> None:
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["a", "b", "c"], "add --html"),
-        (["a", "b", "c", "--html", "--labels", "x", "y"], "--labels names 2 runs (x, y), but 3 are compared"),
+        (["a", "b", "c"], "valid: with --html, or two runs"),
+        (["a", "b", "c", "--html", "--labels", "x", "y"], "--labels needs 3 names, one for each run; given: x, y"),
     ],
 )
 def test_a_wrong_comparison_is_refused(
@@ -265,7 +265,7 @@ def test_no_legend_covers_a_title_or_a_panel(shown: Browser) -> None:
 def test_on_a_narrow_screen_what_was_found_still_comes_before_the_replay(shown: Browser) -> None:
     shown.call("Emulation.setDeviceMetricsOverride", width=420, height=900, deviceScaleFactor=1, mobile=False)
     top = "document.getElementById('%s').getBoundingClientRect().top"
-    found, replay, motion = (shown.evaluate(top % name) for name in ("what-was-found", "replay", "motion"))
+    found, replay, motion = (shown.evaluate(top % name) for name in ("key-figures", "replay", "motion"))
     shown.call("Emulation.clearDeviceMetricsOverride")
     assert found < replay < motion
 

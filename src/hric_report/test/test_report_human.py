@@ -1,4 +1,4 @@
-"""The human on the page of a run: where they were, what they held, and what touched them."""
+"""Human on the page of a run: position, grips and contacts."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -31,15 +31,15 @@ in_a_browser = [
     pytest.mark.skipif(not installed(), reason="no chromium; scripts/setup --with checks installs it"),
 ]
 BLOW, PEAK = 0.703, 153.0
-"""A contact of the forearm that begins and ends between two messages: time of the second [s], its peak [N]."""
+"""Contact of the forearm that begins and ends between two messages: time of the second message [s], peak force [N]."""
 AT = (0.3, 0.1, 0.6)
-"""Where, in the world [m]."""
+"""Position of the contact in the world frame [m]."""
 PRESSED = (0.8, 0.9)
-"""The same forearm is pressed with 40 N from one to the other [s]."""
+"""Begin and end of a contact force of 40 N on the same forearm [s]."""
 
 
 def write_contacts(bag: Path) -> None:
-    """As a plant with such contacts would have them, at 200 Hz."""
+    """Write the contacts as a plant publishes them, with 200 Hz."""
     where = {"point": Point(*AT), "normal": Vector3(0.0, 0.6, -0.8)}
     forearm = {"link": "r_elbow", "regions": ["lower arm, wrist"], "kind": "penalty", "other": "world::bar", **where}
     whole = bag.with_suffix(".whole")

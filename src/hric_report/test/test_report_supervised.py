@@ -1,4 +1,4 @@
-"""What a supervisor did, in metrics, report, verdict and page of a run."""
+"""Interventions of a supervisor in metrics, report, verdict and page of a run."""
 
 import json
 from collections.abc import Iterator
@@ -20,7 +20,7 @@ NAME, END = "shared_workspace", 3.5
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> RunFolder:
-    """The person comes and the arm stops; another one is watched only."""
+    """Run in which a person approaches and the arm stops; a second person is only monitored."""
     root = tmp_path_factory.mktemp("runs")
     setpoints = [row for row in experiment.read(NAME)["setpoints"] if row["time"] < END]
     short = [f"duration:={END}", f"setpoints:={json.dumps(setpoints)}", "simulator:=mujoco"]

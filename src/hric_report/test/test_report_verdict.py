@@ -1,4 +1,4 @@
-"""The verdict on the page of a run: the body's colours, what lies along time, and what a browser makes of clicks."""
+"""Verdict on the page of a run: colours of the body, charts over time, and clicks in a browser."""
 
 import copy
 import json
@@ -51,7 +51,7 @@ def finding(group: str, outcome: str, share: float | None = None, **more: Any) -
 
 
 def conclusion(question: str, reply: str, **more: Any) -> dict[str, Any]:
-    """An conclusion of a verdict.json."""
+    """Return a conclusion of a verdict.json."""
     words = {"subject": f"{question} <of> somebody", "unit": "%", "reason": "a reason", "remedy": "", "person": ""}
     return {"question": question, "reply": reply, "value": None, "limit": None, "finding": None, **words, **more}
 
@@ -141,7 +141,7 @@ def test_the_part_opens_with_five_answers_and_a_picture_and_folds_the_rest_away(
     head, rest = verdict.part(MADE).split("<details>", 1)
     replies = re.findall(r"<th scope=row>(\w+)</th><td><span class=\"reply \w+\">([\w ]+)</span>", head)
     assert replies == [(one["question"], one["reply"]) for one in MADE["answers"]]
-    assert "<b>125 % of the limit</b> /hric/human2: " in head and "To know it: record the arm&#39;s motion" in head
+    assert "<b>125 % of the limit</b> /hric/human2: " in head and "To find out: record the arm&#39;s motion" in head
     assert '<svg class="moment"' in head and 'data-time="1.25"' in head
     assert "Findings" in rest and '<svg class="body"' in rest and '<svg class="strip"' in rest
 
@@ -215,7 +215,7 @@ def test_a_verdict_without_findings_in_time_has_no_strips() -> None:
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> RunFolder:
-    """The arm meets a forearm."""
+    """Return a run in which the arm hits a forearm."""
     root = tmp_path_factory.mktemp("runs")
     words = ["contact", "simulator:=mujoco", "duration:=2", "--quiet", "--no-figures", "--html", "--runs", str(root)]
     assert main(["run", *words]) == 0
@@ -225,7 +225,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> RunFolder:
 def test_a_run_with_a_person_gets_a_verdict_with_its_page(run: RunFolder) -> None:
     found = json.loads((run.path / "verdict.json").read_text())
     page = (run.path / report_html.NAME).read_text()
-    assert page.index('id="what-it-would-have-meant"') < page.index('id="what-was-found"')
+    assert page.index('id="safety-and-ergonomics"') < page.index('id="key-figures"')
     assert page.count("<th scope=row>") == len(found["answers"]) and page.count(DISCLAIMER) == 1
 
 
@@ -278,7 +278,7 @@ def test_a_bag_alone_gets_a_page_with_its_verdict_and_a_replay(
     arm, person = robots_of(page)
     assert arm["columns"] == 7 and arm["motion"] is None
     assert person["columns"] == len(settings_body(run).joints) and person["motion"] is None
-    assert "Where the person was is not known" in page  # their settings are in the run folder
+    assert "The position of the person is not known" in page  # their settings are in the run folder
     (tmp_path / "verdict.json").write_text(json.dumps(found | {"outcome": "warning"}))  # as one left it with choices
     assert main(["report", str(bag)]) == 0
     assert "verdict: warning" in capsys.readouterr().out
@@ -297,7 +297,7 @@ def test_a_bag_that_is_not_there_is_a_mistake(tmp_path: Path, capsys: pytest.Cap
 
 
 def in_a_browser(test: Callable[..., None]) -> Callable[..., None]:
-    """Mark a test as one that needs a browser, which takes long."""
+    """Mark a test as slow, because it needs a browser."""
     without = pytest.mark.skipif(not installed(), reason="no chromium; scripts/setup --with checks installs it")
     return pytest.mark.slow(without(test))
 
@@ -317,7 +317,7 @@ def test_the_page_says_nothing_on_the_console_and_asks_for_nothing(opened: Brows
 
 @in_a_browser
 def test_a_click_on_an_episode_sets_the_time_of_the_replay(opened: Browser) -> None:
-    opened.evaluate("document.querySelector('#what-it-would-have-meant details').open = true")
+    opened.evaluate("document.querySelector('#safety-and-ergonomics details').open = true")
     times = opened.evaluate("[...document.querySelectorAll('rect.jump')].map((one) => Number(one.dataset.time))")
     assert len(times) > 3 and max(times) > 0.5
     for index, time in enumerate(times):
@@ -334,7 +334,7 @@ def test_keys_and_rows_do_the_same(opened: Browser) -> None:
     late = "[...document.querySelectorAll('rect.jump')].find((one) => Number(one.dataset.time) > 0.5)"
     opened.evaluate(f"{late}.dispatchEvent(new KeyboardEvent('keydown', {{key: 'Enter', bubbles: true}}))")
     assert opened.evaluate("report.time") > 0.5
-    row = "document.querySelector('#what-it-would-have-meant tr.event')"
+    row = "document.querySelector('#safety-and-ergonomics tr.event')"
     opened.evaluate(f"{row}.click()")
     assert opened.evaluate("report.time") == pytest.approx(opened.evaluate(f"Number({row}.dataset.time)"), abs=1e-6)
 

@@ -1,4 +1,4 @@
-"""Files of stops in a verdict: they take the place of the assumption, and are named."""
+"""Files of measured stops in a verdict: they replace the assumption, and are named."""
 
 import json
 from pathlib import Path
@@ -36,7 +36,7 @@ def separation(run: Path, path: Path) -> dict[str, object]:
 
 
 def test_without_a_file_the_assumption_is_named_as_one() -> None:
-    assert "chosen here; nothing is known of its braking" in BrakingChoice().text(0.0)
+    assert "chosen here, since its braking is not known" in BrakingChoice().text(0.0)
 
 
 def test_perception_comes_on_top_of_the_arms_own_reaction() -> None:
@@ -66,7 +66,7 @@ def test_an_arm_that_is_faster_than_the_file_is_not_assessable(run: Path, tmp_pa
     path = tmp_path / "own.yaml"
     path.write_text(stopping.as_yaml(table(0.001)))
     found = separation(run, path)
-    assert found["outcome"] == "not assessable" and "a file of stops that has them" in str(found["reason"])
+    assert found["outcome"] == "not assessable" and "a file of stops that includes it" in str(found["reason"])
     with pytest.raises(NotAssessableError):
         BrakingChoice(table(0.001)).stop(np.array([1.0]), 0.0)
 

@@ -1,5 +1,5 @@
-"""A real person after the run: the frames of an emulated Motive and the robot's external wrench, against what the plant
-knows of the human in it."""
+"""Analysis of a real person after a run: frames of an emulated Motive and external wrench of the robot, compared with
+the human in the simulation."""
 
 import shutil
 from pathlib import Path
@@ -21,7 +21,7 @@ from hric_report.muscle_load import MuscleLoadError, MuscleLoadResult
 from hric_run.definition import experiment, parameters
 
 ENDS = 0.3
-"""After the start of the person's motion and before its end [s]."""
+"""Duration that is excluded at the begin and at the end of the person's motion [s]."""
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +30,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def written(folder: Path, name: str, source: str) -> Path:
-    """guided_collection, whose human is a real person to the cameras, with 0.5 mm of noise on their markers."""
+    """Write a run of guided_collection, in which the simulated human is tracked like a real person; noise of markers
+    0.5 mm."""
     packaged = experiment.config_path("experiments") / "guided_collection.yaml"
     content = yaml.safe_load(packaged.read_text())
     kept = {key: content[key] for key in content if key not in ("force_plate", "sync")}
@@ -62,7 +63,7 @@ def truth(run: Path) -> HumanRecord:
 
 
 def off(load: MuscleLoad, record: HumanRecord) -> np.ndarray:
-    """Joint torque less that of the plant, shape (n, joints) [N m]."""
+    """Return the difference between estimated and simulated joint torque, shape (n, joints) [N m]."""
     inside = (load.time > ENDS) & (load.time < record.torque_time[-1] - ENDS)
     logged = [
         np.interp(load.time[inside], record.torque_time, record.torque[:, record.joints.index(name)])
@@ -104,7 +105,7 @@ def test_the_command_leaves_files_and_a_table(run: Path, capsys: pytest.CaptureF
 
 def test_what_cannot_be_tracked_is_refused(run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["muscle_load", str(run), "--tracked", "--cutoff", "4"]) == 2
-    assert "valid: without --cutoff" in capsys.readouterr().err
+    assert "valid: a run, without --cutoff" in capsys.readouterr().err
     copy = tmp_path / run.name
     shutil.copytree(run, copy)
     content = yaml.safe_load((copy / "run.yaml").read_text())
@@ -114,7 +115,7 @@ def test_what_cannot_be_tracked_is_refused(run: Path, tmp_path: Path, capsys: py
         muscle_load.of_tracked(str(copy))
     content["definition"]["person"] = None
     (copy / "run.yaml").write_text(yaml.safe_dump(content))
-    with pytest.raises(MuscleLoadError, match="did not track a person; valid: a run of an experiment with"):
+    with pytest.raises(MuscleLoadError, match=r"no person was tracked in .*; valid: a run of an experiment with"):
         muscle_load.of_tracked(str(copy))
 
 

@@ -1,4 +1,4 @@
-"""A person of whom cameras know: from a c3d file, and from the bag of a run in which no human was simulated."""
+"""Verdicts on a tracked person: from a c3d file, and from the bag of a run without a simulated human."""
 
 import math
 import shutil
@@ -39,13 +39,13 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def run(folder: Path) -> Path:
-    """A simulated human before cameras."""
+    """Return a run with a simulated human in front of cameras."""
     return headless(folder, "guided", guided())
 
 
 @pytest.fixture(scope="module")
 def c3d(folder: Path, run: Path) -> Path:
-    """The person's markers."""
+    """Return a c3d file with the markers of the person."""
     assert main(["export", str(run), "--format", "c3d", "--quiet"]) == 0
     (path,) = (run / "export").rglob("*.c3d")
     return Path(shutil.copy(path, folder / "trial.c3d"))
@@ -53,7 +53,7 @@ def c3d(folder: Path, run: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def replayed(folder: Path, c3d: Path) -> Path:
-    """The same markers, EMG and plate beside a robot that moves by itself: nobody is simulated."""
+    """Return a run with the same markers, EMG and plate, with a moving robot and without a simulated human."""
     content = guided()
     content.pop("human")
     content["controllers"] = ["joint_state_controller", "franka_state_controller", "joint_pd_controller"]
@@ -112,9 +112,9 @@ def test_each_signal_that_it_lacks_is_listed_with_what_it_would_give(verdict: Ve
         "contacts of a person by region",
         "joint torques of a person",
         "activation of the muscles",
-        "contact forces between a person's bones",
-        "what the hands hold, and with which force",
-        "the largest voluntary activation of each EMG channel",
+        "joint contact forces of a person",
+        "objects in the hands, and the grip forces",
+        "the maximum voluntary contraction of each EMG channel",
         "joints of the legs",
     }
     assert "F_ext is filtered at 20 Hz" in found["contacts of a person by region"]

@@ -1,4 +1,4 @@
-"""What a verdict costs: processor time for a minute of a run, and memory for an hour."""
+"""Cost of a verdict: processor time for a run of one minute, and memory for one hour."""
 
 import subprocess
 import sys
@@ -17,9 +17,9 @@ from hric_core.command import main
 
 MINUTE, HOUR = 60.0, 3600.0
 PROCESSOR = 6.0
-"""For a minute of a run [s], and"""
+"""Maximum processor time for a run of one minute [s] (requirement of this project)."""
 MEMORY = 1e9
-"""for an hour [B] (the demands of this project)."""
+"""Maximum memory for a run of one hour [B] (requirement of this project)."""
 MEASURE = """
 import resource, sys
 from hric_assessment.verdict import assess, opened
@@ -29,7 +29,7 @@ print(assess(opened(sys.argv[1])).outcome, 1024 * resource.getrusage(resource.RU
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Of an upper body that leads the robot."""
+    """Return a run in which an upper body guides the robot."""
     root = tmp_path_factory.mktemp("runs")
     words = ["simulator:=mujoco", "human.parts:=upper_body", "duration:=5", "--quiet", "--no-figures"]
     assert main(["run", "hand_guidance", *words, "--runs", str(root)]) == 0
@@ -37,7 +37,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def lengthened(run: Path, seconds: float) -> None:
-    """Its streams again and again, each time with later stamps, in place of its bag."""
+    """Replace the bag by one in which its streams are repeated with later stamps."""
     (path,) = run.glob("*.bag")
     longer = path.with_suffix(".longer")
     with PartsReader(path) as reader, Writer(longer) as writer:
@@ -59,7 +59,7 @@ def lengthened(run: Path, seconds: float) -> None:
 
 
 def _stamped(raw: bytes, later: int) -> bytes:
-    """A serialised message that begins with a header; later: by so much [ns]."""
+    """Return a serialised message, whose header comes first, with a stamp that is increased by `later` [ns]."""
     stamp = int.from_bytes(raw[4:8], "little") * 1_000_000_000 + int.from_bytes(raw[8:12], "little") + later
     seconds, rest = divmod(stamp, 1_000_000_000)
     return raw[:4] + seconds.to_bytes(4, "little") + rest.to_bytes(4, "little") + raw[12:]

@@ -1,4 +1,4 @@
-"""A contact of a person who walked to the place of another one: verdict, closed form and page are the same."""
+"""Contact of a person who walked to a place, and of one who was spawned there: equal verdict, closed form and page."""
 
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ from hric_report.html import human_and_objects, metrics_of, run_data
 from hric_run.definition import experiment
 
 WALKED = (-0.3, -0.2)
-"""From where the person was spawned they came by the opposite of this [m]."""
+"""Displacement of the spawn position; the person walks back by it [m]."""
 
 
 def contact_run(root: Path, walked: tuple[float, float] | None) -> runner.RunFolder:

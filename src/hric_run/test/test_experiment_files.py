@@ -1,4 +1,4 @@
-"""Experiment files and overrides: what is read, and how a mistake is told."""
+"""Experiment files and overrides: their content, and the messages for mistakes."""
 
 import json
 import math

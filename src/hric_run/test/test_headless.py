@@ -24,7 +24,7 @@ from hric_report.run import analyse
 from hric_run.definition import experiment
 
 NODES = Path(__file__).parents[2] / "hric_experiments" / "nodes"
-"""Of this package: rosrun looks for them longer than they take to start."""
+"""Folder of the nodes of hric_experiments; rosrun would take longer to find them than they take to start."""
 JOINTS = [f"panda_joint{i}" for i in range(1, 8)]
 
 
@@ -241,7 +241,7 @@ def test_experiment_options_and_overrides_come_in_any_order(
 
 @pytest.mark.parametrize(
     ("words", "told"),
-    [(["kp:=20"], "got none; valid: "), (["pd_step", "--quiet", "thesis_step"], "got pd_step, thesis_step")],
+    [(["kp:=20"], "given: none; valid: "), (["pd_step", "--quiet", "thesis_step"], "given: pd_step, thesis_step")],
 )
 def test_not_exactly_one_experiment_is_refused(words: list[str], told: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", *words]) == 2 and told in capsys.readouterr().err
@@ -302,7 +302,7 @@ class TestThesisStep:
         metrics = run(tmp_path, "thesis_step", "duration:=0.1").metrics
         said = [record.getMessage() for record in caplog.records if "starts at" in record.getMessage()]
         assert len(said) == 1 and said[0].startswith(
-            "panda_joint4 starts at 0.0000 rad, outside its range [-3.0718, -0.0698]"
+            "joint panda_joint4 starts at 0.0000 rad, outside its range [-3.0718, -0.0698]"
         )
         outside = {
             name: joint["position_excess_max"] for name, joint in metrics["joints"].items() if joint["started_outside"]
@@ -368,7 +368,7 @@ class TestThesisStep:
             and told["joint damping [N m s/rad]"] == "0"
         )
         assert (
-            told["setpoint"] == "led through a trapezoid"
+            told["setpoint"] == "trapezoidal velocity profile"
             and "start" in told
             and "joint limits at the start" not in told
         )

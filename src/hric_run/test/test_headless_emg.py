@@ -21,9 +21,9 @@ from hric_run.definition.experiment import Experiment
 from hric_run.simulation import Simulation
 
 DURATION, SWEEP = 20.0, 10.0
-"""Of the run, and of a sweep up and down [s of robot time]."""
+"""Duration of the run, and of a rise and fall of the activation [s of robot time]."""
 SETTLED = 0.5
-"""The filters have settled [s]."""
+"""Time after which the filters have settled [s]."""
 
 
 def defined(emg: dict[str, Any], **more: Any) -> Experiment:
@@ -37,7 +37,7 @@ def recorded(simulation: Simulation, topic: str) -> list[Any]:
 
 
 def publish_activation(simulation: Simulation, made: Callable[[float], Any]) -> None:
-    """As a human in the plant does, 200 messages a second, two at once."""
+    """Publish activations as a human in the plant does: 200 messages per second, two at a time."""
     topic = simulation.node.advertise("hric/human/activation", MuscleActivation)
     state = {"next": 0}
 

@@ -1,4 +1,4 @@
-"""What a run notes of its origin: parameters, versions, revision."""
+"""Provenance of a run: parameters, versions, revision."""
 
 from pathlib import Path
 
@@ -22,6 +22,12 @@ def test_versions_name_python_the_libraries_ros_and_our_packages() -> None:
     found = provenance.versions()
     assert {"python", "numpy", "pybullet", "rospy", "hric_experiments"} <= set(found)
     assert all(isinstance(version, str) and version for version in found.values())
+
+
+def test_versions_name_every_package_with_python_of_a_run() -> None:
+    sources = Path(__file__).parents[2]
+    ours = {path.parent.name for path in sources.glob("*/src/*/__init__.py")} - {"controller_manager", "hric_skin"}
+    assert ours <= set(provenance.versions())
 
 
 def test_the_revision_is_a_commit_or_nothing(tmp_path: Path) -> None:

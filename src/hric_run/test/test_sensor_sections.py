@@ -1,5 +1,4 @@
-"""The sections emg, force_plate and sync of an experiment file: what is read, what the nodes get, and how a mistake is
-told."""
+"""Sections emg, force_plate and sync of an experiment file: content, parameters of the nodes, messages for mistakes."""
 
 from typing import Any
 

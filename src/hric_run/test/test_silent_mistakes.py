@@ -61,14 +61,14 @@ MISTAKES = [
         "run pd_step friction:=none 'robot.plant.friction_parameters:={phi1: [1]}'",
         r"has no effect; valid: with .*friction: identified",
     ),
-    ("run pd_step kp=200", r"'kp=200' is not an override; write kp:=200"),
+    ("run pd_step kp=200", r"'kp=200' is not a valid override; valid: kp:=200"),
     ("run pd_step kp:=100 kp:=200", r"kp is given more than once"),
-    (f"run pd_step kp:=100 {PD}.kp:=200", r"kp has no effect beside parameters\.joint_pd_controller\.kp"),
-    ("run pd_step robot.load.mass:=1 'robot.load:={mass: 2}'", r"robot\.load\.mass has no effect beside robot\.load"),
+    (f"run pd_step kp:=100 {PD}.kp:=200", r"kp has no effect with parameters\.joint_pd_controller\.kp"),
+    ("run pd_step robot.load.mass:=1 'robot.load:={mass: 2}'", r"robot\.load\.mass has no effect with robot\.load"),
     ("run pd_step friction:=none robot.plant.friction:=identified", r"both set robot\.plant\.friction"),
-    ("run pd_step urdf:=r.urdf hand:=true", r"robot\.description\.hand has no effect beside robot\.urdf"),
-    ("run pd_step 'robot.description.xyz:=[1,0,0]' urdf:=r.urdf", r"description\.xyz has no effect beside robot\.urdf"),
-    ("run other.yaml", r"robot\.description\.hand has no effect beside robot\.urdf"),
+    ("run pd_step urdf:=r.urdf hand:=true", r"robot\.description\.hand has no effect with robot\.urdf"),
+    ("run pd_step 'robot.description.xyz:=[1,0,0]' urdf:=r.urdf", r"description\.xyz has no effect with robot\.urdf"),
+    ("run other.yaml", r"robot\.description\.hand has no effect with robot\.urdf"),
     ("run pd_step 'kp:={panda_joint8: 1}'", r"no joint 'panda_joint8' .*did you mean panda_joint7"),
     ("run pd_step 'robot.plant.rotor_inertia:={panda_joint8: 1}'", r"no joint 'panda_joint8' .*did you mean"),
     ("run step.yaml", r"no parameter 'reflexs'"),
@@ -119,12 +119,12 @@ MISTAKES = [
     ("sweep endless.yaml", r"runs is 1000000000000; (.|\n)*memory is 4096"),
     (
         "run pd_step 'setpoints:=[{time: 1, controller: joint_state_controller, positions: [0,-1,0,-2,0,1,0]}]'",
-        r"setpoints of joint_state_controller have no effect",
+        r"setpoints of joint_state_controller have no effect: this controller does not subscribe",
     ),
     (
         "run pd_step 'setpoints:=[{time: 1, controller: joint_pd_controller, positions: [0,-1,0,-2,0,1,0]}, "
         "{time: 1, controller: joint_pd_controller, positions: [0,-1,0,-2,0,1,1]}]'",
-        r"setpoints\[1\]\.time is that of an earlier setpoint",
+        r"setpoints\[1\]\.time .* s is used twice for",
     ),
     (f"run pd_step {PD}.rotatum_limit:=1e9", r"at most 1e\+06 in size \[N m/s\]"),
     (f"run pd_step {PD}.gain_ramp:=1000", r"1000 ms would be 1 s"),
@@ -133,7 +133,10 @@ MISTAKES = [
     ("run contact human.muscles.rate:=50", r"human\.muscles\.rate has no effect; valid: with human\.drive: muscle"),
     ("run contact human.contact_area:=0.4", r"human\.contact_area is 0\.4 m\^2, .*did you mean 0\.4 cm\^2"),
     ("run contact human.heading:=10", r"10 deg would be 0\.174533 rad"),
-    ("run contact 'human.walk:={points: [[0,0,0],[1,25,0]]}'", r"points after 0 s is '46\.9 m/s'; valid: up to 12\.5"),
+    (
+        "run contact 'human.walk:={points: [[0,0,0],[1,25,0]]}'",
+        r"points: the speed after 0 s is '46\.9 m/s'; valid: up to 12\.5",
+    ),
     ("run hand_guidance human.grips.guide.close.distance:=5", r"5 mm would be 0\.005 m"),
     ("run hand_guidance human.grips.guide.handle:=[0,0,10]", r"handle is \[0, 0, 10\]; valid: .* from -3 to 3 \[m\]"),
     ("run hand_guidance human.grips.guide.release.delay:=1", r"delay has no effect; valid: with .*release\.load"),
@@ -161,7 +164,7 @@ MISTAKES = [
     ("run marker_tracking mocap.base_from_mocap.xyz:=[100,0,0]", r"100 mm would be 0\.1 m"),
     ("benchmark controller.yaml", r"changes\.contact: .*no parameter 'kdd' .*did you mean kd\?"),
 ]
-"""Words after hric, and what the error says."""
+"""Words after `hric`, and the expected error message."""
 
 
 @pytest.fixture(scope="module")

@@ -24,12 +24,12 @@ def raw(*given: str, without: tuple[str, ...] = ()) -> dict[str, Any]:
 
 
 def headless(*given: str) -> Experiment:
-    """Without what comes by wire."""
+    """The experiment without the sections that need a network."""
     return experiment.parse("guided", raw("duration:=0.8", MOVES, *given, without=("force_plate", "sync")))
 
 
 def measured(run: Experiment, seed: int) -> dict[str, list[Any]]:
-    """What is heard of a run, by topic, and where the plant has the person's wrist, by milliseconds."""
+    """Messages of a run by topic, and the positions of the person's wrist in the plant by milliseconds."""
     found: dict[str, list[Any]] = {"wrist": []}
     with Simulation(run, seed=seed) as simulation:
         for topic, kind in (

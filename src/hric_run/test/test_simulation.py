@@ -33,7 +33,7 @@ MIXED: list[tuple[str, dict[str, object]]] = [
 
 
 def fresh(name: str, seed: int, overrides: dict[str, object], folder: Path) -> str:
-    """state_sha256 of the command, which is a process of its own."""
+    """Return state_sha256 of a run in a separate process, by the command `hric run`."""
     given = [f"{key}:={value}" for key, value in overrides.items()]
     command = ["rosrun", "hric_experiments", "run", name, *given, "--seed", str(seed), "--quiet", "--no-figures"]
     done = subprocess.run(

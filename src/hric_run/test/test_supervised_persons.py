@@ -1,4 +1,4 @@
-"""A person whose data cannot be, before a supervised arm without a master: stopped in time, and named."""
+"""Impossible data of a person near a supervised arm, without a master: the arm is stopped in time."""
 
 import math
 
@@ -20,7 +20,7 @@ from hric_run.simulation import Simulation
 NAME, OWN = "shared_workspace", SupervisorSettings()
 PROTECTIVE_TIME = OWN.reaction_time + stopping_time(1.0) + OWN.settling_time
 BEGIN = 2.6
-"""When the person's data changes: the arm is at work [s]."""
+"""Time at which the person's data changes, while the arm is moving [s]."""
 
 
 class Cameras:
@@ -79,7 +79,7 @@ PERSONS = {
 
 
 class Watched:
-    """The arm of the shared workspace, which moves all the time, with a hand before cameras in place of the human."""
+    """Experiment `shared_workspace` with a hand tracked by cameras instead of the human; the arm moves all the time."""
 
     def __init__(self):
         raw = experiment.read(NAME)
@@ -92,7 +92,7 @@ class Watched:
         self.supervisor = HeadlessSupervisor(node.child(SUPERVISOR), lambda name, _, request: node.call(name, request))
 
     def run(self, person, end):
-        """A person before the cameras until a time [s]."""
+        """Run with a person in view of the cameras until a time [s]."""
         cameras, second = Cameras(self.simulation.node), Cameras(self.simulation.node)
         for k in range(1, round(100 * end)):
             person(cameras, second, 0.01 * k)
@@ -101,7 +101,7 @@ class Watched:
 
 
 def last_motion(simulation):
-    """When the arm's fastest place was last faster than what is called standing [s], and its largest speed [m/s]."""
+    """Last time at which the arm's fastest point was above the speed of standstill [s], and its largest speed [m/s]."""
     log = simulation.signals
     arm = ArmShape(simulation.node.param("robot_description"), log.joint_names)
     rows = slice(None, None, 5)
@@ -161,7 +161,7 @@ def test_a_second_publisher_of_the_speed_scale_never_speeds_the_arm_up_and_is_na
         simulation.run(0.1)  # the rogue falls silent
     lost = [event.text for event in events if event.kind == "holder_lost"]
     assert len(lost) == (1 if valid_for else 0) and all(
-        text.startswith("/ requested no speed in time") for text in lost
+        text.startswith("/ requested no speed scale in time") for text in lost
     )
 
 

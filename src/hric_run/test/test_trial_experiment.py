@@ -18,7 +18,7 @@ FRAMES = 150
 
 @pytest.fixture(scope="module")
 def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """An experiment with the trial beside it."""
+    """Experiment file with the recorded trial in the same folder."""
     folder = tmp_path_factory.mktemp("c3d")
     markers = {label: p + np.array([100.0, 0.0, 0.0]) for label, p in c3d_files.swinging(FRAMES)[0].items()}
     emg = np.zeros(FRAMES * c3d_files.PER_FRAME)

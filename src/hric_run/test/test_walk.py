@@ -1,4 +1,4 @@
-"""Walking: the root of a body is led along a stated way, on each engine."""
+"""Walking: the root of a human body is moved along a given path, on each engine."""
 
 import itertools
 
@@ -49,7 +49,7 @@ def test_against_what_is_in_the_way_the_person_pushes_no_harder_than_stated():
 
 @pytest.mark.parametrize("points", [[], [[1.0, 0.0, 0.0], [0.5, 0.0, 0.0]], [[-1.0, 0.0, 0.0]]])
 def test_times_that_do_not_rise_are_refused(points):
-    with pytest.raises(HricError, match="times must rise"):
+    with pytest.raises(HricError, match="times must increase"):
         HumanSettings.of({"walk": {"points": points}}, "human")
 
 

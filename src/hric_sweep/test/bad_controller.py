@@ -1,4 +1,4 @@
-"""A controller of another package that does what it should not, and a sweep over the ways in which it does."""
+"""Faulty controller of another package, and a sweep over its kinds of fault."""
 
 import os
 from collections.abc import Sequence
@@ -41,7 +41,7 @@ class Bad(Controller):
             raise ValueError(f"{self} has no force")
 """
 LATE = 0.1
-"""When it raises, if it does so late [s of robot time]."""
+"""Robot time at which the controller raises an error late in the run [s]."""
 PACKAGE = (
     '<package format="3"><name>bad_runs</name><export><hric_control plugin="${prefix}/plugins.xml"/></export></package>'
 )
@@ -52,7 +52,7 @@ PLUGINS = (
 
 
 def sweep(folder: Path, monkeypatch: pytest.MonkeyPatch, ways: Sequence[str], *, timeout: float = 60.0) -> Path:
-    """A sweep file over ways; the controller's package is on the path of packages from then on."""
+    """Write a sweep file over kinds of fault; also add the controller's package to the package path."""
     package = folder / "packages" / "bad_runs"
     (package / "src").mkdir(parents=True)
     for name, content in {"package.xml": PACKAGE, "plugins.xml": PLUGINS, "src/bad_module.py": BAD}.items():

@@ -17,13 +17,13 @@ import time
 from pathlib import Path
 
 ADDRESSES = ("10.77.0.1", "10.77.0.2")
-"""Of the two sides."""
+"""Addresses of the two sides of the link."""
 _TUNSETIFF, _TUN_WITHOUT_HEADER, _CLONE_NEWNET = 0x400454CA, 0x1001, 0x40000000
 MTU = 1500
 
 
 def possible() -> bool:
-    """Whether this process may make namespaces and TUN devices."""
+    """Return True if this process may create network namespaces and TUN devices."""
     name = f"hric{os.getpid()}"
     if os.geteuid() != 0 or not Path("/dev/net/tun").exists():
         return False
@@ -32,7 +32,7 @@ def possible() -> bool:
 
 
 class BadLink:
-    """Made at once, and gone with `close`.
+    """Link between two network namespaces; it is created at once, and `close` removes it.
 
     Args:
         delay: of each packet, each way [s].
@@ -58,7 +58,7 @@ class BadLink:
         self._thread.start()
 
     def command(self, side: int) -> list[str]:
-        """What stands before a command that is to run on a side, 0 or 1."""
+        """Return the prefix of a command that runs it on one side of the link, 0 or 1."""
         return ["ip", "netns", "exec", self.names[side]]
 
     def _pass_on(self) -> None:
@@ -80,7 +80,7 @@ class BadLink:
                 self.passed += 1
 
     def close(self) -> None:
-        """Take both sides away; what ran there must have ended."""
+        """Remove both namespaces; processes in them must have ended."""
         self._going = False
         self._thread.join()
         for device in self._devices:
@@ -90,7 +90,7 @@ class BadLink:
 
 
 def _side(name: str, own: str, other: str) -> int:
-    """A namespace with its end of the link; returns the file descriptor of the device."""
+    """Create a namespace with its end of the link; return the file descriptor of the device."""
     subprocess.run(["ip", "netns", "add", name], check=True)
     made: list[int] = []
     thread = threading.Thread(target=lambda: made.append(_device(name)))  # only this thread enters the namespace

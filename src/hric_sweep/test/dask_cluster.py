@@ -1,4 +1,4 @@
-"""A Dask cluster of this machine's own for tests: scheduler and workers as the manual starts them, on loopback."""
+"""Dask cluster on this machine's loopback interface for tests: scheduler and workers, started as in the manual."""
 
 import json
 import os
@@ -13,7 +13,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[3]
 SLEEPING = Path(__file__).with_name("sleeping_workers.py")
 ENOUGH = 580.0
-"""For anything here, on a machine that does much else [s]."""
+"""Timeout of all waits in the tests, long enough for a busy machine [s]."""
 
 
 def until(reached: Callable[[], bool]) -> None:
@@ -24,7 +24,7 @@ def until(reached: Callable[[], bool]) -> None:
 
 
 def parents() -> dict[int, int]:
-    """Parent of each process."""
+    """Return the parent of each process, by process id."""
     found = {}
     for stat in Path("/proc").glob("[0-9]*/stat"):
         with suppress(OSError):  # it ended meanwhile
@@ -33,7 +33,7 @@ def parents() -> dict[int, int]:
 
 
 def below(pid: int) -> list[int]:
-    """All that a process started, and what these did."""
+    """Return all descendants of a process."""
     of = parents()
     found = [pid]
     for one in found:
@@ -42,13 +42,13 @@ def below(pid: int) -> list[int]:
 
 
 class Cluster:
-    """A scheduler and its workers.
+    """Dask scheduler with its workers.
 
     Args:
-        folder: for what they print and write.
-        sides: what stands before the commands of the scheduler, and of the workers.
-        hosts: their addresses.
-        certified: each shows the others a certificate, and talks to nobody without.
+        folder: folder for output and files of the processes.
+        sides: prefixes of the commands of scheduler and workers.
+        hosts: addresses of scheduler and workers.
+        certified: True if all processes require certificates of each other.
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class Cluster:
         self.start_scheduler()
 
     def start_scheduler(self) -> None:
-        """On a port that is free."""
+        """Start the scheduler on a free port."""
         file = self._folder / "scheduler.json"
         file.unlink(missing_ok=True)
         command = f"{ROOT}/scripts/scheduler --host {self._hosts[0]} --port 0"
@@ -80,7 +80,7 @@ class Cluster:
         self.address = str(json.loads(file.read_text())["address"])
 
     def start_worker(self, environment: Mapping[str, str] | None = None) -> subprocess.Popen[bytes]:
-        """One more."""
+        """Start one more worker."""
         scratch = self._folder / f"scratch_{self._started}"
         command = f"{ROOT}/scripts/worker {self.address} --workers 1 --local-directory {scratch}"
         command += f" --host {self._hosts[1]}{self._tls}"
@@ -88,11 +88,11 @@ class Cluster:
         return self.workers[-1]
 
     def start_sleeping(self, count: int) -> None:
-        """As many workers whose runs only take time, in one process."""
+        """Start many workers in one process, whose runs only sleep."""
         self._start(self._sides[1], f"{sys.executable} {SLEEPING} {self.address} {count}", {})
 
     def worker_pid(self, worker: subprocess.Popen[bytes]) -> int:
-        """The process that takes chunks: the nanny restarts it, and below it is that of the runs."""
+        """Return the process id of the worker that executes chunks; its nanny restarts it, its child executes runs."""
         of = parents()
         candidates = [pid for pid in below(worker.pid) if of[pid] == worker.pid]
         return max(candidates, key=lambda pid: len(below(pid)))
@@ -111,11 +111,11 @@ class Cluster:
         return process
 
     def printed(self) -> str:
-        """By all of them."""
+        """Return the output of all processes."""
         return "".join(path.read_text() for path in sorted(self._folder.glob("printed_*.txt")))
 
     def close(self) -> None:
-        """End all of them."""
+        """End all processes."""
         for process in reversed(self._processes):
             left = below(process.pid)
             with suppress(ProcessLookupError):
@@ -125,7 +125,7 @@ class Cluster:
 
 
 def started(folder: Path) -> Iterator[Cluster]:
-    """One without workers yet, in a folder that is made; it ends with the test."""
+    """Yield a cluster without workers, in a new folder; it ends with the test."""
     folder.mkdir()
     with closing(Cluster(folder)) as found:
         yield found

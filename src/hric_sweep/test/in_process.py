@@ -1,4 +1,4 @@
-"""Sweeps that are supervised in this process, and an engine that is cut off."""
+"""Sweeps supervised in this process, with an engine that can be interrupted."""
 
 from concurrent.futures import Future
 from pathlib import Path
@@ -12,13 +12,13 @@ from hric_sweep.supervisor import SweepSupervisor
 
 
 class Here(InProcessEngine):
-    """One run after the other.
+    """Engine that executes one run after the other in this process.
 
     Args:
-        after: runs before Ctrl-C; None: none.
+        after: number of runs before Ctrl-C; None: no Ctrl-C.
 
     Attributes:
-        begun: runs so far.
+        begun: number of runs started so far.
     """
 
     def __init__(self, after: int | None = None) -> None:
@@ -32,7 +32,7 @@ class Here(InProcessEngine):
 
 
 def carried_out(folder: Path, plan: definition.SweepPlan, engine: SweepEngine) -> list[RunRow]:
-    """Supervise a sweep in this process; returns its rows in the order of their indices."""
+    """Execute a sweep in this process; return its rows in the order of their indices."""
     with Journal(folder) as journal:
         supervisor = SweepSupervisor(plan, folder, journal, engine, "code")
         supervisor.run()

@@ -1,4 +1,4 @@
-"""Runs that are recorded in memory, as a headless run records them, for tests of what is read from bags."""
+"""Headless runs recorded in memory, for tests of readers of bags."""
 
 from collections.abc import Iterator
 from functools import cache
@@ -19,11 +19,11 @@ from hric_sweep.records import RunTask
 from hric_sweep.task import definition_of
 
 AREA = 4e-4
-"""Of contact [m^2]."""
+"""Contact area [m^2]."""
 
 
 def recorded(name: str, what: Experiment, seed: int = 0, area: float = AREA) -> Recorded:
-    """Run an experiment, and return its messages with what run.yaml has; area: of contact [m^2]."""
+    """Run an experiment; return its messages and the contents of run.yaml; `area`: contact area [m^2]."""
     bag = MemoryBag()
     with Simulation(what, seed=seed) as simulation:
         bag.write("/robot_description", String(simulation.tree["robot_description"]), 0.0)
@@ -44,7 +44,7 @@ def recorded(name: str, what: Experiment, seed: int = 0, area: float = AREA) -> 
 
 
 def shipped(name: str, *overrides: str, seed: int = 0, area: float = AREA) -> Recorded:
-    """Record a shipped experiment."""
+    """Record an experiment of this workspace."""
     return recorded(" ".join([name, *overrides]), experiment.load(name, overrides), seed, area)
 
 

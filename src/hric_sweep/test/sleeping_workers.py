@@ -1,4 +1,4 @@
-"""Many workers of a Dask cluster in one process, whose runs only take time: what a scheduler and a sweep bear of them.
+"""Many Dask workers in one process whose runs only sleep, to measure the load on scheduler and sweep.
 
     python3 sleeping_workers.py ADDRESS COUNT
 
@@ -22,19 +22,19 @@ SHA256 = "0" * 64
 
 
 def of_reference(packed: bytes) -> ReferenceRun:
-    """In place of `chunks.reference`."""
+    """Replacement for `chunks.reference`: return a fixed result."""
     return ReferenceRun(runs.code_version(), SHA256, platform.node())
 
 
 def sleeping(packed: bytes) -> chunks.ChunkResult:
-    """In place of `chunks.execute`."""
+    """Replacement for `chunks.execute`: sleep, then return made-up responses."""
     tasks = pickle.loads(packed).tasks
     time.sleep(sum(task.timeout for task in tasks))
     return chunks.ChunkResult(str(get_worker().address), [response(task) for task in tasks])
 
 
 def response(task: RunTask) -> RunResponse:
-    """As large as one of a run."""
+    """Return a response as large as that of a run."""
     outputs = dict.fromkeys(task.outputs, task.seed / 7.0)
     return RunResponse(task.id, task.index, outputs, "", SHA256, 0.0, task.timeout, platform.node())
 

@@ -1,4 +1,4 @@
-"""Folders of made-up sweeps, as a sweep leaves them: a contact whose peak force follows from what is varied."""
+"""Made-up run folders of sweeps: contacts whose peak force is a known function of the variables."""
 
 import hashlib
 import json
@@ -57,7 +57,7 @@ REASONS = ("cartesian_reflex at {:.3f} s", "<b>unstable</b>: joint 3 at {:.3f} r
 def plan(
     sampler: Mapping[str, Any], runs: int, vary: Mapping[str, Any] | None = None, limit: float = LIMIT
 ) -> SweepPlan:
-    """Of the sweep; sampler: its section; vary: likewise, None: VARY; limit: of the peak [N]."""
+    """Return the plan of a sweep with sections `sampler` and `vary` (None: VARY); `limit`: limit of the peak [N]."""
     content = {
         "description": "Peak force of a hand that meets the arm",
         "extends": "contact",
@@ -78,7 +78,7 @@ def plan(
 
 
 def values(runs: int, seed: int = 0, failing: float = 0.02) -> dict[str, Any]:
-    """Columns of a table; failing: share of the runs that fail."""
+    """Return the columns of a table; `failing`: share of the runs that fail [1]."""
     random = np.random.default_rng(seed)
     speed, mass = random.uniform(0.2, 1.6, runs), np.clip(random.normal(4.0, 1.0, runs), 1.0, 8.0)
     stiffness = np.exp(random.uniform(np.log(1e4), np.log(1.5e5), runs))
@@ -126,7 +126,7 @@ def write(
     estimate: dict[str, Any] | None = None,
     **columns: Any,
 ) -> Path:
-    """Write a folder.
+    """Write the run folder of a sweep.
 
     Args:
         folder: made if missing.
@@ -146,7 +146,7 @@ def write(
 
 
 def _row(made: SweepPlan, index: int, one: dict[str, Any]) -> RunRow:
-    """A run as the supervisor has it."""
+    """Return the table row of a run."""
     outputs = {name: None if np.isnan(value := one.pop(name)) else value for name in OUTPUTS}
     values = {name: one.pop(name) for name in made.section.vary}
     about = {"index": index, "seed": index + 1, "state_sha256": one["id"], **one}
@@ -164,7 +164,7 @@ def _written(folder: Path, made: SweepPlan, rows: Sequence[RunRow], estimate: Ma
 def sampled(
     folder: Path, made: SweepPlan, measured: Callable[[Mapping[str, Any]], Mapping[str, float]], told: int | None = None
 ) -> Path:
-    """Write the folder of a sweep whose sampler is carried out to its end.
+    """Write the run folder of a sweep, with its sampler executed to the end.
 
     Args:
         folder: made if missing.

@@ -1,4 +1,4 @@
-"""The benchmark of collaborations: its order, its results file, and a quick form with a deliberately bad controller."""
+"""Benchmark: order of controllers, results file, and a short benchmark with a deliberately bad controller."""
 
 import hashlib
 import json
@@ -30,7 +30,7 @@ PART = (["contact", "shared_workspace"], ["p50"], 1)
 def quick(
     tmp_path_factory: pytest.TempPathFactory,
 ) -> Iterator[tuple[dict[str, Any], Path, dict[BenchmarkRun, RunTask]]]:
-    """Two collaborations, one body, one seed, the references and a bad one; interrupted once on the way."""
+    """Run two collaborations with one body and one seed, reference controllers and a bad one; interrupted once."""
     folder = tmp_path_factory.mktemp("benchmark")
     (folder / "bad.yaml").write_text(BAD)
     whole, content = definition.load()
@@ -157,7 +157,7 @@ def test_values_within_the_tolerance_share_a_place_and_who_has_none_comes_last()
 
 
 def ordered(**responses: tuple[float | None, float, float | None]) -> list[scoring.Standing]:
-    """Controllers in order; each with share of a limit, effort and error of its one run, None: it failed."""
+    """Return the controllers in order; each has ratio to the limit, effort and error of its run, or None: it failed."""
     score = {"path": "human.strength_share_max"}
     content = {
         "population": {"name": "one", "bodies": {"p50": "P50_male"}},
@@ -226,7 +226,7 @@ def test_all_mistakes_of_a_controllers_file_are_one_error(tmp_path: Path) -> Non
         definition.controller(str(path), definition.load()[0])
     message = str(caught.value)
     assert "3 mistakes" in message and "hand_guidance" in message and "no override 'kq'" in message
-    assert "a controller's file, for example" in message
+    assert "example of a controller's file" in message
 
 
 def test_a_controller_that_there_is_not_is_named_with_those_that_are() -> None:

@@ -1,4 +1,4 @@
-"""Recorded runs, damaged in one thing at a time: no verdict becomes better, and what was touched is named."""
+"""Recorded runs with one kind of damage each: no verdict improves, and the verdict names the damaged data."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -13,7 +13,7 @@ from hric_assessment.verdict.choices import AssessmentChoices
 FAST = "parameters.joint_pd_controller.profile.velocity:=2.0"
 SHORT = "duration:=1.8"
 TIP = 1e-5
-"""Area of contact over which the pressure of a soft touch is above its limit [m^2]."""
+"""Contact area for which the pressure of a soft contact is above its limit [m^2]."""
 RUNS: dict[str, Callable[[], Recorded]] = {
     "contact on MuJoCo": partial(shipped, "contact", "simulator:=mujoco", SHORT),
     "contact on PyBullet": partial(shipped, "contact", "simulator:=pybullet", SHORT, FAST, area=TIP),
@@ -25,7 +25,7 @@ RUNS: dict[str, Callable[[], Recorded]] = {
     "shared workspace": partial(of_benchmark, "shared_workspace", "compliant", "p95", 2),
     "shared workspace, supervised": partial(of_benchmark, "shared_workspace", "supervised", "p05", 1),
 }
-"""With those of known_bags, a dozen recordings."""
+"""Recordings by name; together with those of known_bags a dozen."""
 
 
 @pytest.mark.parametrize("name", RUNS)

@@ -1,4 +1,4 @@
-"""One contact has one finding: in verdict, approaches, outputs of sweeps, benchmark and headline."""
+"""A contact has the same finding in verdict, approaches, sweep outputs, benchmark and headline."""
 
 import math
 from collections.abc import Iterator
@@ -37,10 +37,10 @@ from hric_sweep.records import RunResponse
 
 HAND = "hand, fingers"
 BEGIN, HELD, END = 0.5, 1.2, 2.0
-"""First touch, duration of the contact, end of the run [s]."""
+"""Time of the first touch, duration of the contact, end of the run [s]."""
 ARM = [f"panda_joint{k}" for k in range(1, 8)]
 POSTURE = [0.0, -0.4, 0.0, -1.8, 0.0, 1.4, 0.8]
-"""Of the arm, which stands [rad]."""
+"""Joint positions of the standing arm [rad]."""
 
 
 def header(time: float) -> Header:
@@ -71,7 +71,7 @@ def touched(time: float, region: str, force: float, kind: str) -> RegionContact:
 
 
 def record_of(force: float, region: str, kind: str) -> tuple[MemoryBag, Any]:
-    """Bag and control log of a run in which a standing arm presses one region with a force [N] for HELD seconds."""
+    """Return bag and control log of a run in which a standing arm presses a body region with `force` [N] for HELD s."""
     bag, messages = MemoryBag(), RunMessages()
     body = describe(HumanSettings.of({"parts": "right_arm"}, "human").person)
     names, zeros = list(body.joints), [0.0] * len(body.joints)
@@ -96,7 +96,7 @@ def record_of(force: float, region: str, kind: str) -> tuple[MemoryBag, Any]:
 
 
 def judged(force: float = 200.0, region: str = HAND, kind: str = "penalty") -> SimpleNamespace:
-    """Verdict of a run, and all that others say of it."""
+    """Return the verdict of a run, and the results of all other parts on its contact."""
     bag, record = record_of(force, region, kind)
     run = {"definition": to_dict(experiment.load("contact", ["simulator:=mujoco", "human.parts:=right_arm"]))}
     run["parameters"] = {"robot": {"plant": {}}}
@@ -137,7 +137,7 @@ def test_approaches_have_the_finding_of_the_verdict(clamp: SimpleNamespace) -> N
     }
     rest = dict.fromkeys(names, 0.0)
     text = command.report([RunResponse("", 0, rest | outputs)], 0, supervised=True)
-    assert "contacts with a standing arm, by the person's own speed: in 1 of 1 runs (above limits in 1," in text
+    assert "contacts with a standing arm, by the person's own motion: in 1 of 1 runs (above limits in 1," in text
 
 
 def test_an_output_of_a_sweep_has_the_finding_of_the_verdict(clamp: SimpleNamespace) -> None:

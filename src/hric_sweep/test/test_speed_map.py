@@ -1,4 +1,4 @@
-"""The map of limit speeds: a virtual device against closed forms, and the command."""
+"""Speed map: virtual measuring device compared with closed forms, and the command."""
 
 import csv
 import math
@@ -37,7 +37,7 @@ def robot() -> Iterator[FrankaHWSim]:
 
 
 def pushed(body: HitBody, mass: float, speed: float, approach: float = 0.0) -> float:
-    """Peak of a free mass that meets the device, stepped as a plant does."""
+    """Return the peak force when a free mass hits the device, in time steps as in a physics engine."""
     device, x, v = MeasuringDevice(body, mass, STEP, approach), 0.0, speed
     for _ in range(500):
         a = -device.push(x, v) / mass
@@ -118,7 +118,7 @@ def test_the_search_finds_where_a_rising_force_reaches_the_limit(power: float) -
 
 
 def test_a_force_that_jumps_over_the_limit_has_no_limit_speed() -> None:
-    with pytest.raises(FailureError, match="no speed gives 280 N"):
+    with pytest.raises(FailureError, match="no limit speed found: the peak force is below 280 N"):
         limit_speed(lambda speed: 100.0 if speed < 1.0 else 500.0, 280.0, guess=0.9)
 
 
@@ -145,7 +145,7 @@ def test_the_command_leaves_a_table_and_a_picture_that_say_what_they_are(
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["--region", "face"], "no contact with face is permitted"),
+        (["--region", "face"], "permits no contact with face at any speed"),
         (["--x", "0.7", "0.3", "3"], "--x 0.7 0.3 3; valid: lowest and highest"),
         (["--x", "2", "2", "1"], "reaches none of the"),
         (["--damping", "-1"], "--damping"),

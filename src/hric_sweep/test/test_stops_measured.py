@@ -1,4 +1,4 @@
-"""Stops of the emulated arm beside an integration of the same stop that shares no code with it, and the command."""
+"""Stops of the emulated arm compared with an independent integration of the same stop, and the command."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -20,7 +20,7 @@ from hric_sweep.stops.measuring import LOAD_RADIUS, POSES, STANDSTILL, StoppedAr
 DECELERATION = np.array([15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0])
 """Franka's limits of a Panda's joint acceleration [rad/s^2] (its documentation of the control interface)."""
 EFFORT = np.array([87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0])
-"""And of the torque [N m]."""
+"""Franka's torque limits of a Panda's joints [N m]."""
 TOLERANCE = 0.02
 
 
@@ -91,7 +91,7 @@ def test_a_motion_begins_at_the_speed_that_was_asked_for_within_the_joints_limit
 
 
 def test_the_end_of_a_stop_is_found_between_two_samples() -> None:
-    """Constant braking: time and distance are known."""
+    """Time and distance of a stop with constant deceleration are known exactly."""
     v, a, dt = 0.8, 4.0, 1e-3
     speed = np.maximum(v - a * dt * np.arange(400), 0.0)
     stopped = standing(speed, dt)

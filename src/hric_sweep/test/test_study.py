@@ -1,4 +1,4 @@
-"""Studies: the comparison of engines as thesis ch. 5.4 makes it, and mistakes in a study's file."""
+"""Studies: comparison of physics engines as in thesis ch. 5.4, and mistakes in a study file."""
 
 import json
 import os
@@ -30,7 +30,7 @@ def run(wanted: study.Study, root: Path, *given: str, figures: bool = False) -> 
 
 @pytest.fixture(scope="module")
 def engines(tmp_path_factory: pytest.TempPathFactory) -> tuple[subprocess.CompletedProcess[str], dict[str, Any], Path]:
-    """The study `engines` as a user runs it."""
+    """Run the study `engines` as a user does."""
     root = tmp_path_factory.mktemp("runs")
     command = ["rosrun", "hric_experiments", "run", "engines", "--quiet", "--runs", str(root)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False, env=os.environ)
@@ -116,7 +116,9 @@ def test_joints_and_grip_force_of_a_human_have_bounds_too(tmp_path: Path) -> Non
 
 def test_options_of_an_engine_are_refused_for_a_study(tmp_path: Path) -> None:
     (tmp_path / "study.yaml").touch()
-    with pytest.raises(HricError, match="is a study, whose runs follow each other; valid: without --jobs and --dask"):
+    with pytest.raises(
+        HricError, match="is a study, which executes one run after the other; valid: without --jobs and --dask"
+    ):
         perform(["sweep", "--resume", str(tmp_path), "--jobs", "2"])
 
 

@@ -1,4 +1,4 @@
-"""A supervised run without a master: the arm slows, stops and goes on; what does not obey is stopped; approaches."""
+"""Supervised headless runs: the arm slows, stops and continues; disobeying controllers are stopped; approaches."""
 
 import json
 import time
@@ -47,7 +47,7 @@ def supervised(duration=None, **changes):
 
 
 def speeds(simulation):
-    """Of the arm's fastest place in each cycle [m/s]."""
+    """Return the speed of the arm's fastest point in each cycle [m/s]."""
     log = simulation.signals
     shape = ArmShape(simulation.node.param("robot_description"), log.joint_names)
     return log.time, np.array(
@@ -201,7 +201,7 @@ def test_approaches_meet_no_moving_arm_and_without_the_supervisor_they_do(given,
 
 
 def approach(seed, simulator="mujoco"):
-    """Observations of the approach of a seed, and the simulation, at its end."""
+    """Return the observations of an approach drawn from a seed, and its simulation at the end."""
     changes = {"simulator": simulator, "supervisor.active": True, **draw(seed).changes()}
     with Simulation(NAME, seed=seed, **changes) as simulation:
         observed = Observed(simulation, {IMPACT, SUPERVISION})
@@ -227,7 +227,7 @@ def test_a_run_of_the_sweep_is_the_approach_of_its_seed():
 
 
 def ended(index, failure="", **outputs):
-    """Response of an approach."""
+    """Return the response of an approach."""
     names = read_yaml(sweep.find("approaches"))["sweep"]["outputs"]
     return RunResponse("", index, dict.fromkeys(names, None if failure else 0.0) | outputs, failure)
 

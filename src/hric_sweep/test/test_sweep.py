@@ -1,4 +1,4 @@
-"""Sweeps from end to end: a file, processes, a journal, a table, and what is told of mistakes."""
+"""Sweeps from end to end: file, processes, journal, table, and messages on mistakes."""
 
 import json
 import os
@@ -40,18 +40,18 @@ SWEEP: dict[str, Any] = {
     },
 }
 ENOUGH = 580.0
-"""For a sweep of a few short runs on a machine that does much else [s]."""
+"""Timeout for a sweep of a few short runs on a busy machine [s]."""
 
 
 def written(folder: Path, **changes: Any) -> Path:
-    """A sweep file with changes to its section."""
+    """Write a sweep file with changes to its section `sweep`."""
     path = folder / "gains.yaml"
     path.write_text(yaml.safe_dump({**SWEEP, "sweep": {**SWEEP["sweep"], **changes}}))
     return path
 
 
 def sweep(folder: Path, *arguments: str | Path, code: int = 0, enough: float = ENOUGH) -> str:
-    """What the command printed."""
+    """Run the command; return its output."""
     command = ["rosrun", "hric_experiments", "sweep", *map(str, arguments)]
     done = subprocess.run(
         command, capture_output=True, text=True, timeout=enough, env={**os.environ, "HRIC_RUNS": str(folder / "runs")}

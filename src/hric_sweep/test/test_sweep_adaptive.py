@@ -1,4 +1,4 @@
-"""Samplers that learn from their runs give the same table, whichever run ends first and however often it is cut off."""
+"""Adaptive samplers give the same table for any order in which runs end, and after any interruptions."""
 
 import random
 import time
@@ -18,7 +18,7 @@ from hric_sweep.supervisor import SweepSupervisor
 
 KP = "parameters.joint_pd_controller.kp"
 RARE = {"exceedance": {"output": "speed", "above": 0.763}, "keep": {"worst": 0}}
-"""A kp above 78, where it is between 40 and 80, of the runs and of `answer`."""
+"""Sections for a rare exceedance: in `answer` kp, between 40 and 80, must be above 78."""
 SAMPLERS: dict[str, dict[str, Any]] = {
     "cross_entropy": {"sampler": {"kind": "cross_entropy", "batch": 20}, "runs": 120, **RARE},
     "subset": {"sampler": {"kind": "subset", "smallest": 0.01}, "runs": 190, **RARE},
@@ -27,11 +27,11 @@ SAMPLERS: dict[str, dict[str, Any]] = {
 
 
 class AnyOrder:
-    """An engine whose tasks end in any order, and which is cut off.
+    """Engine whose tasks end in random order, and which can be interrupted.
 
     Args:
-        seed: of how long tasks take.
-        after: tasks that it takes before Ctrl-C; None: all.
+        seed: seed of the durations of tasks.
+        after: number of tasks before Ctrl-C; None: no Ctrl-C.
     """
 
     window = workers = 7
@@ -57,7 +57,7 @@ class AnyOrder:
 
 
 def answer(task: RunTask, duration: float) -> RunResponse:
-    """Of a run that fails at the lower end, always."""
+    """Return a made-up response; runs with a low kp always fail."""
     time.sleep(duration)
     kp = task.changes[KP]
     failed = kp < 45.0
@@ -67,7 +67,7 @@ def answer(task: RunTask, duration: float) -> RunResponse:
 
 
 def results(folder: Path, plan: SweepPlan, *engines: AnyOrder) -> tuple[str, Any]:
-    """Hash and estimate of a sweep that each engine but the last one is cut off in, within a line of the journal."""
+    """Return hash and estimate of a sweep that all engines but the last interrupt within a line of the journal."""
     folder.mkdir()
     for number, engine in enumerate(engines):
         with Journal(folder) as journal:

@@ -1,4 +1,4 @@
-"""Dask workers behind a link that delays, loses, and is down for a while."""
+"""Dask workers behind a link that delays and loses packets, and is down for some time."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -28,7 +28,7 @@ def link() -> Iterator[BadLink]:
 
 
 def test_workers_behind_a_bad_link_give_the_same_table(tmp_path: Path, link: BadLink, figure: Figure) -> None:
-    """Delay of 50 ms each way and 1 % loss; then a link that is down for five seconds."""
+    """Sweep with 50 ms of delay in each direction and 1 % loss, then with a link that is down for five seconds."""
     path = sweeps.written(tmp_path, runs=4 * CHUNK)
     expected = test_sweep_dask.sha256(sweeps.folder_of(sweeps.sweep(tmp_path, path, "--jobs", "2")))
     folder = tmp_path / "cluster"

@@ -23,13 +23,13 @@ from hric_sweep.task import code_version
 
 pytestmark = [pytest.mark.slow, pytest.mark.alone]
 RUNS = 160
-"""For each of a few real workers."""
+"""Number of runs for a few real workers."""
 WORKERS, PROCESSES, SLEEPING = 200, 4, 20_000
-"""Those that sleep, the processes that they are in, and their runs."""
+"""Number of sleeping workers, of the processes that contain them, and of their runs."""
 SLEEPS = (0.1, 0.5)
-"""Of a run [s]. 200 workers with runs of 0.1 s are to a scheduler as 1000 with runs of 0.5 s."""
+"""Durations of a run [s]; 200 workers with runs of 0.1 s load a scheduler like 1000 with runs of 0.5 s."""
 MEMORY = 4e9
-"""[bytes]"""
+"""Memory limit of a worker [bytes]."""
 
 
 @pytest.fixture
@@ -38,7 +38,7 @@ def cluster(tmp_path: Path) -> Iterator[Cluster]:
 
 
 def tasks(count: int, **more: Any) -> list[RunTask]:
-    """Of `peak_force`."""
+    """Return tasks of the sweep `peak_force`."""
     plan = definition.load("peak_force", quick=False)
     drawn = np.random.default_rng(0).uniform(size=(count, len(plan.section.vary)))
     values = plan.space.values(drawn)
@@ -47,12 +47,12 @@ def tasks(count: int, **more: Any) -> list[RunTask]:
 
 @dataclass(frozen=True)
 class Timed:
-    """A sweep's loop on a cluster.
+    """Execution of a sweep's tasks on a cluster, with its cost.
 
     Attributes:
-        wall: that it took [s].
+        wall: wall time [s].
         own, scheduler: processor time of the sweep itself and of the scheduler [s].
-        responses: in the order of the tasks.
+        responses: responses in the order of the tasks.
     """
 
     wall: float
@@ -69,7 +69,7 @@ class Timed:
 
 
 def timed(cluster: Cluster, workers: int, given: list[RunTask], folder: Path) -> Timed:
-    """Without the handshake, and with a journal."""
+    """Execute tasks with a journal and measure the cost, without the handshake."""
     scheduler = psutil.Process(cluster.scheduler.pid)
     with Client(cluster.address, timeout=ENOUGH) as client:
         client.wait_for_workers(workers, timeout=ENOUGH)

@@ -1,4 +1,4 @@
-"""What a run of a sweep costs, build to result, and that two processors share the work. Prints figures of
+"""Cost of a run of a sweep, from building the simulation to the result, and gain by two processors. Prints figures of
 docs/figures.md."""
 
 import time

@@ -1,4 +1,4 @@
-"""Sweeps on a Dask cluster: the same table as on one machine, whatever ends meanwhile, and what is told of mistakes."""
+"""Sweeps on a Dask cluster: same table as on one machine, also if processes end meanwhile; messages on mistakes."""
 
 import os
 import random
@@ -58,7 +58,7 @@ def test_the_table_of_a_cluster_is_that_of_one_machine_also_after_kill_9_of_a_wo
 
 
 def killed_at_its_chunk(folder: Path, path: Path, cluster: Cluster) -> Path:
-    """Folder of a sweep in which one of two workers was killed while it had a chunk."""
+    """Return the folder of a sweep in which one of two workers was killed while it executed a chunk."""
     process = survives.begun(folder, path, "--dask", cluster.address)
     with distributed.Client(cluster.address) as client:
         survives.until(
@@ -140,7 +140,7 @@ def test_a_client_that_gave_the_scheduler_up_says_that_it_is_lost_whatever_it_fa
         (carried,) = engine._fetched([chunk])
         with pytest.raises(Lost, match=r"connection to the Dask scheduler at tcp://.* lost"):
             engine._outcomes(chunk, carried, 1)
-        with pytest.raises(HricError, match=r"at tcp://.* was lost during the handshake; valid: start it again"):
+        with pytest.raises(HricError, match=r"at tcp://.* was lost during the handshake; valid: restart it"):
             engine.check({})
     finally:
         engine.close(now=True)
@@ -178,7 +178,7 @@ def test_workers_are_free_again_after_ctrl_c(tmp_path: Path, cluster: Cluster) -
 
 
 def other_code(folder: Path) -> dict[str, str]:
-    """Environment of a worker in which one file of a package differs."""
+    """Return the environment of a worker in which one file of a package differs."""
     shutil.copytree(ROOT / "src" / "hric_controllers", folder / "other" / "hric_controllers")
     changed = next((folder / "other" / "hric_controllers").rglob("*.yaml"))
     changed.write_text(changed.read_text() + "# changed\n")
@@ -283,8 +283,8 @@ def test_without_dask_the_error_names_the_command_that_installs_it() -> None:
 @pytest.mark.parametrize(
     ("given", "told"),
     [
-        ((), "nothing is no address"),
-        (("10.0.0.1",), "10.0.0.1 is no address"),
+        ((), "nothing is not an address or a known host"),
+        (("10.0.0.1",), "10.0.0.1 is not an address or a known host"),
         (("tcp://10.0.0.1:8786", "--workers", "0"), "--workers 0; valid: 1 or more"),
     ],
 )

@@ -1,4 +1,4 @@
-"""How an engine is had execute tasks: what is tried again, what is kept, and what is no response."""
+"""Execution of tasks by an engine: repeated attempts, stored responses, and errors that are no responses."""
 
 import signal
 from collections.abc import Callable
@@ -18,10 +18,10 @@ WINDOW = 3
 
 
 class Scripted:
-    """An engine whose tasks have ended when they are submitted.
+    """Engine whose tasks end at their submission.
 
     Args:
-        of: what comes of a task in an attempt.
+        of: function of a task and the number of its attempt that returns the response or an error.
     """
 
     window, workers = WINDOW, 1
@@ -123,7 +123,7 @@ def test_what_the_journal_has_is_not_run_again_and_a_point_chosen_twice_keeps_it
 
 def test_no_more_tasks_are_open_than_the_engine_wants() -> None:
     class Slow(Scripted):
-        """Ends its tasks when it has as many as it wants, or the last."""
+        """Engine that ends its tasks when it has enough of them, or the last one."""
 
         open_: ClassVar[list[tuple[Future[RunResponse], RunTask]]] = []
 
@@ -142,7 +142,7 @@ def test_no_more_tasks_are_open_than_the_engine_wants() -> None:
 
 def test_tasks_that_an_engine_keeps_back_go_when_no_further_one_comes() -> None:
     class Chunks(Scripted):
-        """Ends its tasks when it is told that no further one comes."""
+        """Engine that ends its tasks only at `flush`."""
 
         kept: ClassVar[list[tuple[Future[RunResponse], RunTask]]] = []
 

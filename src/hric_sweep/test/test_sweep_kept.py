@@ -1,4 +1,4 @@
-"""The signals that a sweep keeps: of its worst runs and of those that failed, and what they hold."""
+"""Signals that a sweep stores for its worst and its failed runs, and their contents."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""A worker of a sweep keeps what it has loaded, and no more with each run."""
+"""The memory of a sweep's worker does not grow with the number of runs."""
 
 import os
 from dataclasses import replace
@@ -13,10 +13,10 @@ from hric_sweep import definition
 from hric_sweep.engines.pebble_engine import PebbleEngine
 
 EARLY, LATE = 50, 500
-"""Runs after which its memory is compared."""
+"""Numbers of runs after which the memory is compared."""
 MORE = 1.10
 MEMORY = 4e9
-"""That the worker may take [bytes]."""
+"""Memory limit of the worker [bytes]."""
 PERSON = "human.subject:={code: S00, mass: 78.2, height: 1.759, sex: male, parts: right_arm}"
 CASES: dict[str, dict[str, Any]] = {
     "mujoco": {"extends": "pd_step", "changes": ["simulator:=mujoco", "duration:=0.2"]},
@@ -26,7 +26,7 @@ CASES: dict[str, dict[str, Any]] = {
 
 
 def resident(pid: int) -> int:
-    """Memory of a process [kB]."""
+    """Return the resident memory of a process [kB]."""
     lines = Path(f"/proc/{pid}/status").read_text().splitlines()
     return int(next(line.split()[1] for line in lines if line.startswith("VmRSS")))
 

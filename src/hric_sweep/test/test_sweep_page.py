@@ -1,4 +1,4 @@
-"""The page of a sweep: what it says, how large it is, and what a reader can do with it in a browser."""
+"""Page of a sweep: contents, size, and interaction in a browser."""
 
 import html
 import json
@@ -34,7 +34,7 @@ RUNS = 500
 DRAWN = """[sweep.count, ...["parallel", "matrix"].map((id) => {
   const c = document.querySelector(`#${id} canvas`), d = c.getContext("2d").getImageData(0, 0, c.width, c.height).data;
   let n = 0; for (let k = 3; k < d.length; k += 4) n += d[k] > 0; return n > 0.05 * c.width * c.height; })]"""
-"""How many runs there are, and whether both drawings have something on them."""
+"""Script: number of runs, and whether both drawings are not empty."""
 
 
 def text_of(folder: Path, **given: Any) -> str:
@@ -77,7 +77,7 @@ def test_the_probability_has_the_interval_of_clopper_and_pearson(folder: Path, t
     assert f"P(peak > 280 N given the distributions of the sweep) = {exceeded / (RUNS - failed):.3g}," in printed
     for told in (line, printed):
         assert f"95 % interval {low:.3g} to {high:.3g}" in told and "Clopper-Pearson" in told
-        assert f"{exceeded} of {RUNS - failed} runs exceeded" in told and f"Failed: {failed}." in told
+        assert f"{exceeded} of {RUNS - failed} runs exceeded" in told and f"Failed runs: {failed}." in told
 
 
 def test_a_limit_that_is_passed_without_bound_is_the_worst_of_all(tmp_path: Path) -> None:
@@ -135,18 +135,20 @@ def test_a_rare_event_has_the_estimate_of_its_sampler_with_the_effective_sample_
     folder = sweep_folder.write(tmp_path / "a", 50, sampler="cross_entropy", estimate=found, weight=weights)
     for line in (estimate(text_of(folder)), summary(folder)):
         assert "= 1.25e-05, 90 % interval 8e-06 to 2e-05" in line and "Log scale; 12 of 49 runs exceeded" in line
-        assert "effective number of those that exceeded 210" in line and "Clopper" not in line
+        assert "effective number of exceeding runs 210" in line and "Clopper" not in line
         assert "Check with unweighted runs: 0 of 20 runs, 0 to 0.139; it agrees." in line
         assert "not reliable" not in line
     few = sweep_folder.write(tmp_path / "b", 50, sampler="cross_entropy", estimate={**found, "ess": 12}, weight=weights)
-    assert "exceeded 12. Below about 20 the interval is not reliable" in estimate(text_of(few))
+    assert "effective number of exceeding runs 12. Below about 20 the interval is not reliable" in estimate(
+        text_of(few)
+    )
 
 
 def test_what_was_varied_is_listed_with_its_distributions(text: str) -> None:
     part = text[text.index('id="what-was-varied"') : text.index('id="runs"')]
     for words in ("log-uniform, 1e+04 to 1.5e+05", "normal, mean 4, std 1, truncated from 1 to 8", "human.walk.speed"):
         assert words in part
-    assert "random: drawn at random" in part and "independent of each other" in part
+    assert "random: points drawn at random" in part and "independent of each other" in part
 
 
 def test_failures_are_counted_by_reason_and_their_text_stays_text(text: str) -> None:
@@ -188,10 +190,10 @@ def test_a_sweep_without_any_run_yet_has_a_page(tmp_path: Path) -> None:
 
 
 def test_a_folder_that_is_no_sweep_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(RunFolderError, match=r"runs\.parquet.*valid: the folder of a sweep"):
+    with pytest.raises(RunFolderError, match=r"runs\.parquet.*valid: the run folder of a sweep"):
         page.write(tmp_path)
     parquet.write_table(pyarrow.table({"a": [1.0]}), tmp_path / "runs.parquet")
-    with pytest.raises(RunFolderError, match="valid: the folder of a sweep"):
+    with pytest.raises(RunFolderError, match="valid: the run folder of a sweep"):
         page.write(tmp_path)
 
 
@@ -208,7 +210,7 @@ def test_rank_correlations_are_those_of_scipy_and_stand_in_the_pairs_too(folder:
 
 
 def test_the_design_of_saltelli_gives_the_indices_of_an_additive_output(tmp_path: Path) -> None:
-    """y = 3 a + b of uniform variables: 9/10 and 1/10 of the variance, first-order and total alike."""
+    """Sobol indices of y = 3 a + b with uniform variables are 9/10 and 1/10, both first-order and total."""
     rows, names = 4096, list(sweep_folder.VARY)
     a, b = np.random.default_rng(2).random((2, rows, len(names)))
     mixed = [np.where(np.arange(len(names)) == k, b, a) for k in range(len(names))]
@@ -221,7 +223,7 @@ def test_the_design_of_saltelli_gives_the_indices_of_an_additive_output(tmp_path
     found = dict(re.findall(r"(\w+) (-?[\d.]+ and -?[\d.]+)", told[1]))
     for name, expected in zip(names, (0.9, 0.1, 0.0, 0.0), strict=True):
         assert [float(one) for one in found[name].split(" and ")] == pytest.approx([expected] * 2, abs=0.05)
-    assert "no probability" in estimate(text)
+    assert "this share is not a probability" in estimate(text)
 
 
 def test_words_without_an_order_have_no_rank_correlation(tmp_path: Path) -> None:
@@ -262,7 +264,7 @@ def test_what_is_too_much_is_sampled_by_seed_and_the_caption_says_so(
     assert len(rows) in range(100, 111) and set(study.order_of_worst[0][:10]) <= set(rows)
     assert np.array_equal(rows, drawn.chosen(study))
     text = text_of(tmp_path / "a")
-    assert f"Drawn: a sample of {len(rows)} of 1000 runs by seed 0" in text
+    assert f"Drawn: a random sample of {len(rows)} of 1000 runs (seed 0)" in text
     assert len(re.search(r"id=ids>([^<]*)", text)[1].split()) == len(rows)  # type: ignore[index]
 
 
@@ -270,7 +272,8 @@ def test_what_is_too_much_is_sampled_by_seed_and_the_caption_says_so(
 
 
 def test_the_interval_of_a_median_is_that_of_the_published_table() -> None:
-    """n = 100: between the 40th and the 61st value (Conover, Practical Nonparametric Statistics, table A3)."""
+    """For n = 100 the interval of the median is from the 40th to the 61st value (Conover, Practical Nonparametric
+    Statistics, table A3)."""
     found = quantiles.of_sample(np.arange(1.0, 101.0), 0.5, 0.95)
     assert (found.value, found.low, found.high) == (50.5, 40.0, 61.0)
 
@@ -315,13 +318,13 @@ def opened(browser: Browser, folder: Path, text: str) -> Browser:
 
 
 def mouse(browser: Browser, kind: str, x: float, y: float) -> None:
-    """A mouse of the system; kind: mouseMoved, mousePressed or mouseReleased."""
+    """Send a mouse event; `kind`: mouseMoved, mousePressed or mouseReleased."""
     pressed = {} if kind == "mouseMoved" else {"button": "left", "clickCount": 1}
     browser.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, **pressed)
 
 
 def in_sight(browser: Browser, which: str) -> list[float]:
-    """Left and top of an element once it is in sight."""
+    """Scroll an element into view; return its left and top position."""
     found: list[float] = browser.evaluate(
         f"(() => {{ const e = document.querySelector('{which}'); e.scrollIntoView({{block: 'center'}}); "
         "const b = e.getBoundingClientRect(); return [b.left, b.top]; })()"
@@ -330,7 +333,7 @@ def in_sight(browser: Browser, which: str) -> list[float]:
 
 
 def drag(browser: Browser, column: str, low: float, high: float) -> None:
-    """Along an axis, between two values."""
+    """Drag along an axis between two values."""
     in_sight(browser, "#parallel svg")
     x, begin, end = browser.evaluate(
         "(() => { const p = document.querySelector('#parallel svg').getBoundingClientRect(), "

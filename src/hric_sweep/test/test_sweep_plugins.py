@@ -1,4 +1,4 @@
-"""Distributions of other packages, and rows that a function draws: named in the sweep file alone."""
+"""Distributions of other packages, and rows drawn by a function, both named only in the sweep file."""
 
 from pathlib import Path
 from typing import Any
@@ -66,7 +66,7 @@ def test_rows_are_runs_one_by_one(rows: Any, expected: dict[str, float], tmp_pat
     ("section", "message"),
     [
         ({"sampler": {"kind": "toy_sweeps:Nobody"}}, "kind is 'toy_sweeps:Nobody'; valid: MODULE:NAME"),
-        ({"sampler": {"kind": "toy_sweeps:gains"}}, "toy_sweeps:gains is no kind"),
+        ({"sampler": {"kind": "toy_sweeps:gains"}}, "toy_sweeps:gains is no valid kind"),
         ({"vary": {}, "rows": {"soft": "kp:=50"}, "sampler": {"kind": "list"}}, "rows.soft is 'kp:=50'; valid"),
         ({"vary": {}, "rows": "nowhere:gains", "sampler": {"kind": "list"}}, "rows is 'nowhere:gains'; valid"),
     ],

@@ -1,4 +1,4 @@
-"""Before a sweep begins, each variable is tried: one without effect, or with values that cannot be, is named."""
+"""Check before a sweep: variables without effect or with invalid values are reported."""
 
 import os
 import signal
@@ -67,7 +67,7 @@ def test_a_variable_that_a_rare_event_may_depend_on_is_warned_of_where_the_motio
 
 @dataclass
 class Work:
-    """A task of a pool, as pebble keeps it."""
+    """Task of a process pool, with the attributes that pebble gives it."""
 
     worker_id: int
     timeout: float
@@ -77,7 +77,7 @@ class Work:
 
 
 def judged(code: str, timeout: float, until: float, duty: float = 1.0) -> tuple[bool, float]:
-    """Whether a process that runs a share of the time is taken for hung within a time [s], and after how long."""
+    """Return whether a process that runs for a share of the time counts as hanging, and after how long [s]."""
     process, patience = subprocess.Popen([sys.executable, "-c", code]), Patience()
     work, begun = Work(process.pid, timeout), time.monotonic()
     try:

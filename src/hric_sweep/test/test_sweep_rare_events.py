@@ -1,4 +1,4 @@
-"""Rare events: on contacts of two masses whose probability has a closed form, intervals cover as often as they say."""
+"""Rare events: for contacts of two masses with a closed-form probability, intervals have their nominal coverage."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -19,10 +19,10 @@ from hric_sweep.statistics.intervals import clopper_pearson, effective_size, log
 from hric_sweep.variables import Variable
 
 ROBOT, HUMAN = 5.0, 8.0
-"""Masses [kg]."""
+"""Masses of robot and human [kg]."""
 REDUCED = ROBOT * HUMAN / (ROBOT + HUMAN)
 SPEED, STIFFNESS = {"median": 0.5, "log_std": 0.3}, {"median": 75e3, "log_std": 0.4}
-"""Of the contact [m/s, N/m]: peak force v sqrt(k m1 m2/(m1 + m2)), of two masses and a spring between them."""
+"""Distributions of speed [m/s] and stiffness [N/m]; two masses with a spring: peak v sqrt(k m1 m2/(m1 + m2))."""
 FASTEST, SOFTEST, HARDEST = 1.0, 20e3, 150e3
 Force = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
@@ -33,7 +33,7 @@ def space(speed: dict[str, Any], stiffness: dict[str, Any]) -> Space:
 
 
 def log_normal_contact(probability: float) -> tuple[Space, float]:
-    """Speed and stiffness log-normal: so is the force. The limit that it exceeds with the probability [N]."""
+    """Return a space with log-normal speed and stiffness, and the limit [N] with a given exceedance probability."""
     log_std = np.hypot(SPEED["log_std"], 0.5 * STIFFNESS["log_std"])
     median = SPEED["median"] * np.sqrt(STIFFNESS["median"] * REDUCED)
     of = space({"kind": "log_normal", **SPEED}, {"kind": "log_normal", **STIFFNESS})
@@ -41,7 +41,7 @@ def log_normal_contact(probability: float) -> tuple[Space, float]:
 
 
 def bounded_contact(probability: float) -> tuple[Space, float]:
-    """Speed uniform from 0, stiffness log-uniform: the force exceeds the limit in a corner of the space.
+    """Return a space with uniform speed, log-uniform stiffness, and the limit [N] with an exceedance probability.
 
     P = (ln(k1/k0) + 2 c (1/sqrt(k1) - 1/sqrt(k0))) / ln(k1/k_min), c = limit/(v_max sqrt(m)), k0 = max(k_min, c^2).
     """
@@ -62,7 +62,7 @@ CONTACTS = {"log-normal": log_normal_contact, "bounded": bounded_contact}
 
 
 def simulate(of: Space, limit: float, points: list[Point], first: int = 0) -> list[SamplerResult]:
-    """The run of each point: what the two masses do to each other."""
+    """Return the result of each point: peak force of the two masses."""
     values = of.values(np.array([point.u for point in points]))
     forces = [row["speed"] * np.sqrt(row["stiffness"] * REDUCED) for row in values]
     return [
@@ -78,7 +78,7 @@ def sampler(of: Space, kind: str, runs: int, seed: int, **settings: Any) -> Samp
 
 
 def swept(of: Space, limit: float, kind: str, runs: int, seed: int) -> tuple[Estimate, int]:
-    """The estimate of a whole sweep, and how many runs it took."""
+    """Return the estimate of a complete sweep, and its number of runs."""
     one, done = sampler(of, kind, runs, seed), 0
     while points := list(one.ask()):
         one.tell(simulate(of, limit, points, done))
@@ -89,7 +89,7 @@ def swept(of: Space, limit: float, kind: str, runs: int, seed: int) -> tuple[Est
 
 
 def coverage(contact: str, kind: str, probability: float, runs: int, seeds: range) -> tuple[int, float, float]:
-    """How many intervals have the probability, the median of the estimates over it, and that of high over low."""
+    """Return the number of intervals that contain the probability, medians of estimate / probability and high / low."""
     of, limit = CONTACTS[contact](probability)
     made = [swept(of, limit, kind, runs, seed)[0] for seed in seeds]
     covered = sum(one.low <= probability <= one.high for one in made)
@@ -207,7 +207,7 @@ def test_two_regions_of_failure_are_both_found() -> None:
 
 
 def around(dimensions: int, kind: str, runs: int, seed: int) -> Estimate:
-    """Of a limit on the distance of as many normal variables from the origin: exceeded with 1e-3, by chi."""
+    """Return a case: distance of n normal variables from the origin, exceeded with probability 1e-3 (chi)."""
     normal = {"kind": "normal", "mean": 0.0, "std": 1.0}
     of = Space({f"x{k}": Variable.of({"paths": "x", "distribution": normal}, "x") for k in range(dimensions)})
     limit, one, done = float(stats.chi.isf(1e-3, dimensions)), sampler(of, kind, runs, seed), 0
@@ -236,7 +236,7 @@ def test_a_limit_that_is_exceeded_all_around_is_one_for_subset_simulation(dimens
 
 
 def test_runs_that_are_infinitely_beyond_the_limit_are_fitted_as_others_that_exceed() -> None:
-    """As a share of a limit of 0 is: at the head."""
+    """Infinite margins, as of a ratio to a limit of 0 (contact with the head)."""
     of, limit = log_normal_contact(0.3)
     one, done = sampler(of, "cross_entropy", 600, 0), 0
     while points := list(one.ask()):
@@ -269,7 +269,7 @@ def test_equal_weights_have_about_the_interval_of_their_count() -> None:
 
 @pytest.mark.parametrize(("count", "t"), [(2, 12.706), (3, 4.303), (5, 2.776), (10, 2.262), (30, 2.045)])
 def test_few_weights_have_students_quantile_with_one_degree_of_freedom_less(count: int, t: float) -> None:
-    """Published table of Student's t, two-sided 95 %, 1, 2, 4, 9 and 29 degrees of freedom."""
+    """Compare with the published table of Student's t (two-sided 95 %; 1, 2, 4, 9 and 29 degrees of freedom)."""
     interval = log_interval(np.full(count, 0.5), 10_000)
     estimate = 0.5 * count / 10_000
     assert np.log(estimate / interval.low) * np.sqrt(count) == pytest.approx(t, abs=5e-4)
@@ -297,7 +297,7 @@ def test_half_agreeing_pairs_have_the_factor_of_the_formula_by_hand() -> None:
 
 @pytest.mark.parametrize("stay", [0.6, 0.8, 0.95])
 def test_the_variance_of_a_mean_over_chains_grows_by_the_factor(stay: float) -> None:
-    """Two-state chains with the correlation r^k, r = 2 stay - 1: the scatter of their own means is the measure."""
+    """Two-state chains with correlation r^k, r = 2 stay - 1; reference: the scatter of their means."""
     random, chains, length = np.random.default_rng(5), 40_000, 10
     above = np.empty((length, chains), dtype=bool)
     above[0] = random.random(chains) < 0.5

@@ -1,4 +1,4 @@
-"""Samplers with given points: where they are, what they refuse, and that the same seed gives the same points."""
+"""Samplers with fixed points: positions, refused settings, and equal points for equal seeds."""
 
 from typing import Any
 
@@ -15,7 +15,7 @@ from hric_sweep.variables import Variable
 
 
 def space(*counts: int, correlation: Any = ()) -> Space:
-    """Variables a, b, ... with so many single values, 0: uniform from 0 to 1."""
+    """Return a space of variables a, b, ... with the given numbers of values; 0: uniform from 0 to 1."""
     made = {}
     for name, count in zip("abcdefgh", counts, strict=False):
         uniform = {"kind": "uniform", "low": 0.0, "high": 1.0}
@@ -88,7 +88,7 @@ def test_given_points_come_in_one_batch_of_as_many_runs_as_there_are_at_most() -
         ((0, 0), "saltelli", 100, "4 times a power of two; the next one is 128"),
         ((0, 2), "grid", None, "vary is 'a'; valid: distributions of kind choice"),
         ((2, 3), "grid", 5, "runs is 5; valid: 6, the whole grid"),
-        ((2, 3), "list", None, "vary is 'a 2, b 3'; valid: as many values"),
+        ((2, 3), "list", None, "vary is 'a 2, b 3'; valid: the same number of values"),
         ((0,), "sobl", 8, "no kind 'sobl'"),
     ],
 )
@@ -162,7 +162,10 @@ def test_with_none_exceeded_the_upper_limit_is_about_three_by_the_runs() -> None
     ("exceeded", "runs", "level"), [(4, 3, 0.95), (-1, 3, 0.95), (0, 0, 0.95), (1, 3, 0.0), (1, 3, 1.0), (1, 3, 1.5)]
 )
 def test_counts_and_levels_that_cannot_be_have_no_interval(exceeded: int, runs: int, level: float) -> None:
-    told = f"{exceeded} of {runs} runs at level {level} have no interval; valid: 0 <= exceeded <= runs, 0 < level < 1"
+    told = (
+        f"{exceeded} of {runs} runs at level {level} give no confidence interval; "
+        "valid: 0 <= exceeded <= runs, 0 < level < 1"
+    )
     with pytest.raises(HricError) as caught:
         clopper_pearson(exceeded, runs, level)
     assert str(caught.value) == told

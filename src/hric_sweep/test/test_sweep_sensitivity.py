@@ -11,11 +11,11 @@ from hric_sweep.statistics.sensitivity import indices, rank_correlation
 from hric_sweep.variables import Variable
 
 A, B = 7.0, 0.1
-"""Of Ishigami's function (Ishigami & Homma, 1990)."""
+"""Parameters of Ishigami's function (Ishigami & Homma, 1990)."""
 VARIANCE = A**2 / 8.0 + B * np.pi**4 / 5.0 + B**2 * np.pi**8 / 18.0 + 0.5
 FIRST = {"a": 0.5 * (1.0 + B * np.pi**4 / 5.0) ** 2 / VARIANCE, "b": A**2 / 8.0 / VARIANCE, "c": 0.0}
 BOTH = 8.0 * B**2 * np.pi**8 / 225.0 / VARIANCE
-"""What a and c explain together only."""
+"""Share of the variance that only the interaction of a and c explains [1]."""
 TOTAL = {"a": FIRST["a"] + BOTH, "b": FIRST["b"], "c": BOTH}
 
 
@@ -63,7 +63,7 @@ def test_rows_with_a_failed_run_are_left_out() -> None:
 
 
 def test_intervals_of_the_bootstrap_are_around_their_own_index_and_as_wide_as_their_level() -> None:
-    """The distribution of a mean of 512 is about a normal one: 1.96 deviations at 95 %, 0.674 at 50 %, none at 0."""
+    """A mean of 512 values is nearly normal: interval of 1.96 deviations at 95 %, 0.674 at 50 %, 0 at 0 %."""
     output = ishigami(5 * 512)
     wide, half, none = (indices(space(), output, level=level)["a"] for level in (0.95, 0.5, 0.0))
     assert (wide.level, half.level, wide.rows) == (0.95, 0.5, 512)
@@ -95,11 +95,11 @@ def test_draws_in_which_nothing_varies_have_no_say_and_each_of_the_fewest_rows_m
 @pytest.mark.parametrize(
     "output, words",
     [
-        (np.zeros(11), "11 runs are no design of Saltelli; valid: a multiple of 5 in order of index"),
-        (np.ones(5 * 32), "the same in all runs"),
-        (np.repeat([1.0, 1.0, 2.0, 3.0, 4.0], 32), "the same in all runs"),
+        (np.zeros(11), "11 runs are no Saltelli design; valid: a multiple of 5 in order of index"),
+        (np.ones(5 * 32), "the output is equal in all runs"),
+        (np.repeat([1.0, 1.0, 2.0, 3.0, 4.0], 32), "the output is equal in all runs"),
         (np.full(5 * 32, np.nan), "0 rows"),
-        (np.arange(5.0 * 15), "15 rows of the design have no failed run; valid: 16 or more"),
+        (np.arange(5.0 * 15), "only 15 rows of the design have no failed run; valid: 16 or more"),
         (np.append(np.arange(5.0 * 32 - 2), [np.inf, -np.inf]), "the output is infinite in 2 runs"),
     ],
 )
@@ -145,20 +145,20 @@ def test_weights_of_equal_size_count_as_none_and_a_run_that_weighs_twice_as_two(
 
 
 def test_a_variable_that_varies_among_runs_without_weight_alone_does_not_vary() -> None:
-    with pytest.raises(HricError, match="3 runs or more in which both vary"):
+    with pytest.raises(HricError, match="at least 3 runs, in which both quantities vary"):
         rank_correlation(np.array([1.0, 1.0, 1.0, 2.0, 3.0]), np.arange(5.0), np.array([1.0, 1.0, 1.0, 0.0, 0.0]))
 
 
 def test_two_runs_have_no_correlation_of_ranks() -> None:
-    with pytest.raises(HricError, match="3 runs or more"):
+    with pytest.raises(HricError, match="at least 3 runs"):
         rank_correlation(np.array([1.0, 2.0]), np.array([1.0, 2.0]))
 
 
 def test_an_output_that_is_constant_has_no_correlation_of_ranks() -> None:
-    with pytest.raises(HricError, match="both vary"):
+    with pytest.raises(HricError, match="both quantities vary"):
         rank_correlation(np.arange(5.0), np.ones(5))
 
 
 def test_ranks_of_a_constant_are_refused() -> None:
-    with pytest.raises(HricError, match="both vary"):
+    with pytest.raises(HricError, match="both quantities vary"):
         rank_correlation(np.ones(5), np.arange(5.0))

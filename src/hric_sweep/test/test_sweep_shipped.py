@@ -1,4 +1,4 @@
-"""The sweeps that ship: a run of the quick form of each gives its numbers."""
+"""Sweeps of the workspace: a run of the short form of each gives all outputs."""
 
 import numpy as np
 import pytest

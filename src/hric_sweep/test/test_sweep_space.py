@@ -117,7 +117,7 @@ def test_the_edges_of_the_cube_have_finite_values() -> None:
         ([["a", "a", 0.5]], "two different variables"),
         ([["a", "b", 1.0]], "between -1 and 1"),
         ([["a", "b", True]], "between -1 and 1"),
-        ([["a", "b", 0.5], ["b", "a", 0.2]], "each pair once"),
+        ([["a", "b", 0.5], ["b", "a", 0.2]], "each pair only once"),
         ([["a", "b", 0.9], ["b", "c", 0.9], ["a", "c", -0.9]], "positive definite"),
     ],
 )

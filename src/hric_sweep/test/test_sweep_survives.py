@@ -1,4 +1,4 @@
-"""What a sweep survives: kill -9 of a worker and of itself, Ctrl-C, and runs that end their worker or take memory."""
+"""Sweeps survive kill -9 of a worker or of themselves, Ctrl-C, and runs that end their worker or take all memory."""
 
 import os
 import random
@@ -24,16 +24,16 @@ from hric_sweep.engines.pebble_engine import PebbleEngine
 from hric_sweep.records import RunTask
 
 ENOUGH = 580.0
-"""For anything here, on a machine that does much else [s]."""
+"""Timeout of all waits in the tests, long enough for a busy machine [s]."""
 SAMPLERS = {"random": {"runs": 12}, **adaptive.SAMPLERS}
 PATIENCE = 45.0
-"""With a run that takes a second, and its worker's first steps [s]."""
+"""Timeout of a run that takes a second, including the start of its worker [s]."""
 SHORT, HEALTHY = 4.0, 24
-"""Likewise with a run that takes a twentieth of that [s]; how many of them stand before one that hangs."""
+"""Timeout of a run that takes a twentieth of a second [s]; number of such runs before one that hangs."""
 
 
 def begun(folder: Path, *arguments: str | Path, before: Sequence[str] = ()) -> "subprocess.Popen[str]":
-    """A sweep in a process group of its own. before: what stands before its command."""
+    """Start a sweep in a new process group; `before`: prefix of its command."""
     return subprocess.Popen(
         [*before, "rosrun", "hric_experiments", "sweep", *map(str, arguments)],
         stdout=subprocess.PIPE,
@@ -52,7 +52,7 @@ def until(reached: Callable[[], bool], process: "subprocess.Popen[str]") -> None
 
 
 def ended(folder: Path) -> int:
-    """Runs in the journal."""
+    """Return the number of runs in the journal."""
     path = folder / "runs.jsonl"
     return path.read_bytes().count(b"\n") if path.is_file() else 0
 
@@ -62,7 +62,7 @@ def folder_in(runs: Path) -> Path:
 
 
 def children(pid: int) -> list[int]:
-    """Workers of a supervisor: processes below it that lead a group of their own."""
+    """Return the workers of a supervisor: its descendants that lead a process group."""
     found = []
     for stat in Path("/proc").glob("[0-9]*/stat"):
         try:
@@ -76,7 +76,7 @@ def children(pid: int) -> list[int]:
 
 
 def supervisor_of(process: "subprocess.Popen[str]") -> int:
-    """rosrun replaces itself by the program, or starts it."""
+    """Return the process id of the supervisor; rosrun replaces itself by the program or starts it."""
     return (
         process.pid
         if children(process.pid)
@@ -179,7 +179,7 @@ def test_a_run_that_hangs_is_killed_tried_again_and_marked_and_its_neighbours_ar
 
 
 def stop_within_a_run(engine: PebbleEngine, worker: int) -> None:
-    """Stop a worker that has begun a run and not ended it."""
+    """Stop (SIGSTOP) a worker during a run."""
     while True:
         os.kill(worker, signal.SIGSTOP)
         time.sleep(0.5)  # the pool takes what the worker has sent

@@ -20,7 +20,7 @@ from hric_sweep.page.study import RecordedSweep, load
 from hric_sweep.statistics.sensitivity import rank_correlation
 
 MASS = 3.0
-"""Reduced, of both [kg]."""
+"""Reduced mass of both bodies [kg]."""
 SPEED, STIFFNESS = {"median": 0.5, "log_std": 0.3}, {"median": 75e3, "log_std": 0.4}
 MEDIAN = SPEED["median"] * np.sqrt(STIFFNESS["median"] * MASS)
 LOG_STD = float(np.hypot(SPEED["log_std"], 0.5 * STIFFNESS["log_std"]))
@@ -34,7 +34,7 @@ VARY = {
 
 
 def contact(given: Mapping[str, Any]) -> dict[str, float]:
-    """Outputs of a run; the error is that of the delay alone."""
+    """Return the outputs of a run; the error depends only on the delay."""
     peak = given["speed"] * np.sqrt(given["stiffness"] * MASS)
     return {"peak": peak, "duration": np.pi * np.sqrt(MASS / given["stiffness"]), "error": given["delay"]}
 
@@ -44,7 +44,7 @@ def folder(root: Path, kind: str, runs: int, batches: int | None = None) -> Path
 
 
 def shown(study: RecordedSweep, output: str, share: float) -> tuple[float, float, float]:
-    """A quantile on the page with its interval."""
+    """Return a quantile and its interval as shown on the page."""
     (found,) = (one for one in spread.spreads(study, sample.of(study)) if one.name == output)
     value, low, high = re.findall(r"[\d.]+", found.row[2 + spread.SHARES.index(share)])
     return float(value), float(low), float(high)
@@ -86,7 +86,7 @@ def test_the_page_says_what_its_weights_are_worth(tmp_path: Path) -> None:
 def test_weights_that_are_worth_few_runs_are_refused_with_a_sentence(tmp_path: Path) -> None:
     weights = np.r_[np.full(3, 10.0), np.full(57, 1e-3)]
     text = page.write(sweep_folder.write(tmp_path / "a", 60, sampler="cross_entropy", weight=weights)).read_text()
-    words = "By their weights the 60 runs are worth 3 runs drawn from the distributions: too few"
+    words = "With their weights, the 60 runs are worth 3 runs drawn from the distributions: too few"
     assert f"No distributions. {words}" in text and f"No rank correlations. {words}" in text
     assert "<figcaption>" not in text and '"spread":false' in text and "class=rank" not in text
 
@@ -104,7 +104,7 @@ def test_of_subset_simulation_the_first_level_counts_alone_and_the_page_says_so(
     first = int(counted.counts.sum())
     assert set(study.columns["batch"][counted.counts > 0.0]) == {0} and 0 < first < study.runs
     text = page.write(study.folder).read_text()
-    assert f"Of the {first} runs of the first level alone, which are drawn from the distributions themselves." in text
+    assert f"Based only on the {first} runs of the first level, which are drawn from the distributions." in text
 
 
 def test_a_sweep_with_weights_that_has_only_begun_is_a_plain_sample(tmp_path: Path) -> None:
@@ -130,7 +130,7 @@ def test_a_run_of_weight_three_counts_as_three_runs() -> None:
 
 
 def test_an_infinite_output_is_the_worst_and_is_in_the_quantiles(tmp_path: Path) -> None:
-    """A share of a limit of 0, as at the head, is infinite."""
+    """A ratio to a limit of 0 (as for the head) is infinite."""
     columns = sweep_folder.values(100, failing=0.0)
     peak = np.sort(columns["peak"])
     peak[90:] = np.inf

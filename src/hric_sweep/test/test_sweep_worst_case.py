@@ -1,4 +1,4 @@
-"""The search for the worst case: near the optimum in a hundred runs, the same from the same results, refusals."""
+"""Search for the worst case: near the optimum in a hundred runs, reproducible, refused settings."""
 
 import subprocess
 import sys
@@ -14,17 +14,17 @@ from hric_sweep.space import Space
 from hric_sweep.variables import Variable
 
 HUMAN = 8.0
-"""Mass [kg]."""
+"""Mass of the human body part [kg]."""
 TAIL = 0.001
 SCORE = float(np.sqrt(2.0) * erfinv(1.0 - 2.0 * TAIL))
-"""Of the percentile at which the search ends."""
+"""Normal score of the percentile that bounds the search."""
 DISTRIBUTIONS = {
     "speed": {"kind": "log_normal", "median": 0.5, "log_std": 0.3},
     "stiffness": {"kind": "log_uniform", "low": 20e3, "high": 150e3},
     "robot": {"kind": "uniform", "low": 2.0, "high": 8.0},
     "damped": {"kind": "choice", "values": [1.0, 0.8, 0.6]},
 }
-"""Speed [m/s], stiffness [N/m] and robot's mass [kg] of a contact of two masses, and how much of the force remains."""
+"""Speed [m/s], stiffness [N/m] and robot mass [kg] of a contact of two masses; `damped`: factor on the force [1]."""
 
 
 def space() -> Space:
@@ -38,7 +38,7 @@ def forces(of: Space, points: list[Point]) -> np.ndarray:
 
 
 def largest() -> float:
-    """The force at the end of each range, where it is largest: it rises with each of the variables [N]."""
+    """Return the largest force [N]: the force rises with each variable, so it is at the upper ends."""
     robot = 2.0 + (1.0 - TAIL) * 6.0
     stiffness = 20e3 * (150e3 / 20e3) ** (1.0 - TAIL)
     return float(0.5 * np.exp(0.3 * SCORE) * np.sqrt(stiffness * robot * HUMAN / (robot + HUMAN)))

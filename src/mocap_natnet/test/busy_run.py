@@ -1,4 +1,4 @@
-"""For tests of clocks: a run on a busy machine, and a driver on it, by arithmetic alone."""
+"""Helpers of tests of clocks: a computed run on a busy machine, and a driver on that machine."""
 
 import numpy as np
 
@@ -6,19 +6,19 @@ from hric_core.robot_time.clock import NS, RunClock
 
 START = 40_000 * NS
 CALM, END, OVER = 24.0, 30.0, 32.0
-"""The load ends, the run is paused, and no more pairs come [s of wall time]."""
+"""Times at which the load ends, the run is paused, and the last clock pair comes [s of wall time]."""
 
 
 class BusyRun:
-    """A loop on a machine that takes the processor away from it, and delivers its pairs late, in bunches, and twice.
+    """Control loop on a busy machine that interrupts it, and delivers its clock pairs late, in bunches, and twice.
 
     Args:
-        seed: of all that is random.
-        pace: robot time per wall time that is asked for.
+        seed: seed of all randomness.
+        pace: requested robot time per wall time.
         load: 1: a stall of 5 to 400 ms about each 0.2 s, and a fifth of the pairs late by 100 ms; 0: none.
 
     Attributes:
-        pairs: by their delivery: delivered, told [s of wall time], robot time [s].
+        pairs: in order of delivery: (delivered, published [s of wall time], robot time [s]).
     """
 
     def __init__(self, seed: int, pace: float, load: float) -> None:
@@ -28,8 +28,7 @@ class BusyRun:
         self.pairs.sort(key=lambda pair: pair[0])
 
     def _work(self) -> None:
-        """As `SimLoop`: it catches up at four times the pace, but beyond 0.1 s the time is lost; a pair each 20 ms of
-        wall time."""
+        """Advance like `SimLoop`: catch up at four times the pace, lose time beyond 0.1 s; one pair per 20 ms."""
         random, wall, run, due, told, delivered = self._random, 0.0, 0.0, 0.0, 0.0, 0.0
         while wall < END:
             load = self._load if wall < CALM else 0.0
@@ -50,17 +49,16 @@ class BusyRun:
         self.pairs += [(at, at, run) for at in np.arange(wall + 0.02, OVER, 0.02).tolist()]
 
     def truth(self, wall: np.ndarray) -> np.ndarray:
-        """Time of the run at wall times [s], shape (n,)."""
+        """Return robot times at wall times [s], shape (n,) [s]."""
         told, run = np.array(sorted({(told, run) for _, told, run in self.pairs})).T
         return np.interp(wall, told, run)
 
 
 class BusyDriver:
-    """Asks for the time of the run as a driver does: some milliseconds after a measurement, with the pairs that were
-    delivered until then.
+    """Driver that requests robot time some milliseconds after a measurement, with the pairs delivered until then.
 
     Args:
-        busy: whose pairs it hears.
+        busy: run whose clock pairs the driver receives.
     """
 
     def __init__(self, busy: BusyRun) -> None:
@@ -69,7 +67,7 @@ class BusyDriver:
         self._random = np.random.default_rng(7)
 
     def robot_time(self, wall: float) -> float | None:
-        """The time of the run [s] at a wall time [s]; None while it is not known."""
+        """Return the robot time [s] at a wall time [s]; None while it is not known."""
         asked = wall + 0.0055 + float(self._random.exponential(2e-3))
         while self._waiting and self._waiting[-1][0] <= asked:
             _, told, run = self._waiting.pop()

@@ -1,4 +1,4 @@
-"""Writes c3d files as laboratories do, by ezc3d itself: z up, millimetres, force plates whose z points down."""
+"""Writer of c3d files as laboratories make them, by ezc3d: z up, millimetres, force plates whose z points down."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -7,26 +7,26 @@ import ezc3d
 import numpy as np
 
 RATE, PER_FRAME = 100.0, 10
-"""Of frames [Hz]; analog samples per frame."""
+"""Frame rate [Hz], and number of analog samples per frame."""
 CORNERS = np.array([[900.0, 300.0, 0.0], [900.0, -300.0, 0.0], [500.0, -300.0, 0.0], [500.0, 300.0, 0.0]])
-"""Of a plate of 0.6 x 0.4 m [mm] whose x is the laboratory's y, y its x: z points down."""
+"""Corners of a plate of 0.6 x 0.4 m [mm]; its x is the laboratory's y, its y the laboratory's x, z points down."""
 R_LAB_PLATE = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
-"""Axes of that plate in the laboratory."""
+"""Rotation from the plate's axes to the laboratory's."""
 ORIGIN = np.array([1.0, -2.0, -40.0])
-"""From its electrical origin to the middle of its surface, in its axes [mm]."""
+"""Vector from the plate's electrical origin to the middle of its surface, in the plate's axes [mm]."""
 CAL = np.diag([500.0, 510.0, 1000.0, 3e5, 2e5, 1e5]) + np.random.default_rng(5).normal(scale=2.0, size=(6, 6))
-"""Of a plate of type 4 [N/V, N mm/V]."""
+"""Calibration matrix of a plate of type 4 [N/V, N mm/V]."""
 
 
 @dataclass
 class Lab:
-    """What a file holds.
+    """Contents of a c3d file.
 
     Attributes:
         markers: label -> positions, shape (frames, 3) [mm]; NaN: not seen.
         channels: label -> (unit, samples, shape (frames * PER_FRAME,)).
         plates: (type, wrench on its origin, in its axes, shape (frames * PER_FRAME, 6) [N, N mm]).
-        parameters: of groups, beside those.
+        parameters: further parameters, by (group, name).
     """
 
     markers: dict[str, np.ndarray]
@@ -36,7 +36,7 @@ class Lab:
 
 
 def write(path: Path, lab: Lab) -> Path:
-    """Write the file."""
+    """Write the c3d file."""
     file = ezc3d.c3d()
     point, analog = file["parameters"]["POINT"], file["parameters"]["ANALOG"]
     point["RATE"]["value"], point["UNITS"]["value"], point["LABELS"]["value"] = [RATE], ["mm"], list(lab.markers)
@@ -79,7 +79,7 @@ def _plates(file: ezc3d.c3d, lab: Lab, first: int) -> None:
 
 
 def swinging(frames: int) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]:
-    """(markers of a rigid body [mm], its positions (frames, 3) [m], its rotations (frames, 3, 3))."""
+    """Return markers [mm], positions, shape (frames, 3) [m], and rotations, shape (frames, 3, 3), of a rigid body."""
     from scipy.spatial.transform import Rotation
 
     t = np.arange(frames) / RATE

@@ -1,4 +1,4 @@
-"""The emulated Motive as a process of its own, on ports that are free."""
+"""The emulated Motive as a separate process, on free ports."""
 
 import contextlib
 import subprocess
@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 @contextlib.contextmanager
 def motive(*arguments: str) -> Iterator[subprocess.Popen[str]]:
-    """The command with these arguments, once it stands."""
+    """Start the command with arguments, and return once it streams."""
     process = subprocess.Popen(
         [sys.executable, "-m", "mocap_natnet.server", *arguments],
         stdout=subprocess.DEVNULL,

@@ -1,5 +1,4 @@
-"""A session and an emulated Motive on a network that is only simulated: no sockets, no waiting, the same numbers each
-time."""
+"""A client's session and an emulated Motive on a simulated network: no sockets, no waiting, reproducible."""
 
 import heapq
 import itertools
@@ -13,7 +12,7 @@ from mocap_natnet.server import Motive, MotiveSettings, SceneBody, ServedScene, 
 NS = 1_000_000_000
 CLIENT = ("10.0.0.2", 50000)
 START = 7_000 * NS
-"""What the client's clock shows when the stream begins [ns]."""
+"""Time of the client's clock when the stream begins [ns]."""
 
 
 def one_body(**settings: object) -> Motive:
@@ -21,7 +20,7 @@ def one_body(**settings: object) -> Motive:
 
 
 class Link:
-    """Moves both through time in steps of a millisecond.
+    """Simulated network that advances session and Motive in steps of a millisecond.
 
     Args:
         motive: the server, whose stream begins at time 0; may be replaced while running.
@@ -51,7 +50,7 @@ class Link:
         return START + round(self.time * NS)
 
     def replace(self, motive: Motive) -> None:
-        """Another server from now on; its stream begins at 0."""
+        """Replace the server by another one, whose stream begins at 0."""
         self.motive, self.begin, self._number = motive, self.time, 0
 
     def run(self, seconds: float) -> None:

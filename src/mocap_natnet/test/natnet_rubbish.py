@@ -1,4 +1,4 @@
-"""Mutated and random datagrams, seeded: what a client may be sent by a fault, or by malice."""
+"""Mutated and random datagrams, seeded, as a client may receive them by a fault or an attack."""
 
 import random
 import struct
@@ -16,11 +16,11 @@ from mocap_natnet.codec.packets import (
 )
 
 DATAGRAM = 300
-"""Longest random one [bytes]."""
+"""Longest random datagram [bytes]."""
 
 
 class Rubbish:
-    """Makes datagrams of what a server of one bitstream says, and spoils them.
+    """Generator that mutates datagrams of a server with one bitstream.
 
     Args:
         version: the bitstream.
@@ -41,8 +41,7 @@ class Rubbish:
         ]
 
     def datagram(self, genuine: bytes) -> bytes:
-        """A random one, a spoilt one of any kind, or (half of them) the genuine one spoilt, as the next frame of the
-        stream where it is one."""
+        """Return a random datagram, a mutated one of any kind, or, in half of the cases, the given one mutated."""
         draw = self._random.random
         if draw() < 0.1:
             return self._random.randbytes(int(draw() * DATAGRAM))
@@ -62,7 +61,7 @@ class Rubbish:
         )
 
     def spoilt(self, datagram: bytes) -> bytes:
-        """One to four changes: a byte, a large number, a cut, a doubled piece."""
+        """Return data with one to four changes: a byte, a large number, a cut, a repeated piece."""
         changed, draw = bytearray(datagram), self._random.random
         for _ in range(1 + int(draw() * 4)):
             where, kind = int(draw() * max(1, len(changed))), int(draw() * 10)

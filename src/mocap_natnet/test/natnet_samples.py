@@ -1,4 +1,4 @@
-"""Frames and descriptions with everything in them, seeded."""
+"""Random frames and descriptions with all kinds of contents, seeded."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ VERSIONS = [(2, 5), (2, 6), (2, 7), (2, 9), (2, 10), (3, 0), (3, 1), (4, 0), (4,
 
 
 class Sample:
-    """Random content of one kind per call; numbers are those that float32 holds."""
+    """Generator of random contents; all numbers can be represented as float32."""
 
     def __init__(self, seed: int) -> None:
         self._random = np.random.default_rng(seed)
@@ -102,7 +102,7 @@ class Sample:
 
 
 def one_body_frame(number: int = 1) -> Frame:
-    """As Motive sends it for one body of three markers: two marker sets, unlabelled list, body, labelled markers."""
+    """Return a frame as Motive sends it for one body of three markers: marker sets, unlabelled list, body, markers."""
     positions = ((0.1, 1.0, 0.2), (0.2, 1.0, 0.2), (0.1, 1.1, 0.2))
     markers = tuple(Marker(1 << 16 | index, position, 0.014, 10, 0.0004) for index, position in enumerate(positions, 1))
     suffix = Suffix(0.0, 0, 0, number / 240, 10**12, 10**12 + 40000, 10**12 + 55000)

@@ -32,7 +32,7 @@ from natnet_samples import Sample
 pytestmark = pytest.mark.alone
 
 PATIENCE = 20.0
-"""For a busy machine [s]."""
+"""Time-out of waiting, for a busy machine [s]."""
 
 
 @pytest.fixture

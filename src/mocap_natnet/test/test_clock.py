@@ -1,4 +1,4 @@
-"""Clocks of server, client and run, against the truth."""
+"""Clocks of server, client and run, compared with true times."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ START = 123_456 * NS
 
 
 def echoes(clock: EchoClock, begin: float, end: float, drift: float, epoch: float = 900.0, busy: float = 0.2) -> None:
-    """Ten a second, some of them slow on one way."""
+    """Add ten echoes per second, some of them slow in one direction."""
     random = np.random.default_rng(round(1e3 * begin))
     for t in np.arange(begin, end, 0.1):
         there, back = 30e-6 + random.exponential([5e-6, 5e-6])
@@ -99,7 +99,7 @@ def test_a_run_that_jumps_back_begins_a_new_line() -> None:
 
 
 def stamped(clock: ExposureClock, t: float, stamp: float) -> tuple[float, str]:
-    """(time of the exposure [s], what told it) of a frame that arrives at t."""
+    """Return (time of the exposure [s], method) of a frame that arrives at t [s]."""
     exposed, means = clock.exposed(Frame(1, suffix=Suffix(time_stamp=stamp)), START + round(t * NS))
     return (exposed - START) / NS, means
 

@@ -1,5 +1,4 @@
-"""Frames and descriptions: what is written is read, sizes are those of real streams, what is wrong is refused with its
-reason."""
+"""Codec of frames and descriptions: round trips, sizes of real streams, and refusal of wrong data with a reason."""
 
 import struct
 import sys
@@ -25,7 +24,7 @@ def codec(request: pytest.FixtureRequest) -> Codec:
 
 
 def as_sent(frame: Frame, codec: Codec) -> Frame:
-    """What of a frame the bitstream can carry."""
+    """Return a frame reduced to the fields that a bitstream has."""
     has = codec.layout.has
 
     def body(given: RigidBody) -> RigidBody:

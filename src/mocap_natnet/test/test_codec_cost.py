@@ -1,4 +1,4 @@
-"""What reading a frame costs, beside a decoder of another author in the same run."""
+"""Time to decode a frame, compared with a decoder of another author in the same test run."""
 
 import sys
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Mutated and random datagrams: each is read or refused with a reason, nothing else happens."""
+"""Mutated and random datagrams: each is either decoded or refused with a reason."""
 
 import resource
 import sys
@@ -25,7 +25,7 @@ Datagrams = list[bytes]
 
 
 def read(codec: Codec, datagram: bytes) -> str:
-    """Read a datagram as a client and as a server would; "read" or the reason of the refusal."""
+    """Decode a datagram as client and as server; return "read" or the reason of the refusal."""
     try:
         message, end = split(datagram)
         if message == NatNetMessage.FRAMEOFDATA:
@@ -46,7 +46,7 @@ def read(codec: Codec, datagram: bytes) -> str:
 
 
 def mutate(datagram: bytes, random: np.random.Generator) -> bytes:
-    """One to four changes: a byte, a run of 0xFF, a cut, a doubled piece."""
+    """Return data with one to four changes: a byte, a run of 0xFF, a cut, a repeated piece."""
     changed = bytearray(datagram)
     for _ in range(int(random.integers(1, 5))):
         where, kind = int(random.integers(0, max(1, len(changed)))), int(random.integers(0, 8))

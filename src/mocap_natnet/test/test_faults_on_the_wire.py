@@ -1,5 +1,4 @@
-"""What goes wrong between client and server on real sockets is mended, or explained, within two seconds; and each stamp
-is right from the first."""
+"""Faults between client and server on real sockets are overcome or reported within two seconds; stamps are right."""
 
 import sys
 import time
@@ -22,9 +21,9 @@ from motive_process import motive
 pytestmark = pytest.mark.alone
 
 PATIENCE = 30.0
-"""For a busy machine [s]."""
+"""Time-out of waiting, for a busy machine [s]."""
 each_limit = pytest.mark.parametrize("limit", [PATIENCE, pytest.param(2.0, marks=pytest.mark.live)])
-"""How long it may take: on any machine, and on one at rest [s]."""
+"""Permitted time until a fault is overcome or reported: on any machine, and on an idle one [s]."""
 
 Ports = tuple[int, int]
 Figure = Callable[[str, float, str], None]
@@ -35,7 +34,7 @@ def ports() -> Ports:
 
 
 def words(where: Ports, *more: str) -> tuple[str, ...]:
-    """Arguments of the server's command."""
+    """Return the arguments of the server's command."""
     return ("--command-port", str(where[0]), "--data-port", str(where[1]), *more)
 
 
@@ -57,7 +56,7 @@ def says(one: NatNetClient, *parts: str) -> bool:
 
 
 def receives(one: NatNetClient, frames: list[Received]) -> Callable[[], bool]:
-    """Whether frames come again from now on, and nothing is complained about."""
+    """Return a condition: from now on, frames arrive again and the client's health is good."""
     before = len(frames)
     return lambda: len(frames) > before + 20 and one.health().level == OK
 
@@ -154,8 +153,7 @@ def test_frames_that_come_by_the_command_channel_are_taken_though_multicast_is_r
 
 @pytest.mark.parametrize("seconds", [3.0, pytest.param(60.0, marks=pytest.mark.live)])
 def test_each_stamp_is_that_of_its_exposure_in_spite_of_drift_and_latency(seconds: float) -> None:
-    """A frame counts from the first that is used; its truth is the stream's time, by the clock that both ends share
-    here."""
+    """Frames are compared from the first used one on, with the stream's time by the clock that both ends share here."""
     where, frames = ports(), []
     settings = ServerSettings(command_port=where[0], data_port=where[1], drift=50.0, latency=0.0055)
     with ExitStack() as stack:

@@ -57,8 +57,7 @@ def test_a_run_that_restarts_is_followed_again() -> None:
 
 @pytest.fixture
 def bag(tmp_path: Path) -> Path:
-    """A hand on a sinusoid, seen for 2 s at 100 Hz in a stream with y up and hidden for a while, and its pose with z
-    up."""
+    """Write a bag of a hand on a sinusoid, 2 s at 100 Hz: MocapData with y up and an occlusion, and its pose, z up."""
     path = tmp_path / "run.bag"
     with rosbag.Bag(str(path), "w") as written:
         for step in range(200):
@@ -126,7 +125,7 @@ def test_a_motion_that_cannot_be_is_an_error_with_what_is_valid(bag: Path, motio
 
 
 class Moving:
-    """Publishes a pose and a transform on a sinusoid along x, in wall time."""
+    """Publisher of a pose and a transform on a sinusoid along x, in wall time."""
 
     def __init__(self) -> None:
         import rospy

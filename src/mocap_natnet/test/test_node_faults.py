@@ -1,5 +1,4 @@
-"""The node says on `diagnostics` and in its log within two seconds what is wrong with the stream, and that it is well
-again."""
+"""The node reports faults of the stream, and their end, on `diagnostics` and in its log within two seconds."""
 
 import signal
 import subprocess
@@ -20,7 +19,7 @@ __all__ = ["ros", "roscore"]
 pytestmark = [pytest.mark.alone, pytest.mark.filterwarnings("ignore::DeprecationWarning")]
 NODE = Path(__file__).parents[1] / "nodes" / "natnet_client"
 PATIENCE = 30.0
-"""For a busy machine [s]."""
+"""Time-out of waiting, for a busy machine [s]."""
 
 
 class Watched:
@@ -42,11 +41,11 @@ class Watched:
         )
 
     def serve(self, *more: str):  # type: ignore[no-untyped-def]
-        """An emulated Motive."""
+        """Return an emulated Motive on the ports of the node, as a context."""
         return motive("--command-port", str(self.ports[0]), "--data-port", str(self.ports[1]), *more)
 
     def seconds_until(self, words: str) -> float:
-        """The next diagnostics with these words."""
+        """Wait for diagnostics with these words; return the time it took [s]."""
         begin, seen = time.monotonic(), len(self.states)
         while not any(words in state for state in self.states[seen:]):
             assert time.monotonic() < begin + PATIENCE, f"{words!r} is not said; but: {self.states[-3:]}"

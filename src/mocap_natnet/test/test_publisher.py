@@ -257,7 +257,7 @@ def test_a_wrong_parameter_is_refused(wrong: dict) -> None:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_on_a_busy_machine_and_in_a_pause_each_stamp_is_later_than_the_one_before(seed: int) -> None:
-    """Pairs late, in bunches and twice, stalls of up to 0.4 s; then a pause, in which a real Motive goes on."""
+    """Clock pairs come late, in bunches and twice, with stalls of up to 0.4 s; then the run pauses, but not Motive."""
     driver, node, seen = BusyDriver(BusyRun(seed, 1.0, load=1.0)), LocalNode(), []
     node.subscribe("/hric/perception/mocap", MocapData, seen.append)
     publisher = MocapPublisher(node, Publishing.read(node), lambda monotonic: driver.robot_time(monotonic / 1e9))

@@ -1,5 +1,4 @@
-"""A map between two clocks under what a busy machine does to its estimates: it keeps what it said, and never
-decreases."""
+"""Map between two clocks with estimates that a busy machine disturbs: past results stay, and it never decreases."""
 
 import itertools
 
@@ -81,8 +80,7 @@ def test_the_map_and_its_inverse_are_one(behind: float) -> None:
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_exposures_in_order_get_times_in_order_whatever_the_echoes_say(seed: int) -> None:
-    """Round trips from 50 us to 40 ms, first the bad ones; a server's clock that is 100 ppm fast; frames without
-    exposure, or with a wrong one."""
+    """Round trips from 50 us to 40 ms, slow ones first; a server clock 100 ppm fast; missing or wrong exposures."""
     random, clock, told, errors = np.random.default_rng(seed), ExposureClock(0.0055), [], []
     clock.restart(FREQUENCY)
     assert clock.echo is not None

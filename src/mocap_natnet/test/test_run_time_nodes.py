@@ -1,5 +1,4 @@
-"""The nodes in the time of a run that somebody else tells: stamps, a pause, an unpaced run, and takes named after
-runs."""
+"""The nodes in robot time that the test publishes: stamps, a pause, an unpaced run, and takes named after runs."""
 
 import itertools
 import signal
@@ -27,7 +26,7 @@ LIMIT = 30.0
 
 
 class TellsTime:
-    """Publishes pairs at 50 Hz as a robot does.
+    """Publisher of hric_msgs/ClockPair at 50 Hz, as a robot publishes them.
 
     Attributes:
         pace: robot time per wall time; may be changed.
@@ -78,13 +77,13 @@ def robot(ros: str) -> Iterator[TellsTime]:
 
 @pytest.fixture
 def nodes(robot: TellsTime) -> Iterator[tuple[subprocess.Popen[str], subprocess.Popen[str]]]:
-    """The client, and the emulated Motive that it listens to."""
+    """Start the client, and the emulated Motive from which it receives."""
     yield from _started()
 
 
 @pytest.fixture
 def elsewhere(robot: TellsTime) -> Iterator[tuple[subprocess.Popen[str], subprocess.Popen[str]]]:
-    """The client, and a Motive that goes on whatever the run does, as a real one."""
+    """Start the client, and a Motive that streams even while the run is paused, as a real one does."""
     yield from _started("--clock", "wall")
 
 
@@ -163,7 +162,7 @@ def test_an_unpaced_run_is_refused_by_name(robot: TellsTime, nodes) -> None:
         output = process.communicate(timeout=LIMIT)[0]
         assert process.returncode == 1
         assert (
-            f"/{name}: the run is not paced (real_time_factor is 0)" in output
+            f"/{name}: the simulation is not paced (real_time_factor is 0)" in output
             and "headless" in output
             and "Traceback" not in output
         )

@@ -1,4 +1,4 @@
-"""The conversation of client and emulated Motive on a simulated network: any order, any fault, any bitstream."""
+"""Client and emulated Motive on a simulated network: any order of messages, any fault, any bitstream."""
 
 import sys
 from pathlib import Path

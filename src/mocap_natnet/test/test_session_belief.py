@@ -1,5 +1,4 @@
-"""What a client believes of what it is sent: nothing unasked, no clock that is not known well enough, and each datagram
-is counted."""
+"""Which datagrams a client uses: none that it did not request, none before the clock is known; all are counted."""
 
 import sys
 from pathlib import Path
@@ -133,7 +132,7 @@ def test_where_no_echo_comes_frames_are_used_after_a_second_and_it_is_said() -> 
     link.keep = lambda datagram: None if datagram[0] == NatNetMessage.ECHO_RESPONSE else datagram
     link.run(2.0)
     assert len(link.frames) == pytest.approx(240, abs=10)
-    assert "does not respond to echoes" in health(link.session, "10.0.0.1", link.now).text
+    assert "does not respond to clock echoes" in health(link.session, "10.0.0.1", link.now).text
 
 
 def test_a_server_without_a_clock_is_waited_for_not_at_all() -> None:

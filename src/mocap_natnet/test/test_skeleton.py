@@ -1,4 +1,4 @@
-"""A skeleton before the emulated cameras: through our own codec, and as a reader of another author has it."""
+"""A skeleton measured by the emulated cameras, decoded by this codec and by that of another author."""
 
 import math
 
@@ -94,7 +94,9 @@ def test_an_occlusion_hides_the_skeleton_as_a_whole_and_noise_repeats_with_the_s
 
 
 def test_a_skeleton_that_cannot_be_is_refused() -> None:
-    with pytest.raises(ParameterError, match="bone 'forearm' of S07 hangs on 'upper_arm'; valid: a bone before it"):
+    with pytest.raises(
+        ParameterError, match="bone 'forearm' of S07 has the parent 'upper_arm'; valid: a bone before it"
+    ):
         ServedSkeleton("S07", 3, BONES[2:], (), where)
     with pytest.raises(ParameterError, match=r"share one of the streaming ids: hand \(1\), S07 \(1\)"):
         ServedScene((HAND,), skeletons=(ServedSkeleton("S07", 1, BONES, (), where),))

@@ -1,4 +1,4 @@
-"""The emulated Motive in the time of a run: it stands and goes with it, while its own clock goes on."""
+"""The emulated Motive in robot time: its stream pauses with the run, while its own clock continues."""
 
 import sys
 import time
@@ -21,7 +21,7 @@ LIMIT = 20.0
 
 
 class PacedRun:
-    """A run whose pace the test sets; it tells pairs to the clock whenever somebody asks for the time."""
+    """Run whose pace the test sets; whenever the time is requested, it passes clock pairs to the clock."""
 
     def __init__(self, pace: float) -> None:
         self.pace, self._clock = pace, RunClock()
@@ -78,7 +78,7 @@ def test_a_stream_whose_frames_take_long_leaves_none_out(caplog: pytest.LogCaptu
 
 
 class GivenTime:
-    """A clock that shows what it is told."""
+    """Clock whose time the test sets."""
 
     def __init__(self) -> None:
         self.time: float | None = None

@@ -1,4 +1,4 @@
-"""Clients of other authors, unmodified, take the emulated Motive for a Motive."""
+"""Unmodified clients of other authors accept the emulated Motive as a Motive."""
 
 import json
 import math
@@ -20,7 +20,7 @@ pytestmark = pytest.mark.alone
 
 RATE = 240
 PATIENCE = 20.0
-"""For a busy machine [s]."""
+"""Time-out of waiting, for a busy machine [s]."""
 SCENE = """
 bodies:
   - name: marker
@@ -32,20 +32,20 @@ PLATE = "plates: [{wrench: [1, 2, -700, 3, 4, 5]}]\n"
 
 
 def expected(t: float) -> tuple[float, float, float]:
-    """Position of the body in the stream, which has y up (x, z, -y), from the text of the scene."""
+    """Return the body's position in the stream, which has y up (x, z, -y), from the text of the scene."""
     sine = math.sin(2 * math.pi * 0.25 * t)
     return 0.4 + 0.1 * sine, 1.0 + 0.02 * sine, -(0.1 + 0.05 * sine)
 
 
 def expected_turn(t: float) -> tuple[float, float, float, float]:
-    """Its orientation, x, y, z, w: the vector part has the axes of the stream."""
+    """Return the body's orientation x, y, z, w, whose vector part is in the axes of the stream."""
     sine = math.sin(2 * math.pi * 0.25 * t)
     x, y, z, w = Rotation.from_rotvec([0.3 * sine, 0.2 * sine, 0.1 * sine]).as_quat()
     return x, z, -y, w
 
 
 def angle(a: Sequence[float], b: Sequence[float]) -> float:
-    """Between two orientations; their sign means nothing [rad]."""
+    """Return the angle between two orientations [rad]; the sign of a quaternion has no meaning."""
     return float((Rotation.from_quat(a) * Rotation.from_quat(b).inv()).magnitude())
 
 
@@ -136,8 +136,7 @@ print(json.dumps(rows))
 
 
 def run_motioncapture(frames: int) -> list[dict[str, list[float]]]:
-    """In a process of its own: it holds the interpreter while it waits, and waits for ever for a server that does not
-    answer."""
+    """Run that client in a separate process: it blocks the interpreter, and waits for ever if the server is silent."""
     pytest.importorskip("motioncapture")
     result = subprocess.run(
         [sys.executable, "-c", MOTIONCAPTURE, str(frames)],

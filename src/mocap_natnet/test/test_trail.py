@@ -11,7 +11,7 @@ from mocap_natnet.node.publisher import PIECE, POINTS_RATE, TRAIL_TOPIC, Trail
 
 
 def pieces(*spans: tuple[int, int]) -> list[Any]:
-    """What is published while a body moves along x at 1 m/s, seen at 240 Hz in these spans of frames."""
+    """Return the messages published while a body moves along x at 1 m/s, tracked at 240 Hz in these spans of frames."""
     node, seen = LocalNode({}), []
     node.subscribe(TRAIL_TOPIC, Marker, seen.append)
     trail = Trail(node, 8.0)

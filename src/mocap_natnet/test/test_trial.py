@@ -23,7 +23,7 @@ from mocap_natnet.tracking.validity import PoseValidator
 
 FRAMES = 60
 HIDDEN, FEW = range(20, 25), range(30, 34)
-"""Frames without hand_2; frames with hand_1 and hand_2 alone."""
+"""Frames without hand_2, and frames with hand_1 and hand_2 only."""
 
 
 def hidden(markers: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -34,7 +34,7 @@ def hidden(markers: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def wrench(frames: int = FRAMES) -> np.ndarray:
-    """On a plate's origin [N, N mm]."""
+    """Wrench about a plate's origin [N, N mm]."""
     t = np.arange(frames * PER_FRAME) / (RATE * PER_FRAME)
     force = np.column_stack([20 * np.sin(t), 30 * np.cos(t), -700 - 100 * t])
     return np.hstack([force, 1e4 * np.column_stack([np.sin(3 * t), np.cos(2 * t), 0.1 * t])])
@@ -175,7 +175,7 @@ def test_an_emulated_motive_streams_the_trial_and_leaves_out_what_was_not_seen(f
     ("motion", "told"),
     [
         ("{type: c3d, path: nothing.c3d}", "nothing.c3d: No such file"),
-        ("{type: c3d, path: scene.yaml}", "is no c3d file"),
+        ("{type: c3d, path: scene.yaml}", "is not a c3d file"),
         (
             "{type: c3d, path: trial.c3d, labels: [elbow]}",
             "no marker 'elbow' in trial.c3d; valid: hand_1, hand_2, hand_3, hand_4",
@@ -224,7 +224,7 @@ def test_a_damaged_file_is_refused_and_ends_nobody(file: Path, tmp_path: Path) -
 
 
 def test_parameters_of_rubbish_are_survived(file: Path, tmp_path: Path) -> None:
-    """ezc3d ends its own process on some of these."""
+    """Some of these files crash ezc3d's process."""
     random, refused = np.random.default_rng(3), 0
     for number in range(8):
         data = np.frombuffer(file.read_bytes(), np.uint8).copy()
@@ -240,5 +240,5 @@ def test_parameters_of_rubbish_are_survived(file: Path, tmp_path: Path) -> None:
 
 
 def test_the_calibration_of_the_test_file_is_not_symmetric() -> None:
-    """Else a transposed matrix would go unnoticed."""
+    """The matrix is not symmetric, so that a transposed one would be noticed."""
     assert np.abs(CAL - CAL.T).max() > 1.0

@@ -21,7 +21,7 @@ STAMP = rospy.Time(12, 345_000_000)
 
 @pytest.fixture(scope="module")
 def heard(ros: str, panda_urdf: str) -> Iterator[dict[str, list[Any]]]:  # noqa: F811
-    """What the node sends within some seconds of a robot that stands."""
+    """Return the messages that the node sends within some seconds, for a robot that does not move."""
     rospy.set_param("/robot_description", panda_urdf)
     found: dict[str, list[Any]] = {}
     topics = {

@@ -1,4 +1,4 @@
-"""What the camera sees: a ball where its CameraInfo says that it is, and as far as it is."""
+"""The camera sees a ball at the pixel and the distance that its CameraInfo predicts."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -42,13 +42,13 @@ def seen(settings: CameraSettings, point: FloatArray) -> tuple[FloatArray, float
 
 
 def rotation_z(angle: float) -> FloatArray:
-    """Shape (3, 3)."""
+    """Return the rotation matrix about z, shape (3, 3)."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def where(distances: FloatArray, low: float, high: float) -> FloatArray:
-    """Middle of the pixels (right, down) whose distance is within a range [m]."""
+    """Return the centre of the pixels (right, down) whose distance is within a range [m]."""
     rows, columns = np.nonzero((distances > low) & (distances < high))
     return np.array([columns.mean(), rows.mean()])
 

@@ -1,4 +1,4 @@
-"""The scene that is compiled again as models come and go."""
+"""The scene is compiled again when models are spawned or deleted."""
 
 import numpy as np
 import pytest

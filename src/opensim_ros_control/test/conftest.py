@@ -32,7 +32,7 @@ def contact_urdf():
 
 @pytest.fixture
 def make_plant():
-    """Plants, the Panda's joints and no friction by default; put at q."""
+    """Provide a function that makes plants, by default with the Panda's joints and without friction, at q."""
 
     def make(urdf, joints=PANDA, q=None, **config):
         plant = OpenSimPlant(urdf, joints, config)

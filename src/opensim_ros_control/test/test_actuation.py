@@ -1,4 +1,4 @@
-"""What acts in the joints: limits, brakes, friction, stops, drives."""
+"""Forces and constraints in the joints: limits, brakes, friction, stops, drives."""
 
 import numpy as np
 import pytest
@@ -35,7 +35,7 @@ def read_effort(plant):
 
 
 def free(config):
-    """The plant's own rate without half a step of difference."""
+    """Return the configuration with velocities read without the difference of half a step."""
     return {**config, "half_step_readout": False}
 
 

@@ -1,4 +1,4 @@
-"""Which pairs are looked at, and rigid contact against closed formulas."""
+"""Pairs of shapes that are checked for collisions, and rigid contact against closed formulas."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ TABLE = "package://pybullet_ros_control/worlds/table.yaml"
 
 
 def gaps(plant, pairs):
-    """True signed distance of each pair, by asking for all of them."""
+    """Return the true signed distance of each pair, by computing all of them."""
     kinematics, ask = plant.world.forces._kinematics, Pairing(MARGIN)
     plant.robot.synchronised()
     kinematics.forget()

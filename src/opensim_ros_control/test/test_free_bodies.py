@@ -1,4 +1,4 @@
-"""What moves freely in the world: laws of conservation, and going on where the model is built again."""
+"""Free bodies in the world: laws of conservation, and continuation of the motion when the model is built again."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Limits and friction as others read them."""
+"""Limits and friction, as other packages read them."""
 
 import panda_description
 from panda_description import parameters

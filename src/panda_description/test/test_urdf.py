@@ -1,4 +1,4 @@
-"""The URDF that load() gives: accepted by other tools, and saying what was requested."""
+"""The URDF that load() returns is accepted by other tools and contains what was requested."""
 
 import logging
 import shutil

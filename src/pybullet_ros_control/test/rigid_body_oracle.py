@@ -8,7 +8,7 @@ import pinocchio
 
 
 def wide(urdf):
-    """The same robot without joint limits that could be reached."""
+    """Return the same robot without joint limits that it could reach."""
     return re.sub(r'lower="[^"]*" upper="[^"]*"', 'lower="-1000" upper="1000"', urdf)
 
 
@@ -36,7 +36,7 @@ class Oracle:
         return x
 
     def mass_matrix(self, q):
-        """Of the links alone; crba adds the rotors to its diagonal."""
+        """Return the mass matrix of the links alone; pinocchio's crba adds the rotors to its diagonal."""
         upper = np.triu(pinocchio.crba(self.model, self.data, q))
         return upper + np.triu(upper, 1).T - np.diag(self.model.armature)
 
@@ -51,12 +51,12 @@ class Oracle:
         return self.data.oMf[self.model.getFrameId(name)].homogeneous.copy()
 
     def jacobian(self, q, name):
-        """At the frame's origin, world axes, shape (6, n)."""
+        """Return the Jacobian at the frame's origin in world axes, shape (6, n)."""
         frame = self.model.getFrameId(name)
         return pinocchio.computeFrameJacobian(self.model, self.data, q, frame, pinocchio.LOCAL_WORLD_ALIGNED).copy()
 
     def hold(self, q, dq, tau):
-        """State after one control period of constant tau."""
+        """Return the state after one control period with constant torques tau."""
         h = self.period / self.n
         for _ in range(self.n):
             a1 = self.acceleration(q, dq, tau)
@@ -78,7 +78,7 @@ class Oracle:
 
 
 def plant_pd_run(plant, gravity, goal, kp, kd, duration):
-    """The same law on a plant; positions as the controller reads them, shape (steps + 1, n)."""
+    """Run the same law on a plant; return the positions that the controller reads, shape (steps + 1, n)."""
     n = len(goal)
     q, dq, tau = [0.0] * n, [0.0] * n, [0.0] * n
     positions = []

@@ -32,7 +32,7 @@ def steps(plant, n, tau=(0.0, 0.0)):
 
 
 def momenta(plant, names):
-    """Linear and angular momentum about the origin, shape (6,)."""
+    """Return linear and angular momentum about the origin, shape (6,)."""
     total = np.zeros(6)
     for name in names:
         T, twist = plant.link_state(f"{name}::shell")

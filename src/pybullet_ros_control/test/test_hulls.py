@@ -1,4 +1,4 @@
-"""Hulls of meshes: on the engine their sides are where the mesh has them."""
+"""Convex hulls of meshes have their sides, in the engine, at the same places as the mesh."""
 
 from itertools import product
 
@@ -19,7 +19,7 @@ LIMIT = '<limit lower="-1" upper="1" effort="9" velocity="9"/>'
 
 
 def cuboid(x: float, y: float, z: float) -> MeshSurface:
-    """By its edges [m]; what its faces are does not matter here."""
+    """Return the mesh of a cuboid with these edges [m]; its face indices do not matter here."""
     return MeshSurface(
         np.array(list(product((-x / 2, x / 2), (-y / 2, y / 2), (-z / 2, z / 2)))), np.zeros((0, 3), int)
     )

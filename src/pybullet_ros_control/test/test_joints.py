@@ -1,4 +1,4 @@
-"""What acts in the joints: brakes, friction, stops, drives, wrenches."""
+"""Forces and constraints in the joints: brakes, friction, stops, drives, wrenches."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Preparing a description for the engine."""
+"""Preparation of a description for the engine."""
 
 from xml.etree import ElementTree
 

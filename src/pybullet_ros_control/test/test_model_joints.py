@@ -123,7 +123,7 @@ BASE = """<link name="base"><inertial><origin xyz="0.1 0 0.05"/><mass value="0.7
 
 
 def floating(name="free", **properties):
-    """Two links on a base that moves."""
+    """Return two links on a base that moves freely."""
     return two_link_urdf(name=name, **properties).replace('<link name="base"/>', BASE)
 
 

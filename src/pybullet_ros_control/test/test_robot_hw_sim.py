@@ -54,7 +54,7 @@ def make_hw():
 
 
 def run(hw, seconds, law=None):
-    """Cycles with `law(time, period)` in the place of the controllers."""
+    """Run cycles with `law(time, period)` instead of controllers."""
     left = round(seconds / hw.plant.time_step)
 
     def on_cycle(time, period, reset):

@@ -1,4 +1,4 @@
-"""What this plant refuses: parameters, windows, descriptions."""
+"""Parameters, windows and descriptions that this plant refuses."""
 
 import pytest
 from two_link import two_link_urdf

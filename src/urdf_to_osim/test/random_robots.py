@@ -14,7 +14,7 @@ def text(values) -> str:
 
 
 def tensor(random: np.random.Generator, mass: float) -> dict[str, str]:
-    """An inertia that a body has: of random points that share the mass."""
+    """Return the inertia of a possible body: of random points that share the mass."""
     points = random.normal(size=(10, 3)) * random.uniform(0.02, 0.2, 3)
     points -= points.mean(axis=0)
     J = sum(mass / 10.0 * (p @ p * np.eye(3) - np.outer(p, p)) for p in points)

@@ -42,7 +42,7 @@ REFUSED = {
             joint("m", "revolute", "c", "d"),
         ),
         "link b: joint j moves it, and neither it nor the link that follows has mass, which OpenSim cannot "
-        "hold; give it",
+        "simulate; give it",
     ),
     "blank in a link's name": (
         robot(link("a b")),

@@ -21,7 +21,7 @@ LARGEST = 2.5
 
 
 def processor_time(folder: Path, *words: str) -> float:
-    """Of one command [s]; the forward run of a conversion apart."""
+    """Return the processor time of one command [s], without the forward simulation of a conversion."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
     done = subprocess.run(

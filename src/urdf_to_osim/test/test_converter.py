@@ -1,4 +1,4 @@
-"""What the model holds: frames, coordinates, forces, against numbers worked out by hand."""
+"""Contents of the model (frames, coordinates, forces) against numbers computed by hand."""
 
 import math
 
@@ -14,7 +14,7 @@ from urdf_to_osim.transforms import body_xyz
 
 
 def place(conversion: Conversion, name: str, **coordinates: float) -> np.ndarray:
-    """Pose of a link in ground, shape (4, 4), with coordinates set."""
+    """Return the pose of a link in ground, shape (4, 4), with these coordinates."""
     state = conversion.model.initSystem()
     for coordinate, value in coordinates.items():
         conversion.model.getCoordinateSet().get(coordinate).setValue(state, value, False)

@@ -1,4 +1,4 @@
-"""Friction is as steep as can be integrated, and no steeper."""
+"""Friction is as steep as the integrator allows, and no steeper."""
 
 import math
 import time

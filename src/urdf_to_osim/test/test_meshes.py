@@ -1,4 +1,4 @@
-"""Meshes arrive in OpenSim with the shape that they have in their files."""
+"""Meshes in the OpenSim model have the shape of their files."""
 
 import os
 import subprocess
@@ -56,13 +56,13 @@ def collada(unit: float = 1.0, up: str = "Z_UP", library: str = "", binding: str
 
 
 def volume(surface: MeshSurface) -> float:
-    """Signed: positive where the faces are counter-clockwise seen from outside [m^3]."""
+    """Return the signed volume: positive if the faces are counter-clockwise seen from outside [m^3]."""
     a, b, c = (surface.vertices[surface.faces[:, i]] for i in range(3))
     return float(np.sum(a * np.cross(b, c)) / 6.0)
 
 
 def moved(unit: float) -> FloatArray:
-    """The tetrahedron as the file's nodes place it [m]."""
+    """Return the tetrahedron at the place that the file's nodes give [m]."""
     turned = np.column_stack([-TETRAHEDRON[:, 1], TETRAHEDRON[:, 0], TETRAHEDRON[:, 2]])
     return (turned + np.array([10.0, 20.0, 30.0])) * unit
 
@@ -100,7 +100,7 @@ def test_a_scale_acts_along_the_axes_and_a_mirrored_mesh_keeps_its_outside_outsi
 
 
 def unit_of(path: Path) -> float:
-    """From the text: the reader that serves as a reference leaves the unit out."""
+    """Return the unit from the text of the file, which the reader used as a reference ignores."""
     text = path.read_text(errors="ignore") if path.suffix == ".dae" else ""
     return float(text.split('meter="', 1)[1].split('"', 1)[0]) if 'meter="' in text else 1.0
 
@@ -222,7 +222,7 @@ def test_a_mesh_that_cannot_be_found_gives_one_error_with_link_and_address_and_n
 
 
 def test_of_several_missing_meshes_the_first_is_named_and_the_others_are_counted(tmp_path: Path) -> None:
-    with pytest.raises(DescriptionError, match=r"one\.stl.*\(2 more meshes likewise\)"):
+    with pytest.raises(DescriptionError, match=r"one\.stl.*\(2 more meshes have such errors\)"):
         convert_meshes([request(f"/no/{name}.stl") for name in ("one", "two", "three", "one")], tmp_path, tmp_path)
 
 

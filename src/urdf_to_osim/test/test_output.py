@@ -1,4 +1,4 @@
-"""Files appear whole or not at all, and what was there stays until then."""
+"""Files are written completely or not at all; an existing file stays until the new one is complete."""
 
 from pathlib import Path
 

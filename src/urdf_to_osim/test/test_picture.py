@@ -1,4 +1,4 @@
-"""Pictures show what the model holds, where it is, and are made without a display."""
+"""Pictures show the contents of the model at the right places, and are made without a display."""
 
 import io
 import os

@@ -1,4 +1,4 @@
-"""The proof fails when the file says something else than the description."""
+"""The proof fails if the model file differs from the description."""
 
 import re
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Inertia is judged over links that are fixed to each other: they are one body together, whatever each is alone."""
+"""Inertia is checked for groups of links that are fixed to each other, not for each link of a group."""
 
 from pathlib import Path
 
@@ -32,7 +32,7 @@ def arm(flange: str, upper: str = BODY) -> str:
 
 
 def proved(urdf_xml: str, folder: Path, options: Options) -> Conversion:
-    """The conversion, whose mass matrix, gravity and inverse dynamics are those that pinocchio has of the text."""
+    """Convert a description and prove it against pinocchio; return the conversion."""
     conversion = convert(urdf_xml, options)
     proof = prove(write(conversion, folder / "a.osim").path, urdf_xml, options, states=5)
     assert proof.passed and not proof.repaired
@@ -44,7 +44,8 @@ def proved(urdf_xml: str, folder: Path, options: Options) -> Conversion:
 def test_a_link_that_is_no_body_is_one_with_what_it_is_fixed_to(name: str, inertia: str, tmp_path: Path) -> None:
     conversion = proved(arm(inertial(*NO_BODY[name])), tmp_path, Options(inertia=inertia))
     assert [note for note in conversion.notes if "flange" in note] == [
-        "link flange: no body, but one with what it is fixed to; upper has it all"
+        "link flange: its inertia is impossible, but possible together with the links fixed to it; link upper has the "
+        "sum"
     ]
     assert conversion.frames["flange"].path == "/bodyset/upper/flange"
 

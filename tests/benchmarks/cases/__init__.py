@@ -1,5 +1,8 @@
-"""What the benchmark times, by name. A case is a context whose value, called, does a block of work and answers what one
-unit of it took [s]."""
+"""Cases of the benchmark by name.
+
+A case is a context manager that yields a function; a call of this function does a block of work and returns the time of
+one unit of it [s].
+"""
 
 import importlib
 from collections.abc import Callable
@@ -9,20 +12,20 @@ from typing import Any
 
 Block = Callable[[], float]
 REFERENCE = "bare/pybullet"
-"""The case beside which all others are told: a step of PyBullet and nothing else."""
+"""Name of the reference case, to which all others are ratios: a bare step of PyBullet."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """One line of the table.
+    """Case of the benchmark, which is one row of the table.
 
     Attributes:
-        what: is timed, in words.
-        unit: of what, such as "step".
-        make: module of this package and function that makes the context.
-        arguments: of the function.
-        rounds: blocks of one process.
-        several: whether several processes work, so that time on the wall counts and not the processor's.
+        what: description of the measured work.
+        unit: unit of the work, such as "step".
+        make: module of this package, and function that returns the context manager.
+        arguments: arguments of the function.
+        rounds: number of blocks per process.
+        several: True if several processes work, so that wall time is measured instead of processor time.
     """
 
     what: str
@@ -39,15 +42,15 @@ ROBOTS = {
     "full": ("RobotHWSim with rotors and friction", {"rotor_inertia": 0.1, "friction": "identified"}),
     "franka": ("FrankaHWSim", {"rotor_inertia": 0.1}),
 }
-"""Of a cycle: what it is, and the plant's parameters."""
+"""Robots whose control cycle is measured: description, and parameters of the plant."""
 TIMED = {
     "pybullet": ("generic", "rotors", "franka"),
     "mujoco": ("generic", "rotors", "franka"),
     "opensim": ("generic", "full", "franka"),
 }
-"""The cycles of each engine."""
+"""Measured control cycles of each engine."""
 FIRST_ORDER_UNTIMED = (("pybullet", "franka"), ("opensim", "full"), ("opensim", "franka"))
-"""Engines and robots whose cycle is timed with the accurate step alone."""
+"""Engines and robots whose cycle is measured with the integrator `accurate` only."""
 
 
 def _cycles() -> dict[str, Case]:
@@ -71,7 +74,7 @@ BESIDE = {
     "grip": "and a human hand that grips it",
     "muscles": "and 34 muscles that move it",
 }
-"""Who is beside the robot."""
+"""Persons next to the robot in a measured cycle: description by name."""
 
 
 def _humans() -> dict[str, Case]:
@@ -93,7 +96,7 @@ def _runs() -> dict[str, Case]:
 
 
 def _fci() -> dict[str, Case]:
-    """A control loop through libfranka, and the same before a server whose robot is a constant state."""
+    """Return the cases of a control loop through libfranka, with the emulated control box and with a constant state."""
     found = {}
     for robot in ("panda", "fr3"):
         for suffix, words in (("", ()), ("/constant", ("--constant",))):
@@ -134,7 +137,7 @@ CASES: dict[str, Case] = {
 
 
 def make(name: str) -> AbstractContextManager[Block]:
-    """The context of a case."""
+    """Return the context manager of a case."""
     module, function = CASES[name].make
     made: AbstractContextManager[Block] = getattr(importlib.import_module(f"cases.{module}"), function)(
         **CASES[name].arguments

@@ -1,4 +1,4 @@
-"""The arm in an engine and nothing else, in a plain loop, and behind the whole control cycle."""
+"""Benchmark cases of the arm: a bare engine step, a plain Python loop, and the whole control cycle."""
 
 import tempfile
 import time
@@ -28,17 +28,17 @@ JOINTS = [f"panda_joint{i}" for i in range(1, 8)]
 SETPOINT = [0.0, -0.785398, 0.0, -2.356194, 0.0, 1.570796, 0.785398]
 GENERIC, FRANKA = "hric_control/RobotHWSim", "franka_sim/FrankaHWSim"
 BLOCK = 400
-"""Steps or cycles of a block."""
+"""Number of steps or cycles in a block."""
 KP, KD = 50.0, 5.0
 
 
 def arm_urdf() -> str:
-    """The Panda without collision shapes, with limits and transmissions."""
+    """Return the URDF of the Panda without collision shapes, with limits and transmissions."""
     return panda_description.load(hand=False, meshes=False, collision=False, robot_sim_type=GENERIC)
 
 
 def timed(work: Callable[[int], object], units: int = BLOCK) -> Block:
-    """Processor time of this thread that a unit of some work takes [s]."""
+    """Return a block that measures the processor time of a unit of work in this thread [s]."""
 
     def block() -> float:
         begin = time.thread_time()
@@ -52,7 +52,7 @@ def timed(work: Callable[[int], object], units: int = BLOCK) -> Block:
 
 
 def _pybullet_arm() -> tuple[Any, int, int, list[int]]:
-    """(module, client, body, joints) of the arm as the plant has it, whose fixed links are merged."""
+    """Return module, client, body and joints of the arm in PyBullet, loaded as in the plant with merged fixed links."""
     import pybullet
 
     from pybullet_ros_control.urdf_model import prepare
@@ -76,7 +76,7 @@ def _pybullet_arm() -> tuple[Any, int, int, list[int]]:
 
 @contextmanager
 def bare_pybullet() -> Iterator[Block]:
-    """stepSimulation."""
+    """Measure PyBullet's stepSimulation."""
     pybullet, client, _, _ = _pybullet_arm()
 
     def run(n: int) -> None:
@@ -88,7 +88,7 @@ def bare_pybullet() -> Iterator[Block]:
 
 
 def _mujoco_arm(integrator: str) -> tuple[Any, Any, Any]:
-    """(module, model, data) of the arm as MuJoCo reads its URDF."""
+    """Return module, model and data of the arm, as MuJoCo reads its URDF."""
     import mujoco
 
     model = mujoco.MjModel.from_xml_string(arm_urdf())
@@ -100,7 +100,7 @@ def _mujoco_arm(integrator: str) -> tuple[Any, Any, Any]:
 
 @contextmanager
 def bare_mujoco(integrator: str) -> Iterator[Block]:
-    """mj_step."""
+    """Measure MuJoCo's mj_step."""
     mujoco, model, data = _mujoco_arm(integrator)
 
     def run(n: int) -> None:
@@ -115,7 +115,7 @@ def bare_mujoco(integrator: str) -> Iterator[Block]:
 
 @contextmanager
 def plain_pybullet() -> Iterator[Block]:
-    """A PD law by numpy, its torques by setJointMotorControlArray."""
+    """Measure a loop with a PD law in numpy and setJointMotorControlArray on PyBullet."""
     pybullet, client, body, joints = _pybullet_arm()
     target = np.array(SETPOINT)
 
@@ -135,7 +135,7 @@ def plain_pybullet() -> Iterator[Block]:
 
 @contextmanager
 def plain_mujoco() -> Iterator[Block]:
-    """A PD law by numpy with the engine's own bias, implicitfast."""
+    """Measure a loop with a PD law in numpy and MuJoCo's bias forces, integrator implicitfast."""
     mujoco, model, data = _mujoco_arm("IMPLICITFAST")
     target = np.array(SETPOINT)
 
@@ -151,16 +151,15 @@ def plain_mujoco() -> Iterator[Block]:
 
 
 class WholeCycle:
-    """read, manager with the PD law, limits with the torque rate, write, physics: what a headless run does each
-    millisecond.
+    """Whole control cycle of a headless run: read, manager with PD law, limits with torque rate, write, physics.
 
-    On RobotHWSim the law adds gravity by KDL; FrankaHWSim does so itself, and its control box checks and estimates.
+    On RobotHWSim the controller adds gravity by KDL; on FrankaHWSim the emulated control box does so, with its checks.
 
     Args:
-        robot_hw: type of the robot.
+        robot_hw: plugin type of the RobotHW.
         simulator: pybullet, opensim or mujoco.
-        plant: parameters.
-        participants: who acts in the plant, too.
+        plant: parameters of the plant.
+        participants: participants that act in the plant.
     """
 
     def __init__(
@@ -192,11 +191,11 @@ class WholeCycle:
         self.manager.load("joint_pd_controller")
         self.manager.switch(["joint_pd_controller"], [], loop_running=False)
         self._left = 0
-        self.run(2)  # the controllers start in the first cycle
+        self.run(2)  # the first cycle starts the controllers
         node.advertise("joint_pd_controller/command", Float64MultiArray).publish(Float64MultiArray(data=SETPOINT))
 
     def run(self, n: int) -> None:
-        """Run n cycles of the robot's own loop."""
+        """Run n cycles of the robot's loop."""
         self._left = n
         self.hw.run(self._on_cycle)
 
@@ -209,12 +208,12 @@ class WholeCycle:
 
 
 HELD = [0.42, 0.0, 0.55]
-"""Before the flange, where a hand holds it [m]."""
+"""Position at which a human hand holds the robot [m]."""
 REFERENCE = {"program": "sinusoid", "centre": HELD, "amplitude": [0.0, 0.02, 0.0], "cycles": 25}
 
 
 def human(beside: str) -> dict[str, Any]:
-    """Who acts in the plant; beside: of `cases.BESIDE`."""
+    """Return the participants in the plant for a key of `cases.BESIDE`."""
     if beside == "alone":
         return {}
     grips = {"guide": {"held": "panda_link8", "handle": [0.08, -0.08, 0.04]}} if beside != "arm" else {}
@@ -225,7 +224,7 @@ def human(beside: str) -> dict[str, Any]:
 
 @contextmanager
 def human_law(muscles: bool) -> Iterator[Block]:
-    """Senses, impedance about a moving hand, and strength; and muscles that give the torque."""
+    """Measure the human's control law: senses, impedance around a moving hand, strength, and optionally muscles."""
     body = describe(Subject(code="P50M", mass=78.2, height=1.759, sex="male", parts="right_arm"))
     root = Pose((0.85, -0.2, 0.7), from_rotation_vector((0.0, 0.0, np.pi)))
     law = HumanControl(body, {"parameters": {"reference": REFERENCE}}, 0, root)
@@ -244,7 +243,7 @@ def human_law(muscles: bool) -> Iterator[Block]:
 
 @contextmanager
 def cycle(robot: str, simulator: str, beside: str = "alone", **plant: Any) -> Iterator[Block]:
-    """The whole cycle; robot: of `cases.ROBOTS`, beside: of `cases.BESIDE`."""
+    """Measure the whole control cycle of a robot in `cases.ROBOTS` with the persons of `cases.BESIDE`."""
     if plant.get("friction") == "identified":
         plant["friction_parameters"] = panda_description.friction_parameters()
     whole = WholeCycle(FRANKA if robot == "franka" else GENERIC, simulator, plant, human(beside))

@@ -1,4 +1,4 @@
-"""The converter."""
+"""Benchmark case of the OpenSim converter."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -9,7 +9,7 @@ from cases.arms import timed
 
 @contextmanager
 def convert() -> Iterator[Block]:
-    """The Panda with its hand, without meshes."""
+    """Measure the conversion of the Panda with hand, without meshes."""
     import panda_description
     from urdf_to_osim import Options
     from urdf_to_osim import convert as convert_urdf

@@ -1,4 +1,4 @@
-"""Bare steps of OpenSim. A step is commanded: the efforts of all joints are written before it, as any robot's are."""
+"""Benchmark cases of bare OpenSim steps, before each of which the efforts of all joints are written."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,15 +10,15 @@ from cases import Block
 from cases.arms import SETPOINT, arm_urdf, timed
 
 EFFORTS = [0.5, -20.0, 0.2, 15.0, 0.1, 2.0, 0.05]
-"""Near what holds the arm [N m]."""
+"""Joint efforts that approximately hold the arm [N m]."""
 BLOCK = 100
 
 
 class Bare:
-    """The reduced model (the arm, no rotor inertia, no friction), its efforts held, stepped and nothing else.
+    """Reduced model (arm without rotor inertia and friction) with constant efforts, for bare steps.
 
     Args:
-        loaded_first: OpenSim's libraries are loaded as the plant loads them, else as OpenSim does by itself.
+        loaded_first: load OpenSim's libraries like the plant, else by OpenSim's default.
     """
 
     def __init__(self, loaded_first: bool) -> None:
@@ -40,14 +40,14 @@ class Bare:
             actuator.overrideActuation(self.state, True)
 
     def write_efforts(self) -> None:
-        """By the actuators' own channel, into the present state."""
+        """Write the efforts to the controls of the actuators in the present state."""
         for actuator, effort in zip(self.actuators, EFFORTS, strict=True):
             actuator.setOverrideActuation(self.state, effort)
 
 
 @contextmanager
 def third_order(loaded_first: bool = True) -> Iterator[Block]:
-    """OpenSim's RungeKutta3 by its Manager."""
+    """Measure steps of OpenSim's Manager with RungeKutta3."""
     bare = Bare(loaded_first)
     manager = bare._opensim.Manager(bare.model)
     manager.setIntegratorMethod(bare._opensim.Manager.IntegratorMethod_RungeKutta3)
@@ -69,7 +69,7 @@ def third_order(loaded_first: bool = True) -> Iterator[Block]:
 
 @contextmanager
 def semi_implicit() -> Iterator[Block]:
-    """Euler's method on OpenSim's accelerations."""
+    """Measure semi-implicit Euler steps with OpenSim's accelerations."""
     bare = Bare(loaded_first=True)
     state, to_vector = bare.state, bare._opensim.Vector.createFromMat
     q, u = state.getQ().to_numpy(), state.getU().to_numpy()

@@ -1,4 +1,4 @@
-"""Whole runs: headless, and a robot with a master."""
+"""Benchmark cases of whole runs: headless, and live with a ROS master."""
 
 import resource
 import subprocess
@@ -13,7 +13,7 @@ from cases import Block
 
 @contextmanager
 def again(simulator: str) -> Iterator[Block]:
-    """A headless run in a process that has made one before."""
+    """Measure a headless run in a process that has already made one."""
     from hric_report import headless as runner
     from hric_run.definition import experiment
 
@@ -31,7 +31,7 @@ def again(simulator: str) -> Iterator[Block]:
 
 @contextmanager
 def fresh(simulator: str) -> Iterator[Block]:
-    """The command, in a process of its own."""
+    """Measure a headless run by the command in a new process."""
     with tempfile.TemporaryDirectory() as folder:
         words = ["rosrun", "hric_experiments", "run", "pd_step", f"simulator:={simulator}", "--quiet", "--no-figures"]
 
@@ -46,7 +46,7 @@ def fresh(simulator: str) -> Iterator[Block]:
 
 @contextmanager
 def live() -> Iterator[Block]:
-    """A robot without pace, its topics recorded and received by a second subscriber."""
+    """Measure an unpaced live robot whose topics are recorded and received by a second subscriber."""
     from live_cost import measure_loop
 
     yield lambda: 1e-3 / measure_loop(3.0, 1)[0]["real-time factor, unpaced [1]"]

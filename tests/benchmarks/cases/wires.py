@@ -1,4 +1,4 @@
-"""What comes by wire: a control loop through libfranka, motion capture, synchronisation."""
+"""Benchmark cases with network protocols: control loop through libfranka, motion capture, synchronisation."""
 
 import subprocess
 import sys
@@ -11,7 +11,7 @@ from cases.arms import timed
 
 ROOT = Path(__file__).parents[3]
 CYCLES = 5000
-"""Of the control loop, in a block."""
+"""Number of control cycles in a block."""
 CLIENTS = {
     "panda": """
 import sys, time
@@ -42,12 +42,12 @@ for line in sys.stdin:
     print((time.perf_counter() - begin) / cycles, flush=True)
 """,
 }
-"""Time each round of a bare torque callback of an unmodified libfranka, when told by a line."""
+"""Client programs that measure a torque callback of an unmodified libfranka, for each line on their input."""
 
 
 @contextmanager
 def fci(robot: str, words: Sequence[str] = ()) -> Iterator[Block]:
-    """A bare torque callback against the emulated arm, in lock-step; words: more of the command control_box."""
+    """Measure a torque callback with the emulated arm in lock-step; `words` are arguments of `hric control_box`."""
     sys.path.insert(0, str(ROOT / "src" / "franka_sim" / "test"))
     from fci_peer import control_box
 
@@ -70,7 +70,7 @@ def fci(robot: str, words: Sequence[str] = ()) -> Iterator[Block]:
 
 @contextmanager
 def natnet_frame() -> Iterator[Block]:
-    """A frame of one rigid body with its markers, bitstream 4.1."""
+    """Measure a NatNet frame of one rigid body with its markers, bitstream 4.1."""
     sys.path.insert(0, str(ROOT / "src" / "mocap_natnet" / "test"))
     from natnet_samples import one_body_frame
 
@@ -90,7 +90,7 @@ def natnet_frame() -> Iterator[Block]:
 
 @contextmanager
 def synchroniser() -> Iterator[Block]:
-    """Processor time of the synchroniser per second of a data collection at 1 kHz, as one records it."""
+    """Measure the processor time of the synchroniser per second of a data collection at 1 kHz."""
     import rospy
     import sync_cost
     from real_master import start_roscore

@@ -1,4 +1,4 @@
-"""Arm logs as arrays, and checks of their values: finite, increasing time, SI units."""
+"""Recorded motion and torque of an arm as arrays, and checks of them: finite values, increasing time, SI units."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,11 +16,11 @@ FAR = 0.5
 MOVED = 0.05
 """Minimum position span of a joint for the check of units [rad]; project default, unconfirmed."""
 SPAN = 20
-"""Samples over which position change and integrated velocity are compared: enough for the noise of both."""
+"""Number of samples over which position change and integrated velocity are compared: more than their noise hides."""
 SLOPE_TOLERANCE = 0.25
-"""Maximum relative error of that comparison; default chosen by this project, unconfirmed [1]."""
+"""Maximum relative error between position change and integrated velocity [1]; project default, unconfirmed."""
 MIN_CORRELATION = 0.5
-"""Minimum correlation of a velocity with its position; default chosen by this project, unconfirmed [1]."""
+"""Minimum correlation of position change and integrated velocity [1]; project default, unconfirmed."""
 WRONG_UNITS = (
     (1e-3, "the time looks like milliseconds; seconds are needed"),
     (1e-6, "the time looks like microseconds; seconds are needed"),
@@ -28,16 +28,16 @@ WRONG_UNITS = (
     (np.pi / 180.0, "the velocities look like degrees per second; rad/s are needed"),
     (180.0 / np.pi, "the positions look like degrees; radians are needed"),
 )
-"""Ratio of position change to integrated velocity over time, and the mistake that causes it."""
+"""Pairs (ratio of position change to integrated velocity, wrong unit that causes it)."""
 
 
 class LogError(HricError):
-    """Error of a log that cannot be compared with a model; the message gives place and reason."""
+    """Error of a log that cannot be compared with a model; the message gives row, column and reason."""
 
 
 @dataclass(frozen=True)
 class ArmLog:
-    """Log of n samples of j joints.
+    """Log of an arm's motion and torque: n samples of j joints.
 
     Attributes:
         joint_names: order of the columns.
@@ -45,8 +45,8 @@ class ArmLog:
         q, dq: position and velocity, shape (n, j) [rad, rad/s].
         tau: torque measured on the link side of the gears, gravity included (tau_J), shape (n, j) [N m].
         columns: the log's names of time, positions, velocities and torques, 1 + 3 j names.
-        rows: position of each sample in its source, shape (n,), e.g. the lines of a file.
-        row: unit of `rows`, e.g. "line".
+        rows: number of each sample's row in the source, shape (n,), e.g. line numbers of a file.
+        row: word for one row in error messages, e.g. "line".
     """
 
     joint_names: tuple[str, ...]
@@ -59,12 +59,12 @@ class ArmLog:
     row: str
 
     def at(self, sample: int) -> str:
-        """Return the position of a sample in its source as a text."""
+        """Return the row of a sample in the source as a text, e.g. "line 7"."""
         return f"{self.row} {self.rows[sample]}"
 
 
 def check_log(log: ArmLog, lower: Sequence[float], upper: Sequence[float]) -> None:
-    """Refuse a log that cannot be of this arm in SI units.
+    """Raise an error if values of a log cannot be those of this arm in SI units.
 
     Args:
         log: recorded log.
@@ -72,7 +72,7 @@ def check_log(log: ArmLog, lower: Sequence[float], upper: Sequence[float]) -> No
         upper: upper position limit of each joint [rad].
 
     Raises:
-        LogError: one line with row and column.
+        LogError: the message gives row, column and reason.
     """
     _check_finite(log)
     _check_time(log)
@@ -90,7 +90,7 @@ def _check_finite(log: ArmLog) -> None:
 
 def _check_time(log: ArmLog) -> None:
     if len(log.time) < 2:
-        raise LogError(f"the log has {len(log.time)} samples")
+        raise LogError(f"the log has {len(log.time)} samples; 2 or more are needed")
     steps = np.diff(log.time)
     if (steps <= 0.0).any():
         k = int(np.argmax(steps <= 0.0)) + 1
@@ -113,7 +113,7 @@ def _check_range(log: ArmLog, lower: FloatArray, upper: FloatArray) -> None:
 
 
 def _check_motion(log: ArmLog) -> None:
-    """Refuse positions that do not match the velocities: slope and correlation over short spans, per joint."""
+    """Raise an error if positions do not match velocities: slope and correlation over short spans, per joint."""
     steps = np.diff(log.time)[:, None]
     integral = np.vstack([np.zeros(log.q.shape[1]), np.cumsum(0.5 * (log.dq[1:] + log.dq[:-1]) * steps, axis=0)])
     span = min(SPAN, len(log.time) - 1)
@@ -125,12 +125,14 @@ def _check_motion(log: ArmLog) -> None:
     slopes = product[moved] / expected_square[moved]
     for slope, guess in WRONG_UNITS:
         if abs(np.median(slopes) / slope - 1.0) < SLOPE_TOLERANCE:
-            raise LogError(f"the positions change {np.median(slopes):.3g} times as fast as the velocities say: {guess}")
+            raise LogError(
+                f"the positions change {np.median(slopes):.3g} times as fast as the recorded velocities: {guess}"
+            )
     correlations = product[moved] / np.sqrt(expected_square[moved] * (change * change).sum(axis=0)[moved])
     for j, slope, correlation in zip(np.flatnonzero(moved), slopes, correlations, strict=True):
         if correlation < MIN_CORRELATION or abs(slope - 1.0) > SLOPE_TOLERANCE:
             q, dq = log.columns[1 + j], log.columns[1 + len(log.joint_names) + j]
             raise LogError(
-                f"{dq} is not the derivative of {q}: {q} changes {slope:.3g} times as fast as {dq} says (correlation "
-                f"{correlation:.2f})"
+                f"{dq} is not the derivative of {q}: {q} changes {slope:.3g} times as fast as {dq} (correlation "
+                f"{correlation:.2f}); are the columns in the right order?"
             )

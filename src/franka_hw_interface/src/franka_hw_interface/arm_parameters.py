@@ -1,4 +1,4 @@
-"""Parameters shared by the simulated and the real arm."""
+"""ROS parameters that the simulated and the real Franka arm share."""
 
 import math
 from collections.abc import Sequence
@@ -16,13 +16,19 @@ ARM_ID: Any = text("panda", empty=False, name="arm_id", text="prefix of joints a
 
 
 def _false(value: Any, where: str, joints: Sequence[str]) -> None:
-    """Accept False, or an empty text instead."""
+    """Accept False, or an empty text, which means the same. Raises ValueError for anything else."""
     if value is not False and value != "":
         raise ValueError
 
 
 def collision_config(default: Any, false_text: str, default_text: str = "") -> Any:
-    """Return the parameter `collision_config`: eight lists, or false, read as None; false_text: meaning of false."""
+    """Return the parameter `collision_config`: thresholds of contact and collision, or false, which is read as None.
+
+    Args:
+        default: default value.
+        false_text: meaning of false, for the parameter's documentation.
+        default_text: text for the default in the documentation.
+    """
     return either(
         Parameter("bool", "false", _false),
         section(CollisionThresholds),
@@ -35,21 +41,22 @@ def collision_config(default: Any, false_text: str, default_text: str = "") -> A
 
 
 def numbers(value: Any, n: int, where: str) -> list[float]:
-    """Return a list of n finite numbers. Raises ParameterError if the value is something else."""
+    """Return a value as a list of n finite numbers; where: name of the parameter. Raises ParameterError."""
     return list(parameters.numbers(n).checked(value, where))
 
 
 def read_arm_id(node: Node) -> str:
-    """Return the prefix of joints and links."""
+    """Return the parameter `arm_id`: the prefix of joint and link names."""
     return str(ARM_ID.read(node, "arm_id"))
 
 
 def read_limits(
     urdf_xml: str, root_node: Node, node: Node, arm_id: str, joint_names: Sequence[str]
 ) -> list[JointLimits]:
-    """Return the limits to enforce, of the kinds in the parameter `enforce_limits` of `node`.
+    """Return the joint limits to enforce; the parameter `enforce_limits` of `node` selects the kinds.
 
-    They come from the description, overridden by `joint_limits/<joint>`; the default torque rate is Franka's.
+    The limits come from the robot description, overridden by parameters `joint_limits/<joint>` below `root_node`; the
+    default limit of the torque rate is Franka's.
     """
     kinds = ENFORCE_LIMITS.read(node, "enforce_limits")
     limits = load_limits(urdf_xml, root_node, joint_names, kinds)

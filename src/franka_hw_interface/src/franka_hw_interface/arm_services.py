@@ -1,4 +1,4 @@
-"""Services and recovery action `franka_control/...` of franka_ros, the same for the simulated and the real arm."""
+"""ROS services `franka_control/...` and recovery action of franka_ros, for the simulated and the real arm."""
 
 import math
 import threading
@@ -24,9 +24,10 @@ from hric_core.parameters import Settings, numbers
 
 @dataclass(frozen=True)
 class CollisionThresholds(Settings):
-    """Thresholds of external torques and wrenches for contact (lower) and collision (upper), libfranka's eight lists.
+    """Thresholds of external torques and wrenches for contact (lower) and collision (upper), as in libfranka.
 
-    Torques: one per joint. Forces: on the stiffness frame, x y z [N], about them [N m].
+    Torques: one per joint [N m]. Forces: x, y, z [N], then moments about these axes [N m], on the stiffness frame.
+    `acceleration`: while the desired motion accelerates; `nominal`: otherwise.
     """
 
     lower_torque_thresholds_acceleration: tuple[float, ...] = numbers(7, minimum=0.0, unit="N m")
@@ -44,9 +45,9 @@ class CollisionThresholds(Settings):
 
 
 class ServedArm(Protocol):
-    """Arm behind these services.
+    """Interface of an arm whose settings the services franka_control/... change.
 
-    Each method refuses with a HricError that gives the reason; all are called through `request`.
+    A method that refuses a value raises a HricError with the reason. All are called through `request`.
     """
 
     def request(self, function: Callable[[], None]) -> None:
@@ -75,10 +76,10 @@ class ServedArm(Protocol):
 
 
 def positive(values: Sequence[float], n: int, what: str) -> list[float]:
-    """Return n finite numbers, none of them negative.
+    """Return the values as floats, after a check that there are n, all finite and not negative.
 
     Raises:
-        CommandError: the values are anything else.
+        CommandError: the check fails; `what` names the values in its text.
     """
     result = [float(value) for value in values]
     if len(result) != n or not all(math.isfinite(value) and value >= 0.0 for value in result):
@@ -87,13 +88,14 @@ def positive(values: Sequence[float], n: int, what: str) -> list[float]:
 
 
 class ArmServices:
-    """Services and the action `franka_control/error_recovery` on any Node.
+    """ROS services `franka_control/set_...` and the action `franka_control/error_recovery` of an arm.
 
-    A refusal is success=False with the reason in `error`; a failed recovery is an aborted goal with the reason as text.
+    A refused request gets success=False and the reason in `error`; a failed recovery aborts the goal with the reason as
+    text.
 
     Args:
-        arm: the arm.
-        root_node: the robot's namespace.
+        arm: arm that executes the requests.
+        root_node: namespace of the robot.
     """
 
     def __init__(self, arm: ServedArm, root_node: Node) -> None:

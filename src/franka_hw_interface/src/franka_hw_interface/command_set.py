@@ -1,4 +1,4 @@
-"""Commands of all modes: storage for the interfaces, their joint limits, and the row for the control log."""
+"""Commands of the arm in all command modes: storage, joint limits, smoothing, and the row for the control log."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -25,13 +25,13 @@ PERIOD = 1e-3
 
 @dataclass(slots=True)
 class ArmCommand:
-    """Command of an arm for one millisecond; only the fields of the mode are used.
+    """Command of an arm for one millisecond; only the fields of the present command mode are used.
 
     Attributes:
         q, dq: joint position [rad] and velocity [rad/s], 7 floats each.
         O_T_EE: pose of the end effector in the base, 16 floats, column-major.
         O_dP_EE: twist of the end effector in the base, linear [m/s] then angular [rad/s], 6 floats.
-        elbow: (position of joint 3 [rad], side of joint 4, -1 or 1), or None: the arm's choice.
+        elbow: (position of joint 3 [rad], side of joint 4, -1 or 1); None: the arm chooses.
         tau: joint torque without gravity, 7 floats [N m].
         finished: True if the motion ends with this command.
     """
@@ -54,13 +54,13 @@ class _Joints(NamedTuple):
 
 
 class CommandSet:
-    """Commands of the arm.
+    """Command interfaces of the arm for all command modes, with joint limits and smoothing.
 
     Args:
-        arm_id: prefix of the resources.
+        arm_id: prefix of joint and link names.
         states: measured joint states.
-        state: the arm's state.
-        limits: one per joint.
+        state: Franka state of the arm.
+        limits: joint limits, one per joint.
         period: period of the commands [s].
         smoothing: rate limits for joint positions and velocities, for an arm that is commanded without libfranka;
             None: commands are not smoothed.
@@ -110,9 +110,9 @@ class CommandSet:
         ]
 
     def enter(self, mode: ArmMode) -> None:
-        """Start a mode, without motion until the first command.
+        """Start a command mode with commands that do not move the arm.
 
-        Positions and poses start at the desired ones, torques and velocities at zero.
+        Positions and poses start at the present desired values, torques and velocities at zero.
         """
         for joints in (self._effort, self._position, self._velocity):
             start = self._state.q_d if joints is self._position else self._zeros
@@ -124,11 +124,11 @@ class CommandSet:
         self.row = self._kinds, self._zeros, self._zeros
 
     def check_start(self) -> None:
-        """Report the joints that start outside their ranges, once."""
+        """Log a warning once if joints start outside their position limits."""
         self._effort.limiter.check_start()
 
     def limited_command(self, mode: ArmMode) -> ArmCommand:
-        """Return the command of this cycle, within the joint limits; the object is always the same."""
+        """Return the command of this cycle, within the joint limits; the next call overwrites the object."""
         command, generator = self._command, mode.generator
         command.elbow = None
         if generator is Kind.POSITION:

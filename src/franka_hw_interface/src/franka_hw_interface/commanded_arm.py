@@ -1,4 +1,4 @@
-"""Common part of the simulated and the real arm as a RobotHW: modes, their switching, error state."""
+"""Base class of the simulated and the real Franka arm as a RobotHW: command modes, switching, error state."""
 
 from collections.abc import Sequence
 
@@ -17,20 +17,20 @@ from hric_core.node import Node
 
 
 class CommandedArm(RobotHW):
-    """Base of the Franka arms.
+    """Base of the simulated and the real Franka arm.
 
     The subclass sets the attributes, calls `_register`, and enters and leaves the `_requested` mode in its `run`.
 
-    When the arm ends a motion by itself (a reflex, a refused command), it is in the error state: controllers continue
-    to be updated without effect, and no controller that commands the arm can be started. After its recovery the motion
-    starts again, and the controllers are restarted.
+    If the arm ends a motion by itself (a reflex, a refused command), it enters the error state: controllers are still
+    updated, but without effect, and no controller that commands the arm can be started. After an error recovery the
+    motion starts again, and the controllers are restarted.
 
     Attributes:
         arm_id: prefix of joints and links.
         states: measured joint states.
-        robot_state: the Franka state.
+        robot_state: Franka state of the arm.
         mode: present command mode of the arm.
-        error: reason for the end of the last motion, until the recovery; empty otherwise.
+        error: reason of the error state; empty if there is no error.
     """
 
     compensates_gravity = True
@@ -51,7 +51,7 @@ class CommandedArm(RobotHW):
         raise NotImplementedError
 
     def _check_mode(self, mode: ArmMode) -> None:
-        """Refuse a mode that this arm does not have [HricError]."""
+        """Raise a HricError if this arm does not have the command mode."""
 
     def _register(self, model: FrankaModel) -> None:
         self.register_interface(JointStateInterface(self.states))
@@ -67,12 +67,12 @@ class CommandedArm(RobotHW):
         return claimed_modes(controllers, self.arm_id, self.states.names)
 
     def check_for_conflict(self, controllers: Sequence[ControllerInfo]) -> None:
-        """Refuse more than one commanding controller at a time, and a claim of a part of the arm."""
+        """Raise an error if two controllers would command the arm at once, or one claims only some of the joints."""
         super().check_for_conflict(controllers)
         check_one_commander(controllers, self.arm_id, self.states.names)
 
     def prepare_switch(self, start: Sequence[ControllerInfo], stop: Sequence[ControllerInfo]) -> None:
-        """Refuse the same among the controllers to be started, and any commanding controller in the error state."""
+        """Check the controllers to be started: raise an error for a conflict, or if the arm is in the error state."""
         check_one_commander(start, self.arm_id, self.states.names)
         for mode in self._claimed(start):
             self._check_mode(mode)
@@ -80,10 +80,13 @@ class CommandedArm(RobotHW):
 
     def _refuse_in_error(self) -> None:
         if self.error:
-            raise HricError(f"the arm is in the error state, franka_control/error_recovery ends it: {self.error}")
+            raise HricError(
+                "the arm is in the error state; send a goal to the action franka_control/error_recovery to end it. "
+                f"Reason: {self.error}"
+            )
 
     def do_switch(self, start: Sequence[ControllerInfo], stop: Sequence[ControllerInfo]) -> None:
-        """Store the mode, which `run` enters. Controllers of the same mode follow each other without leaving it."""
+        """Request the command mode of the started controllers, which `run` enters; keep the mode if it is the same."""
         claimed = self._claimed(start)
         if claimed:
             if claimed[0] != self._requested:  # otherwise keep the object: the loop compares by identity
@@ -92,7 +95,7 @@ class CommandedArm(RobotHW):
             self._requested = HOLD
 
     def switch_done(self, start: Sequence[ControllerInfo]) -> bool:
-        """Return True if the arm takes the commands of these controllers, and always before `run`."""
+        """Return True if the arm executes the commands of these controllers; before `run`, always True."""
         claimed = self._claimed(start)
         if not claimed or not self._running:
             return True
@@ -102,7 +105,7 @@ class CommandedArm(RobotHW):
     def _fail(self, text: str) -> None:
         """Enter the error state; called in the loop, so the log is written outside of it."""
         self.error = text
-        message = f"{text} -- the arm is in the error state; franka_control/error_recovery ends it"
+        message = f"{text} -- the arm is in the error state until the action franka_control/error_recovery succeeds"
         realtime.defer(self._node, lambda: self._node.log_error(message), "log")
 
     def _refuse_recovery_in_motion(self) -> None:
@@ -114,9 +117,9 @@ class CommandedArm(RobotHW):
         realtime.defer(self._node, lambda: self._node.log_warn(text), "log")
 
     def limiter_counts(self) -> LimitCounts:
-        """Return the counts of the joint limiters since the start, over all interfaces."""
+        """Return how often the joint limiters of all command interfaces have changed a command since the start."""
         return self._commands.counts
 
     def log_row(self) -> LogRow:
-        """Return the commands of the last cycle."""
+        """Return the last cycle's row of the control log: interface, command before the limits, command sent."""
         return self._commands.row

@@ -1,4 +1,4 @@
-"""Files with joint friction: written by a fit, read for a model, a plant or another fit."""
+"""YAML files with joint friction parameters: a fit writes them; models, plants and fits read them."""
 
 from __future__ import annotations
 
@@ -20,19 +20,21 @@ JOINTS = tuple(f"joint{i}" for i in range(1, 8))
 _NAME = re.compile(r"(?:.*_)?(joint[1-7])")
 _LAW = """\
 # tau_f = phi1 / (1 + exp(-phi2 (dq + phi3))) - phi1 / (1 + exp(-phi2 phi3)), zero at rest. phi1 [N m], phi2 [s/rad], phi3 [rad/s].
-# breakaway [N m]: what the joint withstands at rest.
+# breakaway [N m]: torque that friction withstands while the joint is at rest.
 """  # noqa: E501
 
 
 def read_friction(path: Path) -> list[Phi]:
-    """Return phi1 [N m], phi2 [s/rad], phi3 [rad/s] of joints 1 to 7; see `read_parameters`."""
+    """Read a friction file; return (phi1 [N m], phi2 [s/rad], phi3 [rad/s]) of joints 1 to 7. Raises ParameterError."""
     return sigmoid_parameters(read_parameters(path), JOINTS)
 
 
 def read_parameters(path: Path) -> dict[str, list[float]]:
-    """Return phi1 [N m], phi2 [s/rad], phi3 [rad/s] and, if the file has it, breakaway [N m]: 7 values each.
+    """Read a friction file; return phi1 [N m], phi2 [s/rad], phi3 [rad/s] and, if present, breakaway [N m].
 
-    The joints may have the prefix of any arm (`panda_joint1`) or none; the form {phi1: [7 values], phi2: [...],
+    Each is a list of 7 values.
+
+    The joint names may have the prefix of any arm (`panda_joint1`) or none; the form {phi1: [7 values], phi2: [...],
     phi3: [...]} is accepted, too.
 
     Raises:
@@ -52,7 +54,7 @@ def read_parameters(path: Path) -> dict[str, list[float]]:
         phis, held = sigmoid_parameters(named, JOINTS), breakaways(named, JOINTS)
     except ParameterError as error:
         missing = [joint for joint in JOINTS if joint not in named and not set(PHI) <= set(named)]
-        hint = f"; missing: {', '.join(missing)}" if missing else f" (and {BREAKAWAY} from 0 on where it has one)"
+        hint = f"; missing: {', '.join(missing)}" if missing else f" ({BREAKAWAY}, if present, must not be negative)"
         raise ParameterError(
             f"the friction file {path} must give finite numbers phi1, phi2 and phi3 of joint1 to joint7{hint}"
         ) from error
@@ -62,7 +64,12 @@ def read_parameters(path: Path) -> dict[str, list[float]]:
 
 
 def friction_text(fits: Sequence[JointFriction], about: Iterable[str]) -> str:
-    """Return the contents of a friction file: one joint per line with the fit's summary; about: header lines."""
+    """Return the text of a friction file: one joint per line, with a summary of its fit as a comment.
+
+    Args:
+        fits: fitted friction of each joint.
+        about: lines for the header comment.
+    """
     rows = []
     for fit in fits:
         named = zip((*PHI, BREAKAWAY), (*fit.phi, fit.breakaway), strict=True)

@@ -1,4 +1,4 @@
-"""Joint friction from the residual of a rigid-body model: sigmoid and breakaway by nonlinear least squares."""
+"""Fit of joint friction (sigmoid and breakaway) to the residual of a rigid-body model by nonlinear least squares."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -11,18 +11,21 @@ from hric_control.plants import Phi, sigmoid_torque
 from hric_core.geometry import FloatArray
 
 MOVING = 0.1
-"""Minimum speed at which a joint shows its friction [rad/s]; default chosen by this project, unconfirmed.
+"""Minimum joint speed at which sliding friction can be identified [rad/s]; project default, unconfirmed.
 
-1/phi2 of the published joints is 0.06 to 0.2 rad/s.
+The sigmoid bends at 1/phi2, which is 0.06 to 0.2 rad/s for the published parameters.
 """
 MIN_TIME = 0.5
-"""Minimum time above that speed in each direction; default chosen by this project, unconfirmed [s]."""
+"""Minimum time that a joint must be faster than MOVING in each direction [s]; project default, unconfirmed."""
 LOOSE = 0.3
 """Relative standard deviation above which a parameter is loosely determined [1]; project default, unconfirmed."""
 BOUNDS = ((0.0, 0.1, -1.0, 0.0), (50.0, 1000.0, 1.0, 50.0))
-"""Limits of phi1 [N m], phi2 [s/rad], phi3 [rad/s] and breakaway [N m]: far beyond those of any joint."""
+"""Bounds of phi1 [N m], phi2 [s/rad], phi3 [rad/s] and breakaway [N m]: far beyond those of any joint."""
 STARTS = ((1.0, 5.0, 0.0), (0.5, 30.0, 0.0))
-"""Additional starts of the search, a soft and a steep sigmoid: a steep one is flat far from its bend."""
+"""Additional initial values (phi1, phi2, phi3) of the search: a soft and a steep sigmoid.
+
+A search that starts at a steep sigmoid can get stuck, since the sigmoid is flat far from its bend.
+"""
 
 
 @dataclass(frozen=True)
@@ -30,13 +33,13 @@ class JointFriction:
     """Friction of a joint after a fit.
 
     Attributes:
-        joint: its name.
+        joint: name of the joint.
         phi: phi1 [N m], phi2 [s/rad], phi3 [rad/s].
-        deviation: standard deviation of each, from the residual and its bandwidth.
+        deviation: standard deviations of phi1 to phi3, from the residual and its bandwidth.
         speeds: minimum and maximum velocity of the log [rad/s].
         rms_before, rms: residual with the previous values and with phi [N m].
         fitted: False if the motion does not determine the friction; phi then has the previous values.
-        breakaway: breakaway torque of its bristle [N m].
+        breakaway: breakaway torque at rest [N m].
     """
 
     joint: str
@@ -49,29 +52,30 @@ class JointFriction:
     breakaway: float = 0.0
 
     def loose(self) -> list[str]:
-        """Return the loosely determined parameters: by their relative deviation; phi3 relative to 1/phi2, its bend."""
+        """Return the names of the parameters whose standard deviation exceeds LOOSE of their size; phi3: of 1/phi2."""
         scales = (self.phi[0], self.phi[1], 1.0 / self.phi[1])
         return [f"phi{i + 1}" for i in range(3) if self.fitted and not self.deviation[i] <= LOOSE * scales[i]]
 
     def summary(self) -> str:
-        """Return a summary of the fit for a report or a comment."""
+        """Return a one-line summary of the fit: velocity range, residuals, uncertain parameters."""
         low, high = self.speeds
         if not self.fitted:
             return (
-                f"NOT FITTED: it moved from {low:.3f} to {high:.3f} rad/s, which does not determine friction; "
-                "values as before"
+                f"NOT FITTED: the joint moved from {low:.3f} to {high:.3f} rad/s, too slowly or too briefly in a "
+                "direction, which does not determine friction; values as before"
             )
         loose = f"; loosely determined: {', '.join(self.loose())}" if self.loose() else ""
         return (
-            f"fitted from {low:.3f} to {high:.3f} rad/s, residual {self.rms_before:.3g} to {self.rms:.3g} N m "
-            f"RMS{loose}"
+            f"fitted at velocities from {low:.3f} to {high:.3f} rad/s, RMS residual {self.rms_before:.3g} N m before, "
+            f"{self.rms:.3g} N m after{loose}"
         )
 
 
 def fit_friction(check: ModelCheck, before: Sequence[Phi]) -> list[JointFriction]:
-    """Fit only sigmoid and breakaway to the measured torque minus M(q) ddq + C dq + g.
+    """Fit the friction of each joint to the measured torque minus the rigid-body torque M(q) ddq + C dq + g.
 
-    A joint that was not faster than `MOVING` for `MIN_TIME` in each direction keeps its values.
+    The friction is a sigmoid of the velocity plus a breakaway torque. A joint that was not faster than `MOVING` for
+    `MIN_TIME` in each direction keeps its previous values.
 
     Args:
         check: comparison of log and model; its friction is ignored.
@@ -90,7 +94,14 @@ def fit_friction(check: ModelCheck, before: Sequence[Phi]) -> list[JointFriction
 
 
 def _fitted(check: ModelCheck, j: int, curves: tuple[FloatArray, FloatArray], before: JointFriction) -> JointFriction:
-    """Fit one joint; curves: residual of the rigid model, and the bristle of 1 N m, shape (k,) each [N m]."""
+    """Fit the friction of joint j of the log and return it.
+
+    Args:
+        check: comparison of log and model.
+        j: index of the joint.
+        curves: torque residual of the rigid model, and bristle torque for a breakaway of 1 N m, shape (k,) each [N m].
+        before: previous friction, where the search starts.
+    """
     signals, (remaining, bent) = check.signals, curves
 
     def residual(values: FloatArray) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Actions, joint states and parameters of franka_ros's franka_gripper, for any Node and any hand."""
+"""ROS actions, joint states and parameters of franka_ros's franka_gripper, for an emulated or a real hand."""
 
 from collections import deque
 from collections.abc import Callable
@@ -24,7 +24,7 @@ from hric_core.node import GoalHandle, Node, Registration
 from hric_core.parameters import Settings, names, number, text
 
 SAME_WIDTH = 1e-4
-"""Distance at which a requested opening counts as reached in gripper_action (franka_gripper 0.10.1) [m]."""
+"""Maximum distance between opening and request at which gripper_action succeeds at once [m] (franka_gripper 0.10.1)."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class GripperSettings(Settings):
 
 @dataclass
 class _Kind:
-    """Action with its types, and the conversion of a goal to a request to the hand."""
+    """Action types of one gripper action, and the function that passes its goal to the hand."""
 
     action: type
     result: Callable[..., Any]
@@ -67,10 +67,10 @@ class _Kind:
 
 @dataclass
 class _Running:
-    """Goal that has not ended.
+    """Goal of a gripper action that is being executed.
 
     Attributes:
-        preempted: reason for a preemption by a client, empty if there was none.
+        preempted: reason if a client cancelled or replaced the goal; otherwise empty.
     """
 
     name: str
@@ -80,7 +80,7 @@ class _Running:
 
 
 class GripperActions:
-    """Actions `homing`, `move`, `grasp`, `stop`, `gripper_action`, and the topic `joint_states`, below a node.
+    """ROS actions `homing`, `move`, `grasp`, `stop`, `gripper_action` and topic `joint_states` of a Franka hand.
 
     Goals and cancel requests are processed in `update`, on one thread. A goal ends as in franka_ros: if it is executed
     without success, it succeeds with `success: false`; if the hand refuses it, or the action `stop` ends it, it is
@@ -88,8 +88,8 @@ class GripperActions:
     fingers.
 
     Args:
-        node: the gripper's namespace.
-        hand: the hand; used by `update` alone.
+        node: namespace of the gripper.
+        hand: hand that executes the goals; used by `update` alone.
         settings: parameters of the node.
     """
 
@@ -121,7 +121,7 @@ class GripperActions:
         return self._node.action_server(name, kind.action, on_goal, on_cancel)
 
     def update(self) -> None:
-        """Process requests, advance the hand, finish ended goals, publish when due. Never waits."""
+        """Process goals and cancel requests, advance the hand, finish ended goals, publish if due; never blocks."""
         while self._inbox:
             self._inbox.popleft()()
         time = self._node.now().to_sec()
@@ -141,7 +141,7 @@ class GripperActions:
         self._publish()
 
     def shutdown(self) -> None:
-        """Stop moving fingers, cancel open goals and unregister the topics."""
+        """Stop the fingers if they move, cancel open goals, and unregister actions and topics."""
         if self._running:
             self._hand.stop()
         for running in self._running:
@@ -186,9 +186,9 @@ class GripperActions:
         return self._hand.grasp(goal.width, goal.epsilon.inner, goal.epsilon.outer, goal.speed, goal.force)
 
     def _command(self, goal: Any) -> HandMotion:
-        """Return the motion of gripper_action: `position` of one finger is half the opening (franka_gripper 0.10.1).
+        """Pass a goal of gripper_action to the hand: a wider opening as a move, a narrower one as a grasp.
 
-        Opening moves, closing grasps.
+        `position` in the goal is that of one finger: half the opening (franka_gripper 0.10.1).
         """
         width, settings, hand = 2.0 * goal.command.position, self._settings, self._hand
         if not 0.0 <= width <= hand.max_width:

@@ -1,4 +1,4 @@
-"""Process `franka_gripper`: runs the actions of a hand until its shutdown is requested."""
+"""ROS node `franka_gripper`: serves the actions of a hand until shutdown."""
 
 from collections.abc import Callable
 from functools import partial
@@ -10,11 +10,11 @@ from hric_core.parameters import Settings
 from hric_core.ros.process import NodeApp, run
 
 MakeHand = Callable[[Node], tuple[FrankaHand, Callable[[], None]]]
-"""Function that maps the private node to the hand and a function that closes it; may raise a HricError."""
+"""Function that gets the private node and returns the hand and a function that closes it; may raise a HricError."""
 
 
 class GripperApp(NodeApp):
-    """Application with the actions of a hand."""
+    """ROS node that serves the gripper actions of an emulated or real hand."""
 
     period = 0.01
 
@@ -34,11 +34,11 @@ class GripperApp(NodeApp):
 
 
 def main(make_hand: MakeHand, text: str, *known: type[Settings] | str) -> int:
-    """Run the node and return its exit code.
+    """Run the node franka_gripper and return its exit code.
 
     Args:
         make_hand: function that creates the hand.
         text: text for --help.
-        known: parameters that `make_hand` reads.
+        known: further parameters that are valid for this node, as settings classes or names.
     """
     return run("franka_gripper", text, partial(GripperApp, make_hand), GripperSettings, *known)

@@ -1,4 +1,4 @@
-"""Interface of a Franka hand, emulated or real, to the gripper's actions: non-blocking requests and outcomes."""
+"""Interface of a Franka hand, emulated or real: non-blocking requests and their outcomes."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -38,7 +38,7 @@ class HandMotion:
 
 
 class FrankaHand(Protocol):
-    """Franka hand. A new request aborts the previous one. Speeds are rates of the opening [m/s].
+    """Interface of a Franka hand. A new request aborts the previous one. Speeds are rates of the opening [m/s].
 
     Attributes:
         width: opening between the fingers [m].
@@ -54,13 +54,13 @@ class FrankaHand(Protocol):
         """Find the maximum opening."""
 
     def move(self, width: float, speed: float) -> HandMotion:
-        """Move to an opening [m]."""
+        """Move to an opening [m] at a speed [m/s]."""
 
     def grasp(self, width: float, epsilon_inner: float, epsilon_outer: float, speed: float, force: float) -> HandMotion:
-        """Grasp an object of a width [m], within tolerances for a narrower and a wider one [m], with a force [N]."""
+        """Grasp an object of a width [m] with a force [N]; epsilon: tolerances for narrower and wider objects [m]."""
 
     def stop(self) -> HandMotion:
         """End any motion or grasp."""
 
     def advance(self, time: float) -> None:
-        """Advance an emulated hand to robot time [s]; called repeatedly; a real hand needs no action."""
+        """Advance an emulated hand to robot time [s]; called repeatedly, without effect on a real hand."""

@@ -12,11 +12,11 @@ from hric_core.errors import CommandError, HricError, UnknownNameError
 
 
 class FrankaStateHandle:
-    """State of the arm, read-only by convention: the robot writes it in place every cycle.
+    """Handle to the state of the arm, read-only by convention: the robot writes it in place every cycle.
 
     Attributes:
         name: "<arm_id>_robot".
-        robot_state: valid until the next cycle; `robot_state.snapshot()` returns a permanent copy.
+        robot_state: Franka state, valid until the next cycle; `robot_state.snapshot()` returns a permanent copy.
     """
 
     __slots__ = ("name", "robot_state")
@@ -26,7 +26,7 @@ class FrankaStateHandle:
 
 
 class _ArmInterface(HardwareInterface):
-    """Interface with one resource, named after the arm."""
+    """Hardware interface with one resource, named `<arm_id>_<suffix>`."""
 
     suffix: ClassVar[str] = "robot"
 
@@ -63,7 +63,7 @@ class FrankaStateInterface(_ArmInterface):
 class FrankaModelInterface(_ArmInterface):
     """Interface to the model resource "<arm_id>_model"; claims nothing.
 
-    Its users share one handle, and so the results that are computed in a tick.
+    All controllers share one handle, so each result is computed at most once per cycle.
     """
 
     cpp_name = "franka_hw::FrankaModelInterface"
@@ -94,7 +94,7 @@ class CartesianCommand:
 
     Attributes:
         value: pose as 16 column-major floats, or twist as 6 floats (linear [m/s], angular [rad/s], base frame).
-        elbow: [position of joint 3 [rad], side of joint 4 (-1, 1)], or None: the robot's choice.
+        elbow: [position of joint 3 [rad], side of joint 4 (-1, 1)]; None: the robot chooses.
     """
 
     __slots__ = ("elbow", "value")
@@ -104,7 +104,7 @@ class CartesianCommand:
 
 
 class _CartesianHandle(FrankaStateHandle):
-    """State and Cartesian command; `handle` claims the arm for it."""
+    """Handle to the state of the arm and to its Cartesian command."""
 
     __slots__ = ("_command",)
 
@@ -119,7 +119,7 @@ class _CartesianHandle(FrankaStateHandle):
 
 
 class FrankaCartesianPoseHandle(_CartesianHandle):
-    """State and pose command."""
+    """Handle to the state of the arm and to its pose command."""
 
     __slots__ = ()
 
@@ -127,7 +127,7 @@ class FrankaCartesianPoseHandle(_CartesianHandle):
         """Command an end-effector pose in the base frame, 16 column-major floats, and optionally the elbow.
 
         Raises:
-            CommandError: not a pose, or not an elbow; the old command remains.
+            CommandError: the values are not a pose, or not an elbow; the old command remains.
         """
         check_pose(O_T_EE, f"pose command of {self.name}")
         checked = None if elbow is None else _check_elbow(elbow)
@@ -135,7 +135,7 @@ class FrankaCartesianPoseHandle(_CartesianHandle):
 
 
 class FrankaCartesianVelocityHandle(_CartesianHandle):
-    """State and twist command."""
+    """Handle to the state of the arm and to its twist command."""
 
     __slots__ = ()
 
@@ -143,7 +143,7 @@ class FrankaCartesianVelocityHandle(_CartesianHandle):
         """Command an end-effector twist in the base frame, linear [m/s] then angular [rad/s], and optionally the elbow.
 
         Raises:
-            CommandError: not six finite numbers, or not an elbow; the old command remains.
+            CommandError: the twist is not six finite numbers, or the elbow is invalid; the old command remains.
         """
         if len(O_dP_EE) != 6 or not all(math.isfinite(value) for value in O_dP_EE):
             raise CommandError(f"twist command of {self.name} must be six finite numbers; got {list(O_dP_EE)}")

@@ -1,8 +1,8 @@
 """Dynamics and kinematics of any serial arm by KDL, from its URDF.
 
-PyKDL has no bridge to numpy: most of the cost is reading and writing its containers element by element. So the
-containers are created once and reused, symmetric matrices are read by their upper half, and the gravity torque on
-plain lists is compiled.
+PyKDL's containers do not convert to numpy arrays: most of the time is spent on reading and writing their elements. So
+the containers are created once and reused, only the upper half of symmetric matrices is read, and the gravity torque is
+also available as a compiled function on plain lists.
 """
 
 from collections.abc import Callable, Sequence
@@ -26,10 +26,10 @@ def to_kdl_frame(T: FloatArray) -> PyKDL.Frame:
 
 
 def _numbers(segment: ChainSegment) -> list[float]:
-    """Return a segment in the layout of `hric_kdl`.
+    """Return a segment as the 26 numbers that the compiled module `hric_kdl` expects.
 
-    1.0 for a revolute joint, p and R of `T_parent_joint`, the axis in the parent, mass, centre of mass, and xx, yy, zz,
-    xy, xz, yz of the tensor.
+    1.0 for a revolute or 0.0 for a prismatic joint, p and R of `T_parent_joint`, the axis in the parent frame, mass,
+    centre of mass, and xx, yy, zz, xy, xz, yz of the inertia tensor.
     """
     T, body = segment.T_parent_joint, segment.inertial
     tensor = body.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
@@ -46,7 +46,7 @@ def _to_kdl_segment(segment: ChainSegment) -> PyKDL.Segment:
 
 
 class _Solvers:
-    """KDL solvers of one chain, in one object: they refer to the chain and are replaced together with it."""
+    """KDL chain and its solvers, which refer to the chain; a change of the load replaces all of them together."""
 
     def __init__(self, description: SerialChain, gravity_base: FloatArray) -> None:
         self.chain = PyKDL.Chain()
@@ -58,7 +58,7 @@ class _Solvers:
         self._other: tuple[tuple[float, ...], PyKDL.ChainDynParam] | None = None
 
     def under_gravity(self, gravity_base: Sequence[float]) -> PyKDL.ChainDynParam:
-        """Return the dynamics under another gravity; the last one is cached."""
+        """Return the dynamics solver for another gravity vector in the root frame [m/s^2]; the last one is cached."""
         key = tuple(float(value) for value in gravity_base)
         if len(key) != 3 or not np.isfinite(key).all():
             raise CommandError(f"gravity must be three finite numbers; got {list(gravity_base)}")
@@ -77,7 +77,7 @@ class KdlChain:
     Args:
         urdf_xml: robot description (pure URDF).
         root, tip: link names.
-        gravity_world: gravity in the URDF's first link, 3 floats [m/s^2].
+        gravity_world: gravity in the frame of the URDF's first link, 3 floats [m/s^2].
 
     Raises:
         DescriptionError, UnknownNameError: the URDF has no such chain.
@@ -114,7 +114,7 @@ class KdlChain:
         """Function from q (n floats [rad]) to gravity torque g(q), n floats [N m]: fast path for control loops."""
 
     def set_load(self, load: MassProperties) -> None:
-        """Attach a payload to the tip (in its frame) in place of the old one; `MassProperties()` removes it."""
+        """Replace the payload at the tip, given in the tip frame; `MassProperties()` removes it."""
         self._use(self.description.with_load(load))
 
     def _set(self, target: PyKDL.JntArray, values: Sequence[float] | FloatArray, what: str) -> PyKDL.JntArray:
@@ -158,7 +158,10 @@ class KdlChain:
         return self._frame
 
     def kdl_jacobian(self, q: Sequence[float] | FloatArray, segments: int) -> PyKDL.Jacobian:
-        """Return the Jacobian of that link's origin in the root frame (KDL container, overwritten by the next call)."""
+        """Return the Jacobian of the origin of the link after the first `segments` joints, in the root frame.
+
+        A KDL container, which the next call overwrites.
+        """
         PyKDL.SetToZero(self._jacobian)
         _done(self._solvers.differential.JntToJac(self._position(q), self._jacobian, segments), "Jacobian")
         return self._jacobian
@@ -181,7 +184,12 @@ def from_kdl_frame(frame: PyKDL.Frame) -> FloatArray:
 
 
 def from_kdl_jacobian(jacobian: PyKDL.Jacobian, indices: Sequence[tuple[int, int]]) -> FloatArray:
-    """Return a Jacobian as an array, linear above angular, shape (6, n); indices: its elements row by row."""
+    """Return a KDL Jacobian as an array, linear above angular, shape (6, n).
+
+    Args:
+        jacobian: KDL container.
+        indices: (row, column) of all its elements, row by row.
+    """
     return np.array([jacobian[index] for index in indices]).reshape(6, -1)
 
 

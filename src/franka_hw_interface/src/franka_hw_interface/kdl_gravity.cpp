@@ -1,5 +1,5 @@
-/* KDL's gravity torque on lists of Python. Through PyKDL, element by element, in and out take twice as long as the
-   torque itself; and KDL's solver computes it with velocities that are all zero. */
+/* KDL's gravity torque on Python lists. Through PyKDL, copying the elements in and out takes twice as long as the
+   torque itself; and KDL's own solver spends time on velocities that are all zero. */
 #include <hric_core/python_numbers.h>
 
 #include <array>
@@ -12,7 +12,7 @@
 namespace
 {
 
-/* Of a segment, in the order of `_numbers` in kdl_chain.py. */
+/* Count of numbers of a segment, in the order of `_numbers` in kdl_chain.py. */
 constexpr int SEGMENT = 26;
 
 KDL::Segment segment(const double* s)
@@ -24,7 +24,7 @@ KDL::Segment segment(const double* s)
   return KDL::Segment(joint, KDL::Frame(R, p), KDL::RigidBodyInertia(s[16], KDL::Vector(s[17], s[18], s[19]), tensor));
 }
 
-/* A moving part of the arm: constants, and what the last torque was computed with. */
+/* A moving part of the arm: its constant segment, and intermediate results of the last torque. */
 struct Part
 {
   KDL::Segment segment;
@@ -36,11 +36,12 @@ struct Part
 struct Arm
 {
   std::vector<Part> parts;
-  KDL::Twist upwards; /* acceleration of the base that acts as gravity does */
+  KDL::Twist upwards; /* acceleration of the base that has the effect of gravity */
   std::vector<double> q, torque;
 };
 
-/* The recursion of Newton and Euler as KDL's ChainIdSolver_RNE has it, in the same order, for an arm at rest. */
+/* Recursive Newton-Euler for an arm at rest, with the operations of KDL's ChainIdSolver_RNE in the same order, so that
+   the results are equal bit for bit. */
 void hold(Arm& arm)
 {
   KDL::Twist acceleration = arm.upwards;

@@ -1,4 +1,4 @@
-"""Franka model by KDL from the URDF."""
+"""Dynamics and kinematics of a Franka arm, computed by KDL from the URDF."""
 
 from collections.abc import Callable, Sequence
 
@@ -22,11 +22,11 @@ class KdlFrankaModel:
     """Implementation of `FrankaModel` with kinematics, masses and mounting from the URDF.
 
     The hand: libfranka reads the end effector's mass from the robot's settings; here everything that the URDF fixes to
-    `<arm_id>_link8` is part of the model from the start and is reported as `ee_inertial`. The payload of `set_load` is
-    added to it. The nominal end effector F_T_NE is the pose of `<arm_id>_hand_tcp` if the URDF has that link, otherwise
-    the flange; F_T_EE starts there.
+    the flange link `<arm_id>_link8` is part of the model from the start and is reported as `ee_inertial`. The payload
+    of `set_load` is added. The nominal end effector F_T_NE is the pose of `<arm_id>_hand_tcp` if the URDF has that
+    link, otherwise the flange; F_T_EE has the same initial value.
 
-    Gravity points along `gravity_world` in the URDF's first link, so a tilted mounting rotates it in the base frame.
+    Gravity is `gravity_world` in the frame of the URDF's first link; a tilted mounting of the base is considered.
 
     One instance serves one thread; the setters may be called from another.
 
@@ -34,7 +34,7 @@ class KdlFrankaModel:
         urdf_xml: robot description (pure URDF).
         arm_id: prefix of the links.
         root: base link; `<arm_id>_link0` by default.
-        gravity_world: 3 floats [m/s^2].
+        gravity_world: gravity in the frame of the URDF's first link, 3 floats [m/s^2].
 
     Raises:
         DescriptionError, UnknownNameError: the URDF has no such arm.
@@ -90,7 +90,7 @@ class KdlFrankaModel:
         """Set the payload.
 
         Args:
-            mass: [kg].
+            mass: mass of the payload [kg].
             com: F_x_Cload, centre of mass in the flange frame, shape (3,) [m].
             inertia: I_load, about the centre of mass, axes of the flange frame, 9 values [kg m^2].
 

@@ -1,4 +1,4 @@
-"""Joint and Cartesian limits of the Franka arm as vectors; panda_description has them with their sources."""
+"""Joint and Cartesian limits of the Franka arm as vectors; the numbers and sources are in panda_description."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -19,12 +19,12 @@ Vector = tuple[float, ...]
 
 @dataclass(frozen=True)
 class FrankaLimits:
-    """Limits of the arm.
+    """Limits of the joints, the end effector and the elbow of a Franka arm.
 
     Attributes:
         lower, upper: position range, 7 floats [rad].
-        velocity, acceleration, jerk: 7 floats [rad/s], [rad/s^2], [rad/s^3].
-        effort, effort_rate: 7 floats [N m], [N m/s].
+        velocity, acceleration, jerk: joint limits, 7 floats each [rad/s], [rad/s^2], [rad/s^3].
+        effort, effort_rate: limits of joint torque and torque rate, 7 floats each [N m], [N m/s].
         translation, rotation, elbow: velocity, acceleration and jerk of the end effector and of the elbow.
     """
 
@@ -40,7 +40,7 @@ class FrankaLimits:
     elbow: CartesianLimit
 
     def with_margins(self) -> "FrankaLimits":
-        """Return the limits with libfranka's margins; a command within them passes its rate limiter unchanged."""
+        """Return limits lowered by libfranka's margins; its rate limiter does not change a command within them."""
         velocity = tuple(
             v - EPSILON - LOST_PACKETS_TIME * a for v, a in zip(self.velocity, self.acceleration, strict=True)
         )
@@ -66,7 +66,7 @@ def _with_margins(limit: CartesianLimit) -> CartesianLimit:
 
 
 def franka_limits() -> FrankaLimits:
-    """Return the Panda's limits."""
+    """Return the nominal limits of the Panda, without libfranka's margins."""
     joints = list(panda_description.joint_limits().values())
     names = ("lower", "upper", "velocity", "acceleration", "jerk", "effort", "effort_rate")
     values: dict[str, Any] = {name: tuple(float(getattr(joint, name)) for joint in joints) for name in names}

@@ -1,7 +1,8 @@
-"""Motion and torque of a log as model input: uniform in time, zero-phase low-pass filtered, with acceleration.
+"""Motion and torque of an arm log, resampled uniformly, low-pass filtered without phase shift, with accelerations.
 
-Position, velocity and torque of the log pass one filter, and the model's output for the filtered motion passes it once
-more before the comparison: so friction, which is sharper than the motion, is smoothed equally on both sides.
+Position, velocity and torque of the log pass one filter. The torque that a model computes for the filtered motion
+passes the same filter before the comparison, so that friction, which changes faster than the motion, is smoothed
+equally on both sides.
 """
 
 from dataclasses import dataclass
@@ -17,18 +18,21 @@ CUTOFF = 10.0
 ORDER = 4
 """Order of the Butterworth low-pass, run forwards and backwards; default chosen by this project, unconfirmed."""
 EDGE_PERIODS = 3.0
-"""Periods of the cut-off dropped at each end, where the filter lacks samples (project default, unconfirmed)."""
+"""Time dropped at each end because the filter lacks samples there, in periods of the cut-off frequency [1].
+
+Project default, unconfirmed.
+"""
 MIN_DURATION = 2.0
-"""Minimum duration after that; default chosen by this project, unconfirmed [s]."""
+"""Minimum duration of the log without the dropped ends [s]; project default, unconfirmed."""
 MIN_RATE = 5.0
-"""Minimum number of samples per period of the cut-off [1].
+"""Minimum number of samples per period of the cut-off frequency [1].
 
 The error of central differences is then at most 7 % at half the cut-off.
 """
 KEPT_RATE = 20.0
-"""Filtered samples per period of the cut-off that are used: the model need not be evaluated more often [1]."""
+"""Number of filtered samples per period of the cut-off frequency at which a model is evaluated [1]."""
 LONGEST_GAP = 0.5
-"""Maximum gap in periods of the cut-off: interpolation is sufficient for slower motion [1]."""
+"""Maximum gap in the log, in periods of the cut-off frequency [1]; shorter gaps are interpolated."""
 
 
 @dataclass(frozen=True)
@@ -37,10 +41,10 @@ class Signals:
 
     Attributes:
         time: time on the clock of the log, shape (m,) [s].
-        q, dq, ddq, tau: shape (m, j) [rad, rad/s, rad/s^2, N m].
+        q, dq, ddq, tau: position, velocity, acceleration, torque, shape (m, j) [rad, rad/s, rad/s^2, N m].
         rate: sampling rate of these signals [Hz].
         log_rate: sampling rate of the log, at which it was filtered and differentiated [Hz].
-        cutoff: [Hz].
+        cutoff: cut-off frequency of the low-pass [Hz].
         valid: slice of the valid instants, without the filter's transients.
     """
 
@@ -55,7 +59,7 @@ class Signals:
     valid: slice
 
     def low_pass(self, values: FloatArray) -> FloatArray:
-        """Filter values, shape (m, ...), like the log's signals, at the rate of these signals."""
+        """Return values at the same m instants, shape (m, ...), filtered like these signals."""
         return low_pass(values, self.rate, self.cutoff)
 
     @property
@@ -64,11 +68,11 @@ class Signals:
         return float(np.ptp(self.time[self.valid]))
 
     def summary(self) -> str:
-        """Return the settings as a text for a report."""
+        """Return a text about filter, sampling rates and dropped ends, for a report."""
         low_pass = (
             f"zero-phase Butterworth low-pass of order {ORDER}, forwards and backwards, cut-off {self.cutoff:g} Hz"
         )
-        instants = f"{self.rate:.6g} instants a second kept, {EDGE_PERIODS / self.cutoff:g} s dropped at each end"
+        instants = f"evaluated at {self.rate:.6g} Hz, {EDGE_PERIODS / self.cutoff:g} s dropped at each end"
         return (
             f"{low_pass}, on q, dq, measured and modelled torque; ddq: central differences of dq at "
             f"{self.log_rate:.6g} Hz; {instants}"
@@ -84,14 +88,14 @@ def low_pass(values: FloatArray, rate: float, cutoff: float) -> FloatArray:
 
 
 def condition(log: ArmLog, cutoff: float = CUTOFF) -> Signals:
-    """Resample at the log's median rate and filter.
+    """Resample a log at its median rate, filter it, and derive the accelerations.
 
     Args:
         log: log checked by `check_log`.
         cutoff: cut-off frequency of the low-pass [Hz].
 
     Raises:
-        LogError: too few samples per second, a gap, or too short.
+        LogError: the log has too few samples per second, has a gap, or is too short.
     """
     rate = 1.0 / float(np.median(np.diff(log.time)))
     _check_sampling(log, rate, cutoff)

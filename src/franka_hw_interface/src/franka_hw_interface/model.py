@@ -1,4 +1,4 @@
-"""Model of the arm for controllers: a protocol with several implementations, and a handle that computes on demand."""
+"""Dynamic model of the arm for controllers: a protocol with several implementations, and a handle to one."""
 
 from collections.abc import Callable, Sequence
 from enum import Enum
@@ -13,7 +13,7 @@ Vector = Sequence[float] | FloatArray
 
 
 class FrankaFrame(Enum):
-    """Frames of libfranka: joints, flange, end effector (flange * F_T_EE), stiffness frame (end effector * EE_T_K)."""
+    """Frames of the arm: joints, flange, end effector (flange * F_T_EE), stiffness frame (end effector * EE_T_K)."""
 
     JOINT1 = "joint1"
     JOINT2 = "joint2"
@@ -31,12 +31,13 @@ class FrankaFrame(Enum):
 class FrankaModel(Protocol):
     """Dynamics and kinematics of a Franka arm with the configured load and frames. Callers own the returned arrays.
 
-    Base frame: O, `<arm_id>_link0`. Everything mounted at the flange (the hand) is included; the source of its values
+    Base frame: O, `<arm_id>_link0`. Everything mounted at the flange (the hand) is included; where its mass comes from
     depends on the implementation.
 
     Attributes:
-        gravity_list: function from q (7 floats) to g(q), 7 floats [N m]; the fast path for control loops, unchecked.
-        revision: number of changes of load and frames.
+        gravity_list: function from q (7 floats [rad]) to the gravity torque, 7 floats [N m]; fast, for control loops,
+            without checks of its argument.
+        revision: number of changes of load and frames so far.
     """
 
     revision: int
@@ -71,9 +72,9 @@ class FrankaModel(Protocol):
 
 
 class FrankaModelHandle:
-    """Model at the robot's present state. Each value is computed when it is first read, once per tick.
+    """Model evaluated at the robot's present state. Each value is computed when first read, once per cycle.
 
-    The arrays are shared within the tick and read-only.
+    The arrays are shared by all users within the cycle, and read-only.
     """
 
     def __init__(self, name: str, model: FrankaModel, state: RobotState) -> None:

@@ -12,22 +12,27 @@ from hric_control.plants import Phi, bristle_torque, sigmoid_torque
 from hric_core.geometry import FloatArray
 
 Counting = Callable[[range], Iterable[int]]
-"""Function that iterates over a range, and may show the progress."""
+"""Function that iterates over a range of instants, e.g. with a progress bar."""
 
 VALID_SCALE = (0.2, 5.0)
-"""Valid ratios of measured to modelled torque; a forgotten load or another inertial set stays within."""
+"""Range of the ratio of measured to modelled torque [1]; outside it the log has wrong units or another quantity.
+
+A forgotten load or another set of inertial parameters stays within it.
+"""
 
 COARSE = 500
-"""Instants of a log on which two models are compared (project default, unconfirmed)."""
+"""Approximate number of instants at which `coarse_rms` evaluates a model (project default, unconfirmed)."""
 
 
 @dataclass(frozen=True)
 class ModelCheck:
-    """Comparison at m instants of j joints, all equally filtered; properties exclude the transients of the filter.
+    """Comparison of measured and modelled torques of j joints at m instants, all equally filtered.
+
+    The properties have k instants: those without the transients of the filter.
 
     Attributes:
         joint_names: order of the columns.
-        signals: the log.
+        signals: filtered motion and torque of the log.
         rigid: M(q) ddq + C(q, dq) dq + g(q), shape (m, j) [N m].
         friction: friction of the model along the motion, shape (m, j) [N m].
     """
@@ -77,7 +82,7 @@ def root_mean_square(values: FloatArray) -> FloatArray:
 def inverse_dynamics(
     model: FrankaModel, q: FloatArray, dq: FloatArray, ddq: FloatArray, counting: Counting = iter
 ) -> FloatArray:
-    """Return M(q) ddq + C(q, dq) dq + g(q) at many instants, without friction and rotor inertia: on the link side.
+    """Return the link-side torque M(q) ddq + C(q, dq) dq + g(q) at m instants, without friction and rotor inertia.
 
     Args:
         model: model with the load of the arm.
@@ -87,7 +92,7 @@ def inverse_dynamics(
         counting: function that iterates over the instants.
 
     Returns:
-        shape (m, 7) [N m].
+        Joint torques, shape (m, 7) [N m].
     """
     tau = np.empty_like(q)
     for k in counting(range(len(q))):
@@ -103,7 +108,10 @@ def friction_torque(dq: FloatArray, friction: Sequence[Phi] | None) -> FloatArra
 
 
 def coarse_rms(model: FrankaModel, signals: Signals, friction: Sequence[Phi] | None) -> float:
-    """Return the sum of the joints' residual RMS [N m] at a few hundred instants, to choose between two models."""
+    """Return the sum over the joints of the RMS torque residual [N m], from a few hundred instants of a log.
+
+    Used to choose between two models; friction: phi1, phi2, phi3 of each joint, None: no friction.
+    """
     count = len(signals.tau[signals.valid])
     part = slice(None, None, -(-count // COARSE))
     q, dq, ddq, tau = (values[signals.valid][part] for values in (signals.q, signals.dq, signals.ddq, signals.tau))
@@ -112,7 +120,10 @@ def coarse_rms(model: FrankaModel, signals: Signals, friction: Sequence[Phi] | N
 
 
 def bristles(signals: Signals) -> FloatArray:
-    """Return the bristle torque of each joint along the log, with a breakaway of 1 N m, shape (m, j) [N m]."""
+    """Return the friction at rest (bristle model) of each joint along the log for a breakaway torque of 1 N m.
+
+    Shape (m, j) [N m].
+    """
     return np.column_stack([bristle_torque(column, signals.time) for column in signals.dq.T])
 
 
@@ -124,7 +135,7 @@ def check(
     counting: Counting = iter,
     breakaway: Sequence[float] = (),
 ) -> ModelCheck:
-    """Compare the model with the log and return the result.
+    """Compare the torques of a model with those of a log.
 
     tau = M(q) ddq + C(q, dq) dq + g(q) + friction(dq). The torque sensors of the arm are on the link side of its gears,
     so rotor inertia is not included.
@@ -132,13 +143,13 @@ def check(
     Args:
         model: model with the load of the arm.
         joint_names: joint names of the log.
-        signals: the log, filtered.
-        friction: phi1, phi2, phi3 of each joint; None: no friction.
+        signals: filtered motion and torque of the log.
+        friction: phi1 [N m], phi2 [s/rad], phi3 [rad/s] of each joint; None: no friction.
         counting: function that iterates over the instants, the slow part.
-        breakaway: breakaway torque of each joint's bristle [N m]; empty: none.
+        breakaway: breakaway torque of each joint at rest [N m]; empty: none.
 
     Raises:
-        LogError: the measured torque is not that of such an arm.
+        LogError: the ratio of measured to modelled torque is outside VALID_SCALE.
     """
     rigid = signals.low_pass(inverse_dynamics(model, signals.q, signals.dq, signals.ddq, counting))
     torque = friction_torque(signals.dq, friction)

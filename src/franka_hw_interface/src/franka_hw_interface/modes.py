@@ -11,7 +11,7 @@ from hric_core.errors import HricError, ResourceConflictError
 
 
 class Kind(Enum):
-    """Kind of command."""
+    """Kind of command: joint torque (effort), or the quantity of a motion generator."""
 
     EFFORT = "effort"
     POSITION = "position"
@@ -37,7 +37,7 @@ class ArmMode:
 
     Attributes:
         torque: True if joint torques are commanded.
-        generator: the motion generator, or None.
+        generator: quantity that is commanded to the motion generator; None: no motion generator.
     """
 
     torque: bool = False
@@ -50,7 +50,7 @@ class ArmMode:
 
     @property
     def log_name(self) -> str:
-        """Name of the joint command in the control log: torques have priority; Cartesian commands count as "none"."""
+        """Name of the commanded joint quantity in the control log; Cartesian commands alone are logged as "none"."""
         kind = Kind.EFFORT if self.torque else self.generator
         return kind.value if kind in (Kind.EFFORT, Kind.POSITION, Kind.VELOCITY) else "none"
 
@@ -63,11 +63,11 @@ HOLD = ArmMode()
 
 
 def claimed_mode(controller: ControllerInfo, arm_id: str, joint_names: Sequence[str]) -> ArmMode:
-    """Return the mode that a controller needs, HOLD if it claims nothing of the arm.
+    """Return the command mode that a controller's claims need; HOLD if it does not claim the arm.
 
     Raises:
-        HricError: it claims only some joints, or a combination that libfranka does not have; the text gives valid
-            claims.
+        HricError: the controller claims only some joints, or a combination that libfranka does not have; the text gives
+            valid claims.
     """
     arm_resources = {*joint_names, f"{arm_id}_robot"}
     kinds = []
@@ -96,17 +96,17 @@ def claimed_mode(controller: ControllerInfo, arm_id: str, joint_names: Sequence[
 
 
 def claimed_modes(controllers: Sequence[ControllerInfo], arm_id: str, joint_names: Sequence[str]) -> list[ArmMode]:
-    """Return the modes of those controllers that command the arm. Raises the errors of `claimed_mode`."""
+    """Return the command modes of those controllers that command the arm. Raises HricError for invalid claims."""
     modes = [claimed_mode(controller, arm_id, joint_names) for controller in controllers]
     return [mode for mode in modes if mode.commanded]
 
 
 def check_one_commander(controllers: Sequence[ControllerInfo], arm_id: str, joint_names: Sequence[str]) -> None:
-    """Refuse controllers that would command the arm at the same time.
+    """Raise an error if more than one of the controllers would command the arm.
 
     Raises:
-        ResourceConflictError: names two of them.
-        HricError: a claim without a mode.
+        ResourceConflictError: the message names two such controllers.
+        HricError: a controller's claims match no command mode.
     """
     commanding = [
         (controller.name, mode)

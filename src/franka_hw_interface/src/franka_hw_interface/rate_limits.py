@@ -1,4 +1,4 @@
-"""Filters and rate limits of libfranka's control loops, for arms that are commanded without them."""
+"""Low-pass filters and rate limits of libfranka's control loops, for arms that are commanded without libfranka."""
 
 import math
 from collections.abc import Sequence
@@ -7,23 +7,23 @@ from dataclasses import dataclass
 PERIOD = 1e-3
 """Control period of libfranka [s]."""
 MAX_CUTOFF = 1000.0
-"""Cut-off frequency from which on libfranka does not filter (lowpass_filter.h) [Hz]."""
+"""Cut-off frequency at and above which libfranka does not filter (lowpass_filter.h) [Hz]."""
 MARGIN = 1e-3
 """Margin by which libfranka lowers every rate limit (rate_limiting.h)."""
 ECHO_TOLERANCE = 1e-4
-"""Maximum distance at which the last sent value replaces the arm's echo [N m], [rad], [rad/s].
+"""Maximum difference between the last sent command and the one in the arm's state [N m], [rad], [rad/s].
 
-The sent value is more exact, since the FR3 echoes in single precision.
+Within it the sent value is used: it is more exact, since the FR3 sends its state in single precision.
 """
 
 
 @dataclass(frozen=True)
 class RateLimits:
-    """Maximum rates per joint, 7 floats each.
+    """Rate limits of joint commands, 7 floats each.
 
     Attributes:
-        effort_rate: [N m/s].
-        velocity, acceleration, jerk: [rad/s], [rad/s^2], [rad/s^3].
+        effort_rate: maximum torque rates [N m/s].
+        velocity, acceleration, jerk: maximum values [rad/s], [rad/s^2], [rad/s^3].
     """
 
     effort_rate: tuple[float, ...]
@@ -33,7 +33,10 @@ class RateLimits:
 
 
 def gain(cutoff_frequency: float) -> float:
-    """Return the weight g = dt / (dt + 1 / (2 pi f)) in y = g u + (1 - g) y_last (lowpass_filter.h)."""
+    """Return the weight g of the new value u in libfranka's low-pass y = g u + (1 - g) y_last, for a cut-off [Hz].
+
+    g = dt / (dt + 1 / (2 pi f)), as in lowpass_filter.h.
+    """
     return 1.0 if cutoff_frequency >= MAX_CUTOFF else PERIOD / (PERIOD + 1.0 / (2.0 * math.pi * cutoff_frequency))
 
 
@@ -42,7 +45,7 @@ def _in_force(sent: list[float], echo: Sequence[float]) -> list[float]:
 
 
 class TorqueSmoother:
-    """Low-pass for torques, followed by a limit of the torque rate relative to the present torque.
+    """Low-pass filter for torque commands, followed by a limit of the torque rate.
 
     Args:
         limits: rate limits; None: rates are not limited.
@@ -59,7 +62,7 @@ class TorqueSmoother:
 
         Args:
             tau: desired torques, 7 floats [N m].
-            tau_J_d: present torques as the arm echoes them, 7 floats [N m].
+            tau_J_d: last accepted torques, from the arm's state, 7 floats [N m].
         """
         g, last = self._gain, _in_force(self._sent, tau_J_d)
         filtered = tau if g == 1.0 else [g * u + (1.0 - g) * y for u, y in zip(tau, last, strict=True)]
@@ -92,11 +95,12 @@ def limited_velocity(
 
 
 class JointSmoother:
-    """Low-pass for joint positions or velocities, with limits of velocity, acceleration and jerk.
+    """Low-pass filter for joint position or velocity commands, with limits of velocity, acceleration and jerk.
 
-    Commands that libfranka's limiter would accept pass unchanged. Other positions (straight lines between waypoints,
-    steps) libfranka approaches at (desired - q) / period, which overshoots and may oscillate about the goal forever.
-    Here the distance is reduced only as fast as the motion can be braked, on top of the velocity of the desired motion.
+    Commands that libfranka's limiter would accept pass unchanged. Position commands beyond the limits (steps, straight
+    lines between waypoints) are approached differently: libfranka aims at the velocity (desired - q) / period, which
+    overshoots and may oscillate about the goal forever. Here the distance is closed only as fast as the motion can be
+    braked, in addition to the velocity of the desired motion.
 
     Args:
         limits: rate limits; None: rates are not limited.
@@ -123,9 +127,9 @@ class JointSmoother:
 
         Args:
             desired: desired positions or velocities, 7 floats [rad] or [rad/s].
-            q_d: present positions as the arm echoes them, 7 floats [rad].
-            dq_d: likewise the velocities, 7 floats [rad/s].
-            ddq_d: likewise the accelerations, 7 floats [rad/s^2].
+            q_d: present desired positions, from the arm's state, 7 floats [rad].
+            dq_d: present desired velocities, from the arm's state, 7 floats [rad/s].
+            ddq_d: present desired accelerations, from the arm's state, 7 floats [rad/s^2].
         """
         self._take_what_is_in_force(q_d, dq_d, ddq_d)
         g, before, period = self._gain, self._filtered, self._period
@@ -142,7 +146,7 @@ class JointSmoother:
         return self._q if self._positions else velocity
 
     def _velocity(self, target: list[float], before: list[float]) -> list[float]:
-        """Return the velocity of the desired motion, plus the one that closes the distance to it [rad/s]."""
+        """Return the velocity of the desired motion, plus a velocity that closes the distance to it [rad/s]."""
         period = self._period
         if not self._rows:
             return [(u - x) / period for u, x in zip(target, self._q, strict=True)]
@@ -150,7 +154,7 @@ class JointSmoother:
         return [(u - y) / period + catching_up(y - x, row[1], period) for u, y, x, row in rows]
 
     def _take_what_is_in_force(self, q_d: Sequence[float], dq_d: Sequence[float], ddq_d: Sequence[float]) -> None:
-        """Continue from the last sent command, or from the echo if it differs (a lost packet, a new motion)."""
+        """Continue from the last sent command, or from the arm's state if it differs (a lost packet, a new motion)."""
         positions = zip(self._q if self._positions else self._dq, q_d if self._positions else dq_d, strict=True)
         same = all(abs(a - b) < ECHO_TOLERANCE for a, b in positions) and all(
             abs(a - b) < ECHO_TOLERANCE for a, b in zip(self._dq, dq_d, strict=True)
@@ -161,12 +165,12 @@ class JointSmoother:
 
 
 def catching_up(distance: float, a_max: float, period: float) -> float:
-    """Return the velocity towards a point from which a quarter of the acceleration limit suffices to brake.
+    """Return the velocity [rad/s] towards a goal from which a quarter of the acceleration limit suffices to stop there.
 
-    The rest of the acceleration leaves room for the jerk limit.
+    The rest of the acceleration limit is a reserve, since the jerk limit delays the braking.
 
     Args:
-        distance: [rad].
+        distance: distance to the goal [rad].
         a_max: acceleration limit [rad/s^2].
         period: period of the commands [s].
     """

@@ -59,7 +59,7 @@ NO_ERRORS: Errors = frozenset()
 
 
 def errors(names: Iterable[str]) -> Errors:
-    """Return a set of errors; a name that libfranka does not have is refused."""
+    """Return the error names as a set. Raises UnknownNameError for a name that libfranka does not have."""
     result = frozenset(names)
     for name in sorted(result):
         if name not in ERROR_NAMES:
@@ -68,7 +68,7 @@ def errors(names: Iterable[str]) -> Errors:
 
 
 class RobotMode(IntEnum):
-    """Mode of the arm; values of franka_msgs/FrankaState."""
+    """Mode of the arm; numbers as in franka_msgs/FrankaState."""
 
     OTHER = 0
     IDLE = 1
@@ -98,16 +98,17 @@ class RobotState:
     Frames: O base (`<arm_id>_link0`), F flange (`<arm_id>_link8`), NE nominal end effector, EE end effector, K
     stiffness frame. `_d` desired, `_c` commanded, `_hat` estimated. Units: m, rad, N, N m, kg, kg m^2, s.
 
-    A caller that stores a state beyond its cycle, or passes it to another thread, takes a `snapshot()`.
+    To store a state beyond its cycle, or to pass it to another thread, take a `snapshot()`.
 
     Attributes:
-        q, dq: measured joint position [rad] and velocity [rad/s]; q_d, dq_d, ddq_d: desired.
-        theta, dtheta: motor side.
+        q, dq: measured joint position [rad] and velocity [rad/s]; q_d, dq_d, ddq_d: desired position, velocity,
+            acceleration.
+        theta, dtheta: position and velocity on the motor side, seen from the link.
         tau_J: measured link-side torque, gravity included; tau_J_d: desired, without gravity; dtau_J: derivative of
             tau_J [N m/s].
         tau_ext_hat_filtered: external torque; O_F_ext_hat_K, K_F_ext_hat_K: external wrench on K in the base and in the
             stiffness frame.
-        joint_contact, joint_collision, cartesian_contact, cartesian_collision: 0, or the level reached.
+        joint_contact, joint_collision, cartesian_contact, cartesian_collision: 0, or the contact level that is reached.
         O_T_EE: measured pose; O_T_EE_d, O_T_EE_c, O_dP_EE_d, O_dP_EE_c, O_ddP_EE_c: desired and commanded pose, twist,
             acceleration.
         elbow: position of joint 3 [rad] and side of joint 4 (-1 or +1).
@@ -115,7 +116,7 @@ class RobotState:
             _total: both. Inertia about the centre of mass, axes of the flange frame, column-major.
         O_ddP_O: gravity in the base frame [m/s^2].
         time: robot time [s].
-        tick: number of readings of the robot; results computed from the state are valid for one tick. Not part of the
+        tick: number of the control cycle; results computed from the state are valid for one tick. Not part of the ROS
             message.
     """
 
@@ -192,9 +193,9 @@ FIELD_NAMES: tuple[str, ...] = tuple(item.name for item in fields(RobotState) if
 
 
 def lazy_field(name: str, compute: Callable[[Any], Any]) -> Any:
-    """Return a field for a subclass of RobotState that is computed when it is read, at most once per tick.
+    """Return a property for a subclass of RobotState that computes a field when it is read, at most once per cycle.
 
-    The subclass needs an attribute `computed_at: dict[str, int]`, set before RobotState's construction.
+    The subclass must set its attribute `computed_at: dict[str, int]` before it calls `super().__init__()`.
 
     Args:
         name: field of RobotState.

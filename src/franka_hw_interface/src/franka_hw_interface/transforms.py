@@ -1,4 +1,4 @@
-"""Column-major transforms and payloads of messages: check and conversion on input."""
+"""Check and conversion of column-major transforms and payloads from messages."""
 
 import math
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ def column_major(matrix: FloatArray) -> list[float]:
 
 
 def from_column_major(values: Sequence[float], columns: int = 4) -> FloatArray:
-    """Return the matrix of column-major elements, a pose by default."""
+    """Return the matrix with these column-major elements; columns: number of columns, 4 for a pose."""
     return np.array(values).reshape(columns, -1).T
 
 
@@ -33,10 +33,11 @@ def _finite(values: Sequence[float] | FloatArray, n: int, what: str) -> FloatArr
 
 
 def check_transform(values: Sequence[float], what: str) -> FloatArray:
-    """Return the pose of 16 column-major values, shape (4, 4).
+    """Return 16 column-major values as a checked pose, shape (4, 4).
 
     Raises:
-        CommandError: wrong length, not finite, or not a rotation with the last row 0 0 0 1.
+        CommandError: the values are not 16 finite ones, not a rotation, or the last row is not 0 0 0 1; `what` names
+            them in the text.
     """
     T = _finite(values, 16, what).reshape(4, 4).T
     if np.abs(T[3] - (0.0, 0.0, 0.0, 1.0)).max() > ORTHONORMAL_TOLERANCE:
@@ -54,10 +55,10 @@ def check_transform(values: Sequence[float], what: str) -> FloatArray:
 
 
 def check_pose(values: Sequence[float], what: str) -> None:
-    """Check the same for one cycle of the control loop: on plain floats, in a tenth of the time, without the matrix.
+    """Raise an error if 16 column-major values are not a pose; fast enough for each cycle of a control loop.
 
     Raises:
-        CommandError: with the text of `check_transform`.
+        CommandError: the values are not a pose; the text is that of `check_transform`.
     """
     try:
         good = is_pose(values)
@@ -70,7 +71,7 @@ def check_pose(values: Sequence[float], what: str) -> None:
 def is_pose(values: Sequence[float], tolerance: float = ORTHONORMAL_TOLERANCE) -> bool:
     """Return True if 16 column-major values are a pose: finite, right-handed rotation, last row 0 0 0 1.
 
-    Also False in cases that only `check_transform` can decide. Written so that a NaN fails.
+    Also False in cases that only `check_transform` can decide. NaN in any element gives False.
     """
     if len(values) != 16:
         return False
@@ -91,10 +92,10 @@ def check_load(mass: float, com: Sequence[float] | FloatArray, inertia: Sequence
     """Return a checked payload.
 
     Args:
-        mass: not negative [kg].
+        mass: mass, not negative [kg].
         com: centre of mass in the flange frame, 3 values [m].
-        inertia: about the centre of mass, 9 values or shape (3, 3), symmetric without negative principal moments [kg
-            m^2].
+        inertia: inertia about the centre of mass, 9 values or shape (3, 3), symmetric, without negative principal
+            moments [kg m^2].
 
     Raises:
         CommandError: one of these conditions is violated.

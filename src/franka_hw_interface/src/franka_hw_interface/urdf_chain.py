@@ -1,6 +1,6 @@
-"""Serial chain from a URDF, with everything that is rigidly fixed to its links added to their inertia exactly.
+"""Serial chain of moving joints from a URDF; the inertia of everything fixed to a link is added to the link.
 
-Independent of engines and of KDL: `kdl_chain` converts the result for KDL, other engines may convert it for theirs.
+Independent of KDL and of physics engines; `kdl_chain` converts the result for KDL.
 """
 
 from dataclasses import dataclass, replace
@@ -12,15 +12,15 @@ from hric_core.geometry import FloatArray, MassProperties
 from hric_core.urdf import Robot, read
 
 MOVING_KINDS = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
-"""Motion of the URDF joint types with one degree of freedom."""
+"""Kind of motion, revolute or prismatic, of the URDF joint types with one degree of freedom."""
 
 Inertial = MassProperties
-"""Name of MassProperties up to version 0.1."""
+"""Former name of MassProperties, up to version 0.1; kept for importers."""
 
 
 @dataclass(frozen=True)
 class ChainSegment:
-    """Moving joint and the link after it; the link's frame is the joint's frame, moved by the joint.
+    """Moving joint and the link behind it; the link frame is the joint frame, moved by the joint.
 
     Attributes:
         joint, link: URDF names.
@@ -28,7 +28,7 @@ class ChainSegment:
         T_parent_joint: pose of the joint frame at zero in the frame of the previous moving link (the root for the
             first), shape (4, 4).
         axis: unit vector in the joint frame, shape (3,).
-        inertial: link and everything rigidly attached to it, in the link frame.
+        inertial: mass properties of the link and everything rigidly attached to it, in the link frame.
     """
 
     joint: str
@@ -47,8 +47,8 @@ class SerialChain:
         root, tip: URDF link names.
         segments: from root to tip, one per moving joint.
         T_last_tip: pose of the tip link in the frame of the last moving link, shape (4, 4).
-        tip_inertial: the tip link and everything fixed to it further out, in the tip frame; already part of the last
-            segment.
+        tip_inertial: mass properties of the tip link and everything fixed to it further out, in the tip frame; they are
+            also part of the last segment.
         T_world_root: pose of the root in the URDF's first link through fixed joints, shape (4, 4); None if a joint
             moves the root.
         frozen_joints: movable joints of side branches (fingers), treated as fixed at zero.
@@ -75,25 +75,29 @@ class SerialChain:
 
 
 def parse_chain(urdf_xml: str, root: str, tip: str) -> SerialChain:
-    """Read the chain from link `root` to link `tip`; see `chain_of`."""
+    """Return the chain of moving joints from link `root` to link `tip` of a URDF text.
+
+    Raises:
+        DescriptionError, UnknownNameError: the URDF has no such chain.
+    """
     return chain_of(read(urdf_xml), root, tip)
 
 
 def chain_of(robot: Robot, root: str, tip: str) -> SerialChain:
-    """Return the chain from link `root` to link `tip`.
+    """Return the chain of moving joints from link `root` to link `tip` of a robot description.
 
     Fixed joints on the path are folded into the transforms; links and branches fixed to the path are added to the
     inertia of the moving links. Bodies fixed to the root do not affect the dynamics and are left out.
 
     Raises:
-        DescriptionError: no such path, a joint type with more than one degree of freedom on the path, no moving joint.
-        UnknownNameError: a link that does not exist.
+        DescriptionError: there is no such path, a joint on it has more than one degree of freedom, or none moves.
+        UnknownNameError: a link does not exist.
     """
     return _Builder(robot, root, tip).build()
 
 
 class _Builder:
-    """Builder that follows the path from root to tip and collects segments."""
+    """Builder of a `SerialChain`, which follows the path from root to tip and collects segments."""
 
     def __init__(self, robot: Robot, root: str, tip: str) -> None:
         self.robot, self.root, self.tip, self.path = robot, root, tip, robot.path(root, tip)
@@ -129,7 +133,10 @@ class _Builder:
         )
 
     def _branch(self, link: str, onward: str | None, T: FloatArray) -> MassProperties:
-        """Return the mass of a link and all beyond it, except at the joint `onward`; T: pose in the result's frame."""
+        """Return the mass properties of a link and of all links behind it, except those behind the joint `onward`.
+
+        T: pose of the link in the frame of the result.
+        """
         total = self._mass(link).moved(T)
         for joint, T_child in self.robot.beyond(link, T, onward):
             total = total + self._mass(joint.child).moved(T_child)
@@ -141,7 +148,13 @@ class _Builder:
         return self.robot.links[link].mass or MassProperties()
 
     def _weld(self, link: str, onward: str | None, T: FloatArray) -> None:
-        """Add a link of the path and its side branches to the last moving link."""
+        """Add the mass of a link on the path, and of its side branches, to the last moving link.
+
+        Args:
+            link: name of the link.
+            onward: name of the next joint on the path, whose child is left out; None: there is none.
+            T: pose of the link in the frame of the last moving link.
+        """
         if self.segments:
             last = self.segments[-1]
             self.segments[-1] = replace(last, inertial=last.inertial + self._branch(link, onward, T))

@@ -1,4 +1,4 @@
-"""Common interface to both of libfranka's control loops: the Panda's callbacks and the FR3's read/write loop."""
+"""Common interface to libfranka's two bindings: panda_py with callbacks (Panda), pylibfranka with a loop (FR3)."""
 
 import re
 from abc import ABC, abstractmethod
@@ -14,7 +14,7 @@ from hric_core.native.sockets import confine
 
 
 class RobotError(FailureError):
-    """Error of an arm that ended or refused a motion or a setting, and still responds; the text is libfranka's."""
+    """Error of an arm that ended a motion, or refused one or a setting, but still responds; text by libfranka."""
 
 
 class ArmLostError(FailureError):
@@ -22,34 +22,35 @@ class ArmLostError(FailureError):
 
 
 Cycle = Callable[[Any], ArmCommand]
-"""Function from state to command, called each millisecond; `control` ends with the exceptions that it raises."""
+"""Function that returns the command for a state, called each millisecond; its exceptions end `Backend.control`."""
 
 
 def keep_local(address: str) -> None:
-    """Restrict the reception of states to loopback if the arm has a loopback address.
+    """Let libfranka receive states on the loopback interface only, if the arm's address is a loopback address.
 
-    libfranka would receive them on all interfaces, from the first sender.
+    Otherwise libfranka accepts them on all network interfaces, from the first sender.
     """
     if address.startswith("127."):
         confine("libPocoNet")
 
 
 class Backend(ABC):
-    """Robot of libfranka. All calls come from the control loop's thread.
+    """Base of the connections to an arm through one of libfranka's Python bindings.
 
-    Each call blocks the thread until the arm has responded, with the interpreter's lock held.
+    All calls come from the control loop's thread. Each call blocks until the arm has responded, and holds the
+    interpreter's lock meanwhile.
 
     Args:
         settings: parameters of the robot node.
 
     Attributes:
         title: name of the arm, for messages.
-        library: libfranka's binding.
-        network_errors: exceptions of the binding for a lost arm, if it has special types for them.
+        library: module of libfranka's binding.
+        network_errors: exceptions by which the binding reports a lost arm, if it has special types for that.
         settings: as in Args.
 
     Raises:
-        ConnectionLostError: the arm cannot be used.
+        ArmLostError: no connection to the arm is possible.
     """
 
     title: ClassVar[str]
@@ -64,15 +65,15 @@ class Backend(ABC):
         try:
             self._robot = self.library.Robot(settings.robot_ip, realtime)
         except RuntimeError as error:
-            raise ArmLostError(f"the {self.title} at {settings.robot_ip} cannot be used: {clean(error)}") from error
+            raise ArmLostError(f"no connection to the {self.title} at {settings.robot_ip}: {clean(error)}") from error
 
     def _lost(self, error: Exception) -> ArmLostError:
-        return ArmLostError(f"the {self.title} at {self.settings.robot_ip} is lost: {clean(error)}")
+        return ArmLostError(f"the connection to the {self.title} at {self.settings.robot_ip} is lost: {clean(error)}")
 
     def read_once(self) -> Any:
-        """Wait for the newest received state and return it [ConnectionLostError].
+        """Wait for a state of the arm and return it. Raises ArmLostError.
 
-        After a pause, the FR3 needs a second call for a current state.
+        After a pause, the first state of the FR3 is an old one; a second call returns the present one.
         """
         try:
             return self._robot.read_once()
@@ -81,23 +82,27 @@ class Backend(ABC):
 
     @abstractmethod
     def milliseconds(self, raw: Any) -> int:
-        """Return the arm's own time of a state [ms]."""
+        """Return the time of a state on the arm's own clock [ms]; raw: state as the binding returns it."""
 
     @abstractmethod
     def check(self, mode: ArmMode) -> None:
-        """Refuse a mode that this arm does not have. Raises HricError."""
+        """Raise a HricError if the binding of this arm does not support the command mode."""
 
     @abstractmethod
     def control(self, mode: ArmMode, cycle: Cycle) -> None:
-        """Run a motion until a command is `finished`.
+        """Run a motion until a command has `finished` set.
+
+        Args:
+            mode: command mode: torques, a motion generator, or both.
+            cycle: function that returns the command for each state.
 
         Raises:
-            RobotError: the arm refused or ended it.
-            ConnectionLostError: the arm is gone.
+            RobotError: the arm refused or ended the motion.
+            ArmLostError: the arm no longer responds.
         """
 
     def _request(self, call: Callable[[], None]) -> None:
-        """Send a request to the arm [RobotError, ConnectionLostError]."""
+        """Send a request to the arm. Raises RobotError or ArmLostError."""
         try:
             call()
         except self.network_errors as error:
@@ -106,23 +111,23 @@ class Backend(ABC):
             raise RobotError(clean(error)) from error
 
     def set_load(self, mass: float, com: list[float], inertia: list[float]) -> None:
-        """Set the payload. Raises RobotError, as do the setters below."""
+        """Set the payload: mass [kg], centre of mass in the flange [m], inertia [kg m^2]. Raises RobotError."""
         self._request(lambda: self._robot.set_load(mass, com, inertia))
 
     @abstractmethod
     def set_EE_frame(self, NE_T_EE: list[float]) -> None:
-        """Set the end effector. Raises RobotError."""
+        """Set the end effector in the nominal end-effector frame, 16 floats, column-major. Raises RobotError."""
 
     @abstractmethod
     def set_K_frame(self, EE_T_K: list[float]) -> None:
-        """Set the stiffness frame. Raises RobotError."""
+        """Set the stiffness frame in the end-effector frame, 16 floats, column-major. Raises RobotError."""
 
     def set_joint_impedance(self, stiffness: list[float]) -> None:
-        """Set the stiffness of the internal joint impedance. Raises RobotError."""
+        """Set the stiffness of the internal joint impedance, 7 floats [N m/rad]. Raises RobotError."""
         self._request(lambda: self._robot.set_joint_impedance(stiffness))
 
     def set_cartesian_impedance(self, stiffness: list[float]) -> None:
-        """Set the stiffness of the internal Cartesian impedance. Raises RobotError."""
+        """Set the internal Cartesian stiffness, 3 floats [N/m] and 3 [N m/rad]. Raises RobotError."""
         self._request(lambda: self._robot.set_cartesian_impedance(stiffness))
 
     @abstractmethod
@@ -134,17 +139,17 @@ class Backend(ABC):
         self._request(self._robot.automatic_error_recovery)
 
     def load_model(self) -> Any:
-        """Return libfranka's model: downloaded from the Panda, or built from the FR3's URDF [RobotError]."""
+        """Return libfranka's model: downloaded from the Panda, or built from the FR3's URDF. Raises RobotError."""
         try:
             return self._robot.load_model()
         except RuntimeError as error:
             raise RobotError(f"the arm's model cannot be loaded: {clean(error)}") from error
 
     def close(self) -> None:
-        """End the connection: libfranka does so when its object is deleted."""
+        """End the connection by deleting libfranka's Robot object."""
         self.__dict__.pop("_robot", None)
 
 
 def clean(error: BaseException) -> str:
-    """Return libfranka's text in one line, without its prefix."""
+    """Return the text of a libfranka error in one line, without the prefix "libfranka: "."""
     return re.sub(r"\s*\n\s*", "; ", str(error).strip()).removeprefix("libfranka: ")

@@ -1,4 +1,4 @@
-"""Connection to an arm (probe, watchdog, libfranka), and set-up of the model from its first state."""
+"""Connection to a real arm through libfranka, with probe and watchdog, and models set up from the arm's first state."""
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
@@ -16,7 +16,10 @@ from franka_real.watchdog import Watchdog
 from hric_core.errors import CommandError, FailureError
 
 MASS_TOLERANCE = 0.1
-"""Maximum unreported mass difference of the end effector, description to arm [kg]; project default, unconfirmed."""
+"""Difference of the end effector's mass between robot description and arm that is reported [kg].
+
+Project default, unconfirmed.
+"""
 
 
 @dataclass
@@ -24,15 +27,15 @@ class ArmConnection:
     """Connection to an arm, with its watchdog.
 
     Attributes:
-        arm: libfranka.
-        watchdog: None if it is switched off.
+        arm: the arm, through libfranka.
+        watchdog: watchdog of the control loop; None: switched off.
     """
 
     arm: Backend
     watchdog: Watchdog | None
 
     def patience(self) -> AbstractContextManager[None]:
-        """Return a context for a call that may take long: `with connection.patience():`."""
+        """Return a context in which the watchdog allows a call to take long: `with connection.patience():`."""
         return nullcontext() if self.watchdog is None else self.watchdog.patiently()
 
     def close(self) -> None:
@@ -44,10 +47,10 @@ class ArmConnection:
 
 
 def open_connection(settings: FrankaRealSettings) -> ArmConnection:
-    """Connect to the arm.
+    """Probe the arm's address, start the watchdog and connect through libfranka.
 
     Raises:
-        HricError: no arm responds, the arm refuses, or its binding is missing.
+        HricError: no arm responds, the arm refuses the connection, or libfranka's binding is not installed.
     """
     probe.wait(settings.robot_ip, settings.probe_timeout, settings.wait_for_arm)
     backend = _backend(settings.robot)
@@ -85,25 +88,35 @@ def _backend(robot: str) -> Callable[[FrankaRealSettings], Backend]:
 
 
 def learn(model: KdlFrankaModel, state: RobotState) -> list[str]:
-    """Set the model's load and frames to those of the arm; return the contradictions found."""
+    """Set payload and frames of the model to those of the arm's state; return texts about contradictions.
+
+    Contradictions are an invalid payload, and an end-effector mass that differs from the robot description.
+    """
     problems = []
     try:
         model.set_load(state.m_load, state.F_x_Cload, state.I_load)
     except CommandError as error:
-        problems.append(f"the load that is set in the arm cannot be used: {error}")
+        problems.append(f"the load configured in the arm is ignored: {error}")
     model.set_ee(from_column_major(state.F_T_EE))
     model.set_stiffness_frame(from_column_major(state.EE_T_K))
     described = model.ee_inertial.mass
     if abs(described - state.m_ee) > MASS_TOLERANCE:
         problems.append(
-            f"robot_description has {described:.2f} kg at the flange, the end effector set in the arm has "
-            f"{state.m_ee:.2f} kg (Desk)"
+            f"end-effector mass: {described:.2f} kg in robot_description, but {state.m_ee:.2f} kg in the arm; set the "
+            "arm's end effector in Desk, or correct the description"
         )
     return problems
 
 
 def models(settings: FrankaRealSettings, arm: Backend, kdl: KdlFrankaModel, description: str) -> list[FrankaModel]:
-    """Return the model for controllers first; if that is libfranka's, then also KDL's."""
+    """Return the models of the arm to keep up to date; the first one is for controllers.
+
+    Args:
+        settings: parameters of the robot node; `model` selects libfranka's model or KDL's.
+        arm: connected arm.
+        kdl: KDL model of the robot description, which is always included.
+        description: URDF of the robot.
+    """
     if settings.model == "kdl":
         return [kdl]
     from franka_real.libfranka_model import LibfrankaModel

@@ -1,4 +1,4 @@
-"""FR3 through pylibfranka, which has no limiter and no filter; joint commands get both here."""
+"""FR3 through pylibfranka. It has no rate limiter and no filter, so joint commands are limited and filtered here."""
 
 from collections.abc import Callable
 from typing import Any, ClassVar
@@ -29,33 +29,37 @@ _REFUSALS = (
     libfranka.InvalidOperationException,
     libfranka.FrankaException,
 )
-"""Exceptions of pylibfranka for refusals; their only common base is RuntimeError."""
+"""Exceptions of pylibfranka for refused commands; their only common base is RuntimeError."""
 
 Build = Callable[[Any, ArmCommand], Any]
-"""Function from (libfranka's state, command) to a command of pylibfranka."""
+"""Function that converts (state of libfranka, command) to a command object of pylibfranka."""
 
 
 class Fr3Backend(Backend):
-    """Backend for pylibfranka 0.21, protocol 10: one kind of command, no elbow, one pair of collision thresholds."""
+    """Connection to an FR3 through pylibfranka 0.21 (protocol 10).
+
+    Limitations of the binding: one kind of command at a time, no elbow, and collision thresholds that are the same
+    for accelerated and steady motion.
+    """
 
     title = "FR3"
     library: ClassVar[Any] = libfranka
     network_errors = (libfranka.NetworkException,)
 
     def milliseconds(self, raw: Any) -> int:
-        """Return the arm's own time of a state [ms]."""
+        """Return the time of a state on the arm's own clock [ms]."""
         seconds: float = raw.time.to_sec()
         return round(1e3 * seconds)
 
     def check(self, mode: ArmMode) -> None:
-        """Refuse torques together with a motion generator, which pylibfranka does not have."""
+        """Raise a HricError for torques together with a motion generator, which pylibfranka does not support."""
         if mode.torque and mode.generator is not None:
             raise HricError(
-                f"the FR3 cannot be commanded by {mode}: pylibfranka takes joint torque or one motion generator"
+                f"the FR3 cannot be commanded by {mode}: pylibfranka accepts joint torque or one motion generator"
             )
 
     def control(self, mode: ArmMode, cycle: Cycle) -> None:
-        """Run a motion until a command is `finished`."""
+        """Run a motion until a command has `finished` set."""
         self.check(mode)
         try:
             self._loop(mode, cycle)
@@ -80,7 +84,7 @@ class Fr3Backend(Backend):
             write(built)
 
     def _builder(self, mode: ArmMode) -> Build:
-        """Return a function that converts commands for pylibfranka, smoothed like libfranka's own loops do."""
+        """Return a function that filters, limits and converts commands, as libfranka's C++ loops do."""
         limits = fr3_limits() if self.settings.rate_limiting else None
         cutoff = self.settings.cutoff_frequency
         if mode.generator is Kind.POSE:
@@ -96,15 +100,15 @@ class Fr3Backend(Backend):
         return lambda raw, command: libfranka.JointVelocities(joints(command.dq, raw.q_d, raw.dq_d, raw.ddq_d))
 
     def set_EE_frame(self, NE_T_EE: list[float]) -> None:
-        """Set the end effector."""
+        """Set the end effector in the nominal end-effector frame, 16 floats, column-major."""
         self._request(lambda: self._robot.set_EE(NE_T_EE))
 
     def set_K_frame(self, EE_T_K: list[float]) -> None:
-        """Set the stiffness frame."""
+        """Set the stiffness frame in the end-effector frame, 16 floats, column-major."""
         self._request(lambda: self._robot.set_K(EE_T_K))
 
     def set_collision_behavior(self, thresholds: CollisionThresholds) -> None:
-        """Set the thresholds for steady motion in all phases: pylibfranka has no others."""
+        """Set the nominal collision thresholds; pylibfranka has no separate ones for accelerated motion."""
         steady = [
             list(getattr(thresholds, f"{side}_{kind}_thresholds_nominal"))
             for kind in ("torque", "force")

@@ -1,4 +1,4 @@
-"""Franka arm through libfranka as a RobotHW."""
+"""Real Franka arm as a RobotHW, through libfranka."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -20,32 +20,32 @@ from hric_control.robot_hw import OnCycle
 from hric_core.node import Node
 
 LATE = 1.5 * PERIOD
-"""Time between two states above which at least one is missing or late [s]."""
+"""Time between two received states above which at least one in between is lost [s]."""
 STORED = 100
-"""Number of states, larger than the buffer of libfranka's socket."""
+"""Maximum number of states to read until errors appear; more than libfranka's socket can buffer."""
 
 
 class FrankaHW(CommandedArm):
-    """Panda or FR3 through libfranka.
+    """Real Panda or FR3 as a RobotHW, through libfranka.
 
-    The arm owns the clock. `run` reads states while no controller commands the arm; otherwise it runs one of
-    libfranka's control loops, chosen by the controllers' claims. A switch to another mode ends that loop and starts the
-    next; the connection stays open.
+    The arm's clock times the cycles. `run` only reads states while no controller commands the arm; otherwise it runs
+    one of libfranka's control loops, selected by the interfaces that the controllers claim. A switch to another mode
+    ends that loop and starts the next; the connection stays open.
 
     Parameters, services and actions: INTERFACE.md.
 
     Attributes, in addition to those of `CommandedArm`:
-        description: the URDF.
-        model: KDL model of the description, with the arm's load and frames.
-        rotor_inertia: for controllers that check their gains, 7 floats [kg m^2].
-        losses: numbers of consecutive lost or late states in the running motion.
-        lost_states: their sum over the motions that have ended.
+        description: URDF of the robot.
+        model: KDL model of the description, with payload and frames of the arm.
+        rotor_inertia: rotor inertias for controllers that check their gains, 7 floats [kg m^2].
+        losses: length of each sequence of consecutive lost states in the running motion.
+        lost_states: number of lost states in all motions that have ended.
     """
 
     robot_state: LibfrankaState
 
     def init(self, root_node: Node, robot_hw_node: Node) -> None:
-        """Read the parameters, then connect."""
+        """Read the parameters and connect to the arm."""
         node = self._node = robot_hw_node
         self._settings = config = FrankaRealSettings.read(node)
         self.arm_id, self.rotor_inertia = config.arm_id, [config.rotor_inertia] * 7
@@ -103,7 +103,7 @@ class FrankaHW(CommandedArm):
         self.robot_state.take(self._arm.read_once(), self.time)
 
     def run(self, on_cycle: OnCycle) -> None:
-        """Follow the arm's clock until `stop` is called. Raises ConnectionLostError when the arm is gone."""
+        """Run the control loop by the arm's clock until `stop` is called. Raises ArmLostError if the arm is lost."""
         with self._requests.served_here():
             try:
                 config = self._settings
@@ -130,7 +130,7 @@ class FrankaHW(CommandedArm):
                 self._node.log_warn(f"real time: {measure.text}")
 
     def _take(self, raw: Any) -> float:
-        """Take a state of the arm and return the time since the last one, 0 if it is not newer [s]."""
+        """Store a new state of the arm and return the time since the last one [s], 0 if it is not newer."""
         if self._watchdog is not None:
             self._watchdog.beat()
         period = self._robot_time.advance(self._arm.milliseconds(raw))
@@ -138,7 +138,7 @@ class FrankaHW(CommandedArm):
         return period
 
     def _follow(self, on_cycle: OnCycle) -> None:
-        """Read states while no controller commands the arm; the arm holds its position by itself."""
+        """Read states while no controller commands the arm, which then holds its position by itself."""
         self._commands.enter(HOLD)
         while not self._stop and (self.error or not self._requested.commanded):
             period = self._take(self._arm.read_once())
@@ -147,7 +147,7 @@ class FrankaHW(CommandedArm):
                 on_cycle(self.time, period, False)
 
     def _command(self, mode: ArmMode, on_cycle: OnCycle) -> None:
-        """Run one of libfranka's loops until another mode is requested."""
+        """Run libfranka's control loop for a command mode until another mode is requested."""
 
         def first(raw: Any) -> None:
             take_priority(self._settings.realtime_priority)
@@ -178,9 +178,9 @@ class FrankaHW(CommandedArm):
             self._report_losses(mode)
 
     def _with_names(self, text: str) -> str:
-        """Return the error text with the errors' names.
+        """Return an error text of libfranka, completed with the names of the arm's errors.
 
-        libfranka omits them if the arm ended the motion before its first state; the following states have them.
+        libfranka omits them if the arm ended the motion before its first state; they are read from the next states.
         """
         if "aborted by reflex" not in text or "[" in text:
             return text
@@ -192,13 +192,16 @@ class FrankaHW(CommandedArm):
 
     def _report_losses(self, mode: ArmMode) -> None:
         if self.losses:
-            text = f"{mode}: {sum(self.losses)} states lost, at most {max(self.losses)} in a row"
+            text = (
+                f"motion by {mode}: {sum(self.losses)} states of the arm lost or late, at most {max(self.losses)} in a "
+                "row; check this computer and its network: hric check_workstation"
+            )
             self._warn(text)
             self.lost_states += sum(self.losses)
             self.losses.clear()
 
     def stop(self) -> None:
-        """Make `run` return after this cycle; from any thread or a signal handler."""
+        """Make `run` return after the present cycle; may be called from any thread or a signal handler."""
         self._stop = True
 
     def shutdown(self) -> None:
@@ -218,11 +221,11 @@ class FrankaHW(CommandedArm):
         self._send_collision_behavior()
 
     def _send_collision_behavior(self) -> None:
-        """Send the collision thresholds of the parameters; an arm in the error state gets them after its recovery."""
+        """Send the configured collision thresholds once; if the arm refuses them, again at the next recovery."""
         if self._collision is None:
             return
         try:
             self._adapter.set_collision_behavior(self._collision)
             self._collision = None
         except RobotError as error:
-            self._node.log_warn(f"the collision thresholds are set after the next recovery: {error}")
+            self._node.log_warn(f"collision thresholds refused; they are sent again at the next recovery: {error}")

@@ -1,4 +1,4 @@
-"""Franka hand through libfranka's Python bindings; threads make their blocking calls asynchronous."""
+"""Real Franka hand through libfranka's Python bindings; threads execute their blocking calls."""
 
 import importlib
 import threading
@@ -19,32 +19,32 @@ from hric_core.parameters import Settings, choice
 PORT = 1338
 """TCP port of the hand's service; fixed in libfranka."""
 PROBE_TIMEOUT = 2.0
-"""Maximum time for a connection [s of wall time]: project default, unconfirmed; libfranka's waits a minute."""
+"""Maximum time for a connection [s of wall time]: project default, unconfirmed. libfranka itself waits a minute."""
 READ_PAUSE = 0.02
-"""Pause between two readings of the state [s]; other threads run in it if reading holds the interpreter's lock."""
+"""Pause between two readings of the state [s]; lets other threads run if reading holds the interpreter's lock."""
 RECONNECT_PERIOD = 1.0
 """Time between attempts to reconnect [s of wall time]."""
 STOP_AGAIN = 0.1
-"""Time after which a stop is repeated if the motion continues: it may have preceded the motion [s]."""
+"""Time after which a stop is repeated if the motion continues [s]: the stop may have come before the motion began."""
 LIBRARIES = {"panda_py": "panda_py.libfranka", "pylibfranka": "pylibfranka"}
 
 Call = Callable[[Any], bool]
 
 
 class LibfrankaHand:
-    """Franka hand. One thread executes the motions in turn, another reads the state; a stop has its own thread.
+    """Real Franka hand. One thread executes the motions in turn, another reads the state; each stop has its own thread.
 
     A new motion stops the previous one first. The panda_py binding lets other threads run during a motion; pylibfranka
-    holds the interpreter's lock until the motion has ended, so a stop comes too late there.
+    holds the interpreter's lock until the motion has ended, so with it a stop has no effect on a running motion.
 
     Args:
-        connect: function that creates libfranka's Gripper; raises an error if it cannot.
+        connect: function that creates libfranka's Gripper, or raises an error.
         report: callback for a line of text when the connection is lost or restored.
 
     Attributes:
         width: last measured opening between the fingers [m].
-        is_grasped: True if an object is held, as last read.
-        temperature: [degrees Celsius].
+        is_grasped: True if an object was held at the last reading.
+        temperature: temperature of the hand [degrees Celsius].
     """
 
     def __init__(self, connect: Callable[[], Any], report: Callable[[str], None]) -> None:
@@ -72,7 +72,7 @@ class LibfrankaHand:
 
     @property
     def max_width(self) -> float:
-        """Maximum opening, known after homing [m]."""
+        """Maximum opening [m], which the hand measures during homing."""
         return self._max_width
 
     def homing(self) -> HandMotion:
@@ -97,7 +97,7 @@ class LibfrankaHand:
         """Do nothing: a real hand moves by itself."""
 
     def close(self) -> None:
-        """End any motion, and the threads."""
+        """Stop the fingers if they move, and end the threads."""
         if self._waiting:
             self._interrupt(HandMotion("stop"))
         self._closed = True
@@ -115,13 +115,13 @@ class LibfrankaHand:
         return motion
 
     def _interrupt(self, stop: HandMotion) -> None:
-        """Send a stop from a thread of its own; no motion starts before it has ended."""
+        """Abort all motions that wait and send a stop from a new thread; no motion starts before the stop has ended."""
         with self._lock:
             self._stops += 1
             busy = self._busy
             for motion in self._waiting:
                 if motion is not busy:
-                    motion.end(HandOutcome.ABORTED, "stopped before it began")
+                    motion.end(HandOutcome.ABORTED, f"the {motion.name} was stopped before it began")
         threading.Thread(target=self._send_stop, args=(stop, busy), name="hand_stop", daemon=True).start()
 
     def _send_stop(self, stop: HandMotion, busy: HandMotion | None) -> None:
@@ -154,7 +154,7 @@ class LibfrankaHand:
                 self._lock.notify_all()
 
     def _done(self, good: bool) -> bool:
-        """Read the state at the end of a motion, before the end is visible to others."""
+        """Read the hand's state after a motion, before its outcome is set; return `good` unchanged."""
         self._read_state()
         return good
 
@@ -167,7 +167,9 @@ class LibfrankaHand:
                 self._read_state()
             except Exception as error:  # each binding has its own errors, none of which may end the thread
                 if not lost:
-                    self._report(f"the hand does not respond: {error}")
+                    self._report(
+                        f"the hand does not respond, reconnection is tried every {RECONNECT_PERIOD:g} s: {error}"
+                    )
                 lost = True
                 wall.sleep(RECONNECT_PERIOD)
                 continue
@@ -178,7 +180,7 @@ class LibfrankaHand:
 
 
 def _end(motion: HandMotion, call: Callable[[], bool]) -> None:
-    """Call libfranka and store the outcome in the motion."""
+    """Call libfranka, which blocks until the motion has ended, and store the outcome in the motion."""
     try:
         good = call()
     except Exception as error:  # RuntimeError of one binding, FrankaException of the other
@@ -187,7 +189,7 @@ def _end(motion: HandMotion, call: Callable[[], bool]) -> None:
         return
     motion.end(
         HandOutcome.SUCCESS if good else HandOutcome.UNSUCCESSFUL,
-        "" if good else f"the hand did not reach the aim of the {motion.name}",
+        "" if good else f"the {motion.name} ended without success: target width not reached, or no object held",
     )
 
 
@@ -200,7 +202,7 @@ def connector(address: str, library: str = "auto") -> Callable[[], Any]:
             Panda and FR3.
 
     Raises:
-        HricError: no such library is installed.
+        HricError: none of these libraries is installed.
     """
     problems = []
     for name in LIBRARIES if library == "auto" else [library]:
@@ -210,7 +212,7 @@ def connector(address: str, library: str = "auto") -> Callable[[], Any]:
             problems.append(f"{name}: {error}")
             continue
         return lambda: _connect(module, address)
-    raise FailureError(f"no binding of libfranka for the hand: {'; '.join(problems)}")
+    raise FailureError(f"no Python binding of libfranka for the hand is installed: {'; '.join(problems)}")
 
 
 def _connect(module: Any, address: str) -> Any:
@@ -219,12 +221,12 @@ def _connect(module: Any, address: str) -> Any:
     try:
         return module.Gripper(address)
     except Exception as error:  # as in `_end`
-        raise FailureError(f"no Franka hand at {address}: {error}") from error
+        raise FailureError(f"no connection to a Franka hand at {address}: {error}") from error
 
 
 @dataclass(frozen=True)
 class HandSettings(Settings):
-    """Parameters of the hand's node, in addition to those of its actions."""
+    """Parameters of the node franka_gripper for the connection to a real hand, in addition to `GripperSettings`."""
 
     robot_ip: str = ROBOT_IP
     wait_for_arm: float = WAIT_FOR_ARM
@@ -234,10 +236,13 @@ class HandSettings(Settings):
 
 
 def hand_of_node(node: Node) -> tuple[LibfrankaHand, Callable[[], None]]:
-    """Return the hand of the parameters `robot_ip` and `library`, and a function that closes it.
+    """Connect to the hand that the node's parameters `robot_ip` and `library` describe.
+
+    Returns:
+        (hand, function that closes it).
 
     Raises:
-        HricError: no hand responds, or there is no such library.
+        HricError: no hand responds, or the library is not installed.
     """
     settings = HandSettings.read(node)
     probe.wait(settings.robot_ip, PROBE_TIMEOUT, settings.wait_for_arm, PORT)

@@ -1,4 +1,4 @@
-"""Franka model of libfranka: kinematics and masses as the connected arm reports them."""
+"""Dynamic model of the arm by libfranka, with the kinematics and masses that the connected arm reports."""
 
 from collections.abc import Callable, Sequence
 from types import SimpleNamespace
@@ -22,14 +22,14 @@ STATE_FIELDS = ("m_ee", "F_x_Cee", "I_ee", "m_load", "F_x_Cload", "I_load", "F_T
 class LibfrankaModel:
     """Implementation of `FrankaModel` by libfranka.
 
-    End effector, payload and frames are those of the arm's state (`follow`), until a setter replaces them. The setters
-    change this model alone, not the arm.
+    End effector, payload and frames are those of the arm's state, until a setter replaces them. The setters change this
+    model alone, not the arm.
 
     One instance serves one thread; the setters may be called from another.
 
     Args:
-        functions: functions of the binding.
-        state: state of the arm (libfranka's or a RobotState), for `follow`.
+        functions: model functions of libfranka's binding.
+        state: state of the arm (libfranka's or a RobotState) with end effector, payload and frames.
         gravity_base: gravity in the base frame, 3 floats [m/s^2]. The FR3's state has it (O_ddP_O), the Panda's does
             not.
     """
@@ -52,8 +52,8 @@ class LibfrankaModel:
 
         Args:
             model: result of `panda_py.libfranka.Robot.load_model`.
-            state: state of the arm, see the class.
-            gravity_base: gravity in the base frame, see the class.
+            state: state of the arm with end effector, payload and frames.
+            gravity_base: gravity in the base frame, 3 floats [m/s^2].
         """
         return cls(PandaFunctions(model), state, gravity_base)
 
@@ -65,13 +65,13 @@ class LibfrankaModel:
 
         Args:
             model: result of `pylibfranka.Robot.load_model`.
-            state: result of its `read_once`, for this model alone: it is modified.
+            state: result of `pylibfranka.Robot.read_once` that nothing else uses, since the model modifies it.
             urdf_xml: robot description, for functions that pylibfranka lacks.
             arm_id: prefix of the links.
-            gravity_base: gravity in the base frame, see the class; None: that of the state (O_ddP_O).
+            gravity_base: gravity in the base frame, 3 floats [m/s^2]; None: O_ddP_O of the state.
 
         Raises:
-            DescriptionError, UnknownNameError: the description is not that of such an arm.
+            DescriptionError, UnknownNameError: the robot description does not fit the connected arm.
         """
         reported = {name: getattr(state, name) for name in (*STATE_FIELDS, "O_ddP_O")}
         functions = Fr3Functions(model, state, KdlFrankaModel(urdf_xml, arm_id))
@@ -80,13 +80,13 @@ class LibfrankaModel:
         )
 
     def follow(self, state: Any) -> bool:
-        """Take end effector, payload and frames from a state of the arm; return True if anything has changed.
+        """Copy end effector, payload and frames from a state of the arm; return True if anything has changed.
 
         Args:
             state: libfranka's state or a RobotState.
 
         Raises:
-            CommandError: not a payload or not a pose; the model does not change.
+            CommandError: a payload or a frame in the state is invalid; the model does not change.
         """
         reported = {name: getattr(state, name) for name in STATE_FIELDS}
         if reported == self._followed:
@@ -120,9 +120,9 @@ class LibfrankaModel:
         """Set the payload.
 
         Args:
-            mass: [kg].
+            mass: mass of the payload [kg].
             com: centre of mass in the flange frame, shape (3,) [m].
-            inertia: about the centre of mass, axes of the flange frame, 9 values [kg m^2].
+            inertia: inertia about the centre of mass, axes of the flange frame, 9 values [kg m^2].
 
         Raises:
             CommandError: not a valid payload; the old one remains.
@@ -196,9 +196,9 @@ def _frame(frame: FrankaFrame) -> FrankaFrame:
 
 
 def _reported_body(mass: float, com: Sequence[float], inertia: Sequence[float], name: str) -> MassProperties:
-    """Return a body as the arm reports it.
+    """Return mass properties that the arm reports, e.g. of its payload, without a check of the principal moments.
 
-    Its inertia may be rounded to single precision, so that a principal moment of zero becomes negative.
+    The arm may round the inertia to single precision, so that a principal moment of zero becomes negative.
     """
     tensor = np.array(inertia, dtype=float).reshape(3, 3)
     body = MassProperties(float(mass), np.array(com, dtype=float), 0.5 * (tensor + tensor.T))

@@ -1,6 +1,6 @@
-"""Model functions of libfranka's two bindings behind one interface.
+"""Functions of libfranka's dynamic model through its two Python bindings, with one interface for both.
 
-q, dq: 7 floats; column-major poses have 16, Jacobians 42, mass matrices 49 floats."""
+Arguments q [rad], dq [rad/s]: 7 floats. Column-major results: poses 16 floats, Jacobians 42, mass matrices 49."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -17,21 +17,21 @@ from hric_core.geometry import FloatArray, MassProperties
 Floats = Sequence[float]
 
 SAME_KINEMATICS = 1e-4
-"""Maximum difference between the flange's Jacobians of the description and of libfranka [m; 1].
+"""Maximum difference between two Jacobians of the flange, by the robot description and by libfranka [m; 1].
 
 Project default, unconfirmed: above the rounding of a URDF, below any link.
 """
 _PROBES = ((0.0, -0.7854, 0.0, -2.3562, 0.0, 1.5708, 0.7854), (0.5, 0.3, -0.8, -1.2, 0.9, 2.0, -0.4))
-"""Poses at which the Jacobians are compared [rad]."""
+"""Joint positions at which the two Jacobians of the flange are compared [rad]."""
 
 
 @dataclass(frozen=True)
 class Total:
-    """Mass properties of end effector and payload together, in libfranka's form.
+    """Mass properties of end effector and payload together, as arguments of libfranka's model functions.
 
     Attributes:
-        inertia: about the centre of mass, axes of the flange frame, 9 floats [kg m^2].
-        mass: [kg].
+        inertia: inertia about the centre of mass, axes of the flange frame, 9 floats [kg m^2].
+        mass: total mass [kg].
         com: centre of mass in the flange frame, 3 floats [m].
     """
 
@@ -46,7 +46,7 @@ class Total:
 
 
 class _Model(Protocol):
-    """Functions of a binding's model; the two bindings agree in their names only."""
+    """Model object of one of the bindings; both have functions of these names, but with different arguments."""
 
     mass: Callable[..., list[float]]
     coriolis: Callable[..., list[float]]
@@ -57,10 +57,10 @@ class _Model(Protocol):
 
 
 class PandaFunctions:
-    """Functions of libfranka 0.9.2 through panda_py, computed by the library that the arm sends.
+    """Model functions of a Panda by libfranka 0.9.2 (panda_py), computed by the library downloaded from the arm.
 
     Args:
-        model: panda_py.libfranka.Model.
+        model: model object, a `panda_py.libfranka.Model`.
     """
 
     def __init__(self, model: _Model) -> None:
@@ -70,27 +70,27 @@ class PandaFunctions:
         self._names = dict(zip(FrankaFrame, (getattr(Name, name) for name in _NAMES), strict=True))
 
     def mass(self, q: Floats, total: Total) -> list[float]:
-        """Return M(q) [kg m^2]."""
+        """Return the mass matrix M(q), 49 floats [kg m^2]."""
         return self._model.mass(q, total.inertia, total.mass, total.com)
 
     def coriolis(self, q: Floats, dq: Floats, total: Total) -> list[float]:
-        """Return C(q, dq) dq [N m]."""
+        """Return the Coriolis torque C(q, dq) dq, 7 floats [N m]."""
         return self._model.coriolis(q, dq, total.inertia, total.mass, total.com)
 
     def gravity(self, q: Floats, total: Total, gravity_base: Floats) -> list[float]:
-        """Return g(q) [N m]."""
+        """Return the gravity torque g(q), 7 floats [N m]; gravity_base: gravity in the base frame [m/s^2]."""
         return self._model.gravity(q, total.mass, total.com, gravity_base)
 
     def pose(self, frame: FrankaFrame, q: Floats, F_T_EE: list[float], EE_T_K: list[float]) -> list[float]:
-        """Return T_base_frame."""
+        """Return the pose of a frame in the base frame, T_base_frame, 16 floats."""
         return self._model.pose(self._names[frame], q, F_T_EE, EE_T_K)
 
     def zero_jacobian(self, frame: FrankaFrame, q: Floats, F_T_EE: list[float], EE_T_K: list[float]) -> list[float]:
-        """Return the Jacobian in base axes."""
+        """Return the Jacobian of a frame's origin in base axes, 42 floats."""
         return self._model.zero_jacobian(self._names[frame], q, F_T_EE, EE_T_K)
 
     def body_jacobian(self, frame: FrankaFrame, q: Floats, F_T_EE: list[float], EE_T_K: list[float]) -> list[float]:
-        """Return the Jacobian in the frame's own axes."""
+        """Return the Jacobian of a frame's origin in the frame's own axes, 42 floats."""
         return self._model.body_jacobian(self._names[frame], q, F_T_EE, EE_T_K)
 
 
@@ -99,20 +99,20 @@ _NAMES = (*(f"kJoint{i}" for i in range(1, 8)), "kFlange", "kEndEffector", "kSti
 
 
 class Fr3Functions:
-    """Functions of libfranka 0.18 or later through pylibfranka.
+    """Model functions of an FR3 by libfranka 0.18 or later (pylibfranka).
 
-    pylibfranka's functions take a complete state, and the only frame is the end effector. Dynamics and the Jacobians of
-    frames fixed to the flange are libfranka's; a separate state passes the arguments. Poses, the joints' Jacobians and
-    the axes of body Jacobians come from the robot description, which must have the kinematics that libfranka read from
-    the arm.
+    pylibfranka's functions have a complete robot state as argument, and know no other frame than the end effector. So
+    libfranka computes the dynamics and the Jacobians of frames fixed to the flange; the arguments are written into a
+    robot state for it. Poses, the Jacobians of joint frames and the axes of body Jacobians come from the robot
+    description, whose kinematics must equal those that libfranka read from the arm.
 
     Args:
-        model: pylibfranka.Model.
-        state: a pylibfranka.RobotState with no other user; it is modified.
+        model: model object, a `pylibfranka.Model`.
+        state: a `pylibfranka.RobotState` that nothing else uses, since it is modified.
         kinematics: kinematics of the robot description.
 
     Raises:
-        DescriptionError: the description is that of another arm.
+        DescriptionError: the robot description is that of another arm.
     """
 
     def __init__(self, model: _Model, state: Any, kinematics: KdlFrankaModel) -> None:
@@ -133,23 +133,23 @@ class Fr3Functions:
         return state
 
     def mass(self, q: Floats, total: Total) -> list[float]:
-        """Return M(q) [kg m^2]."""
+        """Return the mass matrix M(q), 49 floats [kg m^2]."""
         return self._model.mass(self._put(q, total))
 
     def coriolis(self, q: Floats, dq: Floats, total: Total) -> list[float]:
-        """Return C(q, dq) dq [N m]."""
+        """Return the Coriolis torque C(q, dq) dq, 7 floats [N m]."""
         state = self._put(q, total)
         state.dq = dq
         return self._model.coriolis(state)
 
     def gravity(self, q: Floats, total: Total, gravity_base: Floats) -> list[float]:
-        """Return g(q) [N m]."""
+        """Return the gravity torque g(q), 7 floats [N m]; gravity_base: gravity in the base frame [m/s^2]."""
         state = self._put(q, total)
         state.O_ddP_O = gravity_base
         return self._model.gravity(state)
 
     def _flange_jacobian(self, q: Floats, F_T_X: list[float]) -> list[float]:
-        """Return the Jacobian of a frame fixed to the flange, which the state has as its end effector."""
+        """Return the Jacobian of a frame fixed to the flange, 42 floats, by passing it as the state's end effector."""
         state = self._state
         state.q, state.F_T_EE = q, F_T_X
         return self._model.zero_jacobian(state)
@@ -167,15 +167,15 @@ class Fr3Functions:
         return from_column_major(self._flange_jacobian(q, column_major(F_T_X)), 7)
 
     def pose(self, frame: FrankaFrame, q: Floats, F_T_EE: list[float], EE_T_K: list[float]) -> list[float]:
-        """Return T_base_frame."""
+        """Return the pose of a frame in the base frame, T_base_frame, 16 floats."""
         return column_major(self._pose(frame, q, F_T_EE, EE_T_K))
 
     def zero_jacobian(self, frame: FrankaFrame, q: Floats, F_T_EE: list[float], EE_T_K: list[float]) -> list[float]:
-        """Return the Jacobian in base axes."""
+        """Return the Jacobian of a frame's origin in base axes, 42 floats."""
         return column_major(self._jacobian(frame, q, F_T_EE, EE_T_K))
 
     def body_jacobian(self, frame: FrankaFrame, q: Floats, F_T_EE: list[float], EE_T_K: list[float]) -> list[float]:
-        """Return the Jacobian in the frame's own axes."""
+        """Return the Jacobian of a frame's origin in the frame's own axes, 42 floats."""
         R_frame_base = self._pose(frame, q, F_T_EE, EE_T_K)[:3, :3].T
         zero = self._jacobian(frame, q, F_T_EE, EE_T_K)
         return column_major(np.vstack([R_frame_base @ zero[:3], R_frame_base @ zero[3:]]))

@@ -1,4 +1,4 @@
-"""Panda through panda_py's libfranka 0.9.2: a callback in `Robot.control*`, which owns the loop."""
+"""Panda through libfranka 0.9.2 (panda_py), whose functions `Robot.control*` run the loop and call back each cycle."""
 
 from collections.abc import Callable
 from typing import Any, ClassVar
@@ -43,20 +43,20 @@ _IMPEDANCES = {
 
 
 class PandaBackend(Backend):
-    """Backend for libfranka 0.9.2, protocol version 5: all nine loops, with libfranka's rate limiter and filter."""
+    """Connection to a Panda through libfranka 0.9.2 (protocol 5), with all command modes, rate limiter and filter."""
 
     title = "Panda"
     library: ClassVar[Any] = libfranka
 
     def milliseconds(self, raw: Any) -> int:
-        """Return the arm's own time of a state [ms]."""
+        """Return the time of a state on the arm's own clock [ms]."""
         return int(raw.time.to_msec())
 
     def check(self, mode: ArmMode) -> None:
-        """Accept any mode: libfranka 0.9.2 has all of them."""
+        """Do nothing: libfranka 0.9.2 supports all command modes."""
 
     def control(self, mode: ArmMode, cycle: Cycle) -> None:
-        """Run a motion until a command is `finished`."""
+        """Run a motion until a command has `finished` set."""
         arguments: dict[str, Any] = {
             "limit_rate": self.settings.rate_limiting,
             "cutoff_frequency": self.settings.cutoff_frequency,
@@ -79,32 +79,32 @@ class PandaBackend(Backend):
             loop()
         except Exception as error:
             if calls.failure is None:
-                self.read_once()  # raises if the arm is gone
+                self.read_once()  # raises ArmLostError if the arm no longer responds
                 raise RobotError(clean(error)) from error
         if calls.failure is not None:
             raise calls.failure
 
     def set_EE_frame(self, NE_T_EE: list[float]) -> None:
-        """Set the end effector."""
+        """Set the end effector in the nominal end-effector frame, 16 floats, column-major."""
         self._request(lambda: self._robot.set_ee(NE_T_EE))
 
     def set_K_frame(self, EE_T_K: list[float]) -> None:
-        """Set the stiffness frame."""
+        """Set the stiffness frame in the end-effector frame, 16 floats, column-major."""
         self._request(lambda: self._robot.set_k(EE_T_K))
 
     def set_collision_behavior(self, thresholds: CollisionThresholds) -> None:
-        """Set all eight thresholds."""
+        """Set all eight lists of contact and collision thresholds."""
         self._request(lambda: self._robot.set_collision_behavior(*thresholds.lists()))
 
 
 class _Calls:
-    """Callbacks of one motion.
+    """Callbacks that libfranka calls during one motion.
 
-    If libfranka needs two commands per millisecond, the cycle runs in the first callback, and the second returns its
-    part of the same command.
+    If libfranka needs two commands per millisecond (torques and a motion generator), the first callback runs the cycle,
+    and the second returns its part of the same command.
 
     Attributes:
-        failure: exception of the cycle; libfranka then ends the motion in its own way.
+        failure: exception that the cycle raised; libfranka ends the motion because of it.
     """
 
     def __init__(self, cycle: Cycle) -> None:
@@ -113,7 +113,7 @@ class _Calls:
         self.failure: BaseException | None = None
 
     def leading(self, kind: Kind) -> Callable[[Any, Any], Any]:
-        """Return the callback in which the cycle runs."""
+        """Return the callback that runs the cycle and returns the command of a kind."""
         cycle, build, finish = self._cycle, BUILD[kind], libfranka.motion_finished
 
         def callback(raw: Any, _: Any) -> Any:
@@ -128,6 +128,6 @@ class _Calls:
         return callback
 
     def following(self, kind: Kind) -> Callable[[Any, Any], Any]:
-        """Return the callback for the second part of the command."""
+        """Return the callback that returns the part of the same command for another kind."""
         build = BUILD[kind]
         return lambda raw, _: build(self._command)

@@ -1,4 +1,7 @@
-"""Check that an arm responds before libfranka connects, which waits a minute with the interpreter's lock held."""
+"""Check whether an arm responds at all, before libfranka connects.
+
+libfranka would wait a minute for a missing arm, and block all Python threads meanwhile.
+"""
 
 import socket
 import threading
@@ -13,20 +16,20 @@ RETRY = 0.1
 
 
 class RefusedError(ArmLostError):
-    """Error of a machine that responds but has no control interface, or not yet."""
+    """Error of a machine that responds but refuses the connection: its control interface is not running, or not yet."""
 
 
 def wait(address: str, timeout: float, patience: float, port: int = PORT) -> None:
-    """Check the arm like `check`, but retry while it refuses the connection.
+    """Check whether an arm responds, and retry while it refuses the connection.
 
     Args:
         address: host name or IP of the arm's control box.
-        timeout: see `check`.
-        patience: maximum time for retries [s of wall time]; 0: none.
+        timeout: maximum time for name resolution and connection in one attempt [s of wall time].
+        patience: maximum time for retries [s of wall time]; 0: no retries.
         port: TCP port.
 
     Raises:
-        ConnectionLostError: as in `check`.
+        ArmLostError: no arm responds; the message says what to check.
     """
     deadline = time.monotonic() + patience
     while True:
@@ -39,7 +42,7 @@ def wait(address: str, timeout: float, patience: float, port: int = PORT) -> Non
 
 
 def check(address: str, timeout: float, port: int = PORT) -> None:
-    """Connect once and disconnect.
+    """Check whether an arm responds: connect once and disconnect.
 
     Args:
         address: host name or IP of the arm's control box.
@@ -47,7 +50,7 @@ def check(address: str, timeout: float, port: int = PORT) -> None:
         port: TCP port.
 
     Raises:
-        ConnectionLostError: no arm responds; the message says what to check.
+        ArmLostError: no arm responds; the message says what to check.
     """
     outcome: list[OSError | None] = []
 
@@ -77,7 +80,7 @@ def _reason(error: OSError, address: str, port: int, timeout: float) -> str:
         )
     if isinstance(error, ConnectionRefusedError):
         return (
-            f"the machine there refuses TCP port {port}. Is the FCI activated in Desk? (Emulated: rosrun "
-            f"franka_sim control_box --ip {address})"
+            f"the machine there refuses TCP port {port}. Is the FCI activated in Desk? (For an emulated arm, start: "
+            f"hric control_box --ip {address})"
         )
     return f"{error.strerror or error}"

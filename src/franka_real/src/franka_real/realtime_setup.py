@@ -1,4 +1,4 @@
-"""Measures that Python offers for a loop that must not be late; each measure reports its result."""
+"""Real-time measures for the control loop: priority, locked memory, thread switching, garbage collection."""
 
 import ctypes
 import gc
@@ -14,14 +14,17 @@ MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT = 1, 2, 4
 
 @dataclass(frozen=True)
 class Measure:
-    """Result of one measure: what was done, or the reason why it was not possible."""
+    """Result of one real-time measure. done: True if it took effect; text: what was done, or why it was not."""
 
     done: bool
     text: str
 
 
 def take_priority(priority: int) -> Measure:
-    """Set the calling thread's scheduling, also after libfranka, which takes SCHED_FIFO 99 where it may."""
+    """Set the real-time priority of the calling thread: SCHED_FIFO 1 to 98; 0: ordinary scheduling.
+
+    Called again after libfranka has started its loop, since libfranka sets SCHED_FIFO 99 if permitted.
+    """
     try:
         if priority == 0:
             os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
@@ -38,7 +41,7 @@ def take_priority(priority: int) -> Measure:
 
 @contextmanager
 def priority_kept() -> Iterator[None]:
-    """Restore the calling thread's scheduling after a call that may change it."""
+    """Restore the calling thread's scheduling at the end of a context in which libfranka may change it."""
     scheduler, parameters = os.sched_getscheduler(0), os.sched_getparam(0)
     try:
         yield
@@ -57,15 +60,15 @@ def _lock() -> Measure:
 
 @contextmanager
 def realtime(priority: int, lock_memory: bool, switch_interval: float) -> Iterator[list[Measure]]:
-    """Apply the measures to the calling thread and its process, and undo them at the end.
+    """Apply the real-time measures to the calling thread and its process, and undo them at the end.
 
     Args:
         priority: SCHED_FIFO priority of the thread, 1 to 98; 0: ordinary scheduling.
-        lock_memory: True: the process is not paged out.
+        lock_memory: True: lock the memory of the process, so that it is not paged out.
         switch_interval: maximum time for which another thread may hold the interpreter [s].
 
     Yields:
-        the results of the measures.
+        Results of the measures.
     """
     interval = sys.getswitchinterval()
     measures = [take_priority(priority)]
@@ -75,7 +78,7 @@ def realtime(priority: int, lock_memory: bool, switch_interval: float) -> Iterat
     measures.append(Measure(True, f"switch interval {1e3 * switch_interval:g} ms"))
     gc.collect()
     gc.freeze()
-    measures.append(Measure(True, f"{gc.get_freeze_count()} objects out of the garbage collector's sight"))
+    measures.append(Measure(True, f"{gc.get_freeze_count()} objects excluded from garbage collection"))
     try:
         yield measures
     finally:

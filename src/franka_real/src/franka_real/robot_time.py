@@ -1,4 +1,4 @@
-"""Robot time of a robot with its own clock, and the ROS time of its states."""
+"""Time of an arm that has its own clock: robot time, and the ROS time stamps of its states."""
 
 import math
 import time as wall
@@ -6,23 +6,23 @@ from collections.abc import Iterable
 from typing import Any
 
 WINDOW = 100
-"""Number of states over which the minimum delay is taken."""
+"""Number of states over which the minimum delay of the states is determined."""
 LATE = 0.01
-"""Minimum delay in a window above which the clocks have drifted apart [s]; project default, unconfirmed."""
+"""Minimum delay in a window above which the time stamps are corrected [s]; project default, unconfirmed."""
 EARLY = 0.002
-"""Maximum lead of the arm's time over this machine's [s]; project default, unconfirmed."""
+"""Time by which stamps may be ahead of this machine's clock [s]; beyond it they are corrected. Unconfirmed default."""
 
 
 class ArmTime:
-    """Clock that counts from the first state of the loop, in the arm's own milliseconds, and never goes back.
+    """Robot time, which counts the arm's own milliseconds from the first state of the loop, and the ROS stamps from it.
 
-    ROS stamps are the ROS time of the first state plus robot time. So they are those of the measurement, without the
-    jitter of this machine. If the two clocks drift apart (an emulated arm slower than real time, hours of a real one),
-    stamps are corrected to this machine's clock by the minimum delay in a window, since a state can only be late; they
-    never go back.
+    The ROS stamp of a state is the ROS time of the first state plus robot time. So it is the time of measurement,
+    without the jitter of this machine. If the arm's and this machine's clock drift apart (an emulated arm slower than
+    real time, hours of a real one), stamps are corrected by the minimum delay of the states in a window, since states
+    can arrive late but never early. Stamps never go back.
 
     Args:
-        nodes: nodes whose `now()` returns that time, also in nodes derived from them.
+        nodes: nodes whose `now()`, and that of their child nodes, is to return the stamp of the last state.
 
     Attributes:
         now: robot time of the last state [s].
@@ -39,10 +39,10 @@ class ArmTime:
         self._stamp = 0.0
 
     def advance(self, milliseconds: int) -> float:
-        """Take the time of a new state and return the time since the previous one, 0 if it is not newer [s].
+        """Advance robot time to a new state; return the time since the previous one [s], 0 if the state is not newer.
 
         Args:
-            milliseconds: the arm's time of the state.
+            milliseconds: time of the state on the arm's clock [ms].
         """
         if self._first is None:
             self._begin(milliseconds)
@@ -76,6 +76,6 @@ class ArmTime:
         self._left, self._min_delay = WINDOW, math.inf
 
     def stamp(self) -> float:
-        """Return the ROS time of the last state [s]."""
+        """Return the ROS time stamp of the last state [s]."""
         self._stamp = max(self._stamp, self.epoch + self.now)
         return self._stamp

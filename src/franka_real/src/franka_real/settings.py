@@ -1,4 +1,4 @@
-"""Parameters of the real arm."""
+"""ROS parameters of the real arm."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ def fr3_limits() -> RateLimits:
 
 @dataclass(frozen=True)
 class FrankaRealSettings(Base):
-    """Parameters of the robot node; the other defaults are in config/franka_real.yaml."""
+    """Parameters of the robot node for a real arm; further defaults are in config/franka_real.yaml."""
 
     robot_ip: str = ROBOT_IP
     robot: str = choice("panda", "fr3", text="which arm")
@@ -73,5 +73,5 @@ class FrankaRealSettings(Base):
 
     @classmethod
     def defaults(cls) -> Mapping[str, object]:
-        """Return the values of the YAML."""
+        """Return the default values from config/franka_real.yaml."""
         return package_yaml(__file__, "franka_real")

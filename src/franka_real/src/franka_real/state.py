@@ -1,4 +1,4 @@
-"""State of libfranka as a RobotState: fields of the cycle are copied, all others are read on demand."""
+"""State of a real arm as a RobotState: q, dq and tau_J are copied each cycle, other fields when they are read."""
 
 import json
 from collections.abc import Sequence
@@ -21,20 +21,23 @@ from hric_core.geometry.transforms import inverse
 OWN_FIELDS = frozenset(
     {"time", "q", "dq", "tau_J", "robot_mode", "current_errors", "last_motion_errors", "F_T_NE", "NE_T_EE", "O_ddP_O"}
 )
-"""Fields that differ from libfranka's attribute of the same name."""
+"""Fields that are not simply copied from the attribute of the same name in libfranka's state."""
 
 GRAVITY = [0.0, 0.0, -9.81]
-"""O_ddP_O of a base on the floor [m/s^2]; not in the state of the Panda's binding."""
+"""Gravity in the base frame (O_ddP_O) of an upright arm [m/s^2], for the Panda, whose binding does not report it."""
 
 
 def read_errors(flags: Any) -> Errors:
-    """Return the active errors. Both bindings print all 41 by name, but not all of them are attributes."""
+    """Return the active errors of a libfranka error object, from its text.
+
+    The text has all active errors by name in both bindings, but not all of them are attributes.
+    """
     text = str(flags)
     return NO_ERRORS if len(text) <= 2 else frozenset(json.loads(text)) & frozenset(ERROR_NAMES)
 
 
 def read_mode(mode: Any) -> RobotMode:
-    """Return the robot mode; libfranka's enumeration has the values of franka_msgs/FrankaState."""
+    """Return the robot mode; libfranka's enumeration has the same numbers as franka_msgs/FrankaState."""
     return RobotMode(int(mode))
 
 
@@ -54,14 +57,14 @@ def _F_T_NE(state: Any) -> list[float]:
 
 
 class LibfrankaState(RobotState):
-    """State of the arm; q, dq and tau_J are the lists of the joint states themselves.
+    """Franka state of a real arm; q, dq and tau_J are the same list objects as in the joint states.
 
     The Panda's binding lacks F_T_NE, NE_T_EE and O_ddP_O: NE_T_EE is the last one set (initially the identity), F_T_NE
-    follows from F_T_EE, and gravity is that of a base on the floor.
+    follows from F_T_EE, and gravity is that of an upright arm.
 
     Attributes:
         joints: joint states.
-        raw: libfranka's state of this tick.
+        raw: libfranka's state of this cycle.
         set_NE_T_EE: argument of the last `set_EE_frame`, 16 floats column-major.
     """
 
@@ -85,7 +88,7 @@ class LibfrankaState(RobotState):
         self.take(raw, 0.0)
 
     def take(self, raw: Any, time: float) -> None:
-        """Take a new state of the arm; time: robot time of the measurement [s]."""
+        """Store a new state of libfranka; time: robot time of the measurement [s]."""
         self.raw = raw
         self.q[:], self.dq[:], self.tau_J[:] = raw.q, raw.dq, raw.tau_J
         self.time = time

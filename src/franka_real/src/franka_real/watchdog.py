@@ -1,9 +1,9 @@
-"""Watchdog that ends this process when its control loop is stuck inside libfranka.
+"""Watchdog that ends this process if its control loop is stuck inside libfranka.
 
-libfranka waits without limit for responses on TCP, and its bindings hold the interpreter's lock meanwhile: when a
-control box freezes, no thread of this process runs again, nor does a signal handler. So a child process watches a
-counter in shared memory, and kills its parent with a message that gives the reason. The counter costs the loop one
-store per cycle.
+libfranka waits without limit for responses on TCP, and its bindings hold the interpreter's lock meanwhile: if a
+control box freezes, no thread and no signal handler of this process runs again. So a child process watches a counter
+in shared memory, which the loop increments in each cycle. If the counter stops, the child prints the reason and kills
+its parent.
 """
 
 import mmap
@@ -21,11 +21,11 @@ POLL = 0.05
 
 
 class Watchdog:
-    """Watchdog in the parent process.
+    """Watchdog as seen by the process that it watches; the constructor starts the child process.
 
     Args:
-        timeout: silence after which the process is ended [s].
-        patience: the same within `patiently` [s].
+        timeout: maximum time without a cycle of the loop; then this process is killed [s].
+        patience: maximum duration of a call within `patiently` [s].
         what: name of the arm, for the message.
     """
 
@@ -46,25 +46,25 @@ class Watchdog:
 
     @property
     def pid(self) -> int:
-        """Process id of the child."""
+        """Process id of the child process that watches."""
         return self._child.pid
 
     def beat(self) -> None:
-        """Count a cycle of the loop; call it in each cycle."""
+        """Report that the loop is alive; call this in each cycle."""
         self._words[0] += 1
 
     def arm(self) -> None:
-        """Watch from now on."""
+        """Start watching."""
         self._words[0] += 1
         self._words[1] = self._limits[0]
 
     def disarm(self) -> None:
-        """Stop watching: the loop is at rest on purpose."""
+        """Stop watching, because the loop is not running."""
         self._words[1] = 0
 
     @contextmanager
     def patiently(self, limit: float | None = None) -> Iterator[None]:
-        """Allow a call that may take long: up to `limit` [s], the patience by default."""
+        """Allow the calls in this context to take up to `limit` [s]; None: up to the constructor's `patience`."""
         words, before = self._words, self._words[1]
         words[0] += 1
         words[1] = self._limits[1] if limit is None else round(1e3 * limit)
@@ -82,7 +82,13 @@ class Watchdog:
 
 
 def watch(descriptor: int, parent: int, what: str) -> None:
-    """Watch the counter in the child process, until the parent has ended or is killed."""
+    """Watch the counter, in the child process, until the parent ends or has to be killed.
+
+    Args:
+        descriptor: file descriptor of the shared memory.
+        parent: process id of the parent.
+        what: name of the arm, for the message.
+    """
     words = memoryview(mmap.mmap(descriptor, SIZE)).cast("Q")
     last, since = (words[0], words[1]), time.monotonic()
     while os.getppid() == parent:
@@ -92,8 +98,8 @@ def watch(descriptor: int, parent: int, what: str) -> None:
             last, since = now, time.monotonic()
         elif time.monotonic() - since > 1e-3 * now[1]:
             text = (
-                f"{what} has not responded for {1e-3 * now[1]:g} s and libfranka cannot be interrupted: this "
-                f"process (pid {parent}) is ended."
+                f"{what} has not responded for {1e-3 * now[1]:g} s and libfranka cannot be interrupted: the robot "
+                f"process (pid {parent}) is killed. Check the control box, then restart."
             )
             print(f"[FATAL] {text}", file=sys.stderr, flush=True)
             os.kill(parent, signal.SIGKILL)

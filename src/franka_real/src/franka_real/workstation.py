@@ -1,6 +1,6 @@
-"""Check of this computer for a 1 kHz loop: kernel, governor, limits, network.
+"""Check whether this computer is fit for a 1 kHz control loop: kernel, governor, account limits, network.
 
-The check is read-only; `fix` changes settings that can be changed without a restart.
+The checks change nothing; with `--fix` the command changes settings that need no restart of the computer.
 """
 
 import argparse
@@ -17,18 +17,19 @@ from hric_core.command import Argument, Command
 from hric_core.errors import NOT_GOOD
 
 REQUIRED_PRIORITY = 80
-"""Real-time priority that franka_real takes by default."""
+"""Real-time priority that the robot node of a real arm uses by default."""
 REQUIRED_MEMLOCK = 512 * 2**20
 """Required limit of locked memory [bytes]; project default, unconfirmed.
 
-The robot process with all its libraries takes about a third of it.
+The robot process with all its libraries locks about a third of it.
 """
 PINGS, INTERVAL = 200, 0.01
 """Number of pings, and the time between them [s]."""
 ROUND_TRIP_LIMIT = 0.3
-"""Maximum round trip [ms].
+"""Maximum round-trip time of a ping to the arm [ms].
 
-Franka requires network round trip, computation and the arm's own processing within 1 ms, which leaves about this.
+Franka requires network round trip, computation and the arm's own processing within 1 ms; about this is left for the
+network.
 """
 LIMITS_FILE = Path("/etc/security/limits.d/90-franka-real.conf")
 LIMITS_TEXT = f"@realtime - rtprio 98\n@realtime - memlock {REQUIRED_MEMLOCK // 1024}\n"
@@ -42,8 +43,8 @@ class WorkstationFinding:
         what: name of the check.
         good: True if the result is fit for a 1 kHz loop; None: unknown.
         result: text for the report.
-        advice: what to do about it; empty if it is good.
-        fix: function that changes the setting and returns what it did; None: needs a restart.
+        advice: how to correct the setting; empty if it is good.
+        fix: function that corrects the setting and returns a text about it; None: cannot be corrected while running.
     """
 
     what: str
@@ -64,7 +65,7 @@ def kernel(root: Path = Path("/")) -> WorkstationFinding:
         "kernel",
         False,
         result,
-        "install a PREEMPT_RT kernel (Debian: linux-image-rt-amd64); without it single cycles come 10 ms late",
+        "install a PREEMPT_RT kernel (Debian: linux-image-rt-amd64); without it, some cycles are up to 10 ms late",
     )
 
 
@@ -73,7 +74,7 @@ def governor(root: Path = Path("/")) -> WorkstationFinding:
     files = sorted(root.glob("sys/devices/system/cpu/cpu[0-9]*/cpufreq/scaling_governor"))
     if not files:
         return WorkstationFinding(
-            "governor", None, "the frequency of the processors is not under this system's control (a virtual machine?)"
+            "governor", None, "this system does not control the frequency of its processors (a virtual machine?)"
         )
     others = {_read(file) for file in files} - {"performance"}
     if not others:
@@ -117,7 +118,7 @@ def memlock() -> WorkstationFinding:
 
 
 def throttling(root: Path = Path("/")) -> WorkstationFinding:
-    """Check the share of a second that real-time threads may take."""
+    """Check which share of each second real-time threads may use the processor."""
     value = _read(root / "proc/sys/kernel/sched_rt_runtime_us")
     return WorkstationFinding(
         "real-time share", None if not value else True, f"{value or 'unknown'} us of each second (-1: all)"
@@ -125,7 +126,7 @@ def throttling(root: Path = Path("/")) -> WorkstationFinding:
 
 
 def network(address: str) -> WorkstationFinding:
-    """Check the round trip to the arm with many pings, since the slowest ones matter."""
+    """Check the round-trip time to the arm with many pings; the slowest one decides."""
     command = ["ping", "-n", "-c", str(PINGS), "-i", str(INTERVAL), "-W", "1", address]
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=30.0)
@@ -142,20 +143,21 @@ def network(address: str) -> WorkstationFinding:
         )
     spread = statistics.pstdev(times)
     result = (
-        f"{address}: {len(times)} of {PINGS} pings, median {statistics.median(times):.3f} ms, largest "
-        f"{times[-1]:.3f} ms, jitter {spread:.3f} ms"
+        f"{address}: {len(times)} of {PINGS} pings answered, median {statistics.median(times):.3f} ms, maximum "
+        f"{times[-1]:.3f} ms, standard deviation {spread:.3f} ms"
     )
     good = len(times) == PINGS and times[-1] <= ROUND_TRIP_LIMIT
     advice = (
         ""
         if good
-        else f"no ping should take above {ROUND_TRIP_LIMIT} ms: a cable of its own, no switch, no power saving"
+        else f"all pings must be answered within {ROUND_TRIP_LIMIT} ms: connect the arm directly by a cable without "
+        "a switch, and turn off power saving"
     )
     return WorkstationFinding("network", good, result, advice)
 
 
 def look(address: str = "") -> Iterator[WorkstationFinding]:
-    """Yield all findings, one after the other."""
+    """Run all checks and yield their results one by one; address: that of the arm, empty: no network check."""
     yield kernel()
     yield governor()
     yield priority()
@@ -185,20 +187,20 @@ _MARK = {True: "ok  ", False: "BAD ", None: "?   "}
 
 
 def line(finding: WorkstationFinding) -> str:
-    """Return one finding as text."""
+    """Return the result of one check as a text of one or two lines."""
     return f"{_MARK[finding.good]} {finding.what}: {finding.result}" + (
         f"\n       {finding.advice}" if finding.advice else ""
     )
 
 
 class CheckWorkstationCommand(Command):
-    """Check whether this machine serves a 1 kHz loop: kernel, processor frequency, limits of this account, network.
+    """Check whether this computer is fit for a 1 kHz control loop: kernel, processor frequency, limits, network.
 
-    Changes nothing.
+    Changes nothing unless --fix is given.
     """
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments."""
+        """Return the arguments of the command line."""
         return [
             Argument(
                 "robot_ip",
@@ -209,12 +211,12 @@ class CheckWorkstationCommand(Command):
             Argument(
                 "--fix",
                 action="store_true",
-                help="change what can be changed while it runs (governor, limits file); needs root",
+                help="correct the settings that need no restart of the computer (governor, limits file); needs root",
             ),
         ]
 
     def run(self, arguments: argparse.Namespace) -> int:
-        """Check, report, and with --fix change the settings; return 0 if no check fails."""
+        """Run and print all checks, and with --fix correct settings; return 0 if no check fails."""
         findings = []
         for finding in look(arguments.robot_ip):
             print(line(finding), flush=True)

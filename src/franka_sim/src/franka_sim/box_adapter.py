@@ -1,4 +1,4 @@
-"""Adapter from the control box to the services of franka_control."""
+"""Adapter that lets the ROS services franka_control/... change settings of the emulated control box."""
 
 from collections.abc import Callable, Sequence
 
@@ -10,12 +10,14 @@ from hric_core.errors import CommandError
 
 
 class BoxAdapter:
-    """Adapter that passes requests to the box; a refusal raises a CommandError with the box's text.
+    """Adapter that passes service requests to the emulated control box.
+
+    If the box refuses a request, the methods raise a CommandError with its reason.
 
     Args:
         loop: simulation loop; requests run between its cycles.
         box: the control box.
-        recover: function that ends the error state.
+        recover: function that runs the error recovery.
     """
 
     def __init__(self, loop: SimLoop, box: ControlBox, recover: Callable[[], None]) -> None:
@@ -32,23 +34,23 @@ class BoxAdapter:
             raise CommandError(reasons[-1] if reasons else outcome.value)
 
     def set_load(self, mass: float, com: Sequence[float], inertia: Sequence[float]) -> None:
-        """Set the payload of the arm's model."""
+        """Set the payload: mass [kg], centre of mass in the flange [m], inertia about it, 9 floats [kg m^2]."""
         self._send(lambda: self._box.set_load(mass, com, inertia))
 
     def set_EE_frame(self, NE_T_EE: Sequence[float]) -> None:
-        """Set the end effector in the nominal end-effector frame."""
+        """Set the end effector in the nominal end-effector frame, 16 floats, column-major."""
         self._send(lambda: self._box.set_NE_T_EE(NE_T_EE))
 
     def set_K_frame(self, EE_T_K: Sequence[float]) -> None:
-        """Set the stiffness frame in the end-effector frame."""
+        """Set the stiffness frame in the end-effector frame, 16 floats, column-major."""
         self._send(lambda: self._box.set_EE_T_K(EE_T_K))
 
     def set_joint_impedance(self, stiffness: Sequence[float]) -> None:
-        """Set the stiffness of the internal joint impedance."""
+        """Set the stiffness of the internal joint impedance, 7 floats [N m/rad]."""
         self._send(lambda: self._box.set_joint_impedance(stiffness))
 
     def set_cartesian_impedance(self, stiffness: Sequence[float]) -> None:
-        """Set the stiffness of the internal Cartesian impedance."""
+        """Set the stiffness of the internal Cartesian impedance, 3 [N/m] and 3 [N m/rad], stiffness-frame axes."""
         self._send(lambda: self._box.set_cartesian_impedance(stiffness))
 
     def set_collision_behavior(self, thresholds: CollisionThresholds) -> None:

@@ -1,4 +1,4 @@
-"""Simulated Franka arm as a RobotHW: any plant, and the emulated control box."""
+"""Simulated Franka arm as a RobotHW: a physics plant of any engine, and the emulated control box."""
 
 from collections.abc import Sequence
 
@@ -27,29 +27,30 @@ _GENERATORS = {
 
 
 def _move_request(mode: ArmMode) -> MoveRequest:
-    """Return the box's motion for a mode, as libfranka's control loops request it.
+    """Return the request that starts a motion in a command mode, as libfranka's control loops send it.
 
-    The controller is external torque, or the internal joint impedance; a motion generator can be combined with both.
+    The controller is EXTERNAL if torques are commanded, otherwise the internal joint impedance; a motion generator can
+    be combined with both.
     """
     controller = ControllerMode.EXTERNAL if mode.torque else ControllerMode.JOINT_IMPEDANCE
     return MoveRequest(controller, _GENERATORS[mode.generator])
 
 
 class FrankaHWSim(SimulatedRobot, CommandedArm):
-    """Seven joints on a plant behind the emulated control box.
+    """Simulated Franka arm: seven joints in a physics plant, commanded through the emulated control box.
 
-    With `env:=real` the same box is behind the network, with the same modes, reflexes and recovery. The arm compensates
-    its own gravity, that of the configured load, and friction as far as it is known. The physical payload belongs to
-    the plant; if it differs from the configured load, the arm sags as the real one does.
+    Modes, reflexes and recovery are those of the real arm (`env:=real`). The control box compensates gravity of the arm
+    and of the configured load, and the friction that it knows. The physical payload belongs to the plant; if it differs
+    from the configured load, the arm sags as the real one does.
 
-    A switch to another kind of command works as on the arm: the motion ends, the arm holds its position, the next
+    A switch to another kind of command works as on the real arm: the motion ends, the arm holds its position, the next
     motion starts in the following cycle.
 
     Parameters, services and actions: INTERFACE.md.
 
     Attributes, in addition to those of `SimulatedRobot` and `CommandedArm`:
-        box: the emulated firmware.
-        model: the arm's model of itself.
+        box: emulated control box.
+        model: the box's model of the arm.
     """
 
     def init(self, root_node: Node, robot_hw_node: Node) -> None:
@@ -84,9 +85,9 @@ class FrankaHWSim(SimulatedRobot, CommandedArm):
     # -- the cycle -----------------------------------------------------------------------------------------------------
 
     def run(self, on_cycle: OnCycle) -> None:
-        """Run the loop of read, controllers, write, step.
+        """Run the control loop: read the state, update the controllers, write the command, step the plant.
 
-        The result of `on_cycle` is ignored: the mode changes within the cycle.
+        The result of `on_cycle` (True: commands are complete) is ignored, since the mode changes within the cycle.
         """
 
         def begin_and_go_on(time: float, period: float, reset_controllers: bool) -> bool:
@@ -97,7 +98,7 @@ class FrankaHWSim(SimulatedRobot, CommandedArm):
         super().run(begin_and_go_on)
 
     def read(self, time: float, period: float) -> None:
-        """Read the plant through the sensors, and update the box."""
+        """Read the plant's joint state with sensor noise, and pass it to the control box."""
         states = self.states
         self._read_state(states.position, states.velocity, states.effort)
         self.box.read(states.position, states.velocity, states.effort, time)
@@ -114,7 +115,7 @@ class FrankaHWSim(SimulatedRobot, CommandedArm):
         return restart
 
     def write(self, time: float, period: float) -> None:
-        """Send the limited command of the mode to the box, and its torques to the plant."""
+        """Pass the controllers' command, within the joint limits, to the control box, and its torques to the plant."""
         mode, box = self.mode, self.box
         if mode is HOLD:
             self.plant.apply(box.write(None))
@@ -126,7 +127,7 @@ class FrankaHWSim(SimulatedRobot, CommandedArm):
             self._end()
 
     def _end(self) -> None:
-        """End the mode's motion, and report an error unless it ended as requested."""
+        """Return to holding the position after a motion ended; enter the error state if it did not end as requested."""
         self.mode = HOLD
         self._commands.enter(HOLD)
         if self.box.take_finished() is not RequestOutcome.SUCCESS:
@@ -138,7 +139,9 @@ class FrankaHWSim(SimulatedRobot, CommandedArm):
         self._refuse_recovery_in_motion()
         outcome = self.box.recover()
         if outcome is not RequestOutcome.SUCCESS:
-            raise HricError(f"recovery is refused: {outcome.value} ({self.robot_state.robot_mode.name.lower()})")
+            raise HricError(
+                f"recovery is refused: {outcome.value} (robot mode: {self.robot_state.robot_mode.name.lower()})"
+            )
         self.error, self._restart = "", True
 
     def _settle(self, q: Sequence[float]) -> None:

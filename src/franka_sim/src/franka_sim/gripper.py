@@ -15,7 +15,7 @@ __all__ = ["Gripper", "HandConfig", "HandMotion", "HandOutcome", "defaults"]
 
 @dataclass(frozen=True)
 class HandConfig(Settings):
-    """Parameters of config/hand.yaml."""
+    """Parameters of the emulated hand, explained in config/hand.yaml."""
 
     max_width: float = number(above=0.0, unit="m")
     max_speed: float = number(above=0.0, unit="m/s")
@@ -26,7 +26,10 @@ class HandConfig(Settings):
 
 @dataclass(slots=True)
 class _Task:
-    """Running motion: segments of (target opening [m], speed [m/s]), and a function for the reason of failure."""
+    """Running motion: segments of (target opening [m], speed [m/s]), and a function that judges its end.
+
+    The function returns the reason of a failure, or an empty text.
+    """
 
     motion: HandMotion
     legs: list[tuple[float, float]]
@@ -34,15 +37,15 @@ class _Task:
 
 
 class Gripper:
-    """Emulated hand.
+    """Emulated Franka hand.
 
     Requests return at once with a `HandMotion`, which `step` executes; a new request aborts the running one. Speeds are
     rates of the opening. A move stops at an object; a grasp moves towards the expected width and on until the fingers
-    are stopped by an object, by each other, or at the end of their range. While it holds, the fingers continue to
-    press: if the object is removed, they close and `is_grasped` becomes False. One instance serves one thread.
+    are stopped by an object, by each other, or at the end of their range. After a grasp the fingers continue to press:
+    if the object is removed, they close and `is_grasped` becomes False. One instance serves one thread.
 
     Args:
-        config: config/hand.yaml by default.
+        config: parameters; those of config/hand.yaml by default.
 
     Attributes:
         width: opening between the fingers [m]; fully open at the start.
@@ -109,7 +112,7 @@ class Gripper:
             epsilon_inner: tolerance for a narrower object [m].
             epsilon_outer: tolerance for a wider object [m].
             speed: speed of the opening [m/s].
-            force: [N], up to `config.max_force`.
+            force: grasping force [N], up to `config.max_force`.
         """
         wrong = self._wrong(width, speed) or _wrong_tolerance(epsilon_inner, epsilon_outer) or self._wrong_force(force)
         target = 0.0 if width <= self.width else self.max_width
@@ -125,14 +128,14 @@ class Gripper:
         return self._begin("grasp", wrong, [(target, speed)], judge)
 
     def stop(self) -> HandMotion:
-        """End any motion or grasp; the fingers are at rest without force."""
+        """End any motion or grasp; the fingers then rest without pressing."""
         motion = self._begin("stop", "", [], self._unblocked)
         self._task = None
         motion.end(HandOutcome.SUCCESS)
         return motion
 
     def step(self, dt: float) -> None:
-        """Advance by dt [s]."""
+        """Advance the running motion or grasp by dt [s]."""
         if self._task is not None:
             self._carry_out(self._task, dt)
         elif self._hold is not None:
@@ -141,7 +144,7 @@ class Gripper:
             self.is_grasped = narrowest < self.width < widest
 
     def advance(self, time: float) -> None:
-        """Advance to robot time `time` [s]; the first call, or a time that goes back, only sets the clock."""
+        """Advance to robot time `time` [s]; the first call, and one after a jump back in time, only set the clock."""
         before, self._time = self._time, time
         if before is not None and time > before:
             self.step(time - before)
@@ -149,13 +152,13 @@ class Gripper:
     def _begin(
         self, name: str, wrong: str, legs: list[tuple[float, float]], judge: Callable[[bool], str]
     ) -> HandMotion:
-        """Start a request and return its motion; an invalid request changes nothing."""
+        """Start a requested motion and return it; an invalid request (`wrong` has the reason) fails without effect."""
         motion = HandMotion(name)
         if wrong:
             motion.end(HandOutcome.FAIL, wrong)
             return motion
         if self._task is not None:
-            self._task.motion.end(HandOutcome.ABORTED, f"ended by another request: {name}")
+            self._task.motion.end(HandOutcome.ABORTED, f"ended by a new request: {name}")
         self._task = _Task(motion, [(target, min(speed, self.config.max_speed)) for target, speed in legs], judge)
         self._hold, self.is_grasped, self.force = None, False, 0.0
         return motion
@@ -171,7 +174,7 @@ class Gripper:
             task.motion.end(HandOutcome.UNSUCCESSFUL if reason else HandOutcome.SUCCESS, reason)
 
     def _approach(self, target: float, distance: float) -> bool:
-        """Move towards an opening; return True if an object is in the way."""
+        """Move the fingers by a distance [m] towards an opening [m]; return True if an object blocks them."""
         if target >= self.width:
             self.width = min(target, self.width + distance)
             return False
@@ -202,12 +205,16 @@ def _wrong_tolerance(inner: float, outer: float) -> str:
 
 @cache
 def defaults() -> HandConfig:
-    """Return the contents of config/hand.yaml."""
+    """Return the default parameters of the emulated hand, from config/hand.yaml."""
     return HandConfig.of(package_yaml(__file__, "hand"), "franka_sim/config/hand.yaml:")
 
 
 def emulated_hand(node: Node) -> tuple[Gripper, Callable[[], None]]:
-    """Return a hand with the live parameter `object_width` on the node, and a function that unregisters it."""
+    """Create an emulated hand and its live ROS parameter `object_width`.
+
+    Returns:
+        (hand, function that unregisters the parameter).
+    """
     hand = Gripper()
     parameter = LiveParameter(
         "object_width", 0.0, 0.0, hand.max_width, "width of what lies between the fingers [m]; 0: nothing"

@@ -1,4 +1,4 @@
-"""Differences between the simulated arm and its box's model: sensor noise, inertial errors, unknown friction."""
+"""Realism of the simulated arm: sensor noise, and masses and friction that differ from the control box's model."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from hric_core.urdf import elements
 
 JOINTS = 7
 MAX_MASS_ERROR = 0.3
-"""Maximum standard deviation as a fraction of the mass; three of them leave a tenth of the link."""
+"""Maximum standard deviation of a link's mass, as a fraction [1]; CUT_OFF of them still leave a tenth of the mass."""
 CUT_OFF = 3.0
 """Maximum deviation of mass and centre of mass [standard deviations]."""
 IDEAL = "ideal"
@@ -25,7 +25,10 @@ IDEAL = "ideal"
 
 @dataclass(frozen=True)
 class Realism(Settings):
-    """Keys of a preset in config/realism.yaml, which explains them; values per joint are 7 floats."""
+    """Differences between the simulated arm and the control box's model of it; config/realism.yaml explains them.
+
+    Values per joint are 7 floats.
+    """
 
     q_noise: Vector = per_joint(number(minimum=0.0, unit="rad"))
     dq_noise: Vector = per_joint(number(minimum=0.0, unit="rad/s"))
@@ -44,11 +47,13 @@ class Realism(Settings):
         return any((*self.q_noise, *self.dq_noise, *self.tau_J_noise, *self.wrench_noise))
 
     def body(self, urdf_xml: str, arm_id: str) -> str:
-        """Return the description of the arm for the plant; the same text if there are no inertial errors.
+        """Return the robot description for the plant: the control box's, with errors of masses and centres of mass.
+
+        Without inertial errors it is returned unchanged.
 
         Args:
-            urdf_xml: the box's description of the arm.
-            arm_id: prefix of its links.
+            urdf_xml: robot description that the control box uses.
+            arm_id: prefix of the arm's links.
         """
         if not any((*self.mass_error, *self.com_error)):
             return urdf_xml
@@ -67,7 +72,8 @@ class Realism(Settings):
     def with_friction(self, plant: Mapping[str, object], arm_id: str) -> dict[str, object]:
         """Return the plant's parameters, completed with the friction of this arm.
 
-        "identified" friction without values gets the published ones, and without breakaway the one of this arm.
+        If friction is "identified", missing parameters get the published values, and a missing breakaway torque gets
+        this arm's.
 
         Args:
             plant: parameters of the plant.
@@ -83,7 +89,7 @@ class Realism(Settings):
         return config
 
     def _with_breakaway(self, parameters: Any, arm_id: str) -> Any:
-        """Return friction parameters with this arm's breakaway torque where they have none."""
+        """Return the friction parameters; joints without a breakaway torque get this arm's."""
         breakaway = dict(zip((f"{arm_id}_joint{i}" for i in range(1, JOINTS + 1)), self.breakaway, strict=True))
         if not breakaway.keys() & parameters.keys():
             return {BREAKAWAY: list(self.breakaway), **parameters}
@@ -95,7 +101,9 @@ class Realism(Settings):
     def known_friction(
         self, plant: Mapping[str, object], joint_names: Sequence[str]
     ) -> Mapping[str, Mapping[str, float]] | None:
-        """Return the friction that the box knows, phi1 [N m], phi2 [s/rad], phi3 [rad/s] by joint; None: none.
+        """Return the friction that the control box compensates: phi1 [N m], phi2 [s/rad], phi3 [rad/s] by joint name.
+
+        None if there is no friction, or the box knows none of it.
 
         Args:
             plant: parameters of the plant, after `with_friction`.
@@ -126,15 +134,15 @@ def _change(inertial: ElementTree.Element, factor: float, offset: Sequence[float
 
 
 def presets() -> tuple[str, ...]:
-    """Return the names of the presets."""
+    """Return the names of the presets of realism, e.g. "ideal" and "measured"."""
     return tuple(read_config("realism"))
 
 
 def parse(value: Any, where: str) -> Realism:
-    """Return the realism of a parameter.
+    """Return the realism that the value of the parameter `realism` describes.
 
     Args:
-        value: name of a preset, or a mapping of `preset` (ideal if absent) and the values that differ from it.
+        value: name of a preset, or a mapping with `preset` (ideal if absent) and the values that differ from it.
         where: full name of the parameter, for errors.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Sensors of the arm: the only source from which the control box, and everything behind it, sees the plant."""
+"""Sensors of the simulated arm: joint state of the plant plus noise, the only state that the control box reads."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -13,12 +13,12 @@ from hric_control.plant import Plant
 from hric_core.native.vectors import add
 
 ReadState = Callable[[list[float], list[float], list[float]], None]
-"""Function like `Plant.read_state`."""
+"""Function that writes the joint state into three lists: q [rad], dq [rad/s], tau [N m], like `Plant.read_state`."""
 Row = tuple[list[float], list[float], list[float], list[float]]
 BLOCK = 32
-"""Number of cycles whose noise is drawn together: no cycle takes long, and a draw costs little."""
+"""Number of cycles whose noise is drawn at once: a compromise between many small draws and one slow cycle."""
 CUT_OFF = 5.0
-"""Maximum noise [standard deviations]."""
+"""Bound at which the noise is clipped [standard deviations]."""
 
 
 def _noise(rng: np.random.Generator, scale: npt.NDArray[np.float64]) -> Iterator[Row]:
@@ -32,12 +32,12 @@ def _noise(rng: np.random.Generator, scale: npt.NDArray[np.float64]) -> Iterator
 
 
 class Sensors:
-    """State of the plant with noise.
+    """Sensors that add noise to the plant's joint state.
 
     Args:
         plant: physics engine.
-        realism: standard deviations.
-        seed: seed of the run.
+        realism: standard deviations of the noise.
+        seed: random seed of the run.
 
     Attributes:
         wrench: noise of the external wrench in this cycle, 3 forces [N] and 3 moments [N m]; always the same list.
@@ -58,13 +58,13 @@ class Sensors:
 
 
 def attach(plant: Plant, box: ControlBox, realism: Realism, seed: Any) -> ReadState:
-    """Return the function with which the box reads the plant: `plant.read_state` itself without noise.
+    """Return the function with which the control box reads the joint state; without noise it is `plant.read_state`.
 
     Args:
         plant: physics engine.
-        box: control box; gets the noise of its estimate of the external wrench.
-        realism: standard deviations of the arm.
-        seed: seed of the run.
+        box: control box; the noise of its external wrench estimate is connected here.
+        realism: standard deviations of the noise.
+        seed: random seed of the run.
     """
     if not realism.noisy:
         return plant.read_state

@@ -1,4 +1,4 @@
-"""Parameters of the simulated arm."""
+"""Parameters of the simulated Franka arm and its control box, read from the ROS parameter server."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -26,7 +26,7 @@ Q_START = (0.0, -math.pi / 4, 0.0, -3 * math.pi / 4, 0.0, math.pi / 2, math.pi /
 
 @dataclass(frozen=True)
 class InternalImpedance(Settings):
-    """Stiffness of the joints while the arm follows positions or velocities, or holds."""
+    """Joint stiffness of the control box while the arm follows positions or velocities, or holds its position."""
 
     stiffness: tuple[float, ...] = numbers(
         7, unit="N m/rad", text="stiffness of the internal joint impedance; the damping goes with its root"
@@ -34,13 +34,13 @@ class InternalImpedance(Settings):
 
     @classmethod
     def defaults(cls) -> Mapping[str, object]:
-        """Return the values of the YAML."""
+        """Return the default values, from config/internal_impedance.yaml."""
         return defaults()
 
 
 @dataclass(frozen=True)
 class BoxSettings(Settings):
-    """Parameters of plant and control box, for any source of commands."""
+    """Parameters of plant and control box that the simulated arm and the node emulated_arm share."""
 
     arm_id: str = ARM_ID
     plant_type: str = text("pybullet_ros_control/PyBulletPlant", text="plugin of base `hric_control::Plant`")
@@ -71,7 +71,7 @@ class BoxSettings(Settings):
     def box(
         self, plant: Mapping[str, object], joint_names: Sequence[str], time_step: float, realism: Realism
     ) -> BoxConfig:
-        """Return the parameters of the control box, with the plant's rotor inertia and the friction that it knows."""
+        """Return the parameters of the control box, with the plant's rotor inertia and the friction it compensates."""
         return BoxConfig(
             friction=realism.known_friction(plant, joint_names),
             rotor_inertia=rotor_inertia(plant, joint_names),
@@ -85,7 +85,7 @@ AnyBoxSettings = TypeVar("AnyBoxSettings", bound=BoxSettings)
 
 @dataclass(frozen=True)
 class SimulatedArmSettings(BoxSettings):
-    """Parameters of the simulated arm."""
+    """Parameters of the simulated arm that is commanded by ROS controllers (FrankaHWSim)."""
 
     real_time_factor: float = REAL_TIME_FACTOR
     enforce_limits: tuple[str, ...] = ENFORCE_LIMITS
@@ -108,7 +108,7 @@ class SimulatedArmSettings(BoxSettings):
     def box(
         self, plant: Mapping[str, object], joint_names: Sequence[str], time_step: float, realism: Realism
     ) -> BoxConfig:
-        """Return the parameters of the control box, with those that only the simulated arm has."""
+        """Return the parameters of the control box, with `settings_while_moving` and `collision_config`."""
         config, thresholds = super().box(plant, joint_names, time_step, realism), self.collision_config
         config = replace(config, settings_while_moving=self.settings_while_moving)
         if thresholds is None:
@@ -117,13 +117,23 @@ class SimulatedArmSettings(BoxSettings):
 
 
 def read(node: Node, kind: type[AnyBoxSettings]) -> tuple[AnyBoxSettings, Realism]:
-    """Return the parameters, and the differences between the arm and the box's model. Raises ParameterError."""
+    """Read the parameters of a node; return them, and the realism that they select. Raises ParameterError."""
     settings = kind.read(node, [f"{read_arm_id(node)}_joint{i}" for i in range(1, 8)])
     return settings, parse(settings.realism, node.resolve("realism"))
 
 
 def make_model(node: Node, urdf_xml: str, arm_id: str, plant: Mapping[str, object]) -> KdlFrankaModel:
-    """Return the arm's model of itself; it senses the direction of the plant's gravity, as a real arm does."""
+    """Return the control box's model of the arm, with the gravity of the plant, as a real arm measures it.
+
+    Args:
+        node: private namespace of the robot, for error messages.
+        urdf_xml: robot description.
+        arm_id: prefix of joints and links.
+        plant: parameters of the plant; `gravity` in the world frame [m/s^2].
+
+    Raises:
+        ParameterError, DescriptionError: gravity or arm_id is wrong, or the joints are not those of a Franka arm.
+    """
     gravity = GRAVITY.checked(plant.get("gravity", GRAVITY), node.resolve("plant/gravity"))
     try:
         model = KdlFrankaModel(urdf_xml, arm_id, gravity_world=gravity)
@@ -132,13 +142,14 @@ def make_model(node: Node, urdf_xml: str, arm_id: str, plant: Mapping[str, objec
     expected = tuple(f"{arm_id}_joint{i}" for i in range(1, 8))
     if model.joint_names != expected:
         raise DescriptionError(
-            f"the joints are {', '.join(model.joint_names)}; those of a Franka arm {arm_id} are {', '.join(expected)}"
+            f"the joints of the robot description are {', '.join(model.joint_names)}; those of a Franka arm with "
+            f"arm_id {arm_id} are {', '.join(expected)}"
         )
     return model
 
 
 def set_internal_impedance(node: Node, stiffness: Sequence[float], law: JointImpedanceLaw) -> None:
-    """Set the stiffness of the internal joint impedance [N m/rad]; log gains lowered for stability."""
+    """Set the stiffness of the internal joint impedance [N m/rad]; log the gains if stability requires lower ones."""
     requested = list(stiffness)
     try:
         law.set_stiffness(requested)
@@ -147,6 +158,6 @@ def set_internal_impedance(node: Node, stiffness: Sequence[float], law: JointImp
     if law.stiffness != requested:
         lowered = ", ".join(f"{k:.0f}/{d:.1f}" for k, d in zip(law.stiffness, law.damping, strict=True))
         node.log_info(
-            "internal impedance lowered to gains that are stable with this time step and rotor inertia, K/D per joint: "
-            f"{lowered}"
+            "internal impedance: gains lowered to those that are stable with this time step and rotor inertia; "
+            f"stiffness/damping per joint [N m/rad]/[N m s/rad]: {lowered}"
         )

@@ -1,1 +1,1 @@
-"""Metrics of recorded runs."""
+"""Metrics of recorded runs: robot motion, contacts, simulated human, marker tracking, sensor samples."""

@@ -1,9 +1,9 @@
 """Load sharing and internal force of two grips that carry a body together. No ROS.
 
-The forces act on the body: f_a at the grip frame p_a and f_b at p_b; u is the unit vector from p_a to p_b. The squeeze
-is the internal force, the part of both forces that cancels along that line: min(f_a.u, -f_b.u) if both press, minus the
-minimum of the magnitudes if both pull, 0 if one pushes and the other yields. So the weight of a tilted body and its
-inertia do not count. This is the one-dimensional interactive force of two partners of Groten et al., RO-MAN 2009
+The grips exert the forces f_a at p_a and f_b at p_b on the body; u is the unit vector from p_a to p_b. The internal
+force ("squeeze") is the part of both forces that cancels along this line: min(f_a.u, -f_b.u) if both press, minus the
+smaller magnitude if both pull, 0 if one pushes and the other yields. It does not contain the weight of a tilted body or
+its inertia. This is the one-dimensional interactive force of two partners of Groten et al., RO-MAN 2009
 (recalled, unconfirmed), along the line between the hands.
 """
 
@@ -24,17 +24,17 @@ from hric_core.geometry import MassProperties
 from hric_human.participant.settings import HumanSettings
 
 ON_LINE = 1e-3
-"""Distance of a centre of mass from the line between both handles up to which it counts as on the line, so that its
-motion follows from theirs [m] (project default, unconfirmed)."""
+"""Maximum distance of a centre of mass from the line between both handles to count as on this line [m]; its motion then
+follows from the motion of the handles (project default, unconfirmed)."""
 
 EVEN = 0.02
-"""Relative difference of mean and median time step up to which at most a few samples are missing [1] (project default,
-unconfirmed)."""
+"""Maximum relative difference of mean and median time step for which sampling counts as regular [1]: at most a few
+samples are missing (project default, unconfirmed)."""
 MIN_SAMPLES = 5
-"""Minimum number of samples, enough to differentiate three times."""
+"""Minimum number of samples of a transport; needed to differentiate three times."""
 TAKEN = 0.5
-"""Time after both grips have closed from which a body counts as carried: a closing grip is relaxed, so that the body
-falls a little first [s] (project default, unconfirmed)."""
+"""Time from the closing of the second grip until a body counts as carried [s]; a grip closes without force, so the body
+falls a little first (project default, unconfirmed)."""
 
 
 @dataclass(frozen=True)
@@ -47,12 +47,12 @@ class Transport:
         time: robot time, shape (n,) [s].
         force: force of each grip on the body in the world frame, shape (2, n, 3) [N].
         point: point of action of each force, shape (2, n, 3) [m].
-        squeeze: internal force, see the module; negative: the body is stretched, shape (n,) [N].
-        tilt: angle of the line between both points to the horizontal, up towards the second, shape (n,) [rad].
+        squeeze: internal force, positive if the body is compressed, negative if it is stretched, shape (n,) [N].
+        tilt: inclination of the line between both points, positive if the second is higher, shape (n,) [rad].
         weight: weight of the body [N]; None: not known.
-        share: share of the weight at each end, shape (2, n) [1]; None: weight not known.
-        excess: sum of both forces minus m (a - g), NaN at the start and end, shape (n, 3) [N]; None: weight not known,
-            or the centre of mass is not on the line between both handles.
+        share: vertical force of each grip divided by the weight, shape (2, n) [1]; None: weight not known.
+        excess: sum of both forces minus m (a - g), NaN at the start and end, shape (n, 3) [N]; None: the weight is not
+            known, or the centre of mass is not on the line between both handles.
     """
 
     body: str
@@ -68,17 +68,17 @@ class Transport:
 
     @property
     def centre(self) -> FloatArray:
-        """Midpoint between both points, shape (n, 3) [m]."""
+        """Midpoint between both points of action, shape (n, 3) [m]."""
         return np.asarray(self.point.mean(axis=0))
 
 
 def masses(plant: NodeParameters) -> dict[str, MassProperties]:
-    """Return the mass properties of the free single-link bodies in a plant's world, by "model::link".
+    """Return the mass properties of the movable single-link bodies in a simulated world, by "model::link".
 
     The result is empty if the world file no longer exists.
 
     Args:
-        plant: parameters of the plant.
+        plant: parameters of the plant (physics simulation).
     """
     return {
         f"{model.name}::{name}": link.mass
@@ -90,12 +90,12 @@ def masses(plant: NodeParameters) -> dict[str, MassProperties]:
 
 
 def transports(grips: Iterable[GripRecord], human: NodeParameters, plant: NodeParameters) -> list[Transport]:
-    """Return each body that two grips carried: both held it at the same time, and it was not handed over.
+    """Return the transports of a run: bodies that two grips held at the same time, without a handover.
 
     Args:
         grips: grips of a run.
-        human: section `human` of the experiment, for the handles.
-        plant: parameters of the plant, for the mass of the body and gravity.
+        human: section `human` of the experiment, which defines the handles.
+        plant: parameters of the plant, which define the body's mass and gravity.
     """
     known, result = None, []
     for a, b in combinations(grips, 2):
@@ -112,7 +112,7 @@ def transports(grips: Iterable[GripRecord], human: NodeParameters, plant: NodePa
 
 
 def hands_over(giver: GripRecord, taker: GripRecord) -> bool:
-    """Return True if the giver closed its grip first and opened it before the taker did."""
+    """Return True if the giver's grip both closed and opened before the taker's grip."""
     if not (giver.closed.any() and taker.closed.any()):
         return False
     (giver_from, taker_from), (giver_until, taker_until) = (
@@ -122,7 +122,7 @@ def hands_over(giver: GripRecord, taker: GripRecord) -> bool:
 
 
 def _first_run(time: FloatArray, both: npt.NDArray[np.bool_]) -> slice | None:
-    """Return the range of samples from `TAKEN` after both grips hold until one opens; None if these are too few."""
+    """Return the samples from `TAKEN` after both grips have closed until one opens; None if they are too few."""
     closed = int(np.argmax(both))
     after = np.flatnonzero(~both[closed:])
     begin = int(np.searchsorted(time, time[closed] + TAKEN))
@@ -155,9 +155,9 @@ def _transport(
 
 
 def _even(time: FloatArray) -> FloatArray:
-    """Return evenly spaced times of samples taken at a fixed rate; unchanged if more than a few samples are missing.
+    """Return evenly spaced times for samples taken at a fixed rate; unchanged if more than a few samples are missing.
 
-    With an arm that has another clock, stamps jitter by milliseconds, which two derivatives would turn into newtons.
+    Stamps of an arm with a separate clock jitter by milliseconds; two derivatives would turn this into force errors.
     """
     steps = np.diff(time)
     if abs(float(steps.mean() / np.median(steps)) - 1.0) > EVEN:
@@ -188,7 +188,7 @@ def _excess(
 
 @dataclass(frozen=True)
 class ShareSpread:
-    """Mean, smallest and largest value of a share [1]."""
+    """Mean, smallest and largest share of the weight that a grip carries [1]."""
 
     mean: float
     min: float
@@ -197,17 +197,17 @@ class ShareSpread:
 
 @dataclass(frozen=True)
 class TransportMetrics:
-    """Transport of a body by two grips during the motion of the person.
+    """Metrics of a body carried by two grips, during the motion of the person.
 
     Attributes:
         object: full name of the body.
         weight: weight [N]; None: not known.
-        time: time for which both held the body [s].
-        load_share: share of the weight by grip; None: weight not known.
-        squeeze_max, stretch_max, squeeze_mean: largest compression and tension, and mean of the internal force [N].
-        tilt_max: largest angle of the line between the grips to the horizontal [rad].
-        path, lift: path of the middle between the grips, and difference of its heights [m].
-        smoothness: log dimensionless jerk of the middle [1]; None: it did not move.
+        time: time for which both grips held the body [s].
+        load_share: share of the weight on each grip, by its name; None: weight not known.
+        squeeze_max, stretch_max: largest compression and tension [N]; squeeze_mean: mean of the internal force [N].
+        tilt_max: largest inclination of the line between the grips [rad].
+        path, lift: path length of the midpoint between the grips, and range of its height [m].
+        smoothness: log dimensionless jerk of the midpoint [1]; None: it did not move.
         excess_rms, excess_max: RMS and maximum of the sum of both forces minus m (a - g) [N]; None: not known.
     """
 

@@ -1,7 +1,7 @@
-"""Metrics for the comparison of controllers: contacts and distance against their limits, and hand error. No ROS.
+"""Metrics for the comparison of controllers: contacts and distances relative to limits, and hand error. No ROS.
 
-The hand error is the distance of the person's hand from its reference. All values are estimates of a model:
-`hric_assessment.findings.DISCLAIMER`.
+The hand error is the distance of the person's hand from its reference. All values are estimates of a model (see
+`hric_assessment.findings.DISCLAIMER`).
 """
 
 import math
@@ -22,22 +22,22 @@ from hric_human.hand.programs import read_program
 from hric_human.participant.settings import HumanSettings
 
 AT_REST = 5e-3
-"""Distance from its final position within which a hand is at rest [m] (project default, unconfirmed)."""
+"""Distance from its final position within which a hand counts as at rest [m] (project default, unconfirmed)."""
 
 
 def values(source: AssessmentInput, person: SimulatedPerson | None) -> dict[str, dict[str, float] | None] | None:
-    """Return the metrics of a run; None: there was no person.
+    """Return the metrics of a run by which the benchmark compares controllers; None: there was no person.
 
     Args:
-        source: run, read for the verdict.
-        person: result of `human.analyse`.
+        source: data of the run, as the verdict uses them.
+        person: simulated human of the run, from `human.analyse`.
 
     Returns:
-        contact: `share`, the largest by `contacts.counted_share` (0: no contact), and the numbers of findings `above`
-        and `not_assessable`; separation: `share`, the largest ratio of S_p to the distance while the arm moves, and
-        `below`, the time for which it is closer than S_p [s]; None: unknown; hand: `error_max` and `error_rms` of the
-        distance of the hand from its reference during the motion [m], and `late`, the time from the end of the
-        reference until the hand is at rest [s]; None: the person follows no points.
+        contact: `share`, largest ratio to the limit by `contacts.counted_share` (0: no contact); `above` and
+        `not_assessable`, numbers of such findings. separation: `share`, largest ratio of the protective distance S_p to
+        the distance while the arm moves; `below`, time for which the arm is closer than S_p [s]; None: unknown. hand:
+        `error_max` and `error_rms`, distance of the hand from its reference during the motion [m]; `late`, time from
+        the end of the reference until the hand is at rest [s]; None: the hand has no minimum-jerk reference.
     """
     if person is None:
         return None
@@ -73,7 +73,7 @@ def _share(apart: PersonSeparation) -> float:
 
 
 def below(apart: PersonSeparation) -> float:
-    """Return the time for which the moving arm was closer than S_p [s]."""
+    """Return the time for which the moving arm was closer to the person than the protective distance S_p [s]."""
     return float(sum(violation.end - violation.begin for violation in apart.distances.violations(apart.protective)))
 
 
@@ -94,9 +94,9 @@ def _hand(run: RunFile, person: SimulatedPerson) -> dict[str, float] | None:
 
 
 def _reference(run: RunFile, person: SimulatedPerson) -> tuple[FloatArray, FloatArray, FloatArray, float] | None:
-    """Return times, actual and reference hand positions, and the end of the reference; None: reference not known.
+    """Return times, actual and reference hand positions, and the end of the reference [s]; None: no known reference.
 
-    Times start with the motion, shape (n,) [s]; positions are in the world frame, shape (n, 3) [m].
+    The times begin with the motion, shape (n,) [s]; positions are in the world frame, shape (n, 3) [m].
     """
     acting = (robot_parameters(run).get("participants") or {}).get("human") or {}
     section = run["definition"]["human"] or {}

@@ -1,9 +1,9 @@
 """Completeness of recorded sensor data, and time skew of synchronised samples. No ROS.
 
-A source publishes how many samples it sent, by sequence numbers (hric_msgs/SourceCount). Recorded samples are counted
-by the numbers of the source, too: the frame number, or the time code of a sample, which equals number / rate. The
-sequence numbers of the driver do not count. The count covers the interval of the experiment, from the first to the last
-SourceCount in it.
+A source (emulated device) publishes the sequence numbers of the samples that it sent (hric_msgs/SourceCount). Recorded
+samples are counted by the same numbers: the frame number, or the time code of a sample, which equals number / rate. The
+sequence numbers of the driver are not used for this. The count covers the interval of the experiment, from the first to
+the last SourceCount in it.
 """
 
 from collections.abc import Sequence
@@ -21,30 +21,32 @@ FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
 BOUND = 2e-4
-"""Specified maximum skew of resampled values of the robot, NatNet bodies and LSL streams [s], see INTERFACE.md of
+"""Specified maximum time skew of resampled values of the robot, NatNet bodies and LSL streams [s]; see INTERFACE.md of
 hric_perception."""
 ROUNDING = 1e-9
-"""Tolerance for instants at the ends of the interval, which have rounding errors [s]."""
+"""Tolerance for rounding errors of instants at the ends of the interval [s]."""
 WINDOW = 2.0
-"""Length of the windows over which a time shift is fitted as skew, without a time code [s] (project default,
-unconfirmed)."""
+"""Length of the windows in which a time shift is fitted to determine the skew of values without a time code [s]
+(project default, unconfirmed)."""
 MIN_SAMPLES = 11
-"""Minimum number of samples in a window for its time shift to count (project default, unconfirmed)."""
+"""Minimum number of samples in a window to fit a time shift (project default, unconfirmed)."""
 MIN_SPEED = {"rad": 0.02, "m": 0.05}
-"""Minimum RMS speed in a window for its time shift to count, by unit [rad/s], [m/s]. Project default, unconfirmed."""
+"""Minimum RMS speed in a window to fit a time shift, by unit of the values [rad/s], [m/s]. Project default,
+unconfirmed."""
 SECTIONS = 10
-"""Parts of a recording whose stamps must give the same second of a time code (project default, unconfirmed)."""
+"""Number of parts of a recording; the stamps of each must give the same whole second as start of the time code
+(project default, unconfirmed)."""
 LOG_TOPIC = "control_log"
 
 
 @dataclass(frozen=True)
 class TimeError:
-    """Statistics of the size of a time error.
+    """Statistics of the absolute value of a time error.
 
     Attributes:
         median, p99, largest: median, 99 % quantile and maximum [s].
-        within_bound: share that is at most BOUND [1].
-        uncertainty: largest standard deviation due to noise [s]; None: the error was not fitted.
+        within_bound: share of the values up to BOUND [1].
+        uncertainty: largest standard deviation of a fitted error, due to noise [s]; None: the error was not fitted.
     """
 
     median: float
@@ -56,14 +58,14 @@ class TimeError:
 
 @dataclass(frozen=True)
 class SourceMetrics:
-    """Completeness of one source in the interval of the experiment.
+    """Completeness of one source's samples in the interval of the experiment.
 
     Attributes:
         counts: unit of the counts: cycles, frames or samples.
-        sent, recorded, lost, twice: samples sent, recorded, lost and recorded twice; None: not known.
-        driver_lost: missing samples by the sequence numbers of the driver.
+        sent, recorded, lost, twice: numbers of samples sent, recorded, lost and recorded twice; None: not known.
+        driver_lost: number of missing samples according to the driver's sequence numbers.
         stamps: difference between stamps and time codes; None: there is no time code.
-        first, last: numbers of the first and the last sample that count; None: not known.
+        first, last: sequence numbers of the first and last counted sample; None: not known.
     """
 
     counts: str
@@ -79,13 +81,13 @@ class SourceMetrics:
 
 @dataclass(frozen=True)
 class SkewMetrics:
-    """Validity and skew of one source of a synchronised stream.
+    """Validity and time skew of one source of a synchronised stream.
 
     Attributes:
-        valid: share of valid samples [1]; None: no samples.
+        valid: share of valid samples [1]; None: there are no samples.
         late: number of samples that arrived too late.
         told_skew: largest skew that the synchroniser reported [s]; None: it reported none.
-        by: reference of the skew: time code, control log, or truth of the hand; None: there is none.
+        by: reference of the skew: "time code", "control log" or "truth of the hand"; None: there is none.
         skew: time error of the values; None: not known.
     """
 
@@ -98,12 +100,12 @@ class SkewMetrics:
 
 @dataclass(frozen=True)
 class StreamMetrics:
-    """Instants of a synchronised stream, and its sources.
+    """Completeness of a synchronised stream, and skew of its sources.
 
     Attributes:
-        rate: sample rate [Hz]; 0: at the stamps of a reference.
-        ticks, expected, missing: instants; None: not known.
-        grid_error: largest distance of a stamp from the grid [s]; None: there is no grid.
+        rate: sample rate [Hz]; 0: instants are the stamps of a reference source.
+        ticks, expected, missing: numbers of recorded, expected and missing instants; None: not known.
+        grid_error: largest distance of a stamp from the regular grid [s]; None: there is no grid.
         bound: specified maximum skew [s].
         sources: skew of each source.
     """
@@ -119,11 +121,11 @@ class StreamMetrics:
 
 @dataclass(frozen=True)
 class CollectionMetrics:
-    """Completeness of the sensor data; None: there are no sensors.
+    """Completeness of a run's sensor data; both attributes are None if there are no sensors.
 
     Attributes:
-        sources: completeness of each source.
-        sync: synchronised streams.
+        sources: completeness of each source, by topic.
+        sync: metrics of each synchronised stream, by topic.
     """
 
     sources: dict[str, SourceMetrics] | None
@@ -133,14 +135,14 @@ class CollectionMetrics:
 def metrics(
     data: Collection | None, log: ControlRecord, robot_time: RobotTime, interval: Sequence[float] | None
 ) -> CollectionMetrics:
-    """Return the completeness of sources and streams.
+    """Return the completeness of all sources and synchronised streams of a run.
 
     Args:
         data: sensor data of the bag; None: there are no sensors.
         log: control log of the robot.
-        robot_time: conversion from stamps to the time of the log.
-        interval: begin and end of the experiment, by stamps [s]; None: not known, so the complete bag counts and the
-            numbers of sent samples are unknown.
+        robot_time: conversion from stamps to robot time, as in the log.
+        interval: begin and end of the experiment, as stamps [s]; None: not known; then the complete bag is evaluated,
+            and the numbers of sent samples are unknown.
     """
     if data is None:
         return CollectionMetrics(None, None)
@@ -157,7 +159,7 @@ def metrics(
 
 
 def _robot(log: ControlRecord, robot_time: RobotTime, begin: float, end: float) -> SourceMetrics:
-    """Return the counts of the robot, whose number of sent cycles follows from the first and last cycle number."""
+    """Return the counts of the robot's cycles; their number follows from the first and last cycle number."""
     low, high = (edge if np.isinf(edge) else robot_time(edge) for edge in (begin, end))
     inside = (log.time >= low) & (log.time <= high)
     missing = sum(count for first, count in log.gaps if inside.any() and _within(log, first, inside))
@@ -166,13 +168,13 @@ def _robot(log: ControlRecord, robot_time: RobotTime, begin: float, end: float) 
 
 
 def _within(log: ControlRecord, first: int, inside: BoolArray) -> bool:
-    """Return True if the missing cycle follows a recorded one in the interval."""
+    """Return True if the recorded cycle before the missing cycle number `first` lies in the interval."""
     before = first - log.first_cycle - sum(count for start, count in log.gaps if start < first) - 1
     return bool(0 <= before < len(inside) and inside[before])
 
 
 def source_metrics(samples: Numbered, counts: SourceCounts | None, begin: float, end: float) -> SourceMetrics:
-    """Return the counts of one source within the interval [s]."""
+    """Return the completeness of one source's samples with stamps from begin to end [s]."""
     inside = (samples.stamps >= begin) & (samples.stamps <= end)
     numbers = samples.numbers[inside]
     steps = np.diff(numbers)
@@ -191,15 +193,15 @@ def source_metrics(samples: Numbered, counts: SourceCounts | None, begin: float,
 
 
 def distinct(numbers: IntArray) -> int:
-    """Return the number of distinct values, by a sort that is fast on nearly sorted arrays."""
+    """Return the number of distinct values; fast for nearly sorted arrays."""
     return int(np.count_nonzero(np.diff(np.sort(numbers, kind="stable")))) + bool(len(numbers))
 
 
 def source_sequence(samples: Numbered, counts: SourceCounts | None) -> IntArray | None:
     """Return the source's sequence number of each sample that has one; None: not known.
 
-    A time code within the second restarts every second. The seconds between two samples follow from the numbers of the
-    driver, or from the stamps if the driver restarted; all stamps together give the second of the first sample.
+    A time code may contain only the fraction of a second. The whole seconds between two samples follow from the
+    driver's sequence numbers, or from the stamps if the driver restarted; all stamps together give the first second.
     """
     if not samples.source:
         return samples.numbers
@@ -220,9 +222,9 @@ def source_sequence(samples: Numbered, counts: SourceCounts | None) -> IntArray 
 
 
 def sent_between(counts: SourceCounts, begin: float, end: float) -> tuple[int, int, int] | None:
-    """Return (first number, number after the last, count) of the samples sent in an interval [s]; None: not known.
+    """Return (first number, number after the last, count) of the samples sent from begin to end [s]; None: not known.
 
-    The samples are those between the first and the last message of the counts in the interval.
+    Samples between the first and the last SourceCount message in the interval are counted.
     """
     inside = np.flatnonzero((counts.stamps >= begin) & (counts.stamps <= end))
     if not np.isfinite([begin, end]).all() or len(inside) < 2 or (np.diff(counts.following[inside]) < 0).any():
@@ -239,7 +241,7 @@ def _stamp_error(samples: Numbered, inside: BoolArray) -> TimeError | None:
 
 
 def _time_error(errors: FloatArray, uncertainty: float | None = None) -> TimeError | None:
-    """Return the statistics of errors, shape (n,) [s]; None: none is finite."""
+    """Return the statistics of time errors, shape (n,) [s]; None: no value is finite."""
     known = np.abs(errors[np.isfinite(errors)])
     if not known.size:
         return None
@@ -250,7 +252,7 @@ def _time_error(errors: FloatArray, uncertainty: float | None = None) -> TimeErr
 def stream_metrics(
     stream: SynchronisedStream, data: Collection, log: ControlRecord, robot_time: RobotTime, begin: float, end: float
 ) -> StreamMetrics:
-    """Return the tick counts of a synchronised stream, and the skew of each of its sources."""
+    """Return the numbers of instants of a synchronised stream, and the skew of each of its sources."""
     inside = (stream.stamps >= begin - ROUNDING) & (stream.stamps <= end + ROUNDING)
     stamps, values = stream.stamps[inside], stream.values[inside]
     ticks = np.rint(stamps * stream.rate).astype(np.int64) if stream.rate else np.arange(len(stamps))
@@ -278,7 +280,7 @@ def stream_metrics(
 
 
 def _expected(rate: float, begin: float, end: float, ticks: IntArray) -> int | None:
-    """Return the number of expected ticks in the interval; without an interval, from the first to the last tick."""
+    """Return the expected number of instants from begin to end [s]; without an interval, from first to last instant."""
     if not rate or not len(ticks):
         return None
     if not np.isfinite([begin, end]).all():
@@ -297,7 +299,7 @@ def _skew(
     log: ControlRecord,
     robot_time: RobotTime,
 ) -> tuple[str | None, TimeError | None]:
-    """Return the reference (a time code, the control log, or the true hand motion), and the skew of the values."""
+    """Return the reference of a source's skew (see `SkewMetrics.by`), and the skew; (None, None): no reference."""
     names = [stream.names[index].removeprefix(f"{topic}.") for index in columns]
     if (code := f"data[{TIME_CODE}]") in names:
         late = stamps - values[:, columns[names.index(code)]]
@@ -324,10 +326,10 @@ def _skew(
 def _fitted(
     stamps: FloatArray, apart: FloatArray, speed: FloatArray, valid: BoolArray, min_speed: float
 ) -> TimeError | None:
-    """Return statistics of the time shift that, with an offset, fits best in each window [s].
+    """Return statistics of the time shift that, together with an offset, fits best in each window [s].
 
     `uncertainty` is the largest standard deviation of a shift due to noise of the values. Windows with less than half
-    the samples of the fullest, as at the ends, are skipped: few samples show only noise.
+    the samples of the fullest one, such as those at the ends, are skipped, as few samples show only noise.
     """
     late, sigmas = [], []
     usable = np.flatnonzero(valid)

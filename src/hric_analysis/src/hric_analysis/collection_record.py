@@ -1,4 +1,4 @@
-"""Sent counts and recorded samples of each source in a bag, and its synchronised streams. No ROS."""
+"""Reader of a bag's sensor data: sent counts and recorded samples of each source, synchronised streams. No ROS."""
 
 from array import array
 from collections.abc import Callable
@@ -20,9 +20,9 @@ TRUTH_TOPIC = "/hric/human/hand"
 TYPES = (CHUNK, FRAMES, COUNT, SAMPLE, LAYOUT, STATUS)
 DIAGNOSTICS, MISSED = "diagnostic_msgs/msg/DiagnosticArray", "missed deadlines"
 TIME_CODE = "time"
-"""Channel of an emulated device with the robot time of each sample."""
+"""Name of an emulated device's channel that contains the robot time of each sample (time code)."""
 FRAME_COUNTER = 1 << 32
-"""Period of the frame counter [frames]."""
+"""Number of frames after which the motion capture frame counter wraps around."""
 SIZES = ("frame_size", "value_count", "age_count", "valid_count")
 """Length fields of a serialised SyncedSample."""
 BLOCK = 1024
@@ -31,10 +31,10 @@ BLOCK = 1024
 
 @dataclass
 class Numbered:
-    """Recorded samples (n) of one source.
+    """The n recorded samples of one source.
 
     Attributes:
-        source: name of the source in its driver; "": a motion capture.
+        source: name of the source in its driver; "": motion capture.
         rate: sample rate reported by the driver [Hz]; NaN: not known.
         stamps: time stamps, shape (n,) [s].
         numbers: sequence numbers of the driver, shape (n,).
@@ -50,12 +50,12 @@ class Numbered:
 
 @dataclass
 class SourceCounts:
-    """Messages (n) with the counts of the samples that a source sent, in order.
+    """Contents of the n messages in which a source counts the samples it sent, in order.
 
     Attributes:
         rate: samples per second of robot time [Hz].
         stamps: stamp of the last sample sent, shape (n,) [s].
-        following: number of the next sample, shape (n,).
+        following: sequence number of the next sample, shape (n,).
         sent: number of samples sent so far, shape (n,).
     """
 
@@ -67,16 +67,16 @@ class SourceCounts:
 
 @dataclass
 class SynchronisedStream:
-    """Synchronised samples (n) of one stream.
+    """The n samples of one synchronised stream.
 
     Attributes:
-        rate: sample rate [Hz]; 0: at the stamps of a reference.
+        rate: sample rate [Hz]; 0: instants are the stamps of a reference source.
         names, sources: names of the values from which the skew is computed, and the topic of each.
         topics: topics of all sources, in the order of `valid`.
-        stamps: instants, shape (n,) [s].
-        values: values, shape (n, values).
-        valid: True if a source is valid, shape (n, topics).
-        skew: largest skew that the synchroniser reported, by topic [s].
+        stamps: instants of the samples, shape (n,) [s].
+        values: values, one column per name, shape (n, values).
+        valid: True if the values of a source are valid, shape (n, topics).
+        skew: largest time skew that the synchroniser reported, by topic [s].
         late: number of samples that arrived after their instants were published, by topic.
     """
 
@@ -97,9 +97,9 @@ class Collection:
 
     Attributes:
         sources: recorded samples by topic.
-        counts: counts of sent samples by source.
+        counts: counts of sent samples, by name of the source.
         streams: synchronised samples by topic.
-        truth: true positions of the emulated hand: robot time (n,) [s], position (n, 3) [m], frame; None: not known.
+        truth: true path of the emulated hand: robot time (n,) [s], position (n, 3) [m], frame; None: not known.
         frame: reference frame of the motion capture's positions.
     """
 
@@ -111,7 +111,7 @@ class Collection:
 
 
 def read(bag: Path | Bag) -> Collection | None:
-    """Read a bag with all its parts; None if it has no samples, no frames and no synchronised samples."""
+    """Read the sensor data of a bag; None if it has neither samples nor frames nor synchronised samples."""
     with opened(bag) as reader:
         counted = [c for c in reader.connections if c.msgtype in TYPES or c.topic.endswith(TRUTH_TOPIC)]
         if not any(c.msgtype in (CHUNK, FRAMES, SAMPLE) for c in counted):
@@ -176,7 +176,7 @@ class _Chunks:
         codes = np.frombuffer(self._codes)
         return Numbered(
             self._source,
-            self._rate,  # the lowest: it rises while the run loses time
+            self._rate,  # the lowest reported rate: it rises while the run is slower than real time
             np.frombuffer(self._stamps),
             np.frombuffer(self._numbers, np.int64),
             None if np.isnan(codes).all() else codes,
@@ -221,7 +221,7 @@ class _Truth:
 
 
 class _Ticks:
-    """Collector of one synchronised stream: the values that a skew is computed from, and the synchroniser's status."""
+    """Collector of one synchronised stream: the values needed for its skew, and the synchroniser's status."""
 
     def __init__(self, layout: Any, deserialize: Callable[[bytes], Any]) -> None:
         self._layout, self._deserialize = layout, deserialize
@@ -247,7 +247,7 @@ class _Ticks:
         self._waiting.append(raw)
 
     def decode(self) -> None:
-        """Decode the pending samples, together if their fields are as long as those of the first, else one by one."""
+        """Decode the pending samples, at once if all their fields have equal lengths, else one by one."""
         waiting, self._waiting = self._waiting, []
         while waiting:
             first = self._deserialize(waiting[0])
@@ -276,7 +276,7 @@ class _Ticks:
 
 
 def _layout_of(sample: Any) -> np.dtype[Any]:
-    """Return the memory layout of serialised SyncedSamples with strings and arrays as long as in this sample."""
+    """Return the memory layout of serialised SyncedSamples whose strings and arrays are as long as in `sample`."""
     return np.dtype(
         [
             *((name, "<u4") for name in ("seq", "secs", "nsecs", "frame_size")),
@@ -304,7 +304,7 @@ def _counts(messages: list[Any]) -> dict[str, SourceCounts]:
 
 
 def missed_deadlines(bag: Bag) -> int | None:
-    """Return the missed deadlines of all control loops up to the last diagnostics; None: not published (headless)."""
+    """Return the total number of missed deadlines of all control loops; None: not published, as in a headless run."""
     missed: dict[str, int] = {}
     for connection, _, raw in bag.chosen(lambda connection: connection.msgtype == DIAGNOSTICS):
         for status in bag.deserialize(raw, connection.msgtype).status:

@@ -1,4 +1,4 @@
-"""Comparison of two overlaid runs of the same motion: differences of the joints, as in thesis ch. 4.4."""
+"""Comparison of two runs of the same motion, aligned in time: differences of the joints, as in thesis ch. 4.4."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -13,27 +13,27 @@ from hric_core.errors import HricError
 FloatArray = npt.NDArray[np.float64]
 
 STEADY_WINDOW = 0.1
-"""Window at the end of the common time over which the steady difference is averaged [s]. Project default, unconfirmed;
-thesis ch. 4.4 reads one value at about 3 s."""
+"""Window at the end of the common time over which the steady-state difference is averaged [s]. Project default,
+unconfirmed; thesis ch. 4.4 uses one value at about 3 s."""
 FIT_RANGE = 0.1
-"""Maximum time shift between two runs in a fit; a recorder resolves the time of a setpoint to 10 ms [s]. Project
+"""Maximum time shift in a fit that aligns two runs [s]; recorders resolve the time of a setpoint to 10 ms. Project
 default, unconfirmed."""
 SAME_TARGET = 1e-6
-"""Difference up to which two targets are the same [rad]. Project default, unconfirmed: above the resolution of single
-precision."""
+"""Difference up to which two setpoints count as equal [rad]; larger than the resolution of single precision. Project
+default, unconfirmed."""
 
 
 class ComparisonError(HricError):
-    """Error: two runs cannot be overlaid; the message names what does not match."""
+    """Error: two runs cannot be compared; the message names what does not match."""
 
 
 @dataclass(frozen=True)
 class Overlay:
-    """Both runs from one setpoint on, at the time steps of run A, with n steps and j joints.
+    """Data of both runs after one setpoint, at n time steps of run A, for j joints.
 
     Attributes:
-        start_a, start_b: robot time of the setpoint, or of the first cycle if there was none; that of B includes the
-            fitted shift [s].
+        start_a, start_b: robot time of the setpoint, or of the first cycle if there was none [s]; start_b includes the
+            fitted shift.
         target: target positions, shape (j,) [rad]; None: no setpoint.
         time: time since the start, shape (n,) [s].
         position_a, position_b: joint positions, shape (n, j) [rad].
@@ -52,13 +52,13 @@ class Overlay:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Two runs overlaid on each other.
+    """Two runs of the same motion, aligned in time.
 
     Attributes:
         joint_names: joint names of run A.
         effort: True for each joint for which both runs commanded torques.
-        overlays: one overlay per setpoint, or one for the complete run.
-        shift: time shift of run B relative to its setpoints that aligns it with run A [s].
+        overlays: data of both runs after each setpoint; one for the complete run if there was no setpoint.
+        shift: fitted time shift by which run B, already aligned at its setpoints, is moved to match run A [s].
     """
 
     joint_names: tuple[str, ...]
@@ -86,14 +86,14 @@ def overlay(
     *,
     fit: bool = False,
 ) -> Comparison:
-    """Overlay run B on run A, aligned at each setpoint.
+    """Align run B with run A in time at each setpoint.
 
     Args:
         a: run A.
         b: run B; joints are matched by name, or by name without the prefix of the arm.
-        orders_a: joint order of each controller of run A.
-        orders_b: joint order of each controller of run B.
-        fit: shift B by whole cycles of A, at most FIT_RANGE, so that the positions agree best; hides a delay of a run.
+        orders_a: order of the joints in each controller of run A.
+        orders_b: order of the joints in each controller of run B.
+        fit: True to shift B by whole cycles of A, at most FIT_RANGE, so that positions agree best; this hides delays.
 
     Raises:
         ComparisonError: the runs differ in joints or setpoints, or have no common time.
@@ -108,45 +108,45 @@ def overlay(
 
 
 def columns(names_a: Sequence[str], names_b: Sequence[str]) -> list[int]:
-    """Return the column in B of each joint of A.
+    """Return, for each joint of run A, its column in run B; names are matched with or without the arm's prefix.
 
     Raises:
-        ComparisonError: the joints are not the same.
+        ComparisonError: the runs have different joints.
     """
     for short in (str, lambda name: name.rsplit("_", 1)[-1]):
         first, second = [short(name) for name in names_a], [short(name) for name in names_b]
         if sorted(first) == sorted(second) and len(set(first)) == len(first):
             return [second.index(name) for name in first]
-    raise ComparisonError(f"the runs have other joints: {', '.join(names_a)}; and {', '.join(names_b)}")
+    raise ComparisonError(f"the runs have different joints: {', '.join(names_a)}; and {', '.join(names_b)}")
 
 
 def _pairs(
     a: ControlRecord, b: ControlRecord, moves_a: list[Move], moves_b: list[Move], columns: list[int]
 ) -> list[_Pair]:
     if len(moves_a) != len(moves_b):
-        raise ComparisonError(f"the runs have other setpoints: {len(moves_a)} and {len(moves_b)} of them")
+        raise ComparisonError(f"the runs have different numbers of setpoints: {len(moves_a)} and {len(moves_b)}")
     if not moves_a:
         return [_Pair(float(a.time[0]), float(a.time[-1]), float(b.time[0]), float(b.time[-1]), None)]
     pairs = []
     for k, (move, other) in enumerate(zip(moves_a, moves_b, strict=True)):
         difference = float(np.abs(move.target - other.target[columns]).max())
         if difference > SAME_TARGET:
-            raise ComparisonError(f"the runs have other setpoints: number {k + 1} differs by {difference:.3g} rad")
+            raise ComparisonError(f"the runs have different setpoints: number {k + 1} differs by {difference:.3g} rad")
         ends = [float(log.time[last - 1]) for log, last in ((a, move.last), (b, other.last))]
         pairs.append(_Pair(move.setpoint.time, ends[0], other.setpoint.time, ends[1], move.target))
     return pairs
 
 
 def _steps(a: ControlRecord, pair: _Pair, shift: float) -> FloatArray:
-    """Return the time steps of run A within the time that both runs cover, since the setpoint [s]."""
+    """Return the times since the setpoint of those steps of run A that run B also covers [s]."""
     end = min(pair.end_a - pair.start_a, pair.end_b - pair.start_b - shift)
     since: FloatArray = a.time - pair.start_a
-    # A step slightly outside due to rounding counts as inside.
+    # Tolerance: a step that is outside only by rounding counts as inside.
     return since[(since >= -1e-9) & (since <= end + 1e-9)]
 
 
 def _at(time: FloatArray, times: FloatArray, values: FloatArray) -> FloatArray:
-    """Interpolate the columns of `values` linearly at `time`; constant beyond the ends."""
+    """Interpolate the columns of `values`, given at `times`, linearly at `time`; constant beyond the ends."""
     return np.stack([np.interp(time, times, column) for column in values.T], axis=1)
 
 
@@ -182,13 +182,13 @@ def _fitted_shift(a: ControlRecord, b: ControlRecord, columns: list[int], pairs:
 
 @dataclass(frozen=True)
 class JointDifference:
-    """Difference of a joint, A minus B.
+    """Difference of a joint between two runs, A minus B.
 
     Attributes:
-        peak_difference, peak_time: largest difference [rad], and its time since the setpoint [s].
-        steady_difference, rms_difference: mean over STEADY_WINDOW, and RMS [rad].
-        effort_peak_difference, effort_peak_time, effort_steady_difference, effort_rms_difference: the same for the
-            torque [N m]; None: not commanded by effort in both runs.
+        peak_difference, peak_time: largest position difference [rad], and its time since the setpoint [s].
+        steady_difference, rms_difference: mean position difference over STEADY_WINDOW, and RMS [rad].
+        effort_peak_difference, effort_peak_time, effort_steady_difference, effort_rms_difference: the same values for
+            the commanded torque [N m], [s]; None: not both runs command torque.
     """
 
     peak_difference: float
@@ -203,12 +203,12 @@ class JointDifference:
 
 @dataclass(frozen=True)
 class SetpointDifference:
-    """Difference of two runs from a setpoint on.
+    """Differences between two runs after a setpoint.
 
     Attributes:
         time_a, time_b, duration: robot time of the setpoint in both runs, and common time after it [s].
-        peak_difference_max, steady_difference_max: largest of all joints [rad].
-        joints: difference of each joint.
+        peak_difference_max, steady_difference_max: largest difference over all joints [rad].
+        joints: differences by joint.
     """
 
     time_a: float
@@ -220,7 +220,7 @@ class SetpointDifference:
 
 
 def difference_metrics(compared: Comparison) -> list[SetpointDifference]:
-    """Return the differences by setpoint and joint."""
+    """Return the differences of two runs, by setpoint and joint."""
     return [_overlay_metrics(compared, overlaid) for overlaid in compared.overlays]
 
 
@@ -242,7 +242,7 @@ def _overlay_metrics(compared: Comparison, overlaid: Overlay) -> SetpointDiffere
 
 
 def _signal(time: FloatArray, difference: FloatArray) -> tuple[float, ...]:
-    """Return peak, its time [s], steady value and RMS of a difference."""
+    """Return peak, time of the peak [s], steady-state value and RMS of a difference over time."""
     peak = int(np.argmax(np.abs(difference)))
     steady = np.mean(difference[time > time[-1] - STEADY_WINDOW + 1e-9])
     return float(difference[peak]), float(time[peak]), float(steady), float(np.sqrt(np.mean(difference**2)))
@@ -250,11 +250,11 @@ def _signal(time: FloatArray, difference: FloatArray) -> tuple[float, ...]:
 
 @dataclass(frozen=True)
 class SettingDifference:
-    """Setting that differs between two experiments.
+    """Setting that differs between the experiments of two runs.
 
     Attributes:
-        key: dotted key.
-        a, b: value in A and in B; None: not set.
+        key: dotted key of the setting.
+        a, b: value in run A and in run B; None: not set.
     """
 
     key: str
@@ -266,8 +266,8 @@ def settings(a: Mapping[str, object], b: Mapping[str, object]) -> list[SettingDi
     """Return the settings that differ between two experiments.
 
     Args:
-        a: tree of plain values, such as `definition` of run.yaml.
-        b: tree of the other run.
+        a: nested settings of run A, such as `definition` in run.yaml.
+        b: nested settings of run B.
     """
     flat_a, flat_b = leaves(a), leaves(b)
     pairs = ((key, flat_a.get(key), flat_b.get(key)) for key in dict.fromkeys([*flat_a, *flat_b]))
@@ -275,7 +275,7 @@ def settings(a: Mapping[str, object], b: Mapping[str, object]) -> list[SettingDi
 
 
 def leaves(tree: Mapping[str, object], prefix: str = "") -> dict[str, object]:
-    """Return the values of a tree by dotted key, with `prefix` before each key."""
+    """Return the values of nested mappings by dotted key; `prefix` is put before each key."""
     flat: dict[str, object] = {}
     for key, value in tree.items():
         name = f"{prefix}{key}"

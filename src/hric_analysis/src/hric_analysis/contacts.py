@@ -1,4 +1,4 @@
-"""Contacts of a run as the verdict judges them, for sweeps, benchmark and approaches. No ROS."""
+"""Assessment of a run's contacts as in its verdict, for sweeps and the benchmark. No ROS."""
 
 import math
 from pathlib import Path
@@ -12,12 +12,12 @@ from hric_bags.records import recording
 from hric_bags.run_file import RunFile
 
 CONTACT_AREA = 1e-4
-"""Contact area if neither the recording nor the user gives it: a square centimetre [m^2] (project default, unconfirmed;
-pressures of ISO/TS 15066 were measured with 1.96 cm^2, so it is on the strict side)."""
+"""Contact area if neither the recording nor the user gives one [m^2]: 1 cm^2 (project default, unconfirmed; strict, as
+the pressure limits of ISO/TS 15066 were measured with 1.96 cm^2)."""
 
 
 def given_of(run: RunFile, bag: Bag, description: str) -> AssessmentInput:
-    """Read a run for the verdict.
+    """Return the data of a run as input for its assessment.
 
     Args:
         run: contents of run.yaml.
@@ -28,15 +28,15 @@ def given_of(run: RunFile, bag: Bag, description: str) -> AssessmentInput:
 
 
 def findings(source: AssessmentInput) -> list[Finding]:
-    """Return the verdict's findings of all contacts; CONTACT_AREA replaces an unknown area."""
+    """Return the findings (assessment results) on all contacts; CONTACT_AREA replaces an unknown area."""
     return contact_findings(source, AssessmentChoices(contact_area=CONTACT_AREA))
 
 
 def counted_share(finding: Finding) -> float:
-    """Return the share of the limit by which runs are counted and compared [1].
+    """Return the ratio to the limit by which runs are counted and compared [1].
 
-    It is at most 1 only for a finding within limits or a warning. It is infinite if the excess is unknown: the contact
-    is not permitted at all, or not assessable.
+    It is at most 1 only if the finding is within limits or a warning. It is infinite if the excess is not known:
+    the contact is not permitted at all, or not assessable.
     """
     share = math.inf if finding.share is None else finding.share
     proven = finding.outcome in (Outcome.WITHIN, Outcome.WARNING)

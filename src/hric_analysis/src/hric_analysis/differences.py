@@ -1,4 +1,4 @@
-"""Differences between a run and a reference set-up, with their reasons."""
+"""Differences between a run and a reference set-up (that of the thesis), with their reasons."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -11,12 +11,12 @@ from hric_core.parameters import read_yaml
 from hric_run.definition.experiment import config_path
 
 CHATTER = 0.1
-"""Peak-to-peak torque at rest above which a loop is reported to chatter [N m]."""
+"""Peak-to-peak torque at rest above which a control loop is reported as chattering [N m]."""
 
 
 @dataclass(frozen=True)
 class Difference:
-    """One line of the comparison.
+    """One difference between a run and the reference set-up.
 
     Attributes:
         what: aspect that differs.
@@ -33,11 +33,11 @@ class Difference:
 
 @dataclass(frozen=True)
 class Setup:
-    """Run and reference set-up that are compared.
+    """Run and reference set-up to compare.
 
     Attributes:
-        reference: contents of config/references/<name>.yaml.
-        robot: `robot` of the experiment as it was run.
+        reference: reference set-up: contents of a file in config/references.
+        robot: section `robot` of the run's experiment.
         controller: parameters of the controller of the first setpoint.
         metrics: metrics of the run.
     """
@@ -48,16 +48,16 @@ class Setup:
     metrics: MotionMetrics
 
     def description(self, key: str, default: Any) -> Any:
-        """Return an argument of the robot description."""
+        """Return an argument of the robot description (xacro), or `default` if it is not set."""
         return (self.robot.get("description") or {}).get(key, default)
 
     def plant(self, key: str, default: Any) -> Any:
-        """Return a parameter of the plant."""
+        """Return a parameter of the plant (physics simulation), or `default` if it is not set."""
         return (self.robot.get("plant") or {}).get(key, default)
 
 
 Check = Callable[[Setup], Difference | None]
-"""Function that compares one aspect; returns None if it does not differ."""
+"""Function that compares one aspect of a run with the reference; returns None if there is no difference."""
 
 
 def reference(name: str) -> Content:
@@ -67,7 +67,7 @@ def reference(name: str) -> Content:
 
 
 def compare(setup: Setup) -> tuple[Difference, ...]:
-    """Return all differences: first those of the set-up, then those observed in the run."""
+    """Return all differences from the reference: first those of the set-up, then those observed in the run."""
     results = (check(setup) for check in CHECKS)
     return tuple(difference for difference in results if difference is not None)
 
@@ -77,8 +77,8 @@ def _engine(setup: Setup) -> Difference:
         "physics engine",
         setup.reference["engine"],
         setup.robot.get("plant_type") or "pybullet_ros_control/PyBulletPlant",
-        "the reference takes steps of first order, this plant only with integrator: semi_implicit; contact "
-        "and joint stops are solved differently",
+        "the reference integrates by a first-order method, this plant only with integrator: semi_implicit; "
+        "contacts and joint stops are solved differently",
     )
 
 
@@ -88,7 +88,7 @@ def _robot_hw(setup: Setup) -> Difference:
         "robot interface",
         setup.reference["robot_hw"],
         f"{setup.robot['hw']}, {adds}",
-        "the same role; the limits here are counted",
+        "same function; here the cycles in which a limit acts are counted",
     )
 
 
@@ -99,8 +99,8 @@ def _half_step(setup: Setup) -> Difference | None:
         "position read-out",
         "the engine's position at the end of its step",
         "position at the measuring instant, q - dt dq/2",
-        "takes out the half step by which a semi-implicit engine runs ahead; plant half_step_readout: false "
-        "switches it off",
+        "compensates the half step by which a semi-implicit integrator is ahead; plant parameter half_step_readout: "
+        "false switches this off",
     )
 
 
@@ -109,8 +109,8 @@ def _inertials(setup: Setup) -> Difference | None:
     if used == setup.reference["inertials"]:
         return Difference(
             "inertia tensors",
-            "moved by eq. 2",
-            "the same set, loaded as it is",
+            "shifted by eq. 2",
+            "the same values, without this shift",
             "the published tensors are about the centre of mass already; the shift breaks the triangle "
             "inequality of links 2 to 6 and leaves "
             "links 3, 4 and 6 not positive definite: such bodies do not exist, though the joint-space mass "
@@ -118,9 +118,9 @@ def _inertials(setup: Setup) -> Difference | None:
         )
     return Difference(
         "inertia tensors",
-        "moved by eq. 2, links 2 to 6 not physical",
+        "shifted by eq. 2, links 2 to 6 not physical",
         f"{used}, as published",
-        "the published tensors are about the centre of mass already; inertials:=thesis loads the thesis's set",
+        "the published tensors are about the centre of mass already; inertials:=thesis loads the values of the thesis",
     )
 
 
@@ -144,7 +144,7 @@ def _gains(setup: Setup) -> Difference | None:
         "gains",
         listed,
         f"Kp {used['kp']} Kd {used['kd']}",
-        "kp:=200 kd:=100 is the pair of ch. 4.4, kp:=50 kd:=10 that of listing 6",
+        "the thesis uses kp:=200 kd:=100 in ch. 4.4 and kp:=50 kd:=10 in listing 6",
     )
 
 
@@ -156,7 +156,7 @@ def _same(used: Any, expected: float) -> bool:
 def _profile(setup: Setup) -> Difference | None:
     if not (setup.controller.get("profile") or {}).get("enabled", False):
         return None
-    return Difference("setpoint", "raw step", "led through a trapezoid", "profile:=false takes it raw")
+    return Difference("setpoint", "raw step", "trapezoidal velocity profile", "profile:=false commands the raw step")
 
 
 def _start(setup: Setup) -> Difference | None:
@@ -177,8 +177,8 @@ def _outside(setup: Setup) -> Difference | None:
         "joint limits at the start",
         "not mentioned",
         f"outside its range: {names}",
-        "q = 0 is no legal pose of the arm; here only inward effort passes while outside, and a stop acts "
-        "once the joint has been inside",
+        "q = 0 is outside the joint ranges of the arm; here a joint outside its range accepts only inward effort, "
+        "and its stop acts once the joint has been inside",
     )
 
 
@@ -192,30 +192,31 @@ def _clamped(setup: Setup) -> Difference | None:
         "limits that acted",
         "enforced by the hardware interface, not counted",
         f"{counts} joint cycles of {cycles} cycles",
-        "order: position, velocity, effort, rate of torque last, so that no other clamp breaks the rate",
+        "order of the limits: position, velocity, effort, torque rate; the last one ensures that no other limit "
+        "causes a higher rate",
     )
 
 
 def _above(setup: Setup, key: str, bound: float) -> dict[str, float]:
-    """Return a metric of those joints for which it is above a bound."""
+    """Return a metric by joint, for the joints in which it is above `bound`."""
     values = {name: getattr(joint, key) or 0.0 for name, joint in setup.metrics.joints.items()}
     return {name: value for name, value in values.items() if value > bound}
 
 
 def _overspeed(setup: Setup) -> Difference | None:
     listed = ", ".join(f"{name} {ratio:.2f} times" for name, ratio in _above(setup, "velocity_ratio", 1.0).items())
-    why = "a raw step drives the joint so fast that the limit on the rate of torque forbids braking in time"
+    why = "a raw step accelerates the joint so much that the torque rate limit prevents braking in time"
     reference = "enforced, overshoot not reported"
-    return Difference("velocity limit", reference, f"overshot: {listed}", why) if listed else None
+    return Difference("velocity limit", reference, f"exceeded: {listed}", why) if listed else None
 
 
 def _chatter(setup: Setup) -> Difference | None:
     listed = ", ".join(f"{name} {ripple:.2f} N m" for name, ripple in _above(setup, "effort_ripple", CHATTER).items())
     why = (
-        "derivative gains above 2 / dt / ((M+B)^-1)_ii make the sampled loop unstable, and only the clamps keep it "
+        "derivative gains above 2 / dt / ((M+B)^-1)_ii make the sampled loop unstable; only the limits keep the torque "
         "bounded"
     )
-    reference = "not reported; ch. 5.4 sees Gazebo oscillate more than OpenSim"
+    reference = "not reported; in ch. 5.4 Gazebo oscillates more than OpenSim"
     return Difference("torque at the end of the run", reference, f"peak to peak {listed}", why) if listed else None
 
 
@@ -228,26 +229,26 @@ CHECKS: tuple[Check, ...] = (
         "joint damping [N m s/rad]",
         "damping",
         lambda setup: setup.description("damping", 0.0),
-        "damping:=1.0 is the thesis's value",
+        "damping:=1.0 is the value of the thesis",
     ),
     _value(
         "joint friction",
         "friction",
         lambda setup: setup.description("friction", "none"),
-        "the thesis's model has none beyond the damping",
+        "the model of the thesis has damping but no friction",
     ),
     _value(
         "rotor inertia [kg m^2]",
         "rotor_inertia",
         lambda setup: setup.plant("rotor_inertia", 0.1),
         "without it a torque loop at 1 kHz is unstable above Kd {stable_kd_at_1khz:g} on this arm; rotor_inertia:=0 is "
-        "the thesis's model",
+        "the model of the thesis",
     ),
     _value(
         "self-collision",
         "self_collision",
         lambda setup: setup.plant("self_collision", True),
-        "at q = 0 the hand collides with the forearm; with self-collision the arm is pushed out of the start",
+        "at q = 0 the hand collides with the forearm, so self-collision pushes the arm away from the start",
     ),
     _gains,
     _value(

@@ -1,4 +1,4 @@
-"""Effort and motion of the simulated human of a run: grips, torque as share of strength, hand, contacts. No ROS.
+"""Metrics of the simulated human of a run: grips, joint torque relative to strength, hand, contacts. No ROS.
 
 All values are estimates of a model, never measurements of a person.
 """
@@ -25,18 +25,18 @@ from hric_human.control.kinematics import HandChain
 from hric_human.participant.settings import HumanSettings
 
 SETTLED, SETTLING_TIME = 0.05, 3.0
-"""Share of their peaks below which grip force and hand speed must fall, and the time limit for it after the end of the
-motion [s] (requirement of this project on stable guidance)."""
+"""Requirement of this project on stable guidance: grip force and hand speed fall below this share of their peaks [1]
+within this time after the end of the motion [s]."""
 SETTLES, UNSTABLE = "settles", "unstable"
 
 
 @dataclass(frozen=True)
 class SimulatedPerson:
-    """Simulated human of a run.
+    """Recorded data of a run's simulated human.
 
     Attributes:
         record: recording from the bag.
-        impacts: contacts with their expected values.
+        impacts: contacts with their expected (closed-form) values.
         transports: bodies that two grips carried together.
     """
 
@@ -47,11 +47,14 @@ class SimulatedPerson:
 
 @dataclass(frozen=True)
 class GripMetrics:
-    """Force and work of one grip; see `hric_assessment.ergonomics.effort.Effort`.
+    """Force and work of one grip.
 
     Attributes:
-        held, holder: names of both bodies.
-        slips: how many times the body slipped; slipped: largest distance [m].
+        held, holder: names of the held and of the holding body.
+        closed: time for which the grip was closed [s].
+        force_max, force_max_time: largest force [N] and its time [s].
+        slips: number of times that the body slipped; slipped: largest slip distance [m].
+        force_mean, torque_max, work, work_absolute: see `hric_assessment.ergonomics.effort.Effort`.
     """
 
     held: str
@@ -69,12 +72,12 @@ class GripMetrics:
 
 @dataclass(frozen=True)
 class Handover:
-    """Handover of a body.
+    """Handover of a body from one grip to another.
 
     Attributes:
-        object, giver, taker: names of the body and of both grips.
+        object, giver, taker: names of the body, of the giving and of the taking grip.
         overlap: time for which both held the body [s].
-        force_max: largest force of the taker in that time [N]; None: they never held it together.
+        force_max: largest force of the taker in this time [N]; None: both never held the body together.
         dropped: True if no grip held the body for some time.
     """
 
@@ -92,8 +95,8 @@ class JointLoad:
 
     Attributes:
         torque_max: largest torque [N m].
-        share_max, share_mean: largest and mean share of the strength [1].
-        clipped: how many times the joint reached its strength limit.
+        share_max, share_mean: largest and mean ratio of torque to strength [1].
+        clipped: number of times that the joint reached its strength limit.
     """
 
     torque_max: float
@@ -104,12 +107,12 @@ class JointLoad:
 
 @dataclass(frozen=True)
 class HandMetrics:
-    """Motion of the hand.
+    """Motion of the person's hand.
 
     Attributes:
         speed_max: largest speed [m/s].
         path: length of the path [m].
-        smoothness: log dimensionless jerk [1]; None: it did not move.
+        smoothness: log dimensionless jerk [1]; None: the hand did not move.
     """
 
     speed_max: float
@@ -122,7 +125,7 @@ class Settling:
     """Decay of grip forces and hand speed after the motion.
 
     Attributes:
-        after: time after which the speed or the force of a grip stays low [s]; None: never.
+        after: time after the motion from which the hand speed or a grip force stays low, by name [s]; None: never.
         verdict: SETTLES or UNSTABLE.
     """
 
@@ -131,17 +134,17 @@ class Settling:
 
     @property
     def decay(self) -> str:
-        """Times of the decay as text."""
+        """Text with the time after which each signal stays low."""
         parts = [f"{name} {'never' if t is None else f'{t:.2f} s'}" for name, t in self.after.items()]
         return f"below {100 * SETTLED:.0f} % of the peak after: {', '.join(parts)}"
 
 
 @dataclass(frozen=True)
 class ExpectedImpact:
-    """Closed form of an impact; see `hric_assessment.contact.impact`.
+    """Expected values of an impact (closed form) and the recorded peak; see `hric_assessment.contact.impact`.
 
     Attributes:
-        measured_peak: recorded peak until the half sine ends [N]; ratio: relative to the expected peak [1].
+        measured_peak: recorded peak force until the half sine ends [N]; ratio: measured over expected peak [1].
     """
 
     speed: float
@@ -158,7 +161,7 @@ class ExpectedImpact:
 
 @dataclass(frozen=True)
 class ClampingMetrics:
-    """Clamping at the instant of judgement.
+    """Clamping force at the instant at which it is assessed.
 
     Attributes:
         time: robot time [s].
@@ -174,13 +177,13 @@ class ClampingMetrics:
 
 @dataclass(frozen=True)
 class ContactMetrics:
-    """Contact of a region of the person with its expected values.
+    """Contact of a body region of the person, with its expected values.
 
     Attributes:
         point, normal, speed: begin_point, begin_normal and begin_speed of `hric_human.contact.RegionContact`, to which
             the attributes up to `interrupted` belong.
-        transient: closed form of the impact; None: not known.
-        press: clamping; None: there was none.
+        transient: expected values of the impact; None: not known.
+        press: clamping force; None: there was no clamping.
     """
 
     regions: tuple[str, ...]
@@ -210,14 +213,15 @@ class HumanMetrics:
     Attributes:
         subject: code of the body.
         motion: begin and end of the motion, robot time [s].
-        grips, handovers, carried: grips, handovers and transports.
+        grips, handovers, carried: metrics of grips, of handovers, and of carried bodies.
         joints: load of each joint.
-        strength_share_max, strength_share_mean: largest share of strength, and mean of the most loaded joint [1].
-        muscles: use of the muscles; None: no muscle drive.
+        strength_share_max, strength_share_mean: largest ratio of joint torque to strength, and its mean over time for
+            the most loaded joint at each instant [1].
+        muscles: metrics of the muscles; None: muscles do not drive the human.
         hand: motion of the hand.
-        settling: decay after the motion; None: not judged.
-        contacts: contacts in the order of their ends.
-        events: events of the human.
+        settling: decay after the motion; None: not assessed.
+        contacts: contacts, in the order in which they ended.
+        events: recorded events of the human, such as started or slipped.
     """
 
     subject: str
@@ -236,7 +240,7 @@ class HumanMetrics:
 
 
 def analyse(bag: Path | Bag, run: RunFile, description: str, record: RunRecord) -> SimulatedPerson | None:
-    """Analyse the simulated human of a run; None: there was none.
+    """Read and analyse the data of a run's simulated human; None: there was no human.
 
     Args:
         bag: bag of the run.
@@ -253,13 +257,13 @@ def analyse(bag: Path | Bag, run: RunFile, description: str, record: RunRecord) 
 
 
 def transports_in(record: HumanRecord, definition: Definition) -> list[Transport]:
-    """Return the bodies that two grips carried together; definition: contents of the experiment."""
+    """Return the bodies that two grips carried together; `definition`: content of the experiment file."""
     plant = (definition.get("robot") or {}).get("plant") or {}
     return carrying.transports(record.grips.values(), definition.get("human") or {}, plant)
 
 
 def metrics(person: SimulatedPerson, section: NodeParameters) -> HumanMetrics:
-    """Return the metrics of the person; section: `human` of the experiment, for the body."""
+    """Return the metrics of the simulated human; `section`: section `human` of the experiment."""
     record = person.record
     hand = hand_positions(record, section)
     velocity = np.gradient(hand, record.time, axis=0)
@@ -283,7 +287,7 @@ def metrics(person: SimulatedPerson, section: NodeParameters) -> HumanMetrics:
 
 
 def hand_positions(record: HumanRecord, section: NodeParameters) -> FloatArray:
-    """Return the positions of the dominant or only hand in axes of the root link, shape (n, 3) [m]."""
+    """Return the positions of the dominant (or only) hand relative to the body's root link, shape (n, 3) [m]."""
     body = HumanSettings.of(section, "human").body()
     sides = (body.subject.dominant_hand, "right", "left")
     hand = HandChain(body, next(side for side in sides if f"{side}_hand" in body.segments))
@@ -291,7 +295,7 @@ def hand_positions(record: HumanRecord, section: NodeParameters) -> FloatArray:
 
 
 def moved(events: Sequence[RecordedHumanEvent], time: FloatArray) -> tuple[float, float]:
-    """Return start and end of the motion from its events [s]; without an event, start or end of the recording."""
+    """Return start and end of the human's motion from its events [s]; without events, those of the recording."""
     begins = [event.time for event in events if event.kind == "started"]
     ends = [event.time for event in events if event.kind == "ended"]
     begin = begins[-1] if begins else float(time[0])
@@ -307,7 +311,7 @@ def _grip(grip: GripRecord, events: Sequence[RecordedHumanEvent]) -> GripMetrics
 
 
 def _handovers(grips: Iterable[GripRecord]) -> Iterator[Handover]:
-    """Yield the handovers in the order in which the givers closed."""
+    """Yield the handovers, in the order in which the giving grips closed."""
     first = {grip.name: float(grip.time[grip.closed][0]) for grip in grips if grip.closed.any()}
     in_order = sorted((grip for grip in grips if grip.name in first), key=lambda grip: first[grip.name])
     for giver, taker in combinations(in_order, 2):
@@ -343,7 +347,7 @@ def _settling(
 ) -> Settling | None:
     """Return the decay of grip forces and hand speed after the motion; None: the run is too short, or no grip closed.
 
-    The force of a grip that carries a body is taken relative to its final value, since the weight remains.
+    For a grip that carries a body, the force is taken relative to its final value, since the weight remains.
     """
     closed = [grip for grip in record.grips.values() if grip.closed.any()]
     if not closed or record.time[-1] < end + SETTLING_TIME:
@@ -358,14 +362,14 @@ def _settling(
 
 
 def instability_reasons(settling: Settling | None) -> list[str]:
-    """Return the reasons why a run is unstable because of its human, for `Stability.also`."""
+    """Return the reasons, as text, why the interaction of robot and human is unstable; empty: it is not."""
     if settling is None or settling.verdict != UNSTABLE:
         return []
     return [f"robot and human do not come to rest within {SETTLING_TIME:g} s after the motion: {settling.decay}"]
 
 
 def _faded(time: FloatArray, values: FloatArray, begin: float, end: float) -> float | None:
-    """Return the time after the end until values stay below SETTLED times the motion's peak [s]; None: never."""
+    """Return the time from `end` until values stay below SETTLED times the motion's peak [s]; None: they never do."""
     peak = float(values[(time >= begin) & (time <= end)].max())
     above = time[(time > end) & (values > SETTLED * peak)]
     if not len(above):

@@ -1,4 +1,4 @@
-"""Differences of the humans of two runs: joints and grip forces, aligned at the start of the motion. No ROS."""
+"""Differences between the simulated humans of two runs: joint angles and grip forces over time. No ROS."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -12,12 +12,12 @@ from hric_bags.records.human_record import HumanRecord
 
 @dataclass(frozen=True)
 class SignalDifference:
-    """Difference of a signal in the unit of the signal.
+    """Difference of a signal between two runs, in the unit of the signal.
 
     Attributes:
-        peak_difference: largest size of the difference.
-        peak_time: its time since the start of the motion [s].
-        rms_difference: RMS of the size.
+        peak_difference: largest magnitude of the difference.
+        peak_time: time of this maximum since the start of the motion [s].
+        rms_difference: RMS of the magnitude.
     """
 
     peak_difference: float
@@ -27,11 +27,11 @@ class SignalDifference:
 
 @dataclass(frozen=True)
 class HumanDifference:
-    """Difference of two humans; None: the signals have no common time.
+    """Differences between the simulated humans of two runs; None: the signals have no common time.
 
     Attributes:
-        joints, grips: difference by joint and by grip [rad] [N].
-        joint_difference_max, force_difference_max: largest of them [rad] [N].
+        joints, grips: difference of each joint angle [rad] and of each grip force [N].
+        joint_difference_max, force_difference_max: largest of these differences [rad], [N].
     """
 
     joints: dict[str, SignalDifference | None]
@@ -41,11 +41,14 @@ class HumanDifference:
 
 
 def difference(a: HumanRecord, b: HumanRecord, shift: float = 0.0) -> HumanDifference:
-    """Compare the joints and grips that both humans have; B is interpolated at the instants of A.
+    """Compare joint angles and grip forces of two simulated humans, aligned at the start of their motion.
+
+    Run B is interpolated at the instants of run A.
+
 
     Args:
-        a: human of run A.
-        b: human of run B.
+        a: recording of the human in run A.
+        b: recording of the human in run B.
         shift: offset added to the times of B [s].
     """
     begin_a, begin_b = moved(a.events, a.time)[0], moved(b.events, b.time)[0] + shift
@@ -63,7 +66,7 @@ def difference(a: HumanRecord, b: HumanRecord, shift: float = 0.0) -> HumanDiffe
 
 
 def _apart(time: FloatArray, values: FloatArray, times: FloatArray, other: FloatArray) -> SignalDifference | None:
-    """Compare the rows of two runs, shape (n, k) and (m, k), at times since the same instant; None: no overlap."""
+    """Compare values of two runs, shape (n, k) and (m, k), at times since the same instant [s]; None: no overlap."""
     within = (time >= times[0]) & (time <= times[-1])
     if not within.any():
         return None

@@ -1,4 +1,4 @@
-"""Export of the human of a run for OpenSim's tools: model, motion, and the grip forces as external loads."""
+"""Export of a run's simulated human for OpenSim: model, motion, and the grip forces as external loads."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -25,16 +25,16 @@ LOADS, LOADS_SETUP = "human_external_loads.mot", "human_external_loads.xml"
 
 
 def write(folder: Path, section: NodeParameters, record: HumanRecord, gravity: tuple[float, ...]) -> None:
-    """Write human.osim, human.mot and, with a grip, human_external_loads, overwriting old files.
+    """Write human.osim, human.mot and, if there are grips, human_external_loads; overwrite existing files.
 
-    OpenSim's inverse dynamics of these files gives the joint torques of the human. The model has muscles if they drove
-    the human.
+    With these files, OpenSim's inverse dynamics computes the joint torques of the human. The model has muscles if
+    muscles drove the human.
 
     Args:
         folder: run folder.
-        section: `human` of the experiment.
+        section: section `human` of the experiment.
         record: recording of the human from the bag.
-        gravity: gravity in the world, 3 floats [m/s^2].
+        gravity: gravity vector in the world frame, 3 floats [m/s^2].
 
     Raises:
         HricError: the files cannot be written.
@@ -61,7 +61,7 @@ def write(folder: Path, section: NodeParameters, record: HumanRecord, gravity: t
 
 
 def _standing(urdf: str, root: Pose) -> str:
-    """Return the description with the world as its root link."""
+    """Return the URDF of a human with a root link "world", to which the body is fixed at pose `root`."""
     robot = ElementTree.fromstring(urdf)
     SubElement(robot, "link", name="world")
     joint = SubElement(robot, "joint", name="world_to_human", type="fixed")
@@ -72,7 +72,7 @@ def _standing(urdf: str, root: Pose) -> str:
 
 
 def _write_loads(folder: Path, record: HumanRecord, bodies: Mapping[str, str]) -> None:
-    """Write the loads of the grips on the bodies of the holding hands, and their set-up file."""
+    """Write the grip forces on the hands as external loads, with their set-up file; `bodies`: hand link by grip."""
     R, grips = base_pose("y")[:3, :3], [record.grips[name] for name in bodies]
     grip_loads = [
         loads.load(grip.name, bodies[grip.name], grip.time, R, (grip.force, grip.point, grip.torque), "")

@@ -1,4 +1,4 @@
-"""Metrics of a run: settling, overshoot and error of each joint at its setpoints, and peak loads against limits."""
+"""Metrics of the robot's motion: settling, overshoot and error at setpoints, and peak values relative to limits."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -12,18 +12,18 @@ from hric_run.definition.experiment import MetricsSpec
 
 FloatArray = npt.NDArray[np.float64]
 RIPPLE_WINDOW = 0.1
-"""Window at the end of the run for the torque ripple: at rest only a loop that chatters has one [s]."""
+"""Window at the end of a run in which the torque ripple is measured [s]; at rest only a chattering loop has ripple."""
 LIMIT_KINDS = ("position", "velocity", "effort", "effort_rate")
 
 
 @dataclass(frozen=True)
 class Move:
-    """Part of a run that belongs to one setpoint.
+    """Part of a run from one setpoint to the next.
 
     Attributes:
-        setpoint: setpoint as it was sent.
+        setpoint: setpoint as recorded.
         target: target positions in the joint order of the log, shape (j,) [rad].
-        first, last: index of the first cycle, and one past the last.
+        first, last: index of the first cycle, and of the cycle after the last.
     """
 
     setpoint: SentSetpoint
@@ -33,11 +33,11 @@ class Move:
 
 
 def moves(record: RunRecord, joints_of: Mapping[str, Sequence[str]]) -> list[Move]:
-    """Return the valid setpoints (finite, for all joints), each with the cycles until the next one.
+    """Return the valid setpoints (finite, for all joints), each with its range of cycles until the next setpoint.
 
     Args:
         record: recording of the run.
-        joints_of: joint order of each controller; default: the order of the log.
+        joints_of: order of the joints in each controller; a controller that is not listed uses the order of the log.
     """
     log = record.log
     usable = []
@@ -56,7 +56,7 @@ def moves(record: RunRecord, joints_of: Mapping[str, Sequence[str]]) -> list[Mov
 
 
 def settling_time(time: FloatArray, error: FloatArray, tolerance: float) -> float | None:
-    """Return the time from the first sample until |error| stays within the tolerance [s]; None if it never does."""
+    """Return the time from the first sample until |error| stays within the tolerance [s]; None: it never does."""
     outside = np.flatnonzero(np.abs(error) > tolerance)
     if outside.size == 0:
         return 0.0
@@ -66,9 +66,9 @@ def settling_time(time: FloatArray, error: FloatArray, tolerance: float) -> floa
 
 
 def overshoot(position: FloatArray, target: float) -> float:
-    """Return the overshoot of a joint past the target in the direction of its move [rad].
+    """Return the overshoot of a joint beyond its target in the direction of motion [rad].
 
-    A joint that starts at its target has no direction: any excursion counts.
+    For a joint that starts at its target, deviations in both directions count.
     """
     distance = target - position[0]
     if abs(distance) < 1e-6:
@@ -82,9 +82,9 @@ class JointStep:
 
     Attributes:
         start, target: position at the setpoint's time, and target [rad].
-        settling_time: time until the error stays within each tolerance [s]; None: it never does.
-        overshoot: largest excursion past the target [rad].
-        final_error: error at the end [rad].
+        settling_time: time until the error stays within the tolerance [s], by tolerance; None: it never does.
+        overshoot: largest deviation beyond the target [rad].
+        final_error: error at the end of the setpoint's time [rad].
     """
 
     start: float
@@ -102,7 +102,7 @@ class SetpointMetrics:
         time, duration: robot time of the setpoint, and time until the next one [s].
         controller: name of the controller.
         final_error_max: largest final error of a joint [rad].
-        settling_time_max: settling time of the slowest joint for each tolerance [s]; None: a joint never settles.
+        settling_time_max: settling time of the slowest joint [s], by tolerance; None: a joint never settles.
         joints: response of each joint.
     """
 
@@ -115,7 +115,7 @@ class SetpointMetrics:
 
 
 def setpoint_metrics(log: ControlRecord, move: Move, tolerances: Sequence[float]) -> SetpointMetrics:
-    """Return start, target, settling times, overshoot and final error of each joint, and the worst of all joints."""
+    """Return the response of all joints to a setpoint; `tolerances`: bands of the settling time [rad]."""
     part = slice(move.first, move.last)
     time = log.time[part]
     joints = {}
@@ -136,7 +136,7 @@ def _slowest(times: Sequence[float | None]) -> float | None:
 
 
 def rate(values: FloatArray, time: FloatArray) -> FloatArray:
-    """Return the backward difference per second, first row zero, in the shape of `values`."""
+    """Return the time derivative by backward differences, first row zero, in the shape of `values`."""
     result = np.zeros_like(values)
     if len(time) > 1:
         result[1:] = np.diff(values, axis=0) / np.diff(time)[:, None]
@@ -145,16 +145,17 @@ def rate(values: FloatArray, time: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, kw_only=True)
 class JointMetrics:
-    """Peaks of one joint over the run; None: not known, or not commanded by effort.
+    """Peak values of one joint over the run; None: not known, or not commanded by effort.
 
     Attributes:
-        velocity_peak, position_min, position_max: extremes [rad/s], [rad].
+        velocity_peak, position_min, position_max: largest speed [rad/s], smallest and largest position [rad].
         effort_peak, effort_raw_peak: largest torque sent, and requested [N m].
         rotatum_peak, rotatum_raw_peak: largest torque rate sent, and requested [N m/s].
-        effort_ripple: torque sent, peak to peak in RIPPLE_WINDOW [N m].
-        velocity_ratio, effort_ratio, rotatum_ratio: peak relative to the limit [1].
+        effort_ripple: peak-to-peak value of the torque sent in the last RIPPLE_WINDOW seconds [N m].
+        velocity_ratio, effort_ratio, rotatum_ratio: peak divided by the limit [1].
         limited_cycles: number of cycles in which each kind of limit acted.
-        velocity_ratio_max, position_excess_max: counted by the robot in all cycles [1], [rad].
+        velocity_ratio_max, position_excess_max: largest ratio to the velocity limit [1], largest distance outside the
+            position range [rad]; reported by the robot for all cycles.
         started_outside: True if the joint started outside its position range.
     """
 
@@ -178,12 +179,12 @@ class JointMetrics:
 def joint_metrics(
     log: ControlRecord, limits: Mapping[str, Mapping[str, float]], counts: Any
 ) -> dict[str, JointMetrics]:
-    """Return peaks of torque, torque rate and speed of each joint, their ratios to the limits, and limited cycles.
+    """Return the peak values of each joint, their ratios to the limits, and the numbers of limited cycles.
 
     Args:
         log: control log.
-        limits: any of lower, upper [rad], velocity [rad/s], effort [N m], effort_rate [N m/s], by joint.
-        counts: last hric_msgs/JointLimitCounts; None: there was none.
+        limits: known limits by joint: velocity [rad/s], effort [N m], effort_rate [N m/s].
+        counts: last message hric_msgs/JointLimitCounts; None: there was none.
     """
     peaks = {
         "velocity_peak": np.abs(log.velocity).max(axis=0),
@@ -228,7 +229,7 @@ def _counted(counts: Any, joint: str) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class ProfileError:
-    """Distance of a joint from the profile of its controller.
+    """Distance of a joint from the trajectory (profile) that its controller published.
 
     Attributes:
         largest_error, rms_error: largest and RMS distance [rad].
@@ -240,20 +241,20 @@ class ProfileError:
 
 @dataclass(frozen=True)
 class PathMetrics(ProfileError):
-    """Distance of the worst joint from the profile of a controller.
+    """Distance of the worst joint from the trajectory (profile) of its controller.
 
     Attributes:
-        joints: distance of each joint.
+        joints: distances by joint.
     """
 
     joints: dict[str, ProfileError]
 
 
 def path_metrics(record: RunRecord) -> dict[str, PathMetrics] | None:
-    """Compare the joint positions with the profile that each controller published, at the instants of its messages.
+    """Compare joint positions with the trajectory (profile) that each controller published, at its instants.
 
     Returns:
-        The errors by controller; None: no controller published a profile.
+        The distances by controller; None: no controller published a profile.
     """
     log, result = record.log, {}
     for controller, (times, desired, names) in record.profiles.items():
@@ -278,9 +279,9 @@ class ControlLogMetrics:
     """Completeness of the control log.
 
     Attributes:
-        cycles, first_cycle: number of recorded cycles, and number of the first one.
-        gaps, repeats: (first cycle, number of cycles) of each gap, and of each repetition.
-        missing_cycles, repeated_cycles: their sums.
+        cycles, first_cycle: count of recorded cycles, and cycle number of the first one.
+        gaps, repeats: (first cycle number, count of cycles) of each gap, and of each repetition.
+        missing_cycles, repeated_cycles: total counts of missing and repeated cycles.
         duration: time from the first to the last cycle [s].
         period_min, period_max: shortest and longest time step [s].
         limited_cycles: number of cycles in which a limit changed a command.
@@ -299,7 +300,7 @@ class ControlLogMetrics:
 
 
 def control_log_metrics(log: ControlRecord) -> ControlLogMetrics:
-    """Return the completeness of the control log: cycles, gaps, repeats, and the shortest and longest time step."""
+    """Return the completeness of a control log: cycles, gaps, repetitions, shortest and longest time step."""
     steps = np.diff(log.time) if log.cycles > 1 else np.zeros(1)
     return ControlLogMetrics(
         log.cycles,
@@ -317,17 +318,17 @@ def control_log_metrics(log: ControlRecord) -> ControlLogMetrics:
 
 @dataclass(frozen=True)
 class MotionMetrics:
-    """Metrics that need only the control log, the setpoints, the controller states and the limit counts.
+    """Metrics of the robot's motion, from control log, setpoints, controller states and counts of limited cycles.
 
     Attributes:
         experiment: name of the experiment.
         control_log: completeness of the control log.
-        state_sha256: hash of position, velocity and command of each cycle.
+        state_sha256: hash of joint positions, velocities and commands of all cycles.
         limits_touched: number of cycles in which each kind of limit acted, summed over the joints; None: not known.
-        path: distance from the profile of each controller; None: no controller published a profile.
+        path: distances from the profile of each controller; None: no controller published a profile.
         setpoints: response to each setpoint.
-        joints: peaks of each joint.
-        topics: number of messages of each topic.
+        joints: peak values by joint.
+        topics: number of messages by topic.
     """
 
     experiment: str
@@ -352,7 +353,7 @@ def compute(
     tolerances: Sequence[float],
     experiment: str,
 ) -> MotionMetrics:
-    """Compute all metrics that need only the recording of the run and the limits."""
+    """Compute the metrics of the robot's motion; for the arguments see `moves`, `joint_metrics`, `setpoint_metrics`."""
     log, counts = record.log, record.limit_counts
     return MotionMetrics(
         experiment,

@@ -1,4 +1,4 @@
-"""Muscle metrics of the simulated human of a run: estimates of a model. No ROS."""
+"""Muscle metrics of a run's simulated human; all values are estimates of a model. No ROS."""
 
 from dataclasses import dataclass
 
@@ -8,12 +8,12 @@ from hric_bags.reader import FloatArray
 from hric_bags.records.muscle_record import MuscleRecord
 
 THRESHOLDS = (0.3, 0.5)
-"""Activations for which the share of time above them is reported [1]; project defaults, unconfirmed."""
+"""Activation thresholds [1]; the share of time above each is reported. Project defaults, unconfirmed."""
 
 
 @dataclass(frozen=True)
 class ContactSize:
-    """Contact force between the bones of a joint.
+    """Magnitude of the contact force between the bones of a joint.
 
     Attributes:
         force_max, force_mean: largest and mean force [N].
@@ -25,13 +25,13 @@ class ContactSize:
 
 @dataclass(frozen=True)
 class MuscleMetrics:
-    """Use of one muscle.
+    """Activation and force of one muscle during a run.
 
     Attributes:
         activation_max, activation_mean: largest and mean activation [1].
-        above: share of the time with a larger activation, by threshold [1].
+        above: share of the time with an activation above the threshold [1], by threshold.
         force_max: largest force [N].
-        limited: how many times the muscle was saturated at maximum strength.
+        limited: number of times that the muscle was saturated at maximum strength.
     """
 
     activation_max: float
@@ -43,16 +43,16 @@ class MuscleMetrics:
 
 @dataclass(frozen=True)
 class MusclesMetrics:
-    """Use of all muscles.
+    """Activation of all muscles during a run, and contact forces in joints.
 
     Attributes:
         activation_max: largest activation of a muscle [1].
         activation_max_muscle: name of that muscle.
-        activation_mean: mean activation of all muscles [1].
-        above: share of the time in which a muscle has a larger activation, by threshold [1].
+        activation_mean: mean activation over all muscles [1].
+        above: share of the time in which any muscle has an activation above the threshold [1], by threshold.
         outside: share of the time in which the posture was outside the range of the muscle paths [1].
-        muscles: use of each muscle.
-        contact: contact force of each joint.
+        muscles: metrics by muscle.
+        contact: contact forces by joint.
     """
 
     activation_max: float
@@ -65,7 +65,7 @@ class MusclesMetrics:
 
 
 def metrics(record: MuscleRecord) -> MusclesMetrics:
-    """Return the metrics of a recording."""
+    """Return the metrics of recorded muscle activations and forces."""
     activation, names = record.activation[:, record.is_muscle], record.muscles
     return MusclesMetrics(
         float(activation.max()),

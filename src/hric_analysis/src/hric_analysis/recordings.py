@@ -1,4 +1,4 @@
-"""Contents of a bag for the report, besides the control log: sensors, moving frames and markers, events. No ROS."""
+"""Reader of a bag for the report: sensor signals, moving frames and markers, events, synchronisation. No ROS."""
 
 from array import array
 from collections import defaultdict
@@ -16,13 +16,13 @@ from hric_bags.parts import Bag, PartsReader
 from hric_bags.reader import FloatArray, RobotTime, opened, seconds
 
 SignalKey = tuple[str, str, tuple[str, ...]]
-"""Key of a signal: topic, unit and channels."""
+"""Key of a signal: topic, unit and names of the channels."""
 REPLAY_SPACING = 0.009
-"""Minimum time between recorded poses of a frame or marker, below the time step of the replay [s]."""
+"""Minimum time between two stored poses of a frame or marker [s]; shorter than the time step of the replay."""
 SIGNAL_TYPES = {"geometry_msgs/msg/WrenchStamped", "geometry_msgs/msg/PointStamped", "hric_msgs/msg/SampleChunk"}
-"""Message types that are read as a `Signal`."""
+"""Message types that are read as sensor signals."""
 LEVELS = {4: "warning", 8: "error", 16: "fatal"}
-"""Names of the levels of rosgraph_msgs/Log that are events."""
+"""Names of those levels of rosgraph_msgs/Log that are listed as events."""
 CONDITIONS = {0: "good", 1: "warning", 2: "error", 3: "stale"}
 """Names of the levels of diagnostic_msgs/DiagnosticStatus."""
 
@@ -46,7 +46,7 @@ class RunEvent:
 
 @dataclass(frozen=True)
 class Signal:
-    """Channels of a topic that have the same unit.
+    """Sensor signal: the channels of a topic that have the same unit.
 
     Attributes:
         topic: name of the topic.
@@ -65,14 +65,14 @@ class Signal:
 
 @dataclass(frozen=True)
 class Moving:
-    """Motion of a frame or marker in the frame `frame_id`.
+    """Recorded motion of a frame or marker.
 
     Attributes:
-        kind: frame or marker.
+        kind: "frame" or "marker".
         name: name for display.
-        frame_id: reference frame.
+        frame_id: reference frame of the values.
         time: robot time, shape (n,) [s].
-        values: poses of a frame, shape (n, 7), or positions of a marker, shape (n, 3), as in `scene.Track`.
+        values: frame: position [m] and quaternion x y z w, shape (n, 7); marker: position, shape (n, 3) [m].
     """
 
     kind: str
@@ -84,13 +84,13 @@ class Moving:
 
 @dataclass
 class Recordings:
-    """Contents of a bag for the report.
+    """Contents of a bag that the report shows, besides the control log.
 
     Attributes:
         signals, moving, events: sensor signals, moving frames and markers, and events.
-        statics: fixed frames: (parent, xyz, quaternion x y z w) by child frame.
-        layouts, statuses: last SyncLayout and last SyncStatus by topic.
-        samples: (ages, validity) of each SyncedSample by topic.
+        statics: static transforms: (parent, translation [m], quaternion x y z w) by child frame.
+        layouts, statuses: last SyncLayout and last SyncStatus message, by topic.
+        samples: (ages [s], validity) of the sources in each SyncedSample, by topic.
     """
 
     signals: list[Signal] = field(default_factory=list)
@@ -105,12 +105,12 @@ class Recordings:
 
 
 def read(bag: Path | PartsReader, robot_time: RobotTime, *, progress: bool = False) -> Recordings:
-    """Read signals, motions, events and synchronisation from a bag.
+    """Read sensor signals, motions, events and synchronisation data from a bag.
 
     Args:
         bag: the bag, or a reader of it.
         robot_time: conversion from stamps to robot time.
-        progress: show a progress bar on the terminal.
+        progress: True to show a progress bar on the terminal.
     """
     reading = _Reading(robot_time)
     with opened(bag) as reader:
@@ -119,7 +119,7 @@ def read(bag: Path | PartsReader, robot_time: RobotTime, *, progress: bool = Fal
 
 
 def signals(bag: Path | Bag, robot_time: RobotTime) -> list[Signal]:
-    """Return only the sensor signals, read in one pass: each further pass decompresses the complete bag again.
+    """Read only the sensor signals of a bag, in one pass, as each pass decompresses the complete bag.
 
     Args:
         bag: the bag, or a reader of it.
@@ -132,7 +132,7 @@ def signals(bag: Path | Bag, robot_time: RobotTime) -> list[Signal]:
 
 
 class _Reading:
-    """Collector of messages while a bag is read."""
+    """Collector of a bag's contents, message by message."""
 
     def __init__(self, robot_time: RobotTime) -> None:
         self._robot_time = robot_time
@@ -159,13 +159,13 @@ class _Reading:
         self._thinned = {"hric_msgs/msg/MocapData", "geometry_msgs/msg/PoseStamped"}
 
     def take_all(self, reader: Bag, chooses: Callable[[Any], bool], label: str = "") -> None:
-        """Process the messages of the chosen connections; `label` names the progress bar, "" shows none."""
+        """Process the messages of the chosen connections; `label`: name of the progress bar, "": no progress bar."""
         for connection, stamp, raw in reader.chosen(chooses, label):
             kind = connection.msgtype
             self.take(connection.topic, kind, stamp * 1e-9, partial(reader.deserialize, raw, kind))
 
     def wants(self, topic: str, kind: str) -> bool:
-        """Return True if a topic is read; /rosout_agg is not, since it repeats the messages of /rosout."""
+        """Return True if a topic is to be read; /rosout_agg is skipped, as it repeats the messages of /rosout."""
         if kind == "tf2_msgs/msg/TFMessage":
             return topic.endswith("tf_static")
         if kind == "std_msgs/msg/String":
@@ -179,7 +179,7 @@ class _Reading:
             topic: name of the topic.
             kind: message type.
             stamp: time of recording [s].
-            message: function that deserialises the message, which is slow.
+            message: function that deserialises the message; it is slow, so it is called only if needed.
         """
         if kind in self._thinned:
             if stamp - self._last.get(topic, -np.inf) < REPLAY_SPACING:
@@ -255,7 +255,7 @@ class _Reading:
         self._result.statuses[topic] = message
         starving = tuple(str(s) for s, is_so in zip(message.sources, message.starving, strict=True) if is_so)
         for source in set(starving) ^ set(self._starving.get(topic, ())):
-            self._event(time, "sync", source, "starves" if source in starving else "is back")
+            self._event(time, "sync", source, "no samples (starving)" if source in starving else "samples again")
         self._starving[topic] = starving
 
     def _sample(self, topic: str, time: float, message: Any) -> None:

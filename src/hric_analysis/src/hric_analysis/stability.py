@@ -1,11 +1,13 @@
 """Stability verdict of the control loop of a run.
 
 A run is unstable if the simulation diverged, if the arm stopped with `instability_detected`, if human and robot do not
-come to rest after the person's motion (`human.unrest`), or if a joint chatters, which is defined here.
+come to rest after the person's motion (`human.instability_reasons`), or if a joint chatters (oscillates at a high
+frequency), as defined here.
 
-The joint torque tau_k of cycle k is the requested torque of an effort-controlled joint, else the measured torque. The
-log is cut into pieces of PIECE cycles. r_k is tau_k minus its least-squares parabola over the piece, which removes
-motion and gravity and leaves periods of up to about half a piece. For each stretch of STRETCH consecutive pieces
+tau_k is the torque of a joint in cycle k: the requested torque if it is effort-controlled, else the measured torque.
+The log is cut into pieces of PIECE cycles. r_k is tau_k minus its least-squares parabola over the piece; this removes
+motion and gravity and leaves oscillations with periods up to about half a piece. For each stretch of STRETCH
+consecutive pieces
     ripple      = smallest RMS of r over one of its pieces [N m], so that shorter disturbances do not count,
     share       = ripple / effort limit of the joint,
     c_L         = sum r_k r_(k+L) / sum r_k^2 * PIECE / (PIECE - L), the autocorrelation at a lag of L cycles, with both
@@ -28,35 +30,36 @@ from hric_control.plants import DivergedError
 
 FloatArray = npt.NDArray[np.float64]
 PIECE = 25
-"""Number of cycles of a piece; at 1 kHz oscillations above about 60 Hz remain. Default chosen by this project,
-unconfirmed."""
+"""Number of cycles of a piece of the log; at 1 kHz, oscillations above about 60 Hz remain in it. Default chosen by this
+project, unconfirmed."""
 STRETCH = 10
-"""Number of pieces for which chatter must last: 0.25 s at 1 kHz, longer than the oscillation of a contact. Default
-chosen by this project, unconfirmed."""
+"""Minimum duration of chatter, as number of pieces: 0.25 s at 1 kHz, longer than the oscillation after a contact.
+Default chosen by this project, unconfirmed."""
 LAGS = 12
-"""Longest period of chatter that is searched for [cycles]. Default chosen by this project, unconfirmed."""
+"""Longest period of chatter that is detected [cycles]. Default chosen by this project, unconfirmed."""
 CHATTER_SHARE = 0.02
-"""RMS of periodic ripple relative to the effort limit from which a joint chatters [1]. Default chosen by this project,
-unconfirmed: a torque of a Panda's wrist that changes its sign each cycle at the rate limit of 1000 N m/s has 0.042;
-stable loops have at most 0.001, a loop that presses with friction on a stiff block 0.006."""
+"""Minimum RMS of periodic torque ripple, as share of the effort limit, that counts as chatter [1]. Default chosen by
+this project, unconfirmed. For comparison: a Panda wrist torque that changes its sign each cycle at the rate limit of
+1000 N m/s has 0.042, stable loops at most 0.001, a loop that presses with friction on a stiff block 0.006."""
 PERIODICITY = 0.5
-"""Periodicity from which ripple is periodic [1]. Default chosen by this project, unconfirmed: chatter has 0.5 to 1,
-noise less than 0.3."""
+"""Minimum periodicity of ripple to count as periodic [1]. Default chosen by this project, unconfirmed: chatter has 0.5
+to 1, noise less than 0.3."""
 WILD_SHARE = 0.1
-"""RMS of ripple relative to the effort limit from which a joint chatters even without a period [1]. Default chosen by
-this project, unconfirmed: noise of a Panda's measured speed (6e-3 rad/s) times a gain of 100 N m s/rad has 0.05."""
+"""Minimum RMS of torque ripple without a period, as share of the effort limit, that counts as chatter [1]. Default
+chosen by this project, unconfirmed: the noise of a Panda's measured speed (6e-3 rad/s) with a gain of 100 N m s/rad
+gives 0.05."""
 NO_LIMIT_EFFORT = 100.0
-"""Effort limit assumed for a joint without one [N m or N]. Default chosen by this project, unconfirmed."""
+"""Effort limit assumed for a joint without a known limit [N m or N]. Default chosen by this project, unconfirmed."""
 _SAME_PERIOD = 0.9
-"""Share of the largest periodicity from which a shorter lag is taken as the period [1]."""
+"""Share of the largest periodicity above which the shortest such lag is taken as the period [1]."""
 STABLE, UNSTABLE = "stable", "unstable"
 ARM_ERROR = "instability_detected"
-"""libfranka's name of the error with which the arm reports an instability."""
+"""Name in libfranka of the error by which the arm reports an instability."""
 
 
 @dataclass(frozen=True)
 class Stretches:
-    """Ripple and periodicity of n stretches and j joints.
+    """Torque ripple and periodicity in n stretches of the log, for j joints.
 
     Attributes:
         ripple: RMS ripple, shape (n, j) [N m].
@@ -70,7 +73,7 @@ class Stretches:
 
 
 def stretches(torque: FloatArray) -> Stretches:
-    """Return ripple and periodicity of each stretch of the run.
+    """Return torque ripple and periodicity in each stretch of a log.
 
     Args:
         torque: joint torques of each cycle, shape (n, j) [N m]; at least PIECE * STRETCH cycles.
@@ -89,16 +92,17 @@ def stretches(torque: FloatArray) -> Stretches:
     periodicity = both.max(axis=0)
     return Stretches(
         ripple, periodicity, (both >= _SAME_PERIOD * periodicity).argmax(axis=0) + 2
-    )  # the shortest lag, not a multiple of the period
+    )  # the shortest lag is the period, longer ones are multiples of it
 
 
 @dataclass(frozen=True)
 class Chatter:
-    """Chatter of one joint.
+    """Chatter (high-frequency oscillation) of one joint.
 
     Attributes:
-        ripple, share, periodicity, frequency: those of the worst stretch [N m], [1], [1], [Hz].
-        begin, end: robot time of the first and the last chatter [s].
+        ripple, share, periodicity, frequency: RMS torque ripple [N m], its share of the effort limit [1], periodicity
+            [1] and frequency [Hz] in the worst stretch.
+        begin, end: robot time at which the chatter begins and ends [s].
     """
 
     ripple: float
@@ -111,7 +115,7 @@ class Chatter:
 
 @dataclass(frozen=True)
 class Thresholds:
-    """Thresholds of the verdict; see the constants of this module."""
+    """Thresholds of the stability verdict; see the constants of this module."""
 
     share: float = CHATTER_SHARE
     periodicity: float = PERIODICITY
@@ -126,8 +130,8 @@ class Stability:
     """Stability verdict of a run.
 
     Attributes:
-        verdict: stable, unstable; None: the run is too short.
-        loop: the same for the control loop alone, without the person.
+        verdict: STABLE or UNSTABLE; None: the run is too short.
+        loop: verdict for the control loop alone, without the person.
         reasons: reasons why the run is unstable.
         joints: joints that chatter, the worst first.
         thresholds: thresholds of the verdict.
@@ -140,7 +144,7 @@ class Stability:
     thresholds: Thresholds
 
     def also(self, reasons: Sequence[str]) -> "Stability":
-        """Return the verdict with further reasons why the run is unstable; `loop` remains."""
+        """Return a copy with further reasons for instability; the verdict `loop` on the control loop is unchanged."""
         verdict = UNSTABLE if reasons else self.verdict
         return replace(self, verdict=verdict, reasons=(*self.reasons, *reasons))
 
@@ -176,7 +180,7 @@ def chatter(log: ControlRecord, limits: Mapping[str, Mapping[str, float]]) -> di
 
 
 def judge(run: RunFile, log: ControlRecord, limits: Mapping[str, Mapping[str, float]]) -> Stability:
-    """Return the stability verdict with its reasons, see INTERFACE.md.
+    """Return the stability verdict on a run, with its reasons.
 
     Args:
         run: contents of run.yaml.
@@ -186,7 +190,7 @@ def judge(run: RunFile, log: ControlRecord, limits: Mapping[str, Mapping[str, fl
     joints = chatter(log, limits)
     reasons = [_text(name, values) for name, values in joints.items()]
     if ARM_ERROR in str(run.get("arm_error", "")):
-        reasons.insert(0, f"the arm ended its motion: {ARM_ERROR}")
+        reasons.insert(0, f"the arm stopped with the error {ARM_ERROR}")
     kind, _, text = str(run.get("error", "")).partition(": ")
     if kind == DivergedError.__name__:
         reasons.insert(0, text)
@@ -196,7 +200,7 @@ def judge(run: RunFile, log: ControlRecord, limits: Mapping[str, Mapping[str, fl
 
 
 def _text(name: str, values: Chatter) -> str:
-    how = f"at {values.frequency:.0f} Hz" if values.periodicity >= PERIODICITY else "without a period"
+    how = f"at {values.frequency:.0f} Hz" if values.periodicity >= PERIODICITY else "without a fixed period"
     when = f"from {values.begin:.2f} to {values.end:.2f} s"
     share = 100.0 * values.share
     return f"{name} chatters {how}, {values.ripple:.3g} N m RMS ({share:.3g} % of its effort limit), {when}"

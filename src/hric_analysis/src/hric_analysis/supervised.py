@@ -1,4 +1,4 @@
-"""Metrics of the supervisor of a run."""
+"""Metrics of the safety supervisor in a run."""
 
 import math
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from hric_bags.records.safety_record import SLOWED, STOPPED, SafetyRecord
 
 @dataclass(frozen=True)
 class TimeInterval:
-    """Begin and end of an interval, robot time [s]."""
+    """Time interval: begin and end, robot time [s]."""
 
     begin: float
     end: float
@@ -19,7 +19,11 @@ class TimeInterval:
 
 @dataclass(frozen=True)
 class Latency:
-    """Time from a pose to the cycle that applied its request: median and 99 % quantile [s]; None: not known."""
+    """Delay from a measured pose of the person to the control cycle that applied the supervisor's request.
+
+    Attributes:
+        median, p99: median and 99 % quantile [s]; None: not known.
+    """
 
     median: float | None
     p99: float | None
@@ -27,12 +31,13 @@ class Latency:
 
 @dataclass(frozen=True)
 class SupervisorEvent:
-    """Event of the supervisor.
+    """Event that the supervisor reported.
 
     Attributes:
         time: robot time [s].
-        kind, text: as in hric_msgs/SafetyEvent.
-        separation, margin: distance at that time, and that minus the protective distance [m]; None: not known.
+        kind, text: kind and description, as in hric_msgs/SafetyEvent.
+        separation, margin: distance between arm and person at this time, and this distance minus the protective
+            distance [m]; None: not known.
     """
 
     time: float
@@ -44,16 +49,16 @@ class SupervisorEvent:
 
 @dataclass(frozen=True)
 class SupervisorMetrics:
-    """Decisions of the supervisor.
+    """Decisions of the safety supervisor during a run.
 
     Attributes:
         mode: mode of the supervisor.
-        share_stopped, share_slowed: share of the time in which the arm was stopped, and slowed [1].
+        share_stopped, share_slowed: shares of the time in which the arm was stopped, and slowed [1].
         scale_mean: mean of the requested speed scale [1].
-        separation_min: smallest distance [m]; None: never known.
+        separation_min: smallest distance between arm and person [m]; None: never known.
         violations: intervals in which the arm moved closer than the protective distance.
-        margin_min_violated: smallest margin in these intervals [m]; None: there was none.
-        latency: time from a pose to the cycle that applied its request.
+        margin_min_violated: smallest distance minus protective distance in these intervals [m]; None: there is none.
+        latency: delay from a measured pose to the cycle that applied the request.
         events: events in the order of time.
     """
 
@@ -69,7 +74,7 @@ class SupervisorMetrics:
 
 
 def metrics(record: SafetyRecord | None) -> SupervisorMetrics | None:
-    """Return the metrics of a recording; None: there was no supervisor."""
+    """Return the metrics of a recorded supervisor; None: there was none."""
     if record is None:
         return None
     late = record.latency[np.isfinite(record.latency)]

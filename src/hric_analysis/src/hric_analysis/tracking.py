@@ -1,12 +1,13 @@
 """Metrics of marker tracking by the end effector: lag, error after the lag, acceleration, frames, stamps. No ROS.
 
-The tracking controller anchors marker and end effector at the first frame that it uses, and again after a loss (unless
-it catches up), so the error after a lag is
+The tracking controller moves the end effector relative to an anchor: the positions of marker and end effector at the
+first frame it uses, and again after a loss of the marker (unless it catches up). So the error after a lag is
 
     e(t) = p(t) - p_0 - R (m(t - lag) - m(t_0))
 
-within the stretch that began at t_0; p_0 is the position of the end effector then, or the one where it comes to rest.
-The lag is that of the largest normalised cross-correlation of the two displacements.
+with p and m the positions of end effector and marker, within the stretch that began at t_0; p_0 is the position of the
+end effector at t_0, or after a loss its target at the return. The lag maximises the normalised cross-correlation of the
+two displacements.
 """
 
 from dataclasses import dataclass
@@ -19,30 +20,31 @@ from hric_analysis.tracking_record import CapturedFrames, States, TrackingRecord
 
 FloatArray = npt.NDArray[np.float64]
 THESIS_ROTATION = ((1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0))
-"""Rotation from a motion capture frame with y up to the base (thesis ch. 3.3): the default of the controllers."""
+"""Rotation matrix from a motion capture frame with y up to the robot's base frame (thesis ch. 3.3); default of the
+controllers."""
 STEP = 1e-3
 """Step of the common time axis and of the lags [s]."""
 LONGEST_LAG, COARSE = 1.0, 10
-"""Longest lag [s], and coarse increment of the search [steps]. Project default, unconfirmed."""
+"""Longest lag that is searched [s], and coarse increment of the search [steps]. Project default, unconfirmed."""
 MIN_MOTION = 1e-3
 """Standard deviation of the marker position below which no lag is computed [m]. Project default, unconfirmed."""
 SMOOTHED = 10
-"""Number of cycles over which the smoothed acceleration is taken, longer than the noise of real encoders."""
+"""Number of cycles over which the smoothed acceleration is computed, so that encoder noise has little effect."""
 STAMP_WINDOW = 2.0
-"""Window in which the stamp error is taken as constant [s]."""
+"""Length of the windows in which the error of the time stamps is assumed constant [s]."""
 
 
 @dataclass(frozen=True)
 class FollowedMarker:
-    """Marker and end effector on a common time axis with n samples.
+    """Positions of marker and end effector on a common time axis with n samples.
 
     Attributes:
         time: robot time, shape (n,) [s].
         ee: position of the end effector in the base frame, shape (n, 3) [m].
-        marker: position of the marker in axes of the base, shape (n, 3) [m].
-        exact: True if the marker is the true position, False if it is from the motion capture.
-        stretches: (anchor, end) indices of each stretch in which the marker was followed.
-        origins: p_0 of each stretch, shape (3,) [m].
+        marker: position of the marker, along the axes of the base frame, shape (n, 3) [m].
+        exact: True if `marker` is the true position, False if it was measured by motion capture.
+        stretches: (first, end) indices of each stretch in which the marker was followed.
+        origins: reference position p_0 of the end effector in each stretch, shape (3,) [m].
     """
 
     time: FloatArray
@@ -53,7 +55,7 @@ class FollowedMarker:
     origins: tuple[FloatArray, ...]
 
     def desired(self, lag: int) -> FloatArray:
-        """Return the desired position, `lag` steps behind the marker, shape (n, 3) [m]; NaN outside the stretches."""
+        """Return the desired end-effector position for a lag [steps], shape (n, 3) [m]; NaN while not following."""
         path = np.full_like(self.ee, np.nan)
         for (begin, end), origin in zip(self.stretches, self.origins, strict=True):
             if begin + lag < end:
@@ -61,21 +63,21 @@ class FollowedMarker:
         return path
 
     def error(self, lag: int) -> FloatArray:
-        """Return the error e(t) after `lag` steps, shape (n, 3) [m]; NaN outside the stretches."""
+        """Return the tracking error for a lag [steps], shape (n, 3) [m]; NaN while not following."""
         return self.ee - self.desired(lag)
 
 
 def followed(
     record: TrackingRecord, times: FloatArray, ee: FloatArray, R_base_marker: FloatArray, *, catch_up: bool = False
 ) -> FollowedMarker | None:
-    """Resample marker and end effector to a common time axis, from the first marker on; None: no valid marker.
+    """Resample marker and end effector to a common time axis, from the first valid marker on; None: there is none.
 
     Args:
-        record: recording of the bag.
+        record: recorded frames, controller states and true motion.
         times: times of the end effector positions, shape (k,) [s].
         ee: positions of the end effector in the base frame, shape (k, 3) [m].
         R_base_marker: rotation from the motion capture frame to the base, shape (3, 3).
-        catch_up: True if the controller keeps its anchors through a loss.
+        catch_up: True if the controller keeps its anchor when the marker is lost.
     """
     frames = record.frames
     anchors = _anchors(frames, record.states, catch_up)
@@ -100,7 +102,7 @@ def followed(
 
 
 def _target(states: States, time: float) -> FloatArray:
-    """Return the target of the end effector when it followed again after `time`, which is its new origin."""
+    """Return the end effector's target when following resumed after `time`, the reference position from then on."""
     after = [
         k for k in range(int(np.searchsorted(states.time, time)), len(states.time)) if states.tracking[k] == "following"
     ]
@@ -109,7 +111,7 @@ def _target(states: States, time: float) -> FloatArray:
 
 
 def _anchors(frames: CapturedFrames, states: States, catch_up: bool) -> list[tuple[float, float]]:
-    """Return (time of the frame that became the origin, time of the loss) of each stretch [s]."""
+    """Return (time of the first frame, time of the loss) of each stretch in which the marker was followed [s]."""
     valid = frames.time[frames.valid]
     if valid.size == 0:
         return []
@@ -127,9 +129,9 @@ def _anchors(frames: CapturedFrames, states: States, catch_up: bool) -> list[tup
 
 
 def lag_of(data: FollowedMarker) -> tuple[float, float] | None:
-    """Return (lag [s], normalised cross-correlation at it); None if the marker or the end effector hardly moves.
+    """Return (lag [s], normalised cross-correlation at this lag); None if marker or end effector hardly moves.
 
-    The maximum is searched in increments of COARSE steps, then in steps, then by a parabola through the best three.
+    The maximum is searched in increments of COARSE steps, then of one step, then by a parabola through three points.
     """
     count = min(int(LONGEST_LAG / STEP), len(data.time) // 2)
     if count < 1 or _likeness(data, 0) is None:
@@ -147,7 +149,7 @@ def lag_of(data: FollowedMarker) -> tuple[float, float] | None:
 
 
 def _likeness(data: FollowedMarker, lag: int) -> float | None:
-    """Return the normalised cross-correlation at a lag; None if marker or end effector hardly moves."""
+    """Return the normalised cross-correlation at a lag [steps]; None if marker or end effector hardly moves."""
     desired = data.desired(lag)
     both = ~np.isnan(desired[:, 0])
     if np.count_nonzero(both) < 2:
@@ -168,7 +170,7 @@ def rms(vectors: FloatArray) -> float:
 def acceleration(time: FloatArray, path: FloatArray, cycles: int = 1) -> float:
     """Return the RMS acceleration [m/s^2] of a path of shape (n, 3) [m] by second differences over `cycles` cycles.
 
-    Differences across a gap of the log are skipped.
+    Differences across a gap in the log are skipped.
     """
     period = float(np.median(np.diff(time)))
     regular = np.abs(time[2 * cycles :] - time[: -2 * cycles] - 2 * cycles * period) < 0.5 * period
@@ -178,12 +180,12 @@ def acceleration(time: FloatArray, path: FloatArray, cycles: int = 1) -> float:
 
 @dataclass(frozen=True)
 class FramesMetrics:
-    """Numbers of motion capture frames.
+    """Completeness and latency of motion capture frames.
 
     Attributes:
-        received, lost, not_in_order: frames, by their numbers.
-        untracked: frames without the body.
-        rate: rate [Hz]; None: a single frame.
+        received, lost, not_in_order: counts of frames, from the frame numbers.
+        untracked: count of frames in which the body was not tracked.
+        rate: frame rate [Hz]; None: there is only one frame.
         latency_median, latency_max: time from exposure to arrival [s]; None: not known.
     """
 
@@ -198,11 +200,11 @@ class FramesMetrics:
 
 @dataclass(frozen=True)
 class StampError:
-    """Error of the stamps against the true hand motion, with its standard deviation.
+    """Error of the frames' time stamps relative to the true hand motion, with its standard deviation.
 
     Attributes:
-        mean, uncertainty: error over the whole recording [s].
-        largest, largest_uncertainty: largest error in a window [s].
+        mean, uncertainty: error over the whole recording, and its standard deviation [s].
+        largest, largest_uncertainty: largest error in a window, and its standard deviation [s].
         window: length of the windows [s].
     """
 
@@ -215,12 +217,12 @@ class StampError:
 
 @dataclass(frozen=True)
 class Accelerations:
-    """RMS accelerations [m/s^2].
+    """RMS accelerations of end effector and marker.
 
     Attributes:
-        measured, measured_smoothed: acceleration of the end effector over 1 and over SMOOTHED cycles.
-        ideal: acceleration of the marker; None: the true motion is not known.
-        ratio, ratio_smoothed: accelerations of the end effector relative to the marker's [1].
+        measured, measured_smoothed: end effector, by differences over 1 and over SMOOTHED cycles [m/s^2].
+        ideal: marker [m/s^2]; None: the true motion is not known.
+        ratio, ratio_smoothed: both accelerations of the end effector divided by that of the marker [1].
     """
 
     measured: float
@@ -232,7 +234,7 @@ class Accelerations:
 
 @dataclass(frozen=True)
 class HumanPhase:
-    """Phase of the emulated human that starts at a robot time [s]."""
+    """Phase of the emulated human's program, with the robot time at which it starts [s]."""
 
     time: float
     phase: str
@@ -240,18 +242,18 @@ class HumanPhase:
 
 @dataclass(frozen=True, kw_only=True)
 class TrackingMetrics:
-    """Marker tracking of a run; None: no valid marker, or not known.
+    """Metrics of marker tracking in a run; None: there was no valid marker, or the value is not known.
 
     Attributes:
         controller, body: names of the controller and of the tracked body.
         marker: source of the marker's position, "truth" or "motion capture".
-        frames: motion capture frames.
-        stamp_error: error of the stamps.
-        losses, ignored, clamped, refused: counts of the controller.
-        phases: phases of the emulated human.
+        frames: completeness of the motion capture frames.
+        stamp_error: error of the frames' time stamps.
+        losses, ignored, clamped, refused: counts of the tracking controller; refused: by reason.
+        phases: phases of the emulated human's program.
         first_marker: robot time of the first valid marker [s].
-        lag, correlation: lag of the end effector [s], and correlation at it [1].
-        rms_error, largest_error: error after the lag [m].
+        lag, correlation: lag of the end effector [s], and normalised cross-correlation at this lag [1].
+        rms_error, largest_error: tracking error after compensation of the lag [m].
         acceleration: accelerations of end effector and marker.
     """
 
@@ -274,7 +276,7 @@ class TrackingMetrics:
 
 
 def frames_metrics(frames: CapturedFrames) -> FramesMetrics:
-    """Return the numbers of received, lost, unordered and untracked frames, their rate and latency."""
+    """Return the counts of received, lost, unordered and untracked frames, and their rate and latency."""
     steps = np.diff(frames.number)
     known = frames.latency[np.isfinite(frames.latency)]
     span = float(frames.time[-1] - frames.time[0])
@@ -290,10 +292,10 @@ def frames_metrics(frames: CapturedFrames) -> FramesMetrics:
 
 
 def stamp_error(record: TrackingRecord, R_base_marker: FloatArray) -> StampError | None:
-    """Return the error of the stamps against the true hand motion [s]; None: the true motion is not known.
+    """Return the error of the frames' stamps relative to the true hand motion; None: the true motion is not known.
 
-    The error is the time shift that, with an offset, fits best. Frames have the position at their exposure, so a frame
-    with a late stamp lies behind the true position: p - m(t) = -error v(t) + constant.
+    The error is the time shift that, together with an offset, fits best. A frame has the position p at its exposure, so
+    with a late stamp t it is behind the true position m(t): p - m(t) = -error v(t) + constant.
     """
     if record.truth is None or len(record.truth[0]) < 4:
         return None
@@ -311,7 +313,12 @@ def stamp_error(record: TrackingRecord, R_base_marker: FloatArray) -> StampError
 
 
 def late_by(speed: FloatArray, apart: FloatArray) -> tuple[float, float]:
-    """Return the error of the stamps and its standard deviation by least squares [s]."""
+    """Return the least-squares time shift between two motions and its standard deviation [s].
+
+    Args:
+        speed: true velocity at each stamp, shape (n, k).
+        apart: measured minus true values, shape (n, k).
+    """
     v, d = speed - speed.mean(axis=0), apart - apart.mean(axis=0)
     power = float(np.sum(v * v))
     late = -float(np.sum(v * d)) / power
@@ -322,7 +329,7 @@ def late_by(speed: FloatArray, apart: FloatArray) -> tuple[float, float]:
 def metrics(
     data: FollowedMarker | None, record: TrackingRecord, times: FloatArray, ee: FloatArray, R_base_marker: FloatArray
 ) -> TrackingMetrics:
-    """Return the metrics of a recording; `times` and `ee` are those of each cycle, not resampled."""
+    """Return the metrics of recorded marker tracking; `times`, `ee`: times and end-effector positions of all cycles."""
     last, lag, error = record.states.last, None if data is None else lag_of(data), None
     if data is not None:
         error = data.error(round((0.0 if lag is None else lag[0]) / STEP))
@@ -349,7 +356,7 @@ def metrics(
 def _ideal(data: FollowedMarker, record: TrackingRecord) -> float | None:
     """Return the RMS acceleration of the marker [m/s^2]; None: the true motion is not known.
 
-    It is computed in the marker's clock: the drift of another clock would distort the motion.
+    It is computed with the marker's clock, as the drift of another clock would distort the motion.
     """
     if record.truth is None or len(record.truth[0]) < 4:
         return None

@@ -1,4 +1,4 @@
-"""Recording of marker tracking in a bag: motion capture frames, controller states and the true hand motion."""
+"""Reader of marker tracking in a bag: motion capture frames, controller states and the true hand motion."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +19,7 @@ STATE_TYPE, ROBOT_TYPE = "hric_msgs/msg/MarkerTrackingState", "franka_msgs/msg/F
 
 @dataclass(frozen=True)
 class CapturedFrames:
-    """Motion capture frames (n) as they were published.
+    """The n published motion capture frames.
 
     Attributes:
         time: middle of the exposure, robot time, shape (n,) [s].
@@ -42,14 +42,14 @@ class CapturedFrames:
 
 @dataclass(frozen=True)
 class States:
-    """States (n) of the controller that follows the marker.
+    """The n recorded states of the controller that follows the marker.
 
     Attributes:
         controller: name of the controller.
         time: robot time, shape (n,) [s].
         target, desired, measured: positions of the end effector in the base frame, shape (n, 3) [m].
-        tracking: tracking state at each time, such as following or lost.
-        last: last message.
+        tracking: tracking state at each time, such as "following" or "lost".
+        last: last state message.
     """
 
     controller: str
@@ -69,11 +69,11 @@ class TrackingRecord:
         frames: motion capture frames.
         states: controller states.
         truth: true hand position in the base frame: (robot time (n,) [s], position (n, 3) [m]); None: not known.
-        phases: (robot time [s], phase) of the emulated human.
+        phases: (robot time [s], phase) of the emulated human's program.
         p_flange_ee: position of the end effector in the flange frame, shape (3,) [m].
         base: name of the robot's base frame.
-        own_time: stamp of each true position, from the first on, shape (n,) [s]; it drifts against the robot time of a
-            real robot.
+        own_time: stamp of each true position minus the first stamp, shape (n,) [s]; with a real robot this clock drifts
+            relative to robot time.
     """
 
     frames: CapturedFrames
@@ -136,7 +136,7 @@ def _xyz(point: Any) -> tuple[float, float, float]:
 
 
 def _truth(hand: list[Any], robot_time: RobotTime) -> tuple[tuple[FloatArray, FloatArray], FloatArray]:
-    """Return ((robot time, position), stamp since the first) of the hand in the order of time, without duplicates."""
+    """Return ((robot time [s], position [m]), stamp minus first stamp [s]) of the hand, sorted, without duplicates."""
     times, order = np.unique(_times(hand, robot_time), return_index=True)
     stamps = np.array([seconds(message.header.stamp) for message in hand])[order]
     return (times, np.array([_xyz(message.pose.position) for message in hand])[order]), stamps - stamps[0]

@@ -20,12 +20,12 @@ FloatArray = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class MarkerTracking:
-    """Marker tracking of a run.
+    """Marker tracking of a run: recorded data and metrics.
 
     Attributes:
-        record: recording from the bag.
+        record: recorded frames, controller states and true motion.
         data: marker and end effector on a common time axis; None: there was no valid marker.
-        values: metrics.
+        values: metrics of the tracking.
     """
 
     record: TrackingRecord
@@ -43,7 +43,7 @@ def analyse(description: str, bag: Path | Bag, run: RunFile, record: RunRecord) 
         record: control log with setpoints, profiles and reflexes.
 
     Raises:
-        HricError: the description is missing or does not fit.
+        HricError: the robot description is missing, or has no chain from base to flange.
     """
     body = str((((run.get("definition") or {}).get("mocap")) or {}).get("body") or "")
     tracked = tracking_record.read(bag, record.robot_time, body)
@@ -56,7 +56,7 @@ def analyse(description: str, bag: Path | Bag, run: RunFile, record: RunRecord) 
         else np.array(parameters.get("frame_rotation", tracking.THESIS_ROTATION), dtype=float)
     )
     if not description:
-        raise BagError("a marker was followed, but the run folder has no robot description (robot.urdf)")
+        raise BagError("the robot followed a marker, but the run folder has no robot description (robot.urdf)")
     arm_id = str(parameters.get("arm_id") or "panda")
     ee = tip_positions(description, record.log, f"{arm_id}_link0", f"{arm_id}_link8", tracked.p_flange_ee)
     data = tracking.followed(tracked, record.log.time, ee, R, catch_up=parameters.get("on_return") == "catch_up")
@@ -64,17 +64,17 @@ def analyse(description: str, bag: Path | Bag, run: RunFile, record: RunRecord) 
 
 
 def tip_positions(description: str, log: ControlRecord, base: str, tip: str, p_tip: FloatArray) -> FloatArray:
-    """Return the positions of a point of the tip link in the base frame in each cycle, shape (n, 3) [m].
+    """Return the positions of a point on the tip link in all cycles, in the base frame, shape (n, 3) [m].
 
     Args:
-        description: URDF.
-        log: control log with the joint positions; joints that it lacks are at 0.
+        description: URDF of the robot.
+        log: control log with the joint positions; joints that are not in the log are at 0.
         base: name of the base link.
         tip: name of the tip link.
         p_tip: position of the point in the tip frame, shape (3,) [m].
 
     Raises:
-        HricError: no such link, or no chain from base to tip.
+        HricError: a link does not exist, or there is no chain from base to tip.
     """
     R = np.broadcast_to(np.eye(3), (log.cycles, 3, 3))
     p = np.zeros((log.cycles, 3))

@@ -1,4 +1,4 @@
-"""Metrics of a run with a bag on disk or in memory, each computed on first access."""
+"""Metrics of a run, from a bag on disk or in memory; each is computed on first access."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields
@@ -26,7 +26,7 @@ from hric_core.json_values import to_json
 
 @dataclass(frozen=True)
 class Reflex:
-    """Error of a Franka arm: robot time [s], and libfranka's names."""
+    """Reflex: the arm stopped to protect itself. Robot time [s], and libfranka's names of the errors."""
 
     time: float
     errors: tuple[str, ...]
@@ -34,7 +34,7 @@ class Reflex:
 
 @dataclass(frozen=True)
 class ReferenceSetup:
-    """Reference set-up: its name, and the title for a report."""
+    """Reference set-up with which a run is compared: name, and title for the report."""
 
     name: str
     title: str
@@ -42,17 +42,17 @@ class ReferenceSetup:
 
 @dataclass(frozen=True, kw_only=True)
 class RunMetrics(MotionMetrics):
-    """Contents of metrics.json; None: there was no such part in the run. See also INTERFACE.md of hric_experiments.
+    """Contents of metrics.json; None: the run has no such part. See also INTERFACE.md of hric_experiments.
 
     Attributes:
         real_time_factor: robot time per wall time [1].
-        missed_deadlines: number of cycles that started late; None: not published (headless).
-        reflexes: errors of the arm.
-        contacts: pairs of bodies that touched.
+        missed_deadlines: number of control cycles that started late; None: not published, as in a headless run.
+        reflexes: stops by which the arm protected itself.
+        contacts: contact forces of each pair of bodies that touched.
         stability: stability verdict.
-        sources, sync: completeness of the sensor data, and synchronised streams.
-        human, supervisor, tracking: simulated human, supervisor, and marker tracking.
-        reference, differences: reference set-up, and differences from it; left out without one.
+        sources, sync: completeness of the sensor data, and of synchronised streams.
+        human, supervisor, tracking: metrics of simulated human, safety supervisor, and marker tracking.
+        reference, differences: reference set-up, and differences from it; left out if there is no reference.
     """
 
     real_time_factor: float | None
@@ -70,13 +70,13 @@ class RunMetrics(MotionMetrics):
 
 
 KEYS = tuple(item.name for item in fields(RunMetrics) if item.default is not None)
-"""Metrics of every run; a run with a reference set-up also has `reference` and `differences`."""
+"""Keys of metrics.json for every run; with a reference set-up, `reference` and `differences` are added."""
 MOTION = tuple(item.name for item in fields(MotionMetrics) if item.name != "experiment")
-"""Metrics that need only the control log, the setpoints, the controller states and the limit counts."""
+"""Keys of metrics that need only control log, setpoints, controller states and counts of limited cycles."""
 
 
 class Values(Mapping[str, object]):
-    """Metrics of a run as JSON values by name, each computed on first access.
+    """Metrics of a run as JSON values by key; each is computed on first access.
 
     Args:
         run: contents of run.yaml.
@@ -109,22 +109,22 @@ class Values(Mapping[str, object]):
             self._others |= {"reference": lambda: self._compared[0], "differences": lambda: self._compared[1]}
 
     def all(self) -> RunMetrics:
-        """Return all metrics."""
+        """Return all metrics of the run."""
         return RunMetrics(**{key: self._part(key) for key in self})
 
     @cached_property
     def followed(self) -> MarkerTracking | None:
-        """Marker tracking of the run; None: no marker was followed."""
+        """Marker tracking of the run; None: the robot followed no marker."""
         return tracking_analysis.analyse(self._description, self._bag, self._run, self._record)
 
     @cached_property
     def person(self) -> SimulatedPerson | None:
-        """Human of the run, with contacts and transports; None: there was none."""
+        """Data of the simulated human, with contacts and carried objects; None: there was no human."""
         return human.analyse(self._bag, self._run, self._description, self._record)
 
     @cached_property
     def safety(self) -> SafetyRecord | None:
-        """Decisions and events of the supervisor; None: there was none."""
+        """Decisions and events of the safety supervisor; None: there was none."""
         return safety_record.read(self._bag, self._record.robot_time)
 
     @cached_property
@@ -169,7 +169,7 @@ class Values(Mapping[str, object]):
 
 
 def joint_orders(run: RunFile) -> dict[str, list[str]]:
-    """Return the joint order of each controller that has a parameter `joints`; run: contents of run.yaml."""
+    """Return the order of the joints in each controller with a parameter `joints`; `run`: contents of run.yaml."""
     orders = {}
     for name, values in (run.get("parameters") or {}).items():
         if isinstance(values, Mapping) and isinstance(values.get("joints"), list) and values["joints"]:

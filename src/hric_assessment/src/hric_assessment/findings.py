@@ -1,11 +1,11 @@
-"""Findings: one statement about a limit, with the numbers and the evidence for it.
+"""Findings: statements about a limit, each with its numbers and its evidence.
 
     evidence = Evidence.of(time, finite, (begin, end), max_gap)
     evidence.complete, evidence.shortfall
 
-Evidence says how much of the time of a finding is covered by finite samples, and how densely. A stretch between two
-finite samples is known if it is not longer than the longest gap that may be bridged. Time counts, not samples: a
-thousand samples in the first second say nothing about the second one.
+Evidence states how much of a finding's time window is covered by finite samples, and how densely. The time between two
+finite samples counts as known if it is not longer than the longest gap that may be bridged. Covered time counts, not
+the number of samples: a thousand samples in the first second say nothing about the second one.
 """
 
 from collections.abc import Mapping
@@ -21,26 +21,26 @@ from hric_core.geometry import FloatArray
 
 BoolArray = np.ndarray[Any, np.dtype[np.bool_]]
 JITTER = 1e-3
-"""Tolerance of stamps when a gap is compared with the longest one that may be bridged [s] (project default)."""
+"""Tolerance for jitter of stamps when a gap is compared with the longest that may be bridged [s] (project default)."""
 
 
 def finite_rows(values: FloatArray) -> BoolArray:
-    """Return a mask of the rows whose values are all finite, shape (n,); values: shape (n, k)."""
+    """Return True for rows whose values are all finite, shape (n,); values: shape (n, k)."""
     return np.asarray(np.isfinite(values).all(axis=1))
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """Known part of a window.
+    """Evidence of a finding: how much of its time window is covered by finite samples.
 
     Attributes:
         requested: length of the window [s].
-        known: known part of it [s].
-        rate: finite samples per known second [Hz].
+        known: part of the window that is covered [s].
+        rate: finite samples per covered second [Hz].
         longest_gap: longest time without a finite sample, ends of the window included [s].
         not_finite: number of samples in the window that are NaN or infinite.
         max_gap: longest gap that may be bridged [s].
-        arm_motion: share of the arm's time in motion that is known [1]; None: the finding does not need it.
+        arm_motion: covered share of the time in which the arm moves [1]; None: the finding does not need it.
     """
 
     requested: Annotated[float, "length of the window [s]"]
@@ -56,9 +56,9 @@ class Evidence:
         """Return the evidence of one signal.
 
         Args:
-            time: ascending, shape (n,) [s].
+            time: ascending times of the samples, shape (n,) [s].
             finite: True for each finite sample, shape (n,).
-            window: begin and end [s].
+            window: begin and end of the window [s].
             max_gap: longest gap that may be bridged [s].
         """
         begin, end = window
@@ -79,7 +79,7 @@ class Evidence:
 
     @property
     def shortfall(self) -> str:
-        """Missing part as one clause; empty if nothing is missing."""
+        """Clause that states what part of the window is missing; empty if nothing is missing."""
         if self.complete:
             return ""
         clauses = []
@@ -97,7 +97,14 @@ class Evidence:
 def unknown(
     time: FloatArray, finite: BoolArray, window: tuple[float, float], max_gap: float
 ) -> list[tuple[float, float]]:
-    """Return the unknown stretches of a window, [(begin, end), ...] [s]; arguments as in `Evidence.of`."""
+    """Return the parts of a window in which a signal is unknown, [(begin, end), ...] [s].
+
+    Args:
+        time: ascending times of the samples, shape (n,) [s].
+        finite: True for each finite sample, shape (n,).
+        window: begin and end of the window [s].
+        max_gap: longest gap that may be bridged [s].
+    """
     begin, end = window
     known = time[finite & (time >= begin) & (time <= end)]
     edges = np.concatenate([[begin], known, [end]])
@@ -109,14 +116,14 @@ DISCLAIMER = (
     "Estimate of a model: no risk assessment (ISO 12100), no proof of conformity, no measurement (ISO/PAS 5672), "
     "no certified safety function."
 )
-"""Disclaimer below each finding."""
+"""Disclaimer that is printed with the findings."""
 GROUPS = CONTACT, SEPARATION, POSTURE, LIFT = ("contact", "separation", "posture", "lift")
-"""Groups of findings."""
+"""Groups into which findings are sorted."""
 FIGURE_GROUPS = ("strength", "muscles", "joint load", "interaction", "productivity")
 
 
 class Outcome(StrEnum):
-    """Result of a finding; "within limits" needs complete evidence."""
+    """Outcome of a finding; "within limits" needs complete evidence."""
 
     WITHIN = "within limits"
     WARNING = "warning"
@@ -125,28 +132,28 @@ class Outcome(StrEnum):
 
 
 class NotAssessableError(HricError):
-    """Refusal to compare a number with a table; the message says which number, why, and how to make it comparable."""
+    """Error for a number that cannot be compared with a table; the text says why, and what would make it comparable."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """A statement about one limit.
+    """Statement about one limit: outcome, reason, numbers and evidence.
 
     Attributes:
         group: part of the verdict, one of GROUPS.
-        subject: subject of the statement.
-        outcome: never WITHIN if a value that the limit needs is unknown.
+        subject: subject of the statement, such as a contact or a posture.
+        outcome: outcome; never WITHIN if a value that the limit needs is unknown.
         reason: reason for the outcome, one sentence.
-        table: title and edition of the limits.
+        table: title and edition of the table of limits.
         share: largest ratio of a value to its limit [1]; None: no value could be compared with a limit.
         values: numbers behind the outcome, by name and unit; None: not known.
         window: begin and end of the time that the finding covers, robot time [s].
         signals: topics from which the values were recorded.
-        missing: data needed for a better finding.
-        notes: remarks on the computation of the values; marks of the limits.
-        regions: body regions of ISO/TS 15066.
-        evidence: part of the window that is known; None: the finding has no signal over time.
-        remedy: command, option or topic that would make a finding assessable; empty: it is assessable.
+        missing: data that a better finding would need.
+        notes: remarks on the computation of the values, and marks of the limits (how well they are confirmed).
+        regions: body regions of ISO/TS 15066 that the finding is about.
+        evidence: covered part of the window; None: the finding does not use a signal over time.
+        remedy: command, option or topic that would make the finding assessable; empty: it is, or there is none.
         person: namespace of the person; empty: there is one person only.
     """
 
@@ -154,7 +161,7 @@ class Finding:
     subject: str
     outcome: Outcome
     reason: str
-    table: Annotated[str, "title and edition of what it was held against"]
+    table: Annotated[str, "title and edition of the table of limits"]
     share: Annotated[float | None, "largest value over its limit"] = None
     values: Annotated[Mapping[str, float | None], ("description", "by name and unit")] = field(default_factory=dict)
     window: tuple[float, float] | None = None
@@ -167,12 +174,12 @@ class Finding:
     person: Annotated[str, "namespace; empty: there is one person only"] = ""
 
     def marked_near_limit(self) -> "Finding":
-        """Return the finding, as a warning if it is within limits and near its limit."""
+        """Return the finding, changed to a warning if it is within limits but near its limit."""
         table = verdict_table()
         near = table["near_limit"]
         if self.outcome != Outcome.WITHIN or self.share is None or self.share < near:
             return self
-        note = f"a warning from {100.0 * near:.0f} % of a limit on ({table.value_mark('near_limit')})"
+        note = f"a value of at least {100.0 * near:.0f} % of its limit is a warning ({table.value_mark('near_limit')})"
         return replace(self, outcome=Outcome.WARNING, notes=(*self.notes, note))
 
     def __str__(self) -> str:
@@ -184,12 +191,14 @@ class Finding:
 
 @dataclass(frozen=True)
 class UnjudgedValue:
-    """Number without a limit: it neither passes nor fails.
+    """Result without a limit, such as a muscle's activation: it neither passes nor fails.
 
     Attributes:
         group: one of FIGURE_GROUPS.
+        name: name of the value.
         value: value in `unit`; None: not known.
-        note: origin of the value.
+        unit: unit of the value.
+        note: how the value was computed.
     """
 
     group: Annotated[str, ("enum", FIGURE_GROUPS)]
@@ -205,7 +214,7 @@ class UnjudgedValue:
 
 @dataclass(frozen=True)
 class Missing:
-    """Missing signal, and what it would add."""
+    """Signal that the recording lacks, and the results that it would give."""
 
     signal: str
     gives: str

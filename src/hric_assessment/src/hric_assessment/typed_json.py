@@ -1,10 +1,10 @@
-"""JSON of typed results, and the schema that follows from their types.
+"""Conversion of typed results (dataclasses) to JSON, and of their types to a JSON schema.
 
-    plain(verdict)          # dataclasses, tuples and enums as JSON has them
+    plain(verdict)          # dataclasses, tuples and enums become objects, arrays and strings
     schema_of(Finding)      # all fields are required; extras of `Annotated` are a description or (key, value)
 
-A field whose metadata has the key NAMES is a mapping that is written in place of the field; the value is a function
-that returns the keys that the mapping always has.
+A field whose metadata has the key NAMES is a mapping whose entries replace the field in the object; the metadata's
+value is a function that returns the keys that the mapping always has.
 """
 
 import math
@@ -19,11 +19,11 @@ Content = Mapping[str, Any]
 JsonObject = dict[str, Any]
 NAMES = "names"
 BASIC = {str: "string", float: "number", int: "integer", bool: "boolean"}
-"""Types of JSON by the types of Python."""
+"""Name of the JSON type for each Python type."""
 
 
 def plain(value: object) -> Any:
-    """Return a value as JSON has it; numbers that are not finite become None."""
+    """Convert a value to what JSON can represent; numbers that are not finite become None."""
     if is_dataclass(value):
         parts = {field: plain(getattr(value, field.name)) for field in fields(value)}
         return {
@@ -59,7 +59,7 @@ def schema_of(kind: Any) -> JsonObject:
 
 
 def closed(properties: Content) -> JsonObject:
-    """Return the schema of an object with these properties, all required, and no others."""
+    """Return the schema of an object that must have all of these properties, and no others."""
     return {"type": "object", "properties": properties, "required": [*properties], "additionalProperties": False}
 
 
@@ -73,7 +73,7 @@ def _of_dataclass(kind: Any) -> JsonObject:
 
 
 def _described(schema: JsonObject, *extras: str | tuple[str, Any]) -> JsonObject:
-    """Return a schema with a description after its first key, and with more keys; an enum or constant has no type."""
+    """Add a description (after the first key) and further keys to a schema; an enum or constant replaces the type."""
     for extra in extras:
         if isinstance(extra, str):
             (key, first), *others = schema.items()

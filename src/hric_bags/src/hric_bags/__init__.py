@@ -1,1 +1,1 @@
-"""Bags and run folders without ROS: parts, records, health, export."""
+"""Reading, examining and exporting ROS bags and run folders, without ROS."""

@@ -1,4 +1,4 @@
-"""Arguments that several commands have: a run, and the folder of all runs.
+"""Command-line arguments that several commands share: a run, and the folder of all runs.
 
 A run is given by its folder, by its name below the folder of all runs, or as the newest one.
 """
@@ -7,7 +7,7 @@ from hric_bags.run_folder import runs_root
 from hric_core.command import Argument
 
 LATEST = "latest"
-"""Name of the newest run."""
+"""Name by which the newest run is opened."""
 RUNS = Argument(
     "--runs",
     type=runs_root,
@@ -15,7 +15,7 @@ RUNS = Argument(
     metavar="DIR",
     help="folder of all runs (default: $HRIC_RUNS, else runs/ of the workspace)",
 )
-"""Folder of all runs, also where the option is not given."""
+"""Option `--runs`, the folder of all runs; it has a value even if the option is not given."""
 
 
 def run_names() -> list[str]:
@@ -27,8 +27,8 @@ def run_arguments(others: str = "or a bag", metavar: str = "RUN|BAG") -> list[Ar
     """Return the argument `run`, which may be missing, and `--runs`.
 
     Args:
-        others: what it may be beside a run, for --help.
-        metavar: as the usage shows it.
+        others: text for --help on what the argument may be besides a run.
+        metavar: name of the argument in the usage line.
     """
     run = Argument(
         "run",

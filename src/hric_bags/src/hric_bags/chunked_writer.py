@@ -1,4 +1,4 @@
-"""Bag writer of rosbags with small compressed chunks for ROS tools; damage costs one chunk."""
+"""Writer of bags with small compressed chunks that ROS tools can read; damage destroys one chunk only."""
 
 from functools import partial
 from pathlib import Path
@@ -14,13 +14,13 @@ CHUNK_SIZE = 64 * 1024
 CHUNK_TIME = 1_000_000_000
 """Longest time between the messages of a chunk [ns]; project default, unconfirmed."""
 _HEAD = Struct("<II3sBI5sII5sIII")
-"""Message record up to its data: header length; size, name and value of `op`, `conn`, `time`; data length."""
+"""Format of a message record up to its data: header length; size, name and value of each field; data length."""
 _NAMES = (_HEAD.size - 8, 4, b"op=", RecordType.MSGDATA, 9, b"conn="), (13, b"time=")
-"""Header values that are the same for all messages."""
+"""Values in the header of a message record that are the same for all messages."""
 
 
 class ChunkedWriter(Writer):
-    """Writer of a bag in LZ4 chunks; path: must not exist."""
+    """Writer of a bag in LZ4 chunks; path: file of the bag, which must not exist."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
@@ -33,7 +33,7 @@ class ChunkedWriter(Writer):
         """Add a message to this bag, like the base class but three times as fast.
 
         Args:
-            connection: as `add_connection` returned it.
+            connection: connection that `add_connection` returned.
             timestamp: recording time [ns].
             data: serialised message.
         """

@@ -1,4 +1,4 @@
-"""Files that are either complete or absent: written under another name in the same folder, then renamed."""
+"""Writing of files that are either complete or absent: written under another name in the folder, then renamed."""
 
 import contextlib
 import errno
@@ -15,7 +15,7 @@ MEGABYTE = 1e6
 
 
 class FileError(FailureError):
-    """Error for a file that cannot be written: the disk is full or broken, or does not permit it."""
+    """Error for a file that cannot be written: the disk is full or broken, or access is not permitted."""
 
 
 def cannot_write(path: Path, error: OSError) -> FileError:
@@ -41,7 +41,7 @@ def atomic(path: Path) -> Iterator[Path]:
     """Yield a path with the same extension to write to, renamed to `path` if the block ends without an error.
 
     Raises:
-        FileError: the system refuses; no file is left then.
+        FileError: the system refuses to write; no incomplete file is left.
     """
     temporary = path.with_name(f".{os.getpid()}.{path.name}")
     try:
@@ -55,7 +55,7 @@ def atomic(path: Path) -> Iterator[Path]:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text file; a reader sees the old contents or the new, never a part."""
+    """Write a text file atomically: a reader sees the old contents or the new, never a part."""
     with atomic(path) as temporary, temporary.open("w") as file:
         file.write(text)
         file.flush()
@@ -63,19 +63,19 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_json(path: Path, data: Any) -> None:
-    """Write JSON; NaN is refused, because JSON does not have it."""
+    """Write data as a JSON file, atomically; NaN raises ValueError, because JSON does not have it."""
     write_text(path, json.dumps(data, indent=2, allow_nan=False) + "\n")
 
 
 def write_yaml(path: Path, data: Any) -> None:
-    """Write YAML, keys in their order."""
+    """Write data as a YAML file, atomically, with keys in their order."""
     import yaml
 
     write_text(path, yaml.dump(data, Dumper=yaml.CSafeDumper, sort_keys=False, allow_unicode=True, width=140))
 
 
 def point_link(link: Path, target: str) -> None:
-    """Make a symbolic link point to `target` (relative to the link's folder)."""
+    """Make a symbolic link point to `target` (relative to the link's folder), atomically."""
     temporary = link.with_name(f".{link.name}.{os.getpid()}.tmp")
     temporary.unlink(missing_ok=True)
     temporary.symlink_to(target)

@@ -1,6 +1,6 @@
-"""Reader of one bag with its index in arrays, faster and smaller than that of rosbags.
+"""Reader of one bag file with its index in arrays, which is faster and smaller than the index of rosbags.
 
-The index takes 20 bytes per message in place of 200, messages are read several times as fast, and chunks without
+The index takes 20 bytes per message instead of 200, messages are read several times as fast, and chunks without
 requested messages are not read.
 """
 
@@ -21,27 +21,27 @@ from hric_bags import foreign
 from hric_core.errors import HricError
 
 _STORED = np.dtype([("secs", "<u4"), ("nsecs", "<u4"), ("offset", "<u4")])
-"""Index entry in a bag."""
+"""Data type of an index entry in the bag file."""
 _INDEX = np.dtype([("time", np.int64), ("chunk", np.int64), ("offset", np.uint32)])
-"""Index entry here: recording time [ns], offset of its chunk in the file, offset of the message in the chunk."""
+"""Data type of an index entry in memory: recording time [ns], offsets of chunk in file and of message in chunk."""
 _MESSAGE = b"\x04\x00\x00\x00op=" + bytes([RecordType.MSGDATA])
-"""Part of the header of a message."""
+"""Bytes that are part of each message's header."""
 _HEAD = 55
-"""Size of the head of a connection's index in a chunk, including the length of its data [B]."""
+"""Size of the head of an index record (one connection in one chunk), with the length of its data [B]."""
 _INDEX_DATA, _CONNECTION = b"\x04\x00\x00\x00op=\x04", b"\x09\x00\x00\x00conn="
-"""Parts of that head; the connection's number follows the second one."""
+"""Bytes in the head of each index record; the connection's number follows the second ones."""
 BLOCK = 4096
-"""Number of entries that are Python objects at a time."""
+"""Number of index entries that are converted to Python objects at a time."""
 _size = Struct("<L").unpack_from
 Index = npt.NDArray[Any]
 
 
 class BagError(HricError):
-    """Error for a bag that cannot be read, or in which something that a report needs is missing."""
+    """Error for a bag that cannot be read, or that lacks data which a report needs."""
 
 
 def damaged(path: Path, reason: object) -> BagError:
-    """Return the error for an unreadable bag, with the command that finds the cause; reason: error raised."""
+    """Return the error for an unreadable bag, with the command that repairs it; reason: error that occurred."""
     text = " ".join(str(reason).split()) or type(reason).__name__
     text = re.sub(r"\('(.*?)',\)", r"\1", text)  # arguments of a wrapped error
     target = path.parent if (path.parent / "run.yaml").is_file() else path
@@ -50,7 +50,7 @@ def damaged(path: Path, reason: object) -> BagError:
 
 
 class IndexedReader(Reader):
-    """Reader of one bag by an index in arrays.
+    """Reader of one bag file, with its index in arrays.
 
     Args:
         path: path of the bag.
@@ -68,10 +68,10 @@ class IndexedReader(Reader):
         self._chunk: tuple[int, bytes] = -1, b""
 
     def open(self) -> None:
-        """Read everything except the messages.
+        """Open the bag, and read everything except its messages.
 
         Raises:
-            BagError: the file is no bag or damaged, or the system refuses to read it.
+            BagError: the file is not a bag or damaged, or the system refuses to read it.
         """
         try:
             super().open()
@@ -86,7 +86,7 @@ class IndexedReader(Reader):
         self._index, self._chunk = {}, (-1, b"")
 
     def read_index_data(self, pos: int, indexes: dict[int, list[IndexData]]) -> None:
-        """Store the index of one connection in the chunk at a position; `indexes` stays empty."""
+        """Store the index record of one connection for the chunk at `pos`; the base class' `indexes` stays empty."""
         assert self.bio
         head = self.bio.read(_HEAD)  # parsed here: rosbags' header takes ten times as long
         if len(head) < _HEAD or _size(head)[0] != _HEAD - 8 or _INDEX_DATA not in head or _CONNECTION not in head:
@@ -101,7 +101,7 @@ class IndexedReader(Reader):
         start: int | None = None,
         stop: int | None = None,
     ) -> Generator[tuple[Connection, int, bytes], None, None]:
-        """Yield messages as the base class does."""
+        """Yield (connection, recording time [ns], serialised message) in the order of time, as the base class does."""
         self._check_open()
         chosen = list(connections) or self.connections
         for number, time, position, offset in self._entries(chosen, start, stop):
@@ -124,7 +124,7 @@ class IndexedReader(Reader):
     def _entries(
         self, chosen: list[Connection], start: int | None, stop: int | None
     ) -> Iterator[tuple[int, int, int, int]]:
-        """Yield number of the connection, time, chunk and offset of each message, in order of time."""
+        """Yield (position in `chosen`, time [ns], offset of chunk, offset in it) of each message, in order of time."""
         parts = [self._index[connection.id] for connection in chosen]
         if not parts:
             return

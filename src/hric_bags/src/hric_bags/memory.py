@@ -1,4 +1,4 @@
-"""Bag in memory: the messages that a run published, for analyses that need no file."""
+"""Bag in memory: messages that a run published, for analyses without a file."""
 
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ class MemoryConnection:
     """Topic of a bag in memory.
 
     Attributes:
-        id: number within the bag.
+        id: number of the topic within the bag.
         topic, msgtype: name and type of the topic, e.g. "hric_msgs/msg/ControlLog".
         definition, digest: definition and MD5 sum of the type, as in ROS.
         msgcount: number of messages so far.
@@ -33,10 +33,10 @@ class MemoryConnection:
 
 
 class MemoryBag:
-    """Bag in memory with the interface of `PartsReader`, message for message as the run would have recorded it.
+    """Bag in memory with the interface of `PartsReader` and the same messages as a recorded bag of the run.
 
     Attributes:
-        bag: name for messages about this bag.
+        bag: name of this bag in error messages.
         connections: topics that were announced or written.
     """
 
@@ -48,7 +48,7 @@ class MemoryBag:
         self._messages: list[tuple[MemoryConnection, int, bytes]] = []
 
     def announce(self, topic: str, kind: Any) -> MemoryConnection:
-        """Return the connection of a topic, made by the first call; kind: class of its messages."""
+        """Return the connection of a topic, which the first call creates; kind: class of its messages."""
         if topic not in self._by_topic:
             package, name = kind._type.split("/")
             made = MemoryConnection(
@@ -73,7 +73,7 @@ class MemoryBag:
         return typestore_of(frozenset((c.msgtype, c.definition, c.digest) for c in self.connections))
 
     def deserialize(self, raw: bytes, kind: str) -> Any:
-        """Return a message as rosbags reads it."""
+        """Return a deserialised message, as rosbags reads it from a file."""
         return self.typestore.deserialize_ros1(raw, kind)
 
     def messages(self, connections: Collection[Any] = ()) -> Iterator[tuple[MemoryConnection, int, bytes]]:

@@ -1,4 +1,4 @@
-"""Reader of a bag that the recorder split into parts: in order of time, without repeated messages."""
+"""Reader of a bag that the recorder split into several files (parts): messages in order of time, each once."""
 
 import re
 from collections.abc import Callable, Collection, Generator, Iterator, Sequence
@@ -18,16 +18,16 @@ from hric_bags.indexed import BagError, IndexedReader, damaged
 from hric_core.errors import HricError
 
 MARGIN = 2_000_000_000
-"""Largest difference between the times at which two recorders note the same message [ns]."""
+"""Largest difference between the times at which two recorders store the same message [ns]."""
 _NUMBERED = re.compile(r"(.+)_(\d+)\.bag")
 Stream = tuple[str, str]
-"""Topic and name of the publishing node."""
+"""Messages of one node on one topic: topic, and name of the publishing node."""
 Messages = dict[Stream, list[tuple[int, bytes]]]
-"""(time [ns], serialised message) in order, by stream."""
+"""Stream -> its messages in order, as (recording time [ns], serialised message)."""
 
 
 class Bag(Protocol):
-    """Interface of a bag for analyses: files (`PartsReader`) or memory (`hric_bags.memory`)."""
+    """Interface of a bag for analyses, read from files (`PartsReader`) or from memory (`hric_bags.memory`)."""
 
     bag: Path
     connections: list[Any]
@@ -67,13 +67,13 @@ class PartsError(HricError):
 
 
 def parts(bag: Path) -> list[Path]:
-    """Return all parts of a bag in order; a bag that was not split is its only part.
+    """Return the files of a bag in order: its parts, or the bag alone if it was not split.
 
     Args:
-        bag: the bag, or its first part, `..._0.bag`.
+        bag: path of the bag, or of its first part, `..._0.bag`.
 
     Raises:
-        PartsError: a part between two others is missing, or one was not closed.
+        PartsError: a part between two others is missing, or a part was not closed.
     """
     match = _NUMBERED.fullmatch(bag.name)
     if match is not None and match[2] != "0":
@@ -96,7 +96,7 @@ def parts(bag: Path) -> list[Path]:
 def typestore_of(definitions: frozenset[tuple[str, str, str]]) -> Typestore:
     """Return the typestore of some message types, given as (type, definition, checksum).
 
-    It is cached: making it takes longer than reading most messages of a bag, and a process reads many similar bags.
+    The result is cached: it takes longer than reading most messages of a bag, and a process reads many similar bags.
     """
     types: dict[str, object] = {}
     for kind, text, _ in sorted(definitions):
@@ -112,14 +112,14 @@ def typestore_of(definitions: frozenset[tuple[str, str, str]]) -> Typestore:
 class PartsReader(AnyReader):
     """Reader of a bag with all its parts, with the interface of `AnyReader`.
 
-    Where two parts overlap, both recorders ran for a moment, and latched messages were sent to the second recorder
-    again. These repetitions are left out of the later part.
+    Two parts overlap, because both recorders ran for a moment and latched messages were sent again to the second one.
+    These repetitions are left out of the later part.
 
     Args:
         bag: path of the bag, or of its first part.
 
     Attributes:
-        bag: path passed in.
+        bag: path of the bag, as passed in.
 
     Raises:
         PartsError, BagError, OSError: the bag cannot be read.
@@ -142,7 +142,7 @@ class PartsReader(AnyReader):
         for reader in self.readers:
             self.stack.enter_context(reader)
         self.connections = [connection for reader in self.readers for connection in reader.connections]
-        del self.typestore  # remove the empty one of AnyReader
+        del self.typestore  # removes the empty typestore of AnyReader
 
     @cached_property
     def typestore(self) -> Typestore:
@@ -167,7 +167,7 @@ class PartsReader(AnyReader):
         start: int | None = None,
         stop: int | None = None,
     ) -> Generator[Any, None, None]:
-        """Yield messages as AnyReader does, each once. Raises AnyReaderError if the bag is damaged."""
+        """Yield (connection, recording time [ns], serialised message), each once. Raises AnyReaderError if damaged."""
         try:
             yield from self._messages(connections, start, stop)
         except ReaderError as error:
@@ -193,7 +193,7 @@ class PartsReader(AnyReader):
     ) -> Iterator[tuple[Connection, int, bytes]]:
         """Yield (connection, recording time [ns], serialised message) of the connections that `chooses` accepts.
 
-        `progress` labels a progress bar on the terminal; "": no bar.
+        progress: label of a progress bar on the terminal; "": no bar.
         """
         connections = [connection for connection in self.connections if chooses(connection)]
         if connections:  # with an empty list `messages` would take all
@@ -207,7 +207,7 @@ class PartsReader(AnyReader):
             )
 
     def _seams(self) -> list[dict[Stream, int]]:
-        """Return, for each part, how many first messages of each stream the part before it has, too."""
+        """Return, for each part, how many of the first messages of each stream are also in the part before it."""
         if self._repeated is None:
             self._repeated = [{}] + [
                 _seam(before, after) for before, after in zip(self.readers, self.readers[1:], strict=False)
@@ -245,13 +245,13 @@ def _gather(
 def overlap(before: Sequence[tuple[int, bytes]], after: Sequence[tuple[int, bytes]], *, latched: bool = False) -> int:
     """Return how many of the first messages of a part are the last ones of the part before it.
 
-    Several counts may fit a stream that repeats one message: then the count is used that fits the times best, or for a
-    latched stream the largest.
+    For a stream that repeats one message, several counts are possible: the one that fits the times best is returned, or
+    for a latched stream the largest.
 
     Args:
         before: (time [ns], serialised message) of one stream in the first part, in order.
-        after: the same of the second part.
-        latched: True if the last message was sent again to the later recorder.
+        after: messages of that stream in the second part.
+        latched: True if the stream's last message was sent again to the second recorder.
     """
     old, new = [raw for _, raw in before], [raw for _, raw in after]
     fitting = [count for count in range(min(len(old), len(new)) + 1) if old[len(old) - count :] == new[:count]]

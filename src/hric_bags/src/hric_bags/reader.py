@@ -1,4 +1,4 @@
-"""Reader of what a report needs from a bag, without ROS: control log, limit counts, setpoints and profile."""
+"""Reader of the data that a report needs from a bag: control log, limit counts, setpoints, desired motion. No ROS."""
 
 import hashlib
 import re
@@ -25,7 +25,7 @@ FRANKA_TYPE = "franka_msgs/msg/FrankaState"
 TYPES = (LOG_TYPE, COUNTS_TYPE, COMMAND_TYPE, STATE_TYPE, FRANKA_TYPE)
 _CONTROLLER_COMMAND = re.compile(r"/[^/]+/command$")
 SAME_CLOCK = 1e-6
-"""Largest drift between robot time and stamps that is only rounding, so that both are one clock [s]."""
+"""Largest drift between robot time and stamps with which both count as one clock [s]: it is only rounding."""
 RobotTime = Callable[[float], float]
 """Function from a stamp to robot time [s]."""
 ARRAYS = ("position", "velocity", "effort", "command_raw", "command")
@@ -33,18 +33,18 @@ ARRAYS = ("position", "velocity", "effort", "command_raw", "command")
 
 @dataclass(frozen=True)
 class ControlRecord:
-    """Control log of a run in one piece: n cycles of j joints, each cycle once.
+    """Control log of a run as arrays: n control cycles of j joints, each cycle once.
 
     Attributes:
         joint_names: joints in the order of the columns.
-        interfaces: kind of command of each joint at the end, e.g. "effort".
+        interfaces: command interface of each joint at the end of the run, e.g. "effort".
         time: robot time of each cycle, shape (n,) [s].
-        position, velocity, effort: shape (n, j) [rad, rad/s, N m].
-        command_raw, command: requested and sent command, shape (n, j) [unit of the interface].
+        position, velocity, effort: measured values, shape (n, j) [rad, rad/s, N m].
+        command_raw, command: command before and after the limiters, shape (n, j) [unit of the interface].
         first_cycle: index of the first recorded cycle, counted from the start of the run.
-        gaps: missing cycles after the first one, as (first missing, how many).
+        gaps: missing cycles after the first recorded one, as (first missing, how many).
         repeats: cycles recorded twice, as (first repeated, how many).
-        by_effort: True where the command was an effort, shape (n, j); None: as in `interfaces` throughout.
+        by_effort: True if the command was an effort, shape (n, j); None: as in `interfaces` in all cycles.
     """
 
     joint_names: tuple[str, ...]
@@ -62,7 +62,7 @@ class ControlRecord:
 
     @property
     def torque(self) -> FloatArray:
-        """Requested torque in cycles that commanded the joint by effort, else measured torque, shape (n, j) [N m]."""
+        """Commanded torque if a cycle commands the joint by effort, else measured torque, shape (n, j) [N m]."""
         by_effort = [kind == "effort" for kind in self.interfaces] if self.by_effort is None else self.by_effort
         return np.where(by_effort, self.command_raw, self.effort)
 
@@ -81,12 +81,12 @@ class ControlRecord:
 
 @dataclass(frozen=True)
 class SentSetpoint:
-    """Setpoint as recorded.
+    """Recorded setpoint of a controller.
 
     Attributes:
         time: robot time of the recording [s].
         controller: namespace of the controller.
-        positions: shape (j,) [rad].
+        positions: joint positions, shape (j,) [rad].
     """
 
     time: float
@@ -99,13 +99,13 @@ class RunRecord:
     """Everything that a report takes from a bag.
 
     Attributes:
-        log: the control log.
+        log: control log of the run.
         setpoints: setpoints in order of time.
         profiles: desired motion of each controller: (time (n,) [s], desired position (n, j) [rad], joint names).
         limit_counts: last hric_msgs/JointLimitCounts; None if there were none.
-        topics: message count per topic.
+        topics: number of messages by topic.
         duration: time from the first to the last message [s].
-        reflexes: (robot time [s], names of the errors) of each time a Franka arm entered an error.
+        reflexes: (robot time [s], names of the errors) of each moment at which a Franka arm entered an error.
         robot_time: function from stamps to robot time.
     """
 
@@ -121,7 +121,7 @@ class RunRecord:
 
 @contextmanager
 def opened(bag: Path | Bag) -> Iterator[Bag]:
-    """Yield a reader of a bag with all its parts; a reader passed in stays open.
+    """Yield a reader of a bag with all its parts; a reader that is passed in is yielded, and stays open.
 
     Raises:
         BagError: the bag is missing or damaged.
@@ -153,7 +153,7 @@ def _check_file(path: Path) -> None:
 class RunMessages:
     """Collector of the messages that a report needs, in the order of the bag.
 
-    They may be messages as rosbags reads them, or as ROS had them when they were written.
+    Messages may be those of rosbags, read from a bag, or those of ROS, while the bag is written.
     """
 
     def __init__(self) -> None:
@@ -171,7 +171,7 @@ class RunMessages:
             topic: absolute topic name.
             kind: message type, e.g. "hric_msgs/msg/ControlLog".
             time: recording time [ns].
-            message: message as sent.
+            message: message, deserialised.
         """
         if kind == LOG_TYPE:
             self._log.add(message)
@@ -192,7 +192,7 @@ class RunMessages:
             self._errors[topic] = errors
 
     def record(self, bag: Bag) -> RunRecord:
-        """Return the record of all messages, with topics and duration of their bag.
+        """Return the record of all messages added so far, with topics and duration of their bag.
 
         Raises:
             BagError: there is no control log.
@@ -214,11 +214,11 @@ class RunMessages:
 
 
 def read(bag: Path | Bag, known: RunMessages | None = None) -> RunRecord:
-    """Read a bag with all its parts.
+    """Read what a report needs from a bag with all its parts.
 
     Args:
-        bag: the bag, or a reader of it.
-        known: messages collected while the bag was written; None: they are read.
+        bag: path of the bag, or a reader of it.
+        known: messages collected while the bag was written; None: they are read from the bag.
 
     Raises:
         BagError: the bag is missing, damaged, or has no control log.
@@ -232,7 +232,7 @@ def read(bag: Path | Bag, known: RunMessages | None = None) -> RunRecord:
 
 
 def stitch(messages: Iterable[Any]) -> ControlRecord:
-    """Join control log messages to arrays: every cycle once, in order; gaps and repeats are noted."""
+    """Join hric_msgs/ControlLog messages to one record: every cycle once, in order, with gaps and repeats noted."""
     joined = _JoinedLog()
     for message in messages:
         joined.add(message)
@@ -240,7 +240,7 @@ def stitch(messages: Iterable[Any]) -> ControlRecord:
 
 
 class _JoinedLog:
-    """Control log messages joined to arrays as they arrive, because messages take twice the memory.
+    """Control log as growing arrays, to which messages are joined as they arrive: messages take twice the memory.
 
     Attributes:
         clock: (stamp, robot time) of the first cycle of each message [s].
@@ -255,7 +255,7 @@ class _JoinedLog:
         self._last: Any = None
 
     def add(self, message: Any) -> None:
-        """Add a message. Raises BagError if its joints differ from those of the messages before."""
+        """Add a hric_msgs/ControlLog. Raises BagError if its joints differ from those of the messages before."""
         start, count, joints = int(message.first_cycle), int(message.n_cycles), len(message.joint_names)
         if self._last is None:
             self._first = self._expected = start
@@ -275,7 +275,7 @@ class _JoinedLog:
         end = self._cycles + count - skip
         for name, values in {"time": time, **rows, "by_effort": by_effort}.items():
             stored = self._arrays.setdefault(name, values[:0])
-            if end > len(stored):  # earlier records keep the old array
+            if end > len(stored):  # a new array, since earlier records still refer to the old one
                 grown = np.empty((2 * end, *values.shape[1:]), values.dtype)
                 grown[: self._cycles] = stored[: self._cycles]
                 self._arrays[name] = stored = grown
@@ -285,7 +285,7 @@ class _JoinedLog:
         self._cycles, self._expected, self._last = end, max(self._expected, start + count), message
 
     def record(self) -> ControlRecord:
-        """Return the cycles so far. Raises BagError if there are none."""
+        """Return the record of all cycles so far. Raises BagError if there are none."""
         if self._last is None:
             raise BagError("the control log is empty")
         return ControlRecord(
@@ -299,14 +299,14 @@ class _JoinedLog:
 
 
 def seconds(stamp: Any) -> float:
-    """Return a stamp of rosbags or of ROS [s]; the conversion of ROS itself would round differently."""
+    """Return a stamp of rosbags or of ROS in seconds [s]; ROS's own conversion would round differently."""
     if hasattr(stamp, "secs"):
         return float(stamp.secs) + 1e-9 * float(stamp.nsecs)
     return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
 
 
 def robot_time_of(clock: Sequence[tuple[float, float]]) -> RobotTime:
-    """Return the function from stamps to robot time, given pairs of both [s].
+    """Return the function from stamps to robot time, given pairs (stamp, robot time) [s].
 
     They differ by a constant, except on a robot whose clock drifts against that of this machine.
     """

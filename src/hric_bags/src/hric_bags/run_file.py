@@ -1,14 +1,17 @@
-"""Contents of run.yaml and of the experiment's definition in it. Any key may be missing: older versions wrote fewer."""
+"""Types of the contents of run.yaml, with the definition of the experiment.
+
+Any key may be missing, because older versions wrote fewer.
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, TypedDict
 
 NodeParameters = Mapping[str, Any]
-"""Parameters of a node, a controller or a plugin, or a tree of them; their owner checks them."""
+"""Parameters of a node, controller or plugin, or a tree of them; only the node or plugin itself checks them."""
 
 
 class RobotDefinition(TypedDict, total=False):
-    """Section `robot` of a definition; q_start: start position in joint order, or by joint [rad]."""
+    """Section `robot` of an experiment's definition; q_start: start positions in joint order, or by joint [rad]."""
 
     q_start: Sequence[float] | Mapping[str, float] | None
     hw: str
@@ -19,7 +22,7 @@ class RobotDefinition(TypedDict, total=False):
 
 
 class Definition(TypedDict, total=False):
-    """Experiment as it ran, with the keys of its file; duration: [s]."""
+    """Definition of an experiment as it ran, with the keys of its file; duration in [s]."""
 
     robot: RobotDefinition
     controllers: Sequence[str]
@@ -33,7 +36,7 @@ class Definition(TypedDict, total=False):
 
 
 class RunNotes(TypedDict, total=False):
-    """Entries about the end of a run: reason of a stop, error of the program, error of the arm."""
+    """Entries of run.yaml on why a run ended: reason of a stop, error of the program, error of the arm."""
 
     reason: str
     error: str
@@ -41,7 +44,7 @@ class RunNotes(TypedDict, total=False):
 
 
 class RunFile(RunNotes, total=False):
-    """Contents of run.yaml; interval: stretch of robot time that the metrics cover [s]; limits: by joint."""
+    """Contents of run.yaml; interval: begin and end of the robot time that the metrics cover [s]; limits: by joint."""
 
     experiment: str
     study: str
@@ -69,5 +72,5 @@ class RunFile(RunNotes, total=False):
 
 
 def robot_parameters(run: RunFile) -> NodeParameters:
-    """Return the parameters of the robot's node; empty: the run has none."""
+    """Return the parameters of the robot's node in a run; empty: run.yaml has none."""
     return (run.get("parameters") or {}).get("robot") or {}

@@ -1,4 +1,4 @@
-"""Run folders runs/<experiment>_<date>/: run.yaml, bag, metrics.json, figures; runs/latest is the newest recording."""
+"""Run folders runs/<experiment>_<date>/ with run.yaml, bag, metrics.json, figures; runs/latest is the newest run."""
 
 import fcntl
 import os
@@ -16,11 +16,11 @@ from hric_core.errors import HricError, failing
 RUNNING, COMPLETED, INTERRUPTED, FAILED = "running", "completed", "interrupted", "failed"
 STAMP = "%Y%m%d-%H%M%S"
 GONE = "the process that made this run ended without closing it: it was killed, or the machine stopped"
-"""Reason for a run with status `running` whose process has died."""
+"""Reason noted in run.yaml for a run with status `running` whose process has died."""
 
 
 class RunFolderError(HricError):
-    """Error for a run folder that does not exist, is not one, or cannot be written."""
+    """Error for a folder that does not exist, is not a run folder, or cannot be written."""
 
 
 def runs_root(folder: str | None = None) -> Path:
@@ -31,12 +31,12 @@ def runs_root(folder: str | None = None) -> Path:
 
 
 def workspace() -> Path:
-    """Return the workspace folder: $HRIC_WS, else the one that contains this source."""
+    """Return the workspace folder: $HRIC_WS, else the one that contains this source file."""
     return Path(os.environ.get("HRIC_WS") or Path(__file__).resolve().parents[4])
 
 
 def iso_now() -> str:
-    """Return the UTC time as readable text that sorts by time."""
+    """Return the current UTC time as ISO 8601 text, which sorts by time."""
     return _iso(datetime.now(UTC))
 
 
@@ -45,28 +45,29 @@ def _iso(when: datetime) -> str:
 
 
 class RunFolder:
-    """One run on disk.
+    """Folder of one run on disk.
 
-    The process that makes a run locks the folder until run.yaml says how the run ended; the system frees the lock when
-    that process dies. A reader that finds `running` without a lock therefore knows that it died, and notes it.
+    The process that makes a run locks the folder until run.yaml states how the run ended; the system frees the lock if
+    that process dies. A reader that finds status `running` without a lock therefore knows that the process has died,
+    and notes this in run.yaml.
 
     Attributes:
-        path: the folder.
+        path: path of the folder.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self._release: Callable[[], object] | None = None
-        """Function that frees the lock; None: this object did not make the run, or the run has ended."""
+        """Function that frees the lock; None: this object did not create the run, or the run has ended."""
 
     @classmethod
     def create(cls, root: Path, experiment: str, now: datetime | None = None) -> "RunFolder":
-        """Make a new run folder.
+        """Create a new run folder, and lock it.
 
         Args:
             root: folder of all runs, made if missing.
             experiment: name of the experiment.
-            now: local time for the name; default: the present.
+            now: local time for the folder's name; None: the current time.
 
         Raises:
             RunFolderError: the folder cannot be made.
@@ -88,7 +89,7 @@ class RunFolder:
         """Return an existing run, by its path or by its name in the folder of all runs ("latest" too).
 
         Raises:
-            RunFolderError: there is no run; the message names the newest ones.
+            RunFolderError: there is no such run; the message names the newest ones.
         """
         for candidate in (Path(path).expanduser(), (root or runs_root()) / path):
             if (candidate / "run.yaml").is_file():
@@ -104,26 +105,26 @@ class RunFolder:
         )
 
     def become_latest(self) -> None:
-        """Point `latest` to this run, from the start of its recording on."""
+        """Make the link `latest` in the folder of all runs point to this run."""
         files.point_link(self.path.parent / "latest", self.path.name)
 
     @property
     def bag_path(self) -> Path:
-        """Path of the bag, recorded or not yet."""
+        """Path of the bag, whether it is recorded yet or not."""
         return self.path / f"{self.path.name}.bag"
 
     def bag_of(self, run: RunFile) -> Path:
-        """Return the path of the bag that the contents of run.yaml name."""
+        """Return the path of the bag that run.yaml names; run: contents of run.yaml."""
         return self.path / str(run.get("bag", self.bag_path.name))
 
     @property
     def metrics_path(self) -> Path:
-        """Path of the metrics, written or not yet."""
+        """Path of the metrics, whether they are written yet or not."""
         return self.path / "metrics.json"
 
     @property
     def urdf_path(self) -> Path:
-        """Path of the robot's URDF, written or not yet."""
+        """Path of the robot's URDF, whether it is written yet or not."""
         return self.path / "robot.urdf"
 
     def description(self) -> str:
@@ -134,17 +135,17 @@ class RunFolder:
             raise RunFolderError(f"cannot read {self.urdf_path.name} of {self.path.name}: {error.strerror}") from error
 
     def write(self, data: RunFile) -> None:
-        """Write run.yaml; a status other than `running` ends the run. Raises FileError."""
+        """Write run.yaml; a status other than `running` ends the run and frees its lock. Raises FileError."""
         files.write_yaml(self.path / "run.yaml", data)
         if data.get("status") != RUNNING and self._release is not None:
             self._release()
             self._release = None
 
     def read(self, gone: str = "") -> RunFile:
-        """Return the contents of run.yaml. A `running` run whose process has died becomes `interrupted`.
+        """Return the contents of run.yaml; if the process of a `running` run has died, it becomes `interrupted`.
 
         Args:
-            gone: reason to note in that case, if it is known better.
+            gone: reason to note in that case; "": the general reason `GONE`.
         """
         data = self._contents()
         if data.get("status") == RUNNING and self._release is None and (lock := _lock(self.path)) is not None:
@@ -176,7 +177,7 @@ class RunFolder:
 
     @contextmanager
     def filled(self) -> Iterator[None]:
-        """Guard the making of a run: an error in the block is a failure, no user mistake, and noted in run.yaml."""
+        """Guard the execution of a run: any error in the block counts as a failure, and is noted in run.yaml."""
         try:
             with failing():
                 yield
@@ -187,7 +188,7 @@ class RunFolder:
 
 
 def _lock(folder: Path) -> int | None:
-    """Lock a run folder for its only writer; return the descriptor, None if it is locked or the disk has no locks."""
+    """Lock a run folder for its writer; return the descriptor, or None if it is locked or the disk has no locks."""
     descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -205,4 +206,4 @@ def _make_unique(root: Path, name: str) -> Path:
         except FileExistsError:
             continue
         return folder
-    raise RunFolderError(f"{root} already holds 999 runs named {name}")
+    raise RunFolderError(f"{root} already has 999 runs named {name}")

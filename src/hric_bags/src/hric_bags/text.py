@@ -1,4 +1,4 @@
-"""Text for terminals and text files: aligned tables, and the progress of a long computation."""
+"""Texts for terminals and text files: aligned tables, and the progress of a long computation."""
 
 import re
 import shutil
@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 
 def rows(cells: Sequence[Sequence[str]], head: int = 1) -> list[str]:
-    """Return aligned lines: first column left, others right, a rule below the lines of the head."""
+    """Return a table as aligned lines: first column left, others right, a rule below the first `head` lines."""
     widths = [max(len(row[i]) for row in cells) for i in range(len(cells[0]))]
     lines = []
     for row in cells:
@@ -18,12 +18,12 @@ def rows(cells: Sequence[Sequence[str]], head: int = 1) -> list[str]:
 
 
 def show(report: str) -> None:
-    """Print a report; on a terminal, wider tables are folded."""
+    """Print a report; on a terminal, tables that are wider than it are folded."""
     print(fitted(report, shutil.get_terminal_size().columns) if sys.stdout.isatty() else report)
 
 
 def fitted(report: str, width: int) -> str:
-    """Fold tables of `rows` wider than a width [characters] into parts that repeat the first column."""
+    """Fold each table (made by `rows`) wider than `width` characters into parts that repeat the first column."""
     blocks = re.split(r"(\n\s*\n)", report)
     return "".join(
         _folded(block, width) if re.search(rf"^-{{{width + 1},}}$", block, re.M) else block for block in blocks
@@ -31,7 +31,7 @@ def fitted(report: str, width: int) -> str:
 
 
 def _folded(block: str, width: int) -> str:
-    """Fold one table, with or without lines before it."""
+    """Fold one table of a report, with or without lines of text before it."""
     lines = block.split("\n")
     rule = next(i for i, line in enumerate(lines) if len(line) > width and not line.strip("-"))
     heads = [(_spans([*lines[rule - head : rule], *lines[rule + 1 :]], len(lines[rule])), head) for head in (1, 2)]
@@ -47,7 +47,7 @@ def _folded(block: str, width: int) -> str:
 
 
 def _spans(lines: Sequence[str], width: int) -> list[tuple[int, int]]:
-    """Return begin and end of each column of a table; between the columns all lines are blank."""
+    """Return begin and end [characters] of each column of a table; between columns all lines are blank."""
     columns = zip(*(line.ljust(width)[:width] for line in lines), strict=True)
     filled = "".join("x" if "".join(column).strip() else " " for column in columns)
     return [match.span() for match in re.finditer(r"x+(?: x+)*", filled)]
@@ -60,7 +60,7 @@ def _part(line: str, spans: Sequence[tuple[int, int]]) -> str:
 class Steps:
     """Progress of a computation on stderr: one changing line on a terminal, else one line per step.
 
-    Call it with the name of each step that begins.
+    Call the object with the name of each step that begins.
 
     Args:
         total: number of steps.
@@ -70,7 +70,7 @@ class Steps:
         self._total, self._begun, self._began = total, 0, time.monotonic()
 
     def __call__(self, what: str) -> None:
-        """Show that the next step begins."""
+        """Show that the next step begins; what: name of the step."""
         self._begun += 1
         line = f"report, step {self._begun} of {self._total} ({time.monotonic() - self._began:.0f} s): {what}"
         print(f"\r{line}\033[K" if sys.stderr.isatty() else f"{line}\n", end="", file=sys.stderr, flush=True)

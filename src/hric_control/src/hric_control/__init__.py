@@ -1,4 +1,4 @@
-"""Interfaces, limits, transmissions, controllers, manager and control loop of ros_control, in Python."""
+"""Implementation of ros_control in Python: interfaces, limits, transmissions, controllers, manager, control loop."""
 
 from hric_core import former_names
 

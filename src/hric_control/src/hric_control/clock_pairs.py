@@ -1,6 +1,7 @@
-"""Robot time for everything outside the control loop: the robot's nodes, /clock and stamps.
+"""Publication of robot time: on /clock, as stamps, and as clock pairs on hric/clock.
 
-Pairs of robot time and machine time on hric/clock keep sensor drivers and emulators on the time of the run."""
+A clock pair is one instant on the machine's monotonic clock and on the robot's clock. By these pairs, sensor drivers
+and emulated devices compute the robot time of their data."""
 
 from collections.abc import Callable
 from time import monotonic_ns
@@ -17,23 +18,24 @@ from hric_core.robot_time.progress import Gate
 from hric_msgs.msg import ClockPair
 
 TOPIC = "hric/clock"
-"""Topic of the clock pairs, in the robot's namespace: one clock per run."""
+"""Topic of the clock pairs, relative to the robot's namespace."""
 PERIOD = 20_000_000
-"""Wall time between two measured pairs [ns]."""
+"""Wall time between two measured clock pairs [ns]."""
 
 
 class ClockPairs:
-    """Publisher of clock pairs from the control loop.
+    """Publisher of clock pairs (monotonic time, robot time), called by the control loop.
 
-    A paced loop publishes the knots of its schedule; any other loop publishes measured pairs every 20 ms of wall time.
+    A simulation loop that is paced publishes the knots of its schedule in advance; any other loop publishes measured
+    pairs every 20 ms of wall time.
 
     Args:
         node: node that advertises.
-        stamp: function from robot time [s] to a stamp of the run (genpy.Time).
-        loop: loop of a simulated robot; None: the robot brings its own clock.
+        stamp: function that converts robot time [s] to a message stamp (genpy.Time).
+        loop: loop of a simulated robot; None: the robot has its own clock.
 
     Attributes:
-        gate: progress reports for which a paced loop waits; None: there is no loop.
+        gate: limit of robot time by progress reports, for which a paced loop waits; None: there is no loop.
     """
 
     __slots__ = ("_due", "_loop", "_publisher", "_stamp", "gate")
@@ -47,16 +49,18 @@ class ClockPairs:
             loop.pace.on_knot, loop.pace.limit = self._on_knot, self.gate.limit
 
     def send_due(self, time: float) -> None:
-        """Publish a pair if one is due, also while the run is paused, so that the pause is known. Never blocks.
+        """Publish a measured clock pair if one is due. Never blocks.
+
+        It is also called while the simulation is paused, so that other processes notice the pause.
 
         Args:
-            time: robot time now [s].
+            time: present robot time [s].
         """
         if self._loop is not None and self._loop.real_time_factor:
             return  # a paced loop announces its schedule instead
         now = monotonic_ns()
         if now >= self._due:
-            # On a grid, so that cycles of 1 ms give a pair in 20 ms, not in 21.
+            # Due times are on a grid, so that a loop with cycles of 1 ms publishes every 20 ms, not every 21 ms.
             self._due = max(self._due + PERIOD, now + PERIOD // 2)
             self._publisher.publish(ClockPair, now, self._stamp(time), 1.0 if self._loop is None else 0.0, False)
 
@@ -72,18 +76,18 @@ class ClockPairs:
 
 
 class RobotClock:
-    """Publisher of the robot's time.
+    """Publisher of robot time on /clock and hric/clock.
 
-    A robot that brings its own clock (no `loop`) has no /clock; its nodes keep ROS time.
+    For a real robot, which has its own clock (no `loop`), /clock is not published, and its nodes use ROS time.
 
     Args:
         hw: the robot, initialised.
         nodes: nodes of the robot; the first one advertises.
-        live: publish pairs on hric/clock, for sensor drivers and emulators.
-        on_clock: callback in the loop for each stamp published on /clock; None: no callback.
+        live: True to publish clock pairs on hric/clock, for sensor drivers and emulated devices.
+        on_clock: callback, in the loop's thread, for each stamp published on /clock; None: no callback.
 
     Attributes:
-        pairs: publisher of clock pairs; None if the robot is not live.
+        pairs: publisher of clock pairs; None if `live` is False.
     """
 
     def __init__(
@@ -100,11 +104,11 @@ class RobotClock:
 
     @property
     def time(self) -> float:
-        """Robot time of the last state [s]; 0 if the robot does not know it."""
+        """Robot time of the last measured state [s]; 0 if the robot does not know it."""
         return self._hw.time or 0.0
 
     def stamp(self, time: float) -> Any:
-        """Return the stamp of a robot time [s], offset by the ROS time at which robot time was 0."""
+        """Return the message stamp of a robot time [s]: robot time plus the ROS time at which robot time was 0."""
         return stamps.to_time(time + self._hw.epoch)
 
     def publish(self, time: float | None) -> None:
@@ -117,7 +121,7 @@ class RobotClock:
         self._publisher.publish(Clock, stamp)
 
     def pair_now(self) -> None:
-        """Publish a clock pair if one is due while robot time is paused, outside a cycle."""
+        """Publish a clock pair if one is due; called between cycles while the simulation is paused."""
         if self.pairs is not None:
             self.pairs.send_due(self.time)
             if self._hw.loop is not None:

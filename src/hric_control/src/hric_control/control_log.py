@@ -1,4 +1,4 @@
-"""Log of every cycle of the control loop, in batches: states read, commands before and after the limits."""
+"""Log of every control cycle, published in batches: measured states, and commands before and after the limits."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -10,20 +10,20 @@ from hric_core.node import Node
 from hric_msgs.msg import ControlLog as ControlLogMessage
 
 BATCH = 20
-"""Cycles per message: 50 Hz at 1 kHz."""
+"""Number of control cycles per message: at 1 kHz, 50 messages per second."""
 
 
 class ControlLog:
-    """Collector of one row per cycle, which publishes one message per batch.
+    """Collector of one row of values per control cycle; it publishes a message with a batch of rows.
 
-    The loop handles plain floats; the message is built in another thread. A row is begun when the controllers have been
-    updated and completed at the start of the next cycle, when the robot has written its commands, so it works the same
-    on a robot that drives its own loop.
+    The loop handles plain floats; the message is built in another thread. A row is begun after the update of the
+    controllers and completed at the start of the next cycle. By then the robot has written its commands, even a robot
+    that drives the loop itself.
 
     Args:
         hw: robot, initialised, with joints; its states are copied by `begin`.
         node: node that advertises `control_log`; `publisher` is an attribute.
-        stamp: robot time [s] -> stamp of the message.
+        stamp: function that converts robot time [s] to a message stamp.
     """
 
     def __init__(self, hw: RobotHW, node: Node, stamp: Callable[[float], Any]) -> None:
@@ -45,7 +45,7 @@ class ControlLog:
         self._sent: list[float] = []
 
     def begin(self, time: float) -> None:
-        """Begin a row with the states read in this cycle, after the controllers' update.
+        """Begin a row with the states measured in this cycle; called after the controllers' update.
 
         Args:
             time: robot time of the cycle [s].
@@ -58,12 +58,12 @@ class ControlLog:
         self._open = True
 
     def complete(self) -> None:
-        """Add the commands of the last cycle, which the robot has written by now. Do nothing if no row was begun."""
+        """Complete the row of the last cycle with its commands, which are written by now; do nothing without a row."""
         if not self._open:
             return
         self._open = False
         kinds, raw, sent = self._row()
-        # The robot returns the same list between two switches: a test of its identity saves comparing seven names.
+        # Between two switches the robot returns the same list object, so that an identity test saves comparing names.
         if kinds is not self._last_kinds and self._change_kinds(kinds):
             self._split(raw, sent)
             return
@@ -80,7 +80,7 @@ class ControlLog:
         return True
 
     def _split(self, raw: Sequence[float], sent: Sequence[float]) -> None:
-        """Publish the rows before the current one, and begin a new message with it under its new command interfaces."""
+        """Publish the rows before the last one, and begin a new message with that, as its command interfaces differ."""
         n, states = len(self._names), (self._position, self._velocity, self._effort)
         time, last = self._time.pop(), [values[-n:] for values in states]
         for values in states:
@@ -91,7 +91,7 @@ class ControlLog:
         self._position, self._velocity, self._effort = last
 
     def flush(self) -> None:
-        """Publish the rows collected so far."""
+        """Publish the completed rows, if there are any."""
         n = len(self._time)
         if n == 0:
             return
@@ -103,7 +103,7 @@ class ControlLog:
 
 
 def _message(names: list[str], kinds: list[str], first: int, stamp: Any, values: tuple[list[float], ...]) -> Any:
-    # Fields are set one by one: constructors with arguments check them all and cost three times as much.
+    # Fields are set one by one: constructors with arguments check all of them and take three times as long.
     message = ControlLogMessage()
     message.joint_names, message.command_interface = names, kinds
     message.first_cycle, message.n_cycles = first, len(values[0])

@@ -1,4 +1,4 @@
-"""Health of the robot process as diagnostic_msgs, once a second of wall time (REP 107)."""
+"""Diagnostics of the robot process, published as diagnostic_msgs once per second of wall time (REP 107)."""
 
 import threading
 from collections.abc import Callable
@@ -13,20 +13,20 @@ from hric_core.node import Node
 from hric_core.robot_time.progress import Gate
 
 PERIOD = 1.0
-"""Time between two messages [s of wall time]."""
+"""Time between two diagnostics messages [s of wall time]."""
 SLOW = 0.95
-"""Part of the requested real-time factor below which the loop counts as too slow."""
+"""Ratio of actual to requested real-time factor below which the simulation loop counts as too slow [1]."""
 
 
 class Diagnostics:
-    """Publisher of `/diagnostics` from its own thread, also while the simulation is paused.
+    """Publisher of the robot's `/diagnostics`, in a thread of its own, also while the simulation is paused.
 
     Args:
-        node: node that advertises; its namespace names the robot.
+        node: node that advertises; its namespace is the robot's name in the messages.
         hardware: name of the RobotHW.
         loop: loop of a simulated robot, or None.
-        counts: snapshot of the limit counts, or None.
-        gate: progress reports for which a paced simulation waits, or None.
+        counts: function that returns a copy of the limit counts, or None.
+        gate: limit of robot time by progress reports, for which a paced simulation waits, or None.
     """
 
     def __init__(
@@ -92,10 +92,10 @@ class Diagnostics:
             level, text = DiagnosticStatus.WARN, f"too slow: real-time factor {stats.rtf:.3f} of {requested:g}"
         held, silent = ({}, []) if self._gate is None else (self._gate.held.copy(), self._gate.silent())
         if silent:
-            level, text = DiagnosticStatus.WARN, f"no progress is reported by {', '.join(silent)}: not waited for"
+            level, text = DiagnosticStatus.WARN, f"no longer waiting for {', '.join(silent)}, which report no progress"
         return self._status("control loop", level, text, {
             "real-time factor": f"{stats.rtf:.4f}",
-            "real-time factor wanted": f"{requested:g}" if requested else "as fast as possible",
+            "real-time factor requested": f"{requested:g}" if requested else "as fast as possible",
             "cycle time mean [us]": f"{1e6 * stats.cycle_time_mean:.1f}",
             "cycle time max [us]": f"{1e6 * stats.cycle_time_max:.1f}",
             "missed deadlines": stats.missed_deadlines,
@@ -128,13 +128,13 @@ class Diagnostics:
 
     def _listener_status(self, status: listeners.Status) -> Any:
         lost, self._lost = status.lost - self._lost, status.lost
-        text = f"{lost} messages dropped in the last second, for listeners that do not read" if lost else "all keep up"
+        text = f"{lost} messages dropped in the last second for slow listeners" if lost else "all listeners keep up"
         if status.behind and not lost:
-            text = f"behind: {', '.join(status.behind)}"
+            text = f"slow listeners: {', '.join(status.behind)}"
         return self._status("listeners", DiagnosticStatus.WARN if status.behind else DiagnosticStatus.OK, text, {
             "behind": ", ".join(status.behind) or "none",
-            "waiting for them [bytes]": status.waiting,
-            "limit for each [bytes]": listeners.LIMIT,
+            "queued for them [bytes]": status.waiting,
+            "queue limit for each [bytes]": listeners.LIMIT,
             "messages dropped": status.lost,
-            "closed as dead": status.closed,
+            "closed, as they read nothing": status.closed,
         })  # fmt: skip

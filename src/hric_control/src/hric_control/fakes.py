@@ -1,4 +1,4 @@
-"""Robot without physics, for tests of the code around it."""
+"""Robot without physics, for tests of code that needs a robot."""
 
 from collections.abc import Sequence
 
@@ -13,10 +13,11 @@ from hric_control.robot_hw import RobotHW
 
 
 class FakeRobotHW(RobotHW):
-    """Robot whose joints have effort and position interfaces that do nothing.
+    """Robot with effort and position interfaces whose commands have no effect.
 
     Attributes:
-        states, effort, position: storage of the states and of both commands.
+        states: storage of the joint states.
+        effort, position: storage of the effort and position commands.
     """
 
     def __init__(self, joints: Sequence[str] = ("joint1", "joint2")) -> None:

@@ -47,10 +47,11 @@ class JointStates:
 
 
 class JointCommands:
-    """Commands of n joints in the unit of their interface, in the order of the states they belong to.
+    """Commands of n joints in the unit of their interface, in the order of `states`.
 
     Attributes:
-        value: n floats, written in place by controllers between `read` and `write`.
+        states: states of the same joints.
+        value: n commands, written in place by controllers between the robot's `read` and `write`.
     """
 
     __slots__ = ("states", "value")
@@ -61,7 +62,7 @@ class JointCommands:
 
 
 class JointStateHandle:
-    """Read-only state of one joint."""
+    """Handle for reading the state of one joint."""
 
     __slots__ = ("_i", "_states", "name")
 
@@ -86,7 +87,7 @@ class JointStateHandle:
 
 
 class JointHandle(JointStateHandle):
-    """State and command of one joint."""
+    """Handle for reading the state and writing the command of one joint."""
 
     __slots__ = ("_commands",)
 
@@ -96,7 +97,7 @@ class JointHandle(JointStateHandle):
 
     @property
     def command(self) -> float:
-        """Command in the unit of the interface."""
+        """Command of the joint, in the unit of its interface."""
         return self._commands.value[self._i]
 
     @command.setter
@@ -107,7 +108,9 @@ class JointHandle(JointStateHandle):
 
 
 class JointStateGroup:
-    """States of several joints, in the requested order. Arrays are built on access: take them once per cycle."""
+    """Read-only states of several joints, in the requested order.
+
+    The array properties build a new array at each access, so they should be read once per cycle."""
 
     __slots__ = ("_all_in_order", "_indices", "_states", "names")
 
@@ -153,7 +156,7 @@ class JointStateGroup:
 
 
 class JointGroup(JointStateGroup):
-    """States and commands of several joints."""
+    """Handle for reading the states and writing the commands of several joints, in the requested order."""
 
     __slots__ = ("_commands",)
 
@@ -171,15 +174,15 @@ class JointGroup(JointStateGroup):
         self.set_command(values.tolist() if isinstance(values, np.ndarray) else values)
 
     def set_command(self, values: Sequence[float]) -> None:
-        """Set all commands, or none of them if one is bad.
+        """Set the commands of all joints of the group, or none if one is invalid.
 
         Args:
             values: n finite numbers in the order of `names`, in the unit of the interface.
 
         Raises:
-            CommandError: wrong length or a value that is not finite; the previous command stays.
+            CommandError: wrong length or a value that is not finite; the previous commands stay in force.
         """
-        # A sum is finite if every part is: one test in the usual case, a search for the bad value only on failure.
+        # The sum is finite if every value is: one test usually suffices; the bad value is searched only on failure.
         if len(values) != len(self.names) or not math.isfinite(sum(values)):
             self._refuse(values)
         if self._all_in_order:
@@ -199,11 +202,11 @@ class JointGroup(JointStateGroup):
 
 
 class HardwareInterface:
-    """Base of all interfaces: a set of named resources, and the names claimed since `clear_claims`.
+    """Base class of all interfaces: named resources (joints), and those claimed since `clear_claims`.
 
     Attributes:
         cpp_name: name of the interface in ros_control's messages and transmissions.
-        claims_resources: True if a handle is exclusive.
+        claims_resources: True if getting a handle claims its resources for one controller exclusively.
     """
 
     cpp_name: ClassVar[str] = ""
@@ -214,16 +217,16 @@ class HardwareInterface:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the resources."""
+        """Names of the resources, e.g. joints, that the interface offers."""
         raise NotImplementedError(f"{type(self).__name__} does not declare its resources")
 
     @property
     def claims(self) -> frozenset[str]:
-        """Resources claimed since `clear_claims`."""
+        """Names of the resources, e.g. joints, that were claimed since `clear_claims`."""
         return frozenset(self._claims)
 
     def clear_claims(self) -> None:
-        """Forget the claims. The manager calls it before each controller's `init`."""
+        """Clear the claims; the manager calls this before each controller's `init`."""
         self._claims.clear()
 
     def _claim(self, names: Iterable[str]) -> None:
@@ -312,7 +315,7 @@ InterfaceT = TypeVar("InterfaceT", bound=HardwareInterface)
 
 
 class InterfaceManager:
-    """Registry of interfaces by type; a base of RobotHW."""
+    """Registry of hardware interfaces by type; a base class of RobotHW."""
 
     def __init__(self) -> None:
         self._interfaces: dict[type[HardwareInterface], HardwareInterface] = {}
@@ -335,7 +338,7 @@ class InterfaceManager:
         """Return the registered interface of this type.
 
         Raises:
-            UnknownNameError: this robot does not offer it; the message lists what it offers.
+            UnknownNameError: the robot does not offer this interface; the message lists those it offers.
         """
         interface = self._interfaces.get(interface_type)
         if not isinstance(interface, interface_type):

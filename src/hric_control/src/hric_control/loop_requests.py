@@ -1,4 +1,4 @@
-"""Calls from other threads into that of a loop."""
+"""Function calls that other threads request from the thread of a loop."""
 
 import threading
 from collections import deque
@@ -13,14 +13,16 @@ T = TypeVar("T")
 
 
 class LoopRequests:
-    """Calls that the thread of a loop executes between two cycles; at once without a running loop, and in its thread.
+    """Queue of function calls that the thread of a loop executes between two cycles.
+
+    If no loop is running, or the request comes from the loop's thread, the call is executed at once.
 
     Args:
-        wake: callback after each call that waits.
+        wake: callback after a call was queued.
 
     Attributes:
-        waiting: calls that the loop has not executed yet, with the futures of their results.
-        lock: held while a call is executed at once, and while a loop begins or ends.
+        waiting: queued calls, with the futures of their results.
+        lock: lock held while a call is executed at once, and while a loop begins or ends.
         thread: identifier of the running loop's thread, or None.
     """
 
@@ -31,7 +33,7 @@ class LoopRequests:
         self._wake = wake
 
     def request(self, function: Callable[[], T]) -> T:
-        """Execute a call in the loop, and return its result or raise its error here."""
+        """Let the loop call a function; wait, and return its result or raise its error in the calling thread."""
         with self.lock:
             if self.thread is None or self.thread == threading.get_ident():
                 return function()
@@ -54,7 +56,7 @@ class LoopRequests:
                     self.waiting.popleft()[0].set_exception(HricError("the control loop has ended"))
 
     def serve(self) -> None:
-        """Execute the waiting calls; called by the loop."""
+        """Execute the queued calls; called by the loop between two cycles."""
         while self.waiting:
             future, function = self.waiting.popleft()
             try:

@@ -1,6 +1,6 @@
-"""Interface of a physics engine that simulates a robot.
+"""Interface of a plant: a robot and its surroundings, simulated by a physics engine.
 
-Engines are plugins, found by name at start-up; this module imports none."""
+Engines are plugins, which are found by name at start-up; this module imports none of them."""
 
 import math
 from abc import ABC, abstractmethod
@@ -24,7 +24,7 @@ class Load:
     Attributes:
         mass: mass [kg].
         com: centre of mass in the link frame, 3 floats [m].
-        inertia: inertia about the centre of mass, axes of the link frame, 9 floats row-major [kg m^2].
+        inertia: inertia tensor about the centre of mass, in the axes of the link frame, 9 floats row by row [kg m^2].
     """
 
     mass: float
@@ -37,9 +37,9 @@ class Surface:
     """Contact properties of a body's surface.
 
     Attributes:
-        stiffness: stiffness of penalty contact [N/m]; None for the engine's rigid contact.
+        stiffness: stiffness of penalty contact (spring and damper) [N/m]; None: rigid contact of the engine.
         damping: damping of penalty contact [N s/m].
-        friction: friction coefficient [1]; a pair of bodies has the product of both.
+        friction: friction coefficient [1]; for two bodies in contact, the product of both is used.
     """
 
     stiffness: float | None = None
@@ -52,17 +52,17 @@ class Contact:
     """Contact point between two bodies.
 
     Attributes:
-        body_a, body_b: "model::link" names.
-        position: world frame, 3 floats [m].
-        normal: from b to a, world frame, unit vector of 3 floats.
-        depth: penetration, positive when inside [m].
-        force: normal force on a, along `normal`, at the end of the step or, if the maximum within the step is known,
-            that maximum [N].
-        kind: "penalty": force of a spring, comparable with a sensor's reading; "rigid": force that stops the bodies
-            within one step, which in an impact is far above the elastic one.
-        impulse: normal force integrated over the step [N s]; for a spring it differs from step times `force`.
+        body_a, body_b: names "model::link".
+        position: contact point in the world frame, 3 floats [m].
+        normal: unit vector from b to a in the world frame, 3 floats.
+        depth: penetration depth, positive if the bodies overlap [m].
+        force: normal force on a along `normal` [N]: the maximum within the step if it is known, else the force at its
+            end.
+        kind: "penalty": force of a spring and damper, comparable with a sensor's reading; "rigid": force that stops the
+            bodies within one step, which in an impact is far above the force of an elastic contact.
+        impulse: normal force integrated over the step [N s]; for penalty contact it is not `force` times the step.
         closing: approach speed along the normal at the start of the step [m/s]; None for rigid contact, which engines
-            report after they have stopped it.
+            report when the approach has already been stopped.
     """
 
     body_a: str
@@ -77,13 +77,13 @@ class Contact:
 
 
 class JointReaction(NamedTuple):
-    """Load that the parent link exerts on the child link through a joint, its drive included.
+    """Load that the parent link exerts on the child link through a joint, including the load of the joint's drive.
 
     Attributes:
         joint: joint name in the description.
-        link: child link.
-        position: origin of the child link, reference point of the torque, world frame, 3 floats [m].
-        force, torque: load on the child, world frame, 3 floats each [N], [N m].
+        link: name of the child link.
+        position: origin of the child link, to which the torque refers, in the world frame, 3 floats [m].
+        force, torque: load on the child link in the world frame, 3 floats each [N], [N m].
     """
 
     joint: str
@@ -95,14 +95,15 @@ class JointReaction(NamedTuple):
 
 @dataclass(frozen=True)
 class Bushing:
-    """Spring and damper between two bodies, as a hand around a handle; slips when its limits are exceeded.
+    """Spring and damper between two bodies, e.g. a hand around a handle; it slips if its limits are exceeded.
 
     Attributes:
-        body_a, body_b: "link" of the robot or "model::link".
-        T_a_grip, T_b_grip: the grip's frame in the frames of both links, shape (4, 4); relaxed where both coincide.
-        stiffness, damping: translational, between both grip frames [N/m], [N s/m].
-        rotational_stiffness, rotational_damping: rotational, between both grip frames [N m/rad], [N m s/rad].
-        force_limit, torque_limit: largest force and torque before it slips [N], [N m].
+        body_a, body_b: "link" of the robot, or "model::link".
+        T_a_grip, T_b_grip: pose of the grip frame in body a and in body b, shape (4, 4); the spring is relaxed if both
+            grip frames coincide.
+        stiffness, damping: translational stiffness and damping between the grip frames [N/m], [N s/m].
+        rotational_stiffness, rotational_damping: the rotational ones [N m/rad], [N m s/rad].
+        force_limit, torque_limit: force and torque at which the bushing slips [N], [N m].
     """
 
     body_a: str
@@ -121,12 +122,12 @@ class BushingLoad(NamedTuple):
     """State of a bushing after the last step.
 
     Attributes:
-        force, torque: load on body a at `point`, world frame, 3 floats each [N], [N m]; body b has the opposite load
-            there.
-        point: origin of body b's grip frame, world frame, 3 floats [m].
-        stretch: distance between both grip frames [m].
-        slipped: accumulated slip since it was connected [m].
-        turned: accumulated rotational slip since it was connected [rad].
+        force, torque: load on body a at `point`, in the world frame, 3 floats each [N], [N m]; the load on body b is
+            the opposite one.
+        point: origin of body b's grip frame, in the world frame, 3 floats [m].
+        stretch: distance between the origins of both grip frames [m].
+        slipped: accumulated slip since the connection was made [m].
+        turned: accumulated rotational slip since the connection was made [rad].
     """
 
     force: tuple[float, float, float]
@@ -138,7 +139,7 @@ class BushingLoad(NamedTuple):
 
 
 class Mode(Enum):
-    """Meaning of the value commanded to a joint."""
+    """Command mode of a joint: the meaning of the commanded value, or a locked brake."""
 
     EFFORT = "effort"
     VELOCITY = "velocity"
@@ -147,79 +148,86 @@ class Mode(Enum):
 
 
 class Plant(ABC):
-    """Physics of a robot: joints, friction, rotor inertia, contact. No control, no limits on commands, no ROS.
+    """Simulated physics of a robot and its surroundings: joints, friction, rotor inertia, contact.
 
-    Features that only some engines offer are the types `DrivenPlant`, `ReactingPlant` and `Articulated` below: their
-    plants derive from these.
+    It has no controllers, no limits on commands, and no ROS. Features that only some engines offer are in the derived
+    classes `DrivenPlant`, `ReactingPlant` and `Articulated`.
 
     Constructed by the RobotHW as `PlantClass(urdf_xml, joint_names, config)`:
-        urdf_xml: robot description (pure URDF).
-        joint_names: the actuated joints, in the order of all vectors here.
-        config: the `plant` parameters (time_step, rotor_inertia, friction, world, gui, ...); unknown keys are refused
-            by name.
+        urdf_xml: robot description (URDF with xacro expanded).
+        joint_names: the actuated joints, in the order of all vectors of this class.
+        config: the parameters `plant/...` (time_step, rotor_inertia, friction, world, gui, ...); unknown ones are
+            refused.
     """
 
     joint_names: tuple[str, ...]
     time_step: float
-    """Step for which the plant was set up [s]; `step` advances by it."""
+    """Time step of the simulation [s]."""
     integrator: str = "accurate"
-    """Integrator in use, one of the choices of the parameter `integrator`."""
+    """Integrator in use: "accurate" or "semi_implicit"."""
     gravity: Sequence[float] = (0.0, 0.0, -9.81)
     """Gravity in the world frame, 3 floats [m/s^2]."""
 
     @abstractmethod
     def reset(self, q: Sequence[float], dq: Sequence[float] | None = None) -> None:
-        """Put the robot at q, dq (zero by default) and the world back to its start; clear wrenches and contacts."""
+        """Set the robot's joint positions q and velocities dq (zero by default), and reset the world to its start.
+
+        Applied wrenches and contacts are cleared. q [rad or m], dq [rad/s or m/s]: n floats."""
 
     @abstractmethod
     def set_configuration(self, q: Sequence[float]) -> None:
-        """Put the robot at q at rest and leave the world unchanged."""
+        """Set the robot's joint positions, n floats [rad or m], with zero velocity; the world is not changed."""
 
     @abstractmethod
     def read_state(self, q: list[float], dq: list[float], tau: list[float]) -> None:
-        """Write the state at the measuring instant into the lists in place.
+        """Write the joint state at the measuring instant into the lists, in place.
 
-        q: joint position at the measuring instant (a semi-implicit engine gives q - dt*dq/2) [rad]; dq [rad/s];
-        tau: joint effort in the last step as an arm's sensors measure it, on the link's side of the rotor [N m]: motor
-            effort less rotor inertia times acceleration; friction, which acts behind the sensor, is included.
+        q: joint positions [rad or m]; a semi-implicit engine returns q - dt*dq/2, the position at the instant of dq.
+        dq: joint velocities [rad/s or m/s].
+        tau: joint efforts in the last step as an arm's torque sensors measure them, on the link's side of the rotor
+            [N m or N]: motor effort minus rotor inertia times acceleration. Friction acts behind the sensor, so it is
+            not subtracted.
         """
 
     @abstractmethod
     def motor_effort(self) -> list[float]:
-        """Return the motors' efforts in the last step: those of `apply`, or of a drive or brake, n floats [N m]."""
+        """Return the motor efforts in the last step, n floats [N m]: those of `apply`, or of a stiff drive or brake."""
 
     @abstractmethod
     def engine_state(self) -> tuple[list[float], list[float]]:
-        """Return the raw q, dq of the engine, without the half-step correction."""
+        """Return joint positions and velocities as the engine has them, without correction to the measuring instant."""
 
     @abstractmethod
     def apply(self, tau: Sequence[float]) -> None:
-        """Set the joint efforts for the next step [N m]; required before every step."""
+        """Set the joint efforts for the next step, n floats [N m]; must be called before every step."""
 
     @abstractmethod
     def step(self) -> None:
-        """Advance by `time_step`."""
+        """Advance the simulation by `time_step`."""
 
     @abstractmethod
     def set_brakes(self, on: Sequence[bool]) -> None:
-        """Lock (True) or free (False) each joint, as an arm's brakes do; locked joints ignore efforts."""
+        """Lock (True) or release (False) the brake of each joint; a locked joint ignores efforts."""
 
     @abstractmethod
     def set_load(self, load: Load | None, link: str | None = None) -> None:
-        """Fix a payload to `link` (by default the chain's last link) without changing q and dq; None removes it."""
+        """Fix a payload to a link, by default the last one of the chain; `load` None removes it.
+
+        Joint positions and velocities are not changed."""
 
     @abstractmethod
     def apply_wrench(
         self, body: str, force: Sequence[float], torque: Sequence[float], point: Sequence[float], duration: float
     ) -> None:
-        """Apply a wrench to "link" or "model::link" for `duration` seconds (negative: until cleared).
+        """Apply a wrench to a body, "link" or "model::link", for `duration` seconds (negative: until cleared).
 
-        force [N], torque [N m]: world frame. point: point of application, link frame [m].
+        `force` [N] and `torque` [N m] are in the world frame; `point` is the point of application in the link frame
+        [m].
         """
 
     @abstractmethod
     def clear_wrenches(self, body: str | None = None) -> None:
-        """Clear the wrenches on one body, or on all."""
+        """Remove the applied wrenches on one body, or on all bodies."""
 
     @abstractmethod
     def contacts(self) -> list[Contact]:
@@ -234,19 +242,19 @@ class Plant(ABC):
         fixed: bool = False,
         surfaces: Mapping[str, Surface] = {},
     ) -> None:
-        """Add a model.
+        """Add a model to the world.
 
         Args:
             name: name of the model, unique in the world.
-            urdf_xml: description of the model (pure URDF).
-            T_world_model: pose of its root link, shape (4, 4).
-            fixed: fix the root link to the world.
-            surfaces: surfaces of its links, by name; other links are rigid. Rules of the world file and of the plant's
-                parameters override them.
+            urdf_xml: description of the model (URDF with xacro expanded).
+            T_world_model: pose of the model's root link, shape (4, 4).
+            fixed: True to fix the root link to the world.
+            surfaces: surface by link name; other links have rigid contact. Rules of the world file and of the plant's
+                parameters override these surfaces.
 
         Raises:
-            HricError: the name is taken, the pose is no transform, the URDF is bad, or a surface is of a link that the
-                model does not have.
+            HricError: the name is taken, the pose is not a transform, the URDF is invalid, or a surface is given for a
+                link that does not exist.
         """
         if np.shape(T_world_model) != (4, 4) or not np.isfinite(T_world_model).all():
             raise HricError(f"model {name}: its pose must be a finite 4 x 4 transform")
@@ -260,7 +268,7 @@ class Plant(ABC):
 
     @abstractmethod
     def delete(self, name: str) -> None:
-        """Remove a spawned model. Raises UnknownNameError with the names that exist."""
+        """Remove a spawned model. Raises UnknownNameError if there is none of this name."""
 
     @abstractmethod
     def model_names(self) -> list[str]:
@@ -268,103 +276,113 @@ class Plant(ABC):
 
     @abstractmethod
     def link_state(self, body: str) -> tuple[FloatArray, FloatArray]:
-        """Return the pose and the twist of a link.
+        """Return pose and twist of a body, "link" or "model::link".
 
-        The pose is T_world_link, shape (4, 4); the twist is at the link frame's origin in the world frame, linear then
-        angular, shape (6,)."""
+        The pose is T_world_link, shape (4, 4). The twist is that of the link frame's origin in the world frame, linear
+        [m/s], then angular [rad/s], shape (6,)."""
 
     def base_link(self, model: str) -> str:
-        """Return the name of a model's root link; for a plain shape it is "link"."""
+        """Return the name of a model's root link; for a simple shape of the world file it is "link"."""
         return "link"
 
     def take_contact_peaks(self) -> dict[tuple[str, str], float]:
-        """Return the largest penalty force in any step since the last call [N], by pair of bodies as in `contacts`."""
+        """Return the largest penalty contact force [N] since the last call, by pair of bodies as in `contacts`."""
         return {}
 
     @abstractmethod
     def mass_matrix(self) -> FloatArray:
-        """Return the engine's joint-space mass matrix at the present q, for checks, shape (n, n) [kg m^2].
+        """Return the engine's joint-space mass matrix at the present positions, for checks, shape (n, n) [kg m^2].
 
-        Without rotor inertia; joints that mimic the actuated ones are included."""
+        It does not include the rotor inertia; it includes the effect of joints that mimic the actuated ones."""
 
     def close(self) -> None:  # noqa: B027  (an engine without resources needs no override)
-        """Release the engine."""
+        """Release the resources of the engine."""
 
 
 class DrivenPlant(Plant):
-    """Plant whose joints offer stiff drives in addition to efforts."""
+    """Plant whose joints can follow velocity or position commands by stiff drives, in addition to efforts."""
 
     @abstractmethod
     def set_modes(self, modes: Sequence[Mode]) -> None:
-        """Set the meaning of `apply` for each joint from now on."""
+        """Set the command mode of each joint: the meaning of the values passed to `apply` from now on."""
 
 
 class ReactingPlant(Plant):
-    """Plant that measures the loads in its joints."""
+    """Plant that can report the forces and torques transmitted by its joints."""
 
     @abstractmethod
     def joint_reactions(self) -> list[JointReaction]:
-        """Return the loads of the robot's moving joints in the last step; empty before the first step."""
+        """Return the loads transmitted by the robot's moving joints in the last step; empty before the first step."""
 
 
 class Articulated(Plant):
-    """Plant with articulated models: their joints can be read, placed and driven, their bodies connected.
+    """Plant with articulated models, whose joints can be read, set and driven, and whose bodies can be connected.
 
-    Names of models and links, and connections, outlive `reset`, `spawn`, `delete` of another model, and `set_load`;
-    bodies connected to a deleted model are free. A joint of a spawned model has the damping and Coulomb friction of its
-    description if the plant's `friction` says so for the robot, and `plants.StopLaw` at its ends.
+    Names and connections remain valid after `reset`, `spawn`, `set_load`, and `delete` of another model; the
+    connections of a deleted model are removed. Joints of spawned models have the viscous damping of their description,
+    its Coulomb friction if the plant's parameter `friction` is "coulomb", and stops by `plants.StopLaw`.
     """
 
     @abstractmethod
     def model_joints(self, model: str) -> tuple[str, ...]:
-        """Return the names of a spawned model's moving joints, parents before children: the order of its vectors here.
+        """Return the names of a spawned model's moving joints, parents before children.
+
+        This is the order of the joint vectors in the other methods.
 
         Raises:
-            UnknownNameError: no such model.
+            UnknownNameError: there is no such model.
         """
 
     @abstractmethod
     def read_joints(self, model: str, q: list[float], dq: list[float]) -> None:
-        """Write the joints' state at the measuring instant into the lists in place [rad or m], [rad/s or m/s].
+        """Write the joint positions and velocities of a spawned model into the lists, in place.
 
-        As `read_state` does for the robot."""
+        q [rad or m], dq [rad/s or m/s]: state at the measuring instant, as in `read_state`."""
 
     @abstractmethod
     def set_joints(self, model: str, q: Sequence[float], dq: Sequence[float] | None = None) -> None:
-        """Put the joints at q, dq (zero by default).
+        """Set the joint positions and velocities (zero by default) of a spawned model.
 
-        After `reset` a model is where it was spawned, with its joints as they were placed last.
+        `reset` restores the pose at which the model was spawned, and the joint state that was set last.
+
+        Args:
+            model: name of the model.
+            q: joint positions [rad or m].
+            dq: joint velocities [rad/s or m/s].
 
         Raises:
-            CommandError: not one finite number per joint.
+            CommandError: q or dq does not have one finite number per joint.
         """
 
     @abstractmethod
     def drive_joints(self, model: str, tau: Sequence[float]) -> None:
-        """Set joint efforts [N m or N] that act from the next step until the next call; zero after `reset`.
+        """Set the joint efforts of a spawned model, `tau` [N m or N], from the next step until the next call.
+
+        `reset` sets them to zero.
 
         Raises:
-            CommandError: not as many efforts as joints.
+            CommandError: there is not one effort per joint.
         """
 
     @abstractmethod
     def connect(self, name: str, bushing: Bushing) -> None:
-        """Connect two bodies by a bushing from the next step on.
+        """Connect two bodies by a bushing (spring and damper) from the next step on; `name`: name of the connection.
 
-        Connected links have no contact with each other, nor with links fixed to them or attached to them by one joint.
+        There is no contact between the connected links, nor between them and each other's neighbours.
 
         Raises:
-            HricError: the name is taken; no such body; both bodies are the same; a bad transform or number.
+            HricError: the name is taken, a body does not exist, both bodies are the same, or a transform or number is
+                invalid.
         """
 
     @abstractmethod
     def disconnect(self, name: str) -> None:
-        """Remove a connection. Raises UnknownNameError with the names that exist."""
+        """Remove a connection between two bodies. Raises UnknownNameError if there is none of this name."""
 
     @abstractmethod
     def connections(self) -> list[str]:
-        """Return the names of the connections."""
+        """Return the names of the present connections between bodies."""
 
     @abstractmethod
     def bushing_load(self, name: str) -> BushingLoad:
-        """Return the load of a bushing in the last step; zero before the first step. Raises UnknownNameError."""
+        """Return the load of a connection in the last step; zero before the first step. Raises UnknownNameError."""

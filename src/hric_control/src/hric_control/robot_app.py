@@ -1,4 +1,4 @@
-"""Robot with its controllers: common code of the robot node and the headless runner."""
+"""Robot with its controllers, manager and topics: common code of the robot node and of runs without ROS."""
 
 from collections.abc import Callable
 from time import perf_counter, sleep
@@ -23,35 +23,35 @@ from hric_core.scoped_node import ScopedNode
 CLOCK_PERIOD = 0.01
 """Period of /clock [s of robot time]."""
 COUNTS_PERIOD = 1.0
-"""Period of the limit counts [s of robot time]."""
+"""Period of the topic limit_counts [s of robot time]."""
 LISTENER_POLL = 0.01
-"""Time between two checks for a listener [s of wall time]."""
+"""Period of the check whether control_log has a subscriber [s of wall time]."""
 DRAIN_TIMEOUT = 0.5
-"""Longest wait of an unpaced loop for its messages to be sent [s of wall time]."""
+"""Longest time for which an unpaced loop waits until its messages are sent [s of wall time]."""
 
 
 class RobotApp:
-    """RobotHW with the controller manager, its services, the control log, clock and diagnostics on any Node.
+    """Robot (RobotHW) with controller manager, services, control log, clock and diagnostics, with or without ROS.
 
     Args:
-        root_node: the robot's namespace.
+        root_node: node of the robot's namespace.
         robot_hw_node: node with the parameters of the RobotHW and of this class (`robot_hw`, `control_log`, ...).
-        hw: robot that exists already but is not initialised; None: the plugin that the parameters name.
-        live: process with a master: `/diagnostics` come at 1 Hz of wall time from a thread, drivers receive the time on
-            `/hric/clock`, and a switch always waits for the loop. Otherwise everything happens in the caller's thread,
-            and a switch between two runs acts at once.
-        on_clock: callback in the loop for each stamp published on /clock.
+        hw: robot that is constructed but not initialised; None: the plugin selected by the parameters.
+        live: True in a process with a ROS master: a thread publishes `/diagnostics` at 1 Hz of wall time, sensor
+            drivers get robot time on `hric/clock`, and a switch of controllers always waits for the loop. False:
+            everything happens in the calling thread, and a switch between two runs is executed at once.
+        on_clock: callback, in the loop's thread, for each stamp published on /clock.
 
     Attributes:
         hw: the robot.
-        name: type string of the robot.
-        simulated: True if it has a plant, and so its own clock and services.
+        name: plugin type of the robot.
+        simulated: True if the robot is simulated; then it has a clock and services of its own.
         manager: the controller manager.
-        loop: the loop of a simulated robot, or None.
+        loop: loop of a simulated robot, or None.
         cycles: number of cycles so far.
 
     Raises:
-        HricError: the robot cannot be used.
+        HricError: the robot cannot be initialised.
     """
 
     def __init__(
@@ -111,20 +111,20 @@ class RobotApp:
             self._closers.append(status.stop)
 
     def limit_counts(self) -> LimitCounts:
-        """Return a snapshot of the limit counts since the start, of all interfaces; no joints if nothing counts."""
+        """Return a copy of the limit counts since the start, over all interfaces; without joints if there are none."""
         counts = self.hw.limiter_counts()
         return LimitCounts((), ()) if counts is None else counts.copy()
 
     def on_cycle(self, time: float, period: float, reset_controllers: bool) -> bool:
-        """Run one cycle between the robot's `read` and `write`: the controllers, and a row of the log.
+        """Run the part of a cycle between the robot's `read` and `write`: update the controllers and log a row.
 
         Args:
             time: robot time at the measuring instant [s].
             period: time since the last cycle [s].
-            reset_controllers: restart the running controllers.
+            reset_controllers: True to restart the running controllers first.
 
         Returns:
-            False if a robot that drives its own loop must leave its mode for a switch.
+            False if a robot without a `loop` must leave its command mode, as controllers are being switched.
         """
         log = self.log
         if log is not None:
@@ -153,22 +153,23 @@ class RobotApp:
             self._counts.publish(LimitCounts.message, self.limit_counts(), self._clock.stamp(time))
 
     def wait_for_log_listener(self) -> None:
-        """Hold robot time at 0 until `control_log` has a listener, so that a recording has every cycle.
+        """Wait until `control_log` has a subscriber, so that a recording contains every cycle; robot time stays at 0.
 
-        Called before `run`. The parameter `wait_for_log_listener` is the longest wait [s of wall time], 0 by default.
-        Returns at once if there is no log or `stop` was called; warns and continues after the longest wait.
+        To be called before `run`. The parameter `wait_for_log_listener` is the longest wait [s of wall time], 0 by
+        default; after it, a warning is logged. Returns at once if there is no control log or `stop` was called.
         """
         timeout = self._settings.wait_for_log_listener
         if timeout == 0.0 or self.log is None:
             return
-        # A switch that is requested meanwhile waits for the loop as well.
+        # A switch of controllers that is requested meanwhile must wait longer, as the loop begins later.
         patience, self.manager.loop_timeout = self.manager.loop_timeout, self.manager.loop_timeout + timeout
         deadline = perf_counter() + timeout
         try:
             while not self.log.publisher.subscribers() and not self._stopping:
                 if perf_counter() > deadline:
                     self.root_node.log_warn(
-                        f"nobody listens to control_log after {timeout:g} s: the run begins without a recording of it"
+                        f"control_log has no subscriber after {timeout:g} s (wait_for_log_listener): the run begins, "
+                        "and its first cycles will be missing in a recording"
                     )
                     return
                 self._clock.publish(None)
@@ -179,15 +180,16 @@ class RobotApp:
             self.manager.loop_timeout = patience
 
     def run(self, duration: float | None = None, on_cycle_hook: Callable[[float], None] | None = None) -> None:
-        """Run the robot until `stop`, or for `duration`. Publish the rest of the log and the limit counts at the end.
+        """Run the robot until `stop` is called, or for `duration`; at the end, publish the rest of the control log.
 
         Args:
-            duration: robot time to cover, a whole number of cycles [s]; None: until stopped. For simulated robots.
-            on_cycle_hook: called in the loop with robot time, after `read` and before the controllers; must not block.
+            duration: robot time for which to run, a whole number of cycles [s]; None: until stopped.
+            on_cycle_hook: callback with robot time [s], in each cycle after `read` and before the controllers; must not
+                block.
         """
         if duration is not None and self.hw.time is None:
             raise HricError(
-                f"{self.name} has no robot time, so run() cannot take a duration; call run() without one, then stop()"
+                f"{self.name} has no robot time, so run() cannot have a duration; call run() without one, then stop()"
             )
         if duration is not None and round(duration / self.hw.period) < 1:
             return
@@ -210,12 +212,14 @@ class RobotApp:
         realtime.drain(DRAIN_TIMEOUT)
 
     def stop(self) -> None:
-        """Let `run` return after this cycle. May be called from any thread or a signal handler."""
+        """Let `run` return after the present cycle. May be called from any thread or a signal handler."""
         self._stopping = True
         self.hw.stop()
 
     def shutdown(self) -> None:
-        """Unregister everything and release the robot, after `run` returned. Raises the first failure at the end."""
+        """Unregister all topics and services and release the robot; to be called after `run` has returned.
+
+        An error does not prevent the remaining steps; the first error is raised at the end."""
         failure: Exception | None = None
         while self._closers:
             try:

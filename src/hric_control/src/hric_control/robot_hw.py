@@ -1,4 +1,4 @@
-"""Robot as the manager sees it: interfaces, and a loop driven by the owner of the clock."""
+"""Base class of robots, real or simulated, with joint interfaces and a control loop that the robot itself drives."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -12,20 +12,22 @@ from hric_core.errors import ResourceConflictError
 from hric_core.node import Node
 
 OnCycle = Callable[[float, float, bool], bool]
-"""Callback (time [s], period [s], reset_controllers) -> True to go on, False to leave the mode (switch or end)."""
+"""Callback (time [s], period [s], reset_controllers) for each cycle.
+
+It returns False if the robot must leave its command mode, as controllers are switched or the run ends; else True."""
 
 LogRow = tuple[Sequence[str], Sequence[float], Sequence[float]]
-"""Row of one cycle: command interfaces, commands before the limits, commands sent; one value per joint each.
+"""Commands of one cycle for the control log: (interfaces, commands before the limits, commands sent), one per joint.
 
-The interface is "effort", "velocity", "position" or "none"."""
+An interface is "effort", "velocity", "position" or "none"."""
 
 
 @dataclass(frozen=True)
 class ControllerInfo:
-    """Information about a controller that the hardware receives at a switch.
+    """Information about a controller that the robot gets when controllers are switched.
 
     Attributes:
-        name: instance name.
+        name: name of the controller.
         type: plugin type string.
         claims: claimed joints by the ros_control name of the interface, such as
             {"hardware_interface::EffortJointInterface": {"panda_joint1"}}.
@@ -37,36 +39,38 @@ class ControllerInfo:
 
 
 class RobotHW(InterfaceManager):
-    """Base of all robots, simulated or real.
+    """Base class of all robots, simulated or real.
 
-    Found by its type string through the package.xml plugin export and constructed without arguments. A robot implements
-    `init`, `read`, `write`, `run` and `stop`; all else has a default. What is optional comes first.
+    A robot class is exported as a plugin in package.xml, found by its type string, and constructed without arguments.
+    It implements `init`, `read`, `write`, `run` and `stop`; everything else has a default.
     """
 
-    # -- what a robot may have -----------------------------------------------------------------------------------------
+    # -- optional attributes and methods -------------------------------------------------------------------------------
 
     compensates_gravity: bool = False
-    """True if the robot adds g(q) to effort commands; a controller that adds it too is refused by name."""
+    """True if the robot adds gravity torques g(q) to effort commands; controllers that add them, too, are refused."""
 
     def __init__(self) -> None:
         super().__init__()
         speed = SpeedScaleInterface()
         self.register_interface(speed)
         self.speed_scale: SpeedScale = speed.scale
-        """Scale by which a supervisor slows the controllers that obey it; every robot has it."""
+        """Speed scale of the robot, by which a supervisor slows down the controllers that obey it."""
         # Instance attributes, as the loop reads them in each cycle: class attributes are slower.
         self.loop: SimLoop | None = None
-        """Clock of a simulated robot, to pause, step and pace it; None: the robot brings its own clock."""
+        """Loop of a simulated robot, which can be paused, stepped and paced; None: the robot has its own clock."""
         self.plant: Plant | None = None
-        """Physics of a simulated robot in this process; None: there is none."""
+        """Physics engine plant of a simulated robot; None: the robot has none in this process."""
         self.rotor_inertia: Sequence[float] | None = None
-        """Rotor inertia at each joint, n floats [kg m^2], by which controllers check their gains. None: unknown."""
+        """Rotor inertia at each joint, n floats [kg m^2], with which controllers check their gains; None: unknown."""
         self.error = ""
-        """Reason why the robot aborted the last motion, until it has recovered; else empty."""
+        """Reason why the robot has aborted a motion, until it has recovered; else empty."""
 
     @property
     def time(self) -> float | None:
-        """Robot time of the last state [s], from 0, never backwards; None: unknown, and no run can have a duration."""
+        """Robot time of the last measured state [s]; it starts at 0 and never goes back.
+
+        None: unknown; then `run` cannot have a duration."""
         return None if self.loop is None else self.loop.time
 
     @property
@@ -76,31 +80,31 @@ class RobotHW(InterfaceManager):
 
     @property
     def period(self) -> float:
-        """Period of the control loop [s]; 1 ms, as for Franka's arms, if there is no simulated clock."""
+        """Period of the control loop [s]; 1 ms, that of Franka's arms, if the robot has no simulation loop."""
         return 0.001 if self.loop is None else self.loop.time_step
 
     def limiter_counts(self) -> LimitCounts | None:
-        """Return the live limit counts since the start, over all interfaces; None: nothing counts."""
+        """Return the counts of limited commands since the start, which the loop updates; None: there are none."""
         return None
 
     def log_row(self) -> LogRow:
-        """Return the commands of the last cycle for the control log, from `init` on; without joints: no log."""
+        """Return the commands of the last cycle for the control log; without joints if the robot has no log."""
         return (), (), ()
 
-    # -- the life of a robot -------------------------------------------------------------------------------------------
+    # -- life cycle ----------------------------------------------------------------------------------------------------
 
     def init(self, root_node: Node, robot_hw_node: Node) -> None:
-        """Read parameters, connect, register the interfaces. Called once, outside the loop.
+        """Read parameters, connect to the robot, register the interfaces. Called once, before the loop.
 
         Raises:
-            HricError: the robot cannot be used; the message says why.
+            HricError: the robot cannot be used; the message gives the reason.
         """
 
     def check_for_conflict(self, controllers: Sequence[ControllerInfo]) -> None:
-        """Refuse controllers that may not run together. By default each joint can be claimed once, over all interfaces.
+        """Refuse controllers that must not run together; by default, two controllers that claim the same joint.
 
         Raises:
-            ResourceConflictError: names the joint and both claimants.
+            ResourceConflictError: the message names the joint and both controllers.
         """
         owner: dict[str, str] = {}
         for controller in controllers:
@@ -110,34 +114,34 @@ class RobotHW(InterfaceManager):
                 owner[joint] = controller.name
 
     def prepare_switch(self, start: Sequence[ControllerInfo], stop: Sequence[ControllerInfo]) -> None:
-        """Check that the switch is possible; outside the loop. Raises HricError if not."""
+        """Check that a switch of controllers is possible; called outside the loop. Raises HricError if it is not."""
 
     def do_switch(self, start: Sequence[ControllerInfo], stop: Sequence[ControllerInfo]) -> None:
-        """Make the switch; inside the loop, between two cycles.
+        """Change the command mode for a switch of controllers; called in the loop, between two cycles.
 
-        A simulated robot changes its mode at once; a robot whose mode needs a new control call remembers it, and its
-        `run` enters it after `on_cycle` returned False."""
+        A simulated robot changes its mode at once. A robot that needs a new control session for another mode stores the
+        mode, and its `run` changes to it after `on_cycle` has returned False."""
 
     def switch_done(self, start: Sequence[ControllerInfo]) -> bool:
-        """Return True if the hardware is ready for the commands of these controllers.
+        """Return True if the robot is ready for the commands of these controllers.
 
-        Called in the loop, each cycle after `do_switch` until it is; until then the controllers wait. Raises HricError
-        if the change failed; the controllers are then aborted."""
+        Called in the loop, in each cycle after `do_switch` until it returns True; the controllers wait until then.
+        Raises HricError if the change of mode failed; the controllers are then aborted."""
         return True
 
     def read(self, time: float, period: float) -> None:
-        """Fill the states from the robot."""
+        """Read the joint states from the robot; time: robot time [s], period: time since the last cycle [s]."""
 
     def write(self, time: float, period: float) -> None:
-        """Enforce the limits, then send the commands to the robot."""
+        """Limit the commands, then send them to the robot; time: robot time [s], period: that of the cycle [s]."""
 
     def run(self, on_cycle: OnCycle) -> None:
-        """Run cycles of `read`, `on_cycle`, `write` until `stop`; raises HricError if the robot fails."""
+        """Run cycles of `read`, `on_cycle`, `write` until `stop` is called. Raises HricError if the robot fails."""
         raise NotImplementedError(f"{type(self).__name__} has no run")
 
     def stop(self) -> None:
-        """Let `run` return after this cycle. May be called from any thread or a signal handler."""
+        """Let `run` return after the present cycle. May be called from any thread or a signal handler."""
         raise NotImplementedError(f"{type(self).__name__} has no stop")
 
     def shutdown(self) -> None:
-        """Release the robot. Called once, after `run` returned."""
+        """Release the connection to the robot. Called once, after `run` has returned."""

@@ -11,32 +11,34 @@ from hric_core.node import Node
 from hric_core.parameters import Settings, flag, number, text
 
 COMMON_PARAMETERS = ("arm_id", "failure", "participants", "plant", "plant_type", "q_start", "realism")
-"""Private parameters that an experiment sets for any robot, so that one file serves simulated and real ones.
+"""Private parameters that are valid for every robot, as one experiment file is used for simulated and real robots.
 
-`failure` is written by a robot's node to report why it ended."""
+An experiment sets them, except `failure`, in which the robot node reports why it ended."""
 
 
 @dataclass(frozen=True)
 class RobotSettings(Settings):
-    """Parameters common to all robots; a backend adds its own."""
+    """Parameters common to all robots; each type of robot has further ones."""
 
-    robot_hw: str = text("", valid="a type", text="RobotHW type; empty: the `robotSimType` of the description")
+    robot_hw: str = text(
+        "", valid="a type", text="plugin type of the RobotHW; empty: `robotSimType` of the description"
+    )
     real_time_factor: float = REAL_TIME_FACTOR
     control_log: bool = flag(True, text="publish `control_log`")
     wait_for_log_listener: float = number(
         0.0,
         minimum=0.0,
         unit="s of wall time",
-        text="hold robot time at 0 until `control_log` has a listener, at most so long: a recording then has every "
-        "cycle from the first one on",
+        text="longest time for which the run waits at robot time 0 until `control_log` has a subscriber, so that a "
+        "recording has every cycle",
     )
 
 
 def robot_hw_type(root_node: Node, robot_hw_node: Node) -> str:
-    """Return the RobotHW type: the parameter `robot_hw`, or else `robotSimType` of the description.
+    """Return the type of the RobotHW plugin: the parameter `robot_hw`, or else `robotSimType` in the description.
 
     Raises:
-        HricError: neither is set; the message lists the types.
+        HricError: neither is set; the message lists the existing types.
     """
     type_name = RobotSettings.read(robot_hw_node).robot_hw or robot_sim_type(
         root_node.search_param("robot_description", "<robot/>")

@@ -1,11 +1,11 @@
-"""Speed scale of the robot, by which a supervisor slows controllers down.
+"""Speed scale of a robot, from 0 (standstill) to 1, by which a supervisor slows down the controllers.
 
-Each `RobotHW` has the resource. A controller that obeys takes its handle in `init`, which declares it, and advances its
-motion by `ScaledTime`: the path stays and only the time along it stretches. A controller that does not take the handle
-is not slowed; the supervisor stops it.
+Each `RobotHW` has a speed scale. A controller that obeys it gets its handle in `init`, by which it is known to obey,
+and advances its motion by `ScaledTime`: the path remains the same, but takes more time. A controller that does not get
+the handle is not slowed down; the supervisor must stop it.
 
-The scale s approaches the requested one with |ds/dt| <= RATE and |d2s/dt2| <= ACCELERATION. A motion of velocity v then
-decelerates by at most RATE v in addition to its own acceleration.
+The scale s approaches the requested one with |ds/dt| <= RATE and |d2s/dt2| <= ACCELERATION. So the deceleration of a
+motion with velocity v increases by at most RATE v.
 """
 
 import math
@@ -15,33 +15,35 @@ from hric_control.hardware_interface import HardwareInterface
 from hric_core.errors import CommandError
 
 RATE = 3.4
-"""Largest rate of the scale [1/s] (project default).
+"""Largest rate of change of the speed scale [1/s] (project default).
 
-Of the Panda's joints the second has the least acceleration for its speed: 7.5 rad/s^2 at 2.175 rad/s, 3.45 1/s
-(Franka's published limits)."""
+It is below the smallest ratio of acceleration to velocity limit of the Panda's joints, that of joint 2: 7.5 rad/s^2 to
+2.175 rad/s, 3.45 1/s (Franka's published limits)."""
 ACCELERATION = 68.0
-"""Largest change of that rate [1/s^2]: RATE within 50 ms (project default).
+"""Largest second derivative of the speed scale [1/s^2]: RATE is reached within 50 ms (project default).
 
-At 2.175 rad/s this is a jerk of 148 rad/s^3, of 3750 allowed."""
+At 2.175 rad/s this is a jerk of 148 rad/s^3; Franka's limit is 3750 rad/s^3."""
 _SETTLED = 1e-9
 RESOURCE = "speed_scale"
 
 
 def stopping_time(scale: float) -> float:
-    """Return the time from a scale at rest to 0 [s]: a ramp of the rate up, the rate held, and the ramp down."""
+    """Return the time in which the speed scale goes from a constant value to 0 [s].
+
+    The rate of the scale ramps up to RATE, stays constant, and ramps down again."""
     if scale * ACCELERATION <= RATE * RATE:
         return 2.0 * math.sqrt(scale / ACCELERATION)
     return scale / RATE + RATE / ACCELERATION
 
 
 class ScaleRequest(NamedTuple):
-    """Limits that a supervisor requests of the robot.
+    """Limits that a supervisor or another node (the holder) requests from the robot.
 
     Attributes:
         scale: speed scale, 0 (standstill) to 1.
-        stiffness: largest translational stiffness of controllers that have one [N/m].
-        force: largest force of their springs [N].
-        valid_for: robot time until the robot stops without another request of the same holder [s], at most
+        stiffness: largest translational stiffness of compliant controllers [N/m].
+        force: largest spring force of compliant controllers [N].
+        valid_for: robot time after which the robot stops, unless the same holder sends another request [s]; at most
             LONGEST_LEASE.
     """
 
@@ -51,7 +53,7 @@ class ScaleRequest(NamedTuple):
     valid_for: float = math.inf
 
     def check(self) -> "ScaleRequest":
-        """Return the request if it is valid. Raises CommandError."""
+        """Return the request if its values are valid, else raise CommandError."""
         if not 0.0 <= self.scale <= 1.0:
             raise CommandError(f"speed scale is {self.scale}; valid: 0 to 1")
         for name in ("stiffness", "force", "valid_for"):
@@ -61,44 +63,44 @@ class ScaleRequest(NamedTuple):
 
 
 UNLIMITED = ScaleRequest()
-"""Request that limits nothing and never expires: it gives a lease back."""
+"""Request without any limit and without an end, by which a holder ends its lease."""
 LONGEST_LEASE = 3600.0
-"""Longest time without another request of a holder [s], so that no limit outlives a lost holder for long.
+"""Longest time for which a request is valid [s of robot time]; then a lost node does not slow down the robot forever.
 
 Project default, unconfirmed."""
 MAX_HOLDERS = 16
-"""Number of holders with a lease each (project default, unconfirmed).
+"""Largest number of nodes with a lease of their own (project default, unconfirmed).
 
-All others, and those without a name, share the lease `OTHERS`, in which a request can only make the robot slower."""
+All further nodes, and those without a name, share the lease `OTHERS`; in it, a request can only reduce the limits."""
 OTHERS = "others"
 
 
 def _smaller(before: ScaleRequest | None, request: ScaleRequest) -> ScaleRequest:
-    """Return the smaller of each limit."""
+    """Return a request with the smaller value of each limit of two requests."""
     return request if before is None else ScaleRequest(*map(min, before, request))
 
 
 class _Lease(NamedTuple):
-    """Request of a holder and the time at which it expires [s of robot time]."""
+    """Present request of a holder, and the robot time at which it expires [s]."""
 
     request: ScaleRequest
     expires: float
 
 
 class SpeedScale:
-    """Speed scale of one robot. `request` may be called from any thread, the rest only in the loop.
+    """Speed scale of one robot. `request` may be called from any thread, everything else only in the control loop.
 
-    A holder's request is a lease. The smallest scale, stiffness and force of all leases apply. A lease that expires
-    stops the robot until its holder requests again; a request without any limit and without an end gives the lease
-    back.
+    The request of a node (the holder) is a lease. The smallest scale, stiffness and force of all leases apply. If a
+    lease expires, the robot stops until its holder sends another request. A request without any limit and without an
+    end (`UNLIMITED`) ends the lease.
 
     Attributes:
-        value: scale in force; exactly 1 if no holder requests less.
-        stiffness, force: limits in force [N/m], [N]; a controller filters them as it does its gains.
-        target: scale that the value approaches.
-        active: True if `advance` has something to do.
-        lost: holders whose leases have expired; while there are any the robot comes to a stop.
-        holder: name of the holder whose scale applies, or of those that are lost; empty if nothing is limited.
+        value: present speed scale; exactly 1 if no holder requests less.
+        stiffness, force: present limits [N/m], [N]; a controller filters them as it does its gains.
+        target: scale that `value` approaches.
+        active: True if `advance` must be called.
+        lost: names of the holders whose leases have expired; while there are any, the robot is stopped.
+        holder: name of the holder whose scale applies, or of the lost ones; empty if nothing is limited.
     """
 
     def __init__(self) -> None:
@@ -112,31 +114,31 @@ class SpeedScale:
 
     @property
     def expired(self) -> bool:
-        """True if the robot stops because a holder's lease has expired."""
+        """True if the robot is stopped because a holder's lease has expired."""
         return bool(self.lost)
 
     def request(self, request: ScaleRequest, holder: str = "") -> None:
-        """Replace the previous request of this holder. Raises CommandError."""
+        """Replace the previous request of a holder. Raises CommandError if the request is not valid."""
         request.check()
         self._pending[holder] = _smaller(self._pending.get(holder), request) if holder == OTHERS else request
         self.active = True
 
     def advance(self, time: float, period: float) -> None:
-        """Advance by one cycle of the loop, to robot time `time` [s], `period` [s] after the last cycle."""
+        """Advance the scale by one control cycle, to robot time `time` [s], `period` [s] after the last cycle."""
         if self._pending or time > self._next_expiry or time < self._now:
             self._settle(time)
         self._now = time
         self._step(period)
         if self.value == self.target == 1.0 and not self._leases:
-            # In this order, so that a request from another thread in between is not lost.
+            # This order keeps a request that another thread makes in between from being lost.
             self.active = False
             self.active = bool(self._pending)
 
     def _settle(self, time: float) -> None:
-        """Apply new requests; update lost holders and the limits in force at robot time `time` [s]."""
+        """Apply new requests, and update the lost holders and the limits for robot time `time` [s]."""
         leases = self._leases
         while self._pending:
-            holder, request = self._pending.popitem()  # atomic, as other threads may request meanwhile
+            holder, request = self._pending.popitem()  # atomic: other threads may add requests meanwhile
             if holder not in leases and len(leases) >= MAX_HOLDERS:
                 holder = OTHERS
             if holder == OTHERS:
@@ -169,7 +171,7 @@ class SpeedScale:
         if error == 0.0 == self._rate:
             return
         step = ACCELERATION * period
-        # The largest rate from which steps of the deceleration come to rest within the remaining change.
+        # Largest rate that can be reduced to zero, in steps, within the remaining change of the scale.
         rate = -0.5 * step + math.sqrt(0.25 * step * step + 2.0 * ACCELERATION * abs(error))
         aimed = math.copysign(min(RATE, rate), error)
         self._rate = min(max(aimed, self._rate - step), self._rate + step)
@@ -179,11 +181,11 @@ class SpeedScale:
 
 
 class SpeedScaleInterface(HardwareInterface):
-    """Interface to the speed scale, which any number of controllers read.
+    """Hardware interface to the robot's speed scale, which any number of controllers may read.
 
     Attributes:
         scale: speed scale of the robot.
-        declared: True if a handle was taken since `clear_claims`.
+        declared: True if `handle` was called since `clear_claims`: then the controller obeys the speed scale.
     """
 
     cpp_name = "hric_control::SpeedScaleInterface"
@@ -194,26 +196,26 @@ class SpeedScaleInterface(HardwareInterface):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Name of the single resource."""
+        """Name of the only resource, the speed scale."""
         return (RESOURCE,)
 
     def clear_claims(self) -> None:
-        """Forget the claims and the declaration."""
+        """Clear the claims and `declared`; the manager calls this before each controller's `init`."""
         super().clear_claims()
         self.declared = False
 
     def handle(self) -> SpeedScale:
-        """Return the scale to read. A controller that takes it declares that it obeys."""
+        """Return the speed scale for reading. By this call, a controller declares that it obeys the scale."""
         self.declared = True
         return self.scale
 
 
 class ScaledTime:
-    """Robot time as it passes for a motion that obeys the scale; it stops while the scale is 0.
+    """Time of a motion that obeys the speed scale: it passes more slowly than robot time, and stops at scale 0.
 
     Attributes:
         scale: speed scale of the robot.
-        lag: delay behind robot time [s]; 0 as long as the scale was 1.
+        lag: delay of this time behind robot time [s]; 0 as long as the scale has always been 1.
     """
 
     __slots__ = ("_last", "lag", "scale")
@@ -222,11 +224,13 @@ class ScaledTime:
         self.scale, self.lag, self._last = scale, 0.0, 0.0
 
     def restart(self, time: float) -> None:
-        """Begin a motion at robot time `time` [s]."""
+        """Begin a new motion at robot time `time` [s], without lag."""
         self.lag, self._last = 0.0, time
 
     def along(self, time: float, period: float) -> float:
-        """Return the time of the motion [s]; once per cycle, at robot time `time`, `period` after the last [s]."""
+        """Return the time of the motion [s]; to be called once per cycle.
+
+        `time` is robot time [s], `period` the time since the last cycle [s]."""
         scale = self.scale.value
         if scale != 1.0:
             self.lag += (1.0 - scale) * period

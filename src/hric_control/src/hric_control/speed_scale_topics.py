@@ -1,4 +1,4 @@
-"""Topics of a robot's speed scale: requests in, state out."""
+"""Topics of a robot's speed scale: it subscribes to requests and publishes the state."""
 
 import math
 from collections.abc import Callable
@@ -15,12 +15,12 @@ REQUEST_TOPIC, STATE_TOPIC = "hric/safety/speed_scale", "hric/safety/speed_scale
 
 
 class SpeedScaleTopics:
-    """Topics of one robot.
+    """Subscriber to requests and publisher of the state of one robot's speed scale.
 
     Args:
-        node: the robot's namespace.
+        node: node of the robot's namespace.
         scale: speed scale of the robot.
-        stamp: robot time [s] -> stamp of messages.
+        stamp: function that converts robot time [s] to a message stamp.
     """
 
     def __init__(self, node: Node, scale: SpeedScale, stamp: Callable[[float], Any]) -> None:
@@ -30,21 +30,23 @@ class SpeedScaleTopics:
         node.subscribe(REQUEST_TOPIC, SpeedScaleMessage, self._on_request, queue_size=1)
 
     def _on_request(self, message: Any) -> None:
-        """Pass a request on. An invalid one is refused; the publisher's last one stays until it expires."""
+        """Apply a request; an invalid one is refused, and the publisher's last one remains until it expires."""
         valid_for = message.valid_for or math.inf
         request = ScaleRequest(message.scale, message.stiffness, message.force, valid_for)
         self._scale.request(request, publisher_of(message) or OTHERS)
         self._request.set(message.header.stamp)
 
     def advance(self, time: float, period: float) -> None:
-        """Advance the scale by one cycle in which it is active, in the loop; publish its state if that changed."""
+        """Advance the speed scale by one control cycle; publish its state after a request or the loss of a holder.
+
+        To be called in the loop while the scale is active. `time`: robot time [s], `period`: that of the cycle [s]."""
         scale = self._scale
         lost = scale.lost
         scale.advance(time, period)
         if scale.lost and scale.lost != lost:
             text = (
-                f"{', '.join(scale.lost)} requested no speed scale in time: the robot comes to a stop; a request of "
-                f"the same node on {REQUEST_TOPIC} lets it go on"
+                f"no request on {REQUEST_TOPIC} in time from {', '.join(scale.lost)}: the robot stops; it continues "
+                "after a new request from the same node"
             )
             realtime.defer(self._node, lambda: self._node.log_warn(text), "log")
         if self._request.take_new() is not None or scale.lost != lost:

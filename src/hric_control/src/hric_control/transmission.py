@@ -11,21 +11,21 @@ from hric_core.urdf.elements import as_number, parse
 
 LOG = logging.getLogger("hric.transmission")
 SIMPLE = ("transmission_interface/SimpleTransmission", "SimpleTransmission")
-"""Names of the only type that is supported."""
+"""Names of the only supported type of transmission."""
 INTERFACES = ("EffortJointInterface", "VelocityJointInterface", "PositionJointInterface", "JointStateInterface")
 """Hardware interfaces that a transmission may name, with or without "hardware_interface/" in front."""
 
 
 @dataclass(frozen=True)
 class SimpleTransmission:
-    """Gear of constant ratio between one actuator and one joint.
+    """Transmission with a constant ratio between one actuator and one joint.
 
     With reduction n and offset x0: x_actuator = n (x_joint - x0), v_actuator = n v_joint, tau_actuator = tau_joint / n.
     A negative n reverses the direction.
 
     Attributes:
-        reduction: n = actuator turns per joint turn [1], not 0.
-        offset: joint position when the actuator reads zero [rad].
+        reduction: reduction n, actuator turns per joint turn [1], not 0.
+        offset: offset x0, joint position at which the actuator position is zero [rad].
     """
 
     reduction: float = 1.0
@@ -50,7 +50,7 @@ class SimpleTransmission:
 
 @dataclass(frozen=True, kw_only=True)
 class Transmission(SimpleTransmission):
-    """One `<transmission>` of the description.
+    """`<transmission>` of a robot description, between one actuator and one joint.
 
     Attributes:
         name: name of the transmission.
@@ -68,17 +68,23 @@ class Transmission(SimpleTransmission):
 
 
 def parse_transmissions(urdf_xml: str) -> list[Transmission]:
-    """Return all simple transmissions, in the order of the description.
+    """Return all simple transmissions of a URDF, in the order of the document.
 
-    Those of another type, and those without a hardware interface, are left out with one warning, as in ros_control.
+    Transmissions of another type, and those without a hardware interface, are ignored with one warning, as in
+    ros_control.
 
     Raises:
-        DescriptionError: an unknown interface, an unknown joint or one with two transmissions, a reduction of 0.
+        DescriptionError: a transmission has an unknown interface, an unknown joint or a reduction of 0, or a joint has
+            two transmissions.
     """
     robot = read(urdf_xml)
     elements = {element: _foreign(element) for element in robot.element.findall("transmission")}
     if foreign := "; ".join(filter(None, elements.values())):
-        LOG.warning("transmissions left out, whose joints only another one drives: %s. Valid: %s", foreign, SIMPLE[0])
+        LOG.warning(
+            "transmissions are ignored: %s; their joints can only be commanded if they have a transmission of type %s",
+            foreign,
+            SIMPLE[0],
+        )
     result = [_transmission(element, robot.joints) for element, reason in elements.items() if not reason]
     seen: dict[str, str] = {}
     for transmission in result:
@@ -91,7 +97,7 @@ def parse_transmissions(urdf_xml: str) -> list[Transmission]:
 
 
 def robot_sim_type(urdf_xml: str) -> str | None:
-    """Return `<gazebo><plugin><robotSimType>`, the RobotHW type that simulates this robot, or None."""
+    """Return the RobotHW type in a URDF's element `<gazebo><plugin><robotSimType>`; None if there is none."""
     for plugin in parse(urdf_xml).findall("gazebo/plugin"):
         if plugin.get("name") == "gazebo_ros_control" or "gazebo_ros_control" in plugin.get("filename", ""):
             text = (plugin.findtext("robotSimType") or "").strip()
@@ -142,12 +148,12 @@ def _transmission(element: ElementTree.Element, joints: Collection[str]) -> Tran
 def _only(element: ElementTree.Element, tag: str, where: str) -> ElementTree.Element:
     elements = element.findall(tag)
     if len(elements) != 1:
-        raise DescriptionError(f"{where}: a SimpleTransmission has one <{tag}>; it has {len(elements)}")
+        raise DescriptionError(f"{where}: a SimpleTransmission needs exactly one <{tag}>; it has {len(elements)}")
     return elements[0]
 
 
 def _interfaces(joint: ElementTree.Element, actuator: ElementTree.Element, where: str) -> tuple[str, ...]:
-    # Older descriptions name the interface below the actuator.
+    # Older descriptions have the interface in the actuator's element.
     elements = joint.findall("hardwareInterface") or actuator.findall("hardwareInterface")
     names = tuple(_short(element.text or "") for element in elements)
     valid = ", ".join(f"hardware_interface/{name}" for name in INTERFACES)

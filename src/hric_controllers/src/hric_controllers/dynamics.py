@@ -2,9 +2,9 @@
 
 Gravity comes from the robot's model interface if it has one, else from KDL and robot_description.
 
-A torque -Kd_i dq_i, constant over one period dt, changes the velocity of joint i by dt ((M + B)^-1)_ii Kd_i dq_i. If
-this is more than twice the velocity, the loop diverges:  Kd_i <= 2 / (dt ((M + B)^-1)_ii), with M the mass matrix at
-the present pose and B the rotor inertia.
+A damping torque -Kd_i dq_i, constant over one period dt, changes the velocity of joint i by dt ((M + B)^-1)_ii Kd_i
+dq_i. If this change is more than twice the velocity, the velocity grows from cycle to cycle, so the loop is stable for
+Kd_i <= 2 / (dt ((M + B)^-1)_ii). M is the mass matrix at the present pose, B the rotor inertia.
 """
 
 from collections.abc import Callable, Sequence
@@ -26,7 +26,9 @@ FloatArray = npt.NDArray[np.float64]
 
 
 class ChainDynamics:
-    """KDL chain of the description; uses measured positions for its joints that the controller does not have.
+    """Gravity and mass matrix of a controller's joints, from the KDL chain through them in the robot description.
+
+    Joints of the chain that the controller does not have take part at their measured positions.
 
     An instance may be used by one thread only.
     """
@@ -52,7 +54,7 @@ def added_gravity(robot_hw: RobotHW, root_node: Node, node: Node, joints: Sequen
     """Return the gravity torque function of a controller with `gravity: true`.
 
     Raises:
-        HricError: the arm compensates gravity itself, or there is no dynamic model.
+        HricError: the arm compensates gravity itself, or there is no dynamic model of its joints.
     """
     if robot_hw.compensates_gravity:
         raise HricError(
@@ -60,14 +62,14 @@ def added_gravity(robot_hw: RobotHW, root_node: Node, node: Node, joints: Sequen
             f"{node.namespace.rsplit('/', 1)[-1]} would add g(q); valid with this arm: gravity: false"
         )
     gravity, source = gravity_source(robot_hw, root_node, joints)
-    node.log_info(f"adds g(q) from {source}")
+    node.log_info(f"the controller adds the gravity torque g(q), computed by {source}")
     return gravity
 
 
 def gravity_source(robot_hw: RobotHW, root_node: Node, joints: Sequence[str]) -> tuple[Gravity, str]:
     """Return a gravity torque function for these joints, callable in the loop, and the name of its source for the user.
 
-    The robot's model interface has priority: it includes the configured end effector and load.
+    The robot's model interface has priority over KDL, since it includes the configured end effector and load.
 
     Raises:
         HricError: no model interface for these joints, and no description with one serial chain through them.
@@ -80,7 +82,7 @@ def gravity_source(robot_hw: RobotHW, root_node: Node, joints: Sequence[str]) ->
                 return _model_gravity(
                     interface.handle(name), [arm.index(joint) for joint in joints]
                 ), "the robot's model interface"
-    return chain_dynamics(robot_hw, root_node, joints).gravity, "robot_description, by KDL"
+    return chain_dynamics(robot_hw, root_node, joints).gravity, "KDL from robot_description"
 
 
 def _model_gravity(model: Any, order: list[int]) -> Gravity:
@@ -94,7 +96,7 @@ def _model_gravity(model: Any, order: list[int]) -> Gravity:
 
 
 def chain_dynamics(robot_hw: RobotHW, root_node: Node, joints: Sequence[str]) -> ChainDynamics:
-    """Return a new KDL chain through the joints.
+    """Return the dynamics of the joints from a new KDL chain.
 
     Raises:
         HricError: there is no description, or no serial chain through all joints in it.
@@ -103,7 +105,7 @@ def chain_dynamics(robot_hw: RobotHW, root_node: Node, joints: Sequence[str]) ->
 
 
 def _chain(urdf_xml: str, joints: Sequence[str]) -> KdlChain:
-    """Return the chain from the root link of the description to the outermost of the joints."""
+    """Return the KDL chain from the root link of the description to the link that the outermost joint moves."""
     robot = read(urdf_xml)
     problem = f"no joint of {', '.join(joints)} is in robot_description"
     for joint in reversed(joints):
@@ -133,7 +135,10 @@ def largest_kd(mass: FloatArray, rotor_inertia: Sequence[float], period: float) 
 def rotor_inertia(
     robot_hw: RobotHW, parameter: Sequence[float] | None, joints: Sequence[str]
 ) -> tuple[list[float], str]:
-    """Return the joints' rotor inertia [kg m^2] and its source: the parameter if set, else the robot, else zero."""
+    """Return the joints' rotor inertias, n floats [kg m^2], and their source as a text for the user.
+
+    Source: the parameter `rotor_inertia` if set, else the robot's values, else zero.
+    """
     if parameter is not None:
         return list(parameter), "parameter rotor_inertia"
     if robot_hw.rotor_inertia is None:
@@ -152,7 +157,7 @@ def kd_check(
 ) -> Callable[[Sequence[float]], None]:
     """Return a function that compares derivative gains, n floats [N m s/rad], with their bounds at the present pose.
 
-    The function logs a warning, or raises ParameterError if `strict`. It may be called by any thread but the loop's.
+    For larger gains it logs a warning, or raises ParameterError if `strict`. Not to be called in the loop.
 
     Args:
         robot_hw: robot with the joints.
@@ -163,7 +168,7 @@ def kd_check(
         strict: the parameter `strict_gains`.
 
     Raises:
-        HricError: `strict` is set and there is no dynamic model. (Otherwise this is logged and gains are not checked.)
+        HricError: there is no dynamic model, with `strict`. (Without `strict`, gains are then not checked.)
     """
     inertia, source = rotor_inertia(robot_hw, rotors, joints)
     period = robot_hw.period
@@ -182,9 +187,9 @@ def kd_check(
             f"bound 2 / (dt ((M+B)^-1)_ii), rotor inertia B {source}"
         )
         if unstable and strict:
-            raise ParameterError(f"{text}; strict_gains refuses it")
+            raise ParameterError(f"{text}; it is refused because the parameter strict_gains is true")
         if unstable:
-            node.log_warn(f"{text}: expect chatter")
+            node.log_warn(f"{text}; the joints may vibrate")
 
     return check
 

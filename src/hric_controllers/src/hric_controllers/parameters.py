@@ -13,14 +13,14 @@ from hric_core.parameters import Settings, flag, number, per_joint, text
 
 @dataclass(frozen=True)
 class ArmSettings(Settings):
-    """Parameters of a controller of a Franka arm."""
+    """Parameter common to the controllers of a Franka arm: the name of the arm."""
 
     arm_id: str = text(valid="the arm's name, e.g. panda,", empty=False, text="the arm's name")
 
 
 @dataclass(frozen=True)
 class LawSettings(Settings):
-    """Parameters of a controller that commands efforts."""
+    """Parameters common to the controllers that command efforts: added gravity and rotor inertia."""
 
     gravity: bool = flag(
         False,
@@ -41,17 +41,22 @@ STRICT_GAINS: Any = flag(
 
 
 LOWEST_RATE, HIGHEST_RATE = 0.1, 1e4
-"""Range of the rate of a state topic [Hz]; project default, unconfirmed: below, a period in seconds was
-meant, and no loop is faster."""
+"""Range of the rate of a state topic [Hz] (project default, unconfirmed).
+
+A value below the range is probably a period in seconds, given by mistake; no control loop is faster than the range.
+"""
 
 
 def state_rate(default: float) -> Any:
-    """Return the parameter `state_publish_rate`."""
+    """Return the field of the parameter `state_publish_rate` for a settings class; `default`: default rate [Hz]."""
     return number(default, minimum=0.0, maximum=HIGHEST_RATE, unit="Hz", name="state_publish_rate", text="0: never")
 
 
 def position_ranges(root_node: Node, joints: Sequence[str]) -> list[tuple[float, float]]:
-    """Return (lower, upper) of each joint [rad or m] from description and `joint_limits`; infinite if undescribed."""
+    """Return the position range (lower, upper) of each joint [rad or m] from robot_description and `joint_limits`.
+
+    Ranges are infinite if there is no robot_description.
+    """
     urdf_xml = root_node.search_param("robot_description", "")
     if not urdf_xml:
         return [(-math.inf, math.inf)] * len(joints)
@@ -61,15 +66,16 @@ def position_ranges(root_node: Node, joints: Sequence[str]) -> list[tuple[float,
 def check_setpoint(
     values: Sequence[float], joints: Sequence[str], ranges: Sequence[tuple[float, float]]
 ) -> list[float]:
-    """Return the setpoint as n floats [rad or m], checked.
+    """Return a setpoint of joint positions as n floats [rad or m], after checking it.
 
     Args:
-        values: one value per joint.
-        joints: joint names, for messages.
-        ranges: (lower, upper) of each joint [rad or m].
+        values: desired position of each joint [rad or m].
+        joints: joint names, for the texts of errors.
+        ranges: position range (lower, upper) of each joint [rad or m].
 
     Raises:
-        CommandError: wrong length, not finite, or outside a joint's range; the text gives valid values.
+        CommandError: wrong number of values, or a value that is not finite or outside its joint's range; the text
+            gives the valid values.
     """
     if len(values) != len(joints):
         raise CommandError(f"{len(values)} values; valid: {len(joints)}, for {', '.join(joints)}")
@@ -87,7 +93,17 @@ def check_setpoint(
 def initial_setpoint(
     values: Sequence[float] | None, joints: Sequence[str], ranges: Sequence[tuple[float, float]], where: str
 ) -> list[float] | None:
-    """Return the setpoint of the parameter `where` (full name), None if it is not set. Raises ParameterError."""
+    """Return the setpoint that a parameter gives, n floats [rad or m], after checking it; None if it is not set.
+
+    Args:
+        values: value of the parameter, None if it is not set.
+        joints: joint names, for the texts of errors.
+        ranges: position range (lower, upper) of each joint [rad or m].
+        where: full name of the parameter, for the texts of errors.
+
+    Raises:
+        ParameterError: wrong number of values, or a value that is not finite or outside its joint's range.
+    """
     try:
         return None if values is None else check_setpoint(values, joints, ranges)
     except CommandError as error:

@@ -1,5 +1,5 @@
-/* For libraries that listen on all interfaces and have no option for it: a bind() that takes loopback in their place.
- */
+/* Replacement of bind() for libraries that listen on all network interfaces and have no option to change that: the
+ * addresses 0.0.0.0 and :: become the loopback address. */
 #ifndef HRIC_CONTROL_LOOPBACK_H
 #define HRIC_CONTROL_LOOPBACK_H
 
@@ -39,15 +39,15 @@ static inline int hric_bind_to_loopback(int fd, const struct sockaddr* address, 
   return (int)syscall(SYS_bind, fd, address, size);
 }
 
-/* True if ROS is to stay on this machine, by what rospy and roscpp go by. */
+/* True if ROS_HOSTNAME, or without it ROS_IP, is a loopback address: then no other machine takes part in ROS. */
 static inline int hric_ros_is_local(void)
 {
   const char *name = getenv("ROS_HOSTNAME"), *host = name != NULL ? name : getenv("ROS_IP");
   return host != NULL && (strcmp(host, "localhost") == 0 || strcmp(host, "::1") == 0 || strncmp(host, "127.", 4) == 0);
 }
 
-/* bind() as roscpp should call it: its XML-RPC server takes all interfaces whatever ROS_IP says, while rospy's obeys.
- * caller: return address of the call; what other libraries bind is left alone. */
+/* bind() for roscpp, whose XML-RPC server listens on all interfaces whatever ROS_IP says (that of rospy obeys ROS_IP).
+ * caller: return address of the call; calls from libraries other than roscpp and xmlrpcpp are not changed. */
 static inline int hric_bind_of_ros(int fd, const struct sockaddr* address, socklen_t size, void* caller)
 {
   Dl_info library;

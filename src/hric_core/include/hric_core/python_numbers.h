@@ -1,5 +1,5 @@
 // clang-format Language: C
-/* Extension modules of Python: their tables and types, and lists of floats as arrays of C, and back. */
+/* Helpers for Python extension modules: method tables, types, and conversion between lists of floats and C arrays. */
 #ifndef HRIC_CORE_PYTHON_NUMBERS_H
 #define HRIC_CORE_PYTHON_NUMBERS_H
 
@@ -7,20 +7,20 @@
 #include <Python.h>
 #include <string.h>
 
-/* Head of a function of a module, and its row in the module's table. */
+/* Head of a module-level function, and its entry in the method table. */
 #define FUNCTION(name) static PyObject *name(PyObject *Py_UNUSED(module), PyObject *const *given, Py_ssize_t count)
 #define FAST(function) (PyCFunction)(void (*)(void)) function, METH_FASTCALL
 #define METHOD(name, text) {#name, FAST(name), text}
 
-/* The module of that name with functions, or NULL. */
+/* Define the module `name` with these functions. */
 #define MODULE(name, functions)                                                                                        \
     static struct PyModuleDef definition = {                                                                           \
         PyModuleDef_HEAD_INIT, #name, NULL, -1, functions, NULL, NULL, NULL, NULL};                                    \
     PyMODINIT_FUNC PyInit_##name(void) { return PyModule_Create(&definition); }
 
-/* The module of that name with one type, whose object has the structure Object. The module defines
- * `object_init(self, args)`, which fills a new object whose memory is zero and returns -1 with an error set,
- * `object_clear(self)`, and the table `object_methods`. */
+/* Define the module `name` with functions and one Python type, whose instances are C structures of type Object. The
+ * including file defines `object_init(self, args)`, which fills a new, zeroed instance and returns -1 with a Python
+ * error set on failure, `object_clear(self)`, and the method table `object_methods`. */
 #define TYPE_MODULE(name, Object, object, functions)                                                                   \
     static PyObject *object##_new(PyTypeObject *type, PyObject *args, PyObject *Py_UNUSED(kwargs))                     \
     {                                                                                                                  \
@@ -52,7 +52,7 @@
         return module;                                                                                                 \
     }
 
-/* Whether that many arguments came; 0 with an error set. */
+/* Return 1 if the number of arguments is the expected one; else set a TypeError and return 0. */
 static inline int expect(Py_ssize_t count, Py_ssize_t expected, const char *usage)
 {
     if (count != expected)
@@ -60,7 +60,7 @@ static inline int expect(Py_ssize_t count, Py_ssize_t expected, const char *usag
     return count == expected;
 }
 
-/* The numbers of a sequence of a known length; 0 with an error set. */
+/* Copy the numbers of a sequence of length n to `out`; return 0 with a Python error set on failure. */
 static inline int take(PyObject *sequence, Py_ssize_t n, double *out)
 {
     PyObject *fast = PySequence_Fast(sequence, "a sequence of numbers is needed");
@@ -75,7 +75,7 @@ static inline int take(PyObject *sequence, Py_ssize_t n, double *out)
     return PyErr_Occurred() == NULL;
 }
 
-/* Copy a buffer of a known size in bytes; 0 with an error set. */
+/* Copy a buffer of `size` bytes to `out`; return 0 with a Python error set on failure. */
 static inline int copy_buffer(PyObject *buffer, size_t size, void *out, const char *what)
 {
     Py_buffer view;
@@ -90,14 +90,15 @@ static inline int copy_buffer(PyObject *buffer, size_t size, void *out, const ch
     return fits;
 }
 
-/* Zeroed memory; NULL with an error set. Never of no bytes. */
+/* Allocate zeroed memory for n elements (at least one); return NULL with a Python error set on failure. */
 static inline void *zeroed(size_t n, size_t each)
 {
     void *memory = PyMem_Calloc(n + 1, each);
     return memory != NULL ? memory : (void *)PyErr_NoMemory();
 }
 
-/* Views of arrays, of which the first `inputs` are only read; 0 with an error set, and then none is held. */
+/* Get buffer views of `count` arrays, writable ones after the first `inputs`. On failure release all views, set a
+ * Python error and return 0. */
 static inline int take_views(PyObject *const *arrays, int count, int inputs, Py_buffer *views)
 {
     for (int i = 0; i < count; i++) {
@@ -111,7 +112,7 @@ static inline int take_views(PyObject *const *arrays, int count, int inputs, Py_
     return 1;
 }
 
-/* Whether views have these lengths in bytes; 0 with an error set. */
+/* Return 1 if the views have these lengths [bytes]; else set a ValueError and return 0. */
 static inline int views_fit(const Py_buffer *views, int count, const Py_ssize_t *bytes)
 {
     for (int i = 0; i < count; i++)
@@ -128,7 +129,7 @@ static inline void release_views(Py_buffer *views, int count)
         PyBuffer_Release(views + --count);
 }
 
-/* A list of floats; NULL with an error set. */
+/* Return a new Python list of n floats; NULL with a Python error set on failure. */
 static inline PyObject *list(const double *values, Py_ssize_t n)
 {
     PyObject *made = PyList_New(n);

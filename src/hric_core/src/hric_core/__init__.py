@@ -1,1 +1,1 @@
-"""Errors, parameters, geometry, robot descriptions, time, trial files and nodes, on which all packages stand."""
+"""Foundation of all packages: errors, parameters, geometry, robot descriptions, time, trial files and nodes."""

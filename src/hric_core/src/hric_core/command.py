@@ -1,4 +1,4 @@
-"""Program `hric`: one command of a package, found by its name among the plugins and imported when it is chosen."""
+"""Command-line program `hric`: finds the requested command among the plugins of all packages and imports only it."""
 
 import argparse
 import os
@@ -15,25 +15,25 @@ from hric_core.processes import run_command
 
 EXIT_CODES = """\
 exit codes:
-  0    done; of a command that judges: all is good
-  1    the input was right, and the work failed: a diverged simulation, a missing robot or master, a full disk
+  0    success; for a command that checks something: all checks passed
+  1    the input was valid, but the work failed: a diverged simulation, a missing robot or master, a full disk
   2    a mistake in the input; nothing was started, no file was written
-  3    done, and not all is good: above a limit, a bag with problems, outside a tolerance, runs that failed
-  4    not known: a judgement without the data it needs, a damaged bag
+  3    finished, but a check failed: a limit or tolerance is exceeded, a bag has problems, runs failed
+  4    finished, but undecided: data needed for the check are missing, or a bag is damaged
   130  ended by Ctrl-C"""
 
 SMALL_NEGATIVE = re.compile(r"-(\d+\.?\d*|\.\d+)e[+-]?\d+", re.IGNORECASE)
-"""Values such as -1e-3, which argparse takes for options unless a space precedes them."""
+"""Pattern of values such as -1e-3, which argparse takes for options unless they begin with a space."""
 
 
 class Argument:
-    """Argument of a command.
+    """Argument of a `hric` command.
 
     Args:
         names: name of a positional argument, or names of an option.
-        complete: returns the words that the shell offers, where other values are possible, too.
-        group: title of the group that --help shows it in.
-        settings: as `argparse.ArgumentParser.add_argument` takes them.
+        complete: function that returns the words for the shell's completion; other values are valid, too.
+        group: title of the group in which --help shows the argument.
+        settings: keyword arguments of `argparse.ArgumentParser.add_argument`.
     """
 
     def __init__(
@@ -43,12 +43,12 @@ class Argument:
 
 
 class Command:
-    """Command of `hric`, exported as a plugin by its name.
+    """Base class of the commands of `hric`. A package exports a subclass as a plugin, under the command's name.
 
     Attributes:
-        description: text above the arguments of --help; empty: the docstring.
-        epilog: text below them; several lines are kept as they are.
-        is_node: True if the command is also a ROS node, which reads the words NAME:=VALUE itself.
+        description: text above the arguments in --help; empty: the docstring of the class.
+        epilog: text below the arguments in --help; a text of several lines keeps its line breaks.
+        is_node: True if the command is also a ROS node; then rospy reads the words NAME:=VALUE (remappings).
     """
 
     description = ""
@@ -56,14 +56,14 @@ class Command:
     is_node = False
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments in the order of --help."""
+        """Return the arguments of the command, in the order of --help."""
         return []
 
     def run(self, arguments: argparse.Namespace) -> int | None:
-        """Do the work.
+        """Execute the command.
 
         Args:
-            arguments: values of the arguments; `command` is the complete command line.
+            arguments: parsed arguments; `arguments.command` is the complete command line.
 
         Returns:
             the exit code; None for 0.
@@ -74,7 +74,7 @@ class Command:
         raise NotImplementedError
 
     def parser(self, name: str = "") -> argparse.ArgumentParser:
-        """Return the parser of the command; name: as the user types it after `hric`."""
+        """Return the argument parser of the command; `name`: name of the command after `hric`."""
         text = self.description or " ".join((self.__doc__ or "").split())
         parser = argparse.ArgumentParser(f"hric {name}", None, text, self.epilog, formatter_class=_Formatter)
         groups: dict[str, argparse._ArgumentGroup | argparse.ArgumentParser] = {"": parser}
@@ -103,7 +103,7 @@ def main(words: Sequence[str] | None = None) -> int:
     """Run `hric` and return its exit code.
 
     Args:
-        words: command and its arguments; None: those of this process.
+        words: name of the command and its arguments; None: those of `sys.argv`.
     """
     words = sys.argv[1:] if words is None else words
     if "_ARGCOMPLETE" in os.environ:
@@ -122,10 +122,10 @@ def perform(words: Sequence[str]) -> int:
     """Run a command and return its exit code.
 
     Args:
-        words: command and its arguments.
+        words: name of the command and its arguments.
 
     Raises:
-        HricError: no such command, or an error of its work.
+        HricError: the command does not exist, its arguments are wrong, or it failed.
     """
     name = _name(words)
     if not name:
@@ -139,7 +139,7 @@ def perform(words: Sequence[str]) -> int:
 
 
 def _name(words: Sequence[str]) -> str:
-    """Return the command that the words begin with, of two words or one; empty: none."""
+    """Return the command name, one word or two, with which the words begin; empty if there is none."""
     known = plugins.names(plugins.COMMAND)
     return next((name for name in (" ".join(words[:2]), *words[:1]) if name in known), "")
 

@@ -1,4 +1,4 @@
-"""Errors of the framework. Each message says what was wrong, where, and what would be valid."""
+"""Exceptions of the workspace. Each message says what was wrong, where, and what would be valid."""
 
 from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
@@ -7,15 +7,17 @@ from difflib import get_close_matches
 FAILURE, MISTAKE, NOT_GOOD, NOT_KNOWN = 1, 2, 3, 4
 """Exit codes of commands and nodes.
 
-FAILURE: the input was right, but the work did not succeed. MISTAKE: the input is wrong, and nothing was started.
-NOT_GOOD: the work is done, and its result is not good or not complete. NOT_KNOWN: the result cannot be judged."""
+FAILURE: the input was valid, but the work failed. MISTAKE: the input is wrong, and nothing was started.
+NOT_GOOD: the work is done, but a check of its result failed. NOT_KNOWN: the result cannot be judged."""
 
 
 class HricError(Exception):
-    """Mistake of the user, or a state that forbids the request. A node prints the message without a traceback.
+    """Base of all errors of HRIC: a mistake of the user, or a request that is not possible in the present state.
+
+    Nodes and commands print the message without a traceback.
 
     Attributes:
-        exit_code: exit code of the command that it ends, MISTAKE or FAILURE.
+        exit_code: exit code of a command that ends with this error, MISTAKE or FAILURE.
     """
 
     exit_code = MISTAKE
@@ -32,20 +34,20 @@ def _rebuilt(kind: type[HricError], args: tuple[object, ...]) -> HricError:
 
 
 class FailureError(HricError):
-    """Failure of a correct request, e.g. a missing robot, master or port, a diverged simulation, a full disk."""
+    """Failure of a valid request, e.g. a missing robot, master or port, a diverged simulation, a full disk."""
 
     exit_code = FAILURE
 
 
 def refused_by_system(error: OSError) -> FailureError:
-    """Return the error for a refusal of the operating system, with its reason and file name if known."""
+    """Return a FailureError for an OSError, with the system's reason and, if known, the file name."""
     where = f"{error.filename}: " if error.filename else ""
     return FailureError(f"{where}{error.strerror or error}")
 
 
 @contextmanager
 def failing() -> Iterator[None]:
-    """Turn every HricError within into a failure, whatever its type: the user's input was accepted before."""
+    """Set the exit code FAILURE in every HricError raised within the block, as the user's input was valid."""
     try:
         yield
     except HricError as error:
@@ -54,13 +56,13 @@ def failing() -> Iterator[None]:
 
 
 class UnknownNameError(HricError):
-    """Unknown name.
+    """Name that does not exist; the message lists the valid names and suggests the closest one.
 
     Args:
         kind: kind of the name, e.g. "joint".
         name: the unknown name.
         valid: the names that exist.
-        where: place of the look-up, e.g. "EffortJointInterface".
+        where: place in which the name was looked up, e.g. "EffortJointInterface".
     """
 
     def __init__(self, kind: str, name: object, valid: Iterable[str], where: str = "") -> None:
@@ -72,7 +74,7 @@ class UnknownNameError(HricError):
 
 
 def check_known(kind: str, names: Iterable[object], valid: Collection[str], where: str = "") -> None:
-    """Raise UnknownNameError, with its arguments, for the first name that does not exist."""
+    """Raise UnknownNameError for the first of `names` that is not in `valid`; `kind`, `where`: see UnknownNameError."""
     for name in names:
         if name not in valid:
             raise UnknownNameError(kind, name, valid, where)
@@ -83,7 +85,7 @@ class ParameterError(HricError):
 
 
 class ParameterErrors(ParameterError):
-    """Several parameter errors, a line for each.
+    """Several parameter errors in one; its message has a line for each.
 
     Args:
         errors: single errors, or groups of them.
@@ -97,21 +99,21 @@ class ParameterErrors(ParameterError):
 
 
 def message_about(what: str, error: HricError) -> str:
-    """Return the message headed by the name of its subject; several mistakes as indented lines."""
+    """Return the error's message, preceded by what it is about; several mistakes follow as indented lines."""
     lines = str(error).splitlines()
     return f"{what}: {error}" if len(lines) == 1 else "\n  ".join([f"{what}: {len(lines)} mistakes", *lines])
 
 
 class UnknownParameterError(UnknownNameError, ParameterError):
-    """Unknown parameter, or an unknown name within one."""
+    """Unknown parameter, or an unknown name within the value of a parameter."""
 
 
 class CommandError(HricError):
-    """Command that cannot be executed: wrong length, not finite, wrong joints. The previous command stays in force."""
+    """Robot command that cannot be executed: wrong length, not finite, wrong joints. The last command stays active."""
 
 
 class ResourceConflictError(HricError):
-    """Conflict of two controllers over a resource; the message names both and the resource."""
+    """Conflict of two controllers that claim the same joint or resource; the message names all three."""
 
 
 class DescriptionError(HricError):

@@ -1,4 +1,4 @@
-"""Former import paths of modules that moved; they work until the next release, with a warning."""
+"""Import of moved modules by their former paths, which works until the next release and issues a warning."""
 
 import sys
 import warnings
@@ -36,14 +36,15 @@ FORMER = {
     "hric_human.control.marked_body": "hric_human.control.marker_model",
     "hric_human.control.surroundings": "hric_human.control.human_control",
 }
-"""Present path of packages and modules by the former one. Modules that moved from hric_control to hric_core kept their
-name and are found without being listed."""
+"""Present import path of packages and modules by their former path.
+
+Modules that moved from hric_control to hric_core under the same name are found without an entry."""
 HOMES = ("hric_control", "hric_controllers", "hric_experiments", "hric_human")
-"""Packages that modules left."""
+"""Packages from which modules were moved to other packages."""
 
 
 def present(name: str) -> str | None:
-    """Return the present path of a module that moved; None: it did not move, or does not exist any more."""
+    """Return the present path of a module that moved; None if it did not move or no longer exists."""
     package, _, rest = name.partition(".")
     if package not in HOMES or not rest:
         return None
@@ -55,7 +56,7 @@ def present(name: str) -> str | None:
 
 
 def _existing(name: str) -> str | None:
-    """Return the name of a module that can be found; None: there is none."""
+    """Return `name` if there is a module of this name, else None."""
     try:
         return None if find_spec(name) is None else name
     except ModuleNotFoundError:  # not even its package
@@ -63,10 +64,10 @@ def _existing(name: str) -> str | None:
 
 
 class _Finder(MetaPathFinder, Loader):
-    """Finder that gives the present module under its former name.
+    """Import finder that returns the present module under its former name.
 
-    It comes before Python's own ones: these would load a submodule of a package with a former name a second time, with
-    classes of its own.
+    It is called before Python's own finders, which would load a submodule of a renamed package a second time, with a
+    second, incompatible set of classes.
     """
 
     def find_spec(

@@ -1,6 +1,6 @@
-"""JSON of dataclasses: conversion to JSON values and back, and the schema; types are those of the fields.
+"""Conversion of dataclasses to JSON values and back, and their JSON schema, by the types of the fields.
 
-A field whose default is None is left out of the JSON where it is None. A field without a default is always written.
+A field whose default is None is left out of the JSON if its value is None. A field without a default is always written.
 """
 
 import json
@@ -14,13 +14,13 @@ from hric_core.errors import HricError
 
 T = TypeVar("T")
 JsonSchema = dict[str, Any]
-"""JSON schema."""
+"""JSON schema as a dict."""
 NAMES = {bool: "boolean", int: "integer", float: "number", str: "string", NoneType: "null"}
-"""JSON schema's name of each plain type."""
+"""Name of each plain Python type in a JSON schema."""
 
 
 class JsonValueError(HricError):
-    """Error for JSON that does not fit a dataclass; the message names the place and the valid type."""
+    """JSON value that does not match the type of a dataclass field; the message names field and type."""
 
 
 def to_json(value: object) -> Any:
@@ -55,7 +55,7 @@ def from_json(kind: type[T], data: object, where: str = "") -> T:
         where: name of the data in errors.
 
     Raises:
-        JsonValueError: a value has another type.
+        JsonValueError: a value does not have the type of its field.
     """
     result: T = _value(kind, data, where)
     return result
@@ -79,7 +79,7 @@ def _value(kind: Any, data: Any, where: str) -> Any:
 
 
 def schema(kind: Any) -> JsonSchema:
-    """Return the JSON schema of a dataclass or of a type of its fields."""
+    """Return the JSON schema of a dataclass, or of the type of one of its fields."""
     inner, optional = _optional(kind)
     container, parts = get_origin(inner), get_args(inner)
     made: JsonSchema

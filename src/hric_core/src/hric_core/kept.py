@@ -1,4 +1,4 @@
-"""Cache of computed results: its folder, and how its files are written."""
+"""Folder of the cache for computed results, and atomic writing of the files in it."""
 
 import os
 import tempfile
@@ -6,9 +6,9 @@ from pathlib import Path
 
 
 def cache_folder(kind: str) -> Path | None:
-    """Return the cache folder hric/<kind> below XDG_CACHE_HOME or ~/.cache; None without a home.
+    """Return the cache folder hric/<kind> below XDG_CACHE_HOME or ~/.cache; None if neither is an absolute path.
 
-    It may be removed at any time."""
+    The user may delete the folder at any time; its content is then computed again."""
     for base in (os.environ.get("XDG_CACHE_HOME", ""), os.path.expanduser("~/.cache")):
         if os.path.isabs(base):  # XDG base directory specification: ignore relative paths
             return Path(base) / "hric" / kind

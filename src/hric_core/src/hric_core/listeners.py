@@ -1,8 +1,7 @@
-"""Messages on their way to listeners.
+"""Non-blocking transmission of serialised messages to listeners, the subscribers of this process's topics.
 
-A full socket does not block: the rest waits for that listener alone, and beyond a limit that listener's oldest messages
-are dropped. Nothing here blocks: each write fills the socket's free space, and a thread sends the rest when there is
-room.
+Each write fills the free space of the listener's socket. What does not fit is queued for this listener, and a thread
+sends it when the socket has room again. Beyond a limit, the oldest queued messages of the listener are dropped.
 """
 
 import logging
@@ -19,28 +18,28 @@ from hric_core.native.sockets import send_now
 
 LOG = logging.getLogger("hric.control.listeners")
 LIMIT = 4 << 20
-"""Data that may wait for one listener beyond its socket's buffer [bytes].
+"""Largest amount of data queued for one listener, in addition to its socket's buffer [bytes].
 
-The newest message waits whatever its size. Project default, unconfirmed: a second of the largest topic of 1 kHz."""
+The newest message is queued whatever its size. Project default, unconfirmed: one second of the largest 1 kHz topic."""
 DEAD = 600.0
-"""Time without reading after which a listener is closed [s].
+"""Time after which the connection to a listener that reads nothing is closed [s].
 
-Project default, unconfirmed: a debugger may suspend it."""
+Project default, unconfirmed; long, because a debugger may have suspended the listener."""
 PART = 1 << 18
-"""Data written to a listener at a time while others wait for their turn [bytes]."""
+"""Amount of queued data sent to one slow listener before the next one gets its turn [bytes]."""
 LOOK = 1.0
-"""Time between two checks for slow listeners [s]."""
+"""Period of the check for listeners that lose messages or read nothing [s]."""
 
 
 class Listener:
     """Subscriber of a topic, at the other end of a socket.
 
     Args:
-        name: name of subscriber and topic, for messages.
+        name: name of subscriber and topic, for log lines.
         socket: socket to write to.
 
     Attributes:
-        lost: messages dropped because it did not read them.
+        lost: number of messages dropped because the listener read too slowly.
     """
 
     def __init__(self, name: str, socket: socket) -> None:
@@ -55,20 +54,20 @@ class Listener:
         self.reported = 0
 
     def let_go(self) -> None:
-        """Close the connection. Called without a lock."""
+        """Close the connection; called while the dispatcher's lock is not held."""
 
     def close(self) -> None:
-        """Drop the waiting data, and close the connection."""
+        """Drop the queued data and close the connection."""
         DISPATCHER.forget(self)
         self.let_go()
 
 
 class Parcel(NamedTuple):
-    """Serialised messages of one topic, in their order.
+    """Serialised messages of one topic, in order, with their receivers.
 
     Attributes:
         listeners: receivers.
-        data: the messages [bytes].
+        data: the messages as sent on the wire.
         number: number of messages.
     """
 
@@ -81,11 +80,11 @@ NOTHING = Parcel((), b"", 0)
 
 
 class Status(NamedTuple):
-    """Listeners of this process that do not keep up.
+    """Statistics of the listeners of this process that read too slowly.
 
     Attributes:
-        behind: names of the listeners with waiting data.
-        waiting: data waiting for all of them [bytes].
+        behind: names of the listeners with queued data.
+        waiting: data queued for all of them [bytes].
         lost: messages dropped since the start, for all listeners.
         closed: number of listeners closed because they did not read.
     """
@@ -97,7 +96,7 @@ class Status(NamedTuple):
 
 
 class Dispatcher:
-    """Sender to all listeners of a process."""
+    """Non-blocking sender of messages to all listeners of this process."""
 
     def __init__(self) -> None:
         self._changed = threading.Condition(threading.Lock())
@@ -107,7 +106,7 @@ class Dispatcher:
         self._lost = self._closed = 0
 
     def send(self, parcels: Sequence[Parcel]) -> None:
-        """Write what the sockets take, and queue the rest. A listener that cannot be written to is closed."""
+        """Write as much as the sockets accept, and queue the rest. A listener with a broken connection is closed."""
         posts = [(listener, parcel.data, parcel.number) for parcel in parcels for listener in parcel.listeners]
         broken: list[Listener] = []
         with self._changed:
@@ -117,9 +116,9 @@ class Dispatcher:
             listener.close()
 
     def flush(self, timeout: float) -> bool:
-        """Wait until all listeners have taken their waiting data; return False after `timeout` [s].
+        """Wait until no data is queued for any listener; return False if `timeout` [s] passes first.
 
-        A listener that was too slow is not waited for again before it has caught up."""
+        A listener that was too slow is not waited for again until its queue has been empty once."""
         with self._changed:
             done = self._changed.wait_for(
                 lambda: all(listener.stuck for listener in self._behind.values()), max(timeout, 0.0)
@@ -129,13 +128,13 @@ class Dispatcher:
             return done and not self._behind
 
     def forget(self, listener: Listener) -> None:
-        """Send nothing more to a listener."""
+        """Drop the data queued for a listener and send nothing more to it."""
         with self._changed:
             listener.open = False
             self._caught_up(listener)
 
     def status(self) -> Status:
-        """Return which listeners do not keep up."""
+        """Return the statistics of listeners that read too slowly."""
         with self._changed:
             behind = list(self._behind.values())
             return Status(
@@ -150,7 +149,9 @@ class Dispatcher:
     def _send(
         self, posts: Sequence[tuple[Listener, bytes, int]], broken: list[Listener]
     ) -> list[tuple[Listener, bytes, int]]:
-        """Send the first post of each listener; return the others."""
+        """Send the first entry (listener, data, number of messages) of each listener; return the other entries.
+
+        Listeners whose connection is broken are appended to `broken`."""
         first: dict[Listener, tuple[bytes, int]] = {}
         later = []
         for listener, data, count in posts:
@@ -173,7 +174,7 @@ class Dispatcher:
         return later
 
     def _keep(self, listener: Listener, data: bytes | memoryview, count: int) -> None:
-        """Queue data; beyond the limit drop the oldest messages of which no part was sent."""
+        """Queue data for a listener; beyond the limit drop its oldest messages, except one that is partly sent."""
         waiting = listener.waiting
         if not waiting:
             listener.progress = time.monotonic()
@@ -201,7 +202,7 @@ class Dispatcher:
             self._changed.notify_all()
 
     def _advance(self, listener: Listener) -> bool:
-        """Send a part of the waiting data; return False when the connection is broken."""
+        """Send a part of a listener's queued data; return False if the connection is broken."""
         waiting, part = listener.waiting, list[bytes | memoryview]()
         size = 0
         for data, _ in waiting:
@@ -244,7 +245,7 @@ class Dispatcher:
                 self._report()
 
     def _report(self) -> None:
-        """Log listeners that lose messages, and close dead ones."""
+        """Log listeners that lose messages, and close the connections of those that read nothing."""
         now = time.monotonic()
         with self._changed:
             behind = list(self._behind.values())
@@ -254,12 +255,13 @@ class Dispatcher:
             if listener.lost and not listener.reported:
                 listener.reported = listener.lost
                 LOG.warning(
-                    "%s does not keep up: its oldest messages are dropped where more than %d MiB wait (reported once)",
+                    "%s reads too slowly: its oldest messages are dropped while more than %d MiB are queued for it "
+                    "(reported once)",
                     listener.name,
                     LIMIT >> 20,
                 )
         for listener in dead:
-            LOG.warning("%s took nothing for %g s: closed", listener.name, DEAD)
+            LOG.warning("%s read nothing for %g s: its connection is closed", listener.name, DEAD)
             listener.close()
 
 

@@ -1,4 +1,4 @@
-"""Live parameters without ROS: check a change, pass it to the owner, undo what the owner refuses."""
+"""Live parameters, which can change while a program runs: a change is checked and passed to their owner. No ROS."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -11,7 +11,7 @@ _KINDS: dict[type, Callable[..., Any]] = {bool: flag, int: whole, float: number,
 
 
 def live_parameters(settings: Settings) -> list[LiveParameter]:
-    """Return the live parameters among declared ones, with their present values as defaults."""
+    """Return the parameters of `settings` that are declared as live, with their present values as defaults."""
     return [
         LiveParameter(
             parameter.name, getattr(settings, key), parameter.minimum, parameter.maximum, parameter.text_with_unit
@@ -22,12 +22,12 @@ def live_parameters(settings: Settings) -> list[LiveParameter]:
 
 
 class LiveValues:
-    """Values of a set of live parameters. A change is accepted or refused as a whole.
+    """Values of a set of live parameters. A change of several values is accepted or refused as a whole.
 
     Args:
-        namespace: for messages.
-        parameters: the live parameters; a range is in force if `minimum` < `maximum`.
-        on_change: function from all requested values to those in force.
+        namespace: namespace of the parameters, for error messages.
+        parameters: the live parameters; one has a range if its `minimum` < `maximum`.
+        on_change: callback of the owner; gets all requested values and returns the values then in force.
         initial: values that replace the defaults, e.g. from the parameter server.
 
     Raises:
@@ -45,11 +45,11 @@ class LiveValues:
         self._apply(initial)
 
     def change(self, changes: Mapping[str, object]) -> ParameterValues:
-        """Apply changes and return all values then in force.
+        """Apply changes and return all values that are then in force.
 
         Raises:
-            UnknownNameError: a name that is not among the parameters.
-            HricError: a value of the wrong type, out of range, or refused by the owner; nothing changed then.
+            UnknownNameError: there is no live parameter of this name.
+            HricError: a value has the wrong type, is out of range, or is refused by the owner; nothing was changed.
         """
         self._apply(changes)
         return dict(self.values)

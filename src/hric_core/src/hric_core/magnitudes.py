@@ -1,7 +1,7 @@
-"""Largest value of a parameter in each unit, and the unit in which a refused value was probably meant.
+"""Largest realistic parameter value for each unit, and a guess of the unit in which a refused value was meant.
 
-A bound lies above what any robot, room or person here needs, and below what the usual slips give: degrees for rad, mm
-for m, g for kg, N mm for N m, ms for s. A parameter that declares a maximum uses that alone.
+A bound is above what any robot, room or person needs, and below the values that result from a wrong unit: degrees for
+rad, mm for m, g for kg, N mm for N m, ms for s. If a parameter declares a maximum, the bound of its unit is not used.
 """
 
 import math
@@ -13,12 +13,12 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Magnitude:
-    """Bound of a unit, and the units confused with it.
+    """Largest realistic value in a unit, and the units that are often confused with it.
 
     Attributes:
         largest: largest absolute value, in the unit.
-        source: reason of the bound.
-        others: units confused with this one, each expressed in this one.
+        source: reason for this bound.
+        others: units confused with this one; each with its size in this unit, e.g. mm: 0.001 for m.
     """
 
     largest: float
@@ -30,7 +30,7 @@ DEGREE = math.pi / 180.0
 """Degree [rad]."""
 _UNCONFIRMED = "; project default, unconfirmed"
 NEVER_MEANT = 1e12
-"""Bound from which on a number is not taken for a value in another unit."""
+"""Absolute value from which on a refused number is not explained by a wrong unit."""
 MAGNITUDES: Mapping[str, Magnitude] = {
     "rad": Magnitude(4.0 * math.pi, "two turns: joints with stops have one at most" + _UNCONFIRMED, {"deg": DEGREE}),
     "rad/s": Magnitude(50.0, "twice what the fastest small arms reach" + _UNCONFIRMED, {"deg/s": DEGREE}),
@@ -50,22 +50,22 @@ MAGNITUDES: Mapping[str, Magnitude] = {
     "N m/s": Magnitude(1e6, "a thousand times a Panda's 1000 N m/s (Franka, limits for Panda)", {"N mm/s": 1e-3}),
     "N s/m": Magnitude(1e6, "critical damping of 1000 kg on a spring of 1e6 N/m, with a margin" + _UNCONFIRMED, {}),
     "N m/rad": Magnitude(4e4, "above the largest gain of the thesis, 30000 (listing 5)", {"N mm/rad": 1e-3}),
-    "N m s/rad": Magnitude(1e4, "critical damping of a joint so stiff" + _UNCONFIRMED, {"N mm s/rad": 1e-3}),
+    "N m s/rad": Magnitude(1e4, "critical damping of a joint with that stiffness" + _UNCONFIRMED, {"N mm s/rad": 1e-3}),
     "s": Magnitude(3600.0, "a session with a person" + _UNCONFIRMED, {"ms": 1e-3}),
 }
-"""Bounds by unit. Stiffness in N/m has none: N/mm, which is confused with it, gives smaller numbers."""
+"""Bounds by unit. Stiffness in N/m has none: a value in N/mm, its usual confusion, is smaller, not larger."""
 _SEPARATORS = re.compile(r", | or ")
 
 
 def largest(unit: str) -> float:
-    """Return the largest absolute value of a unit; of several ("rad or m") the largest, inf if one has no bound."""
+    """Return the largest realistic absolute value in a unit; for "rad or m" the larger bound; inf: no bound."""
     return max(MAGNITUDES[single].largest if single in MAGNITUDES else math.inf for single in _SEPARATORS.split(unit))
 
 
 def first_beyond(value: Any, unit: str) -> tuple[float, str] | None:
-    """Return the first number that is too large, and its unit.
+    """Return the first number above the bound of its unit, and the unit; None if there is none.
 
-    In rows of "s, m" the first column has the first unit."""
+    If the value is a table with a unit such as "s, m", the first column is in s and the others are in m."""
     first, _, rest = unit.partition(", ")
     rows = value if rest and isinstance(value, tuple) and value and isinstance(value[0], tuple) else ()
     parts = [part for row in rows for part in ((row[:1], first), (row[1:], rest))] or [(value, unit)]

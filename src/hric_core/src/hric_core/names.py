@@ -1,4 +1,4 @@
-"""Graph names: resolution in a namespace, and the check that a message has the type of its topic."""
+"""ROS graph names: resolution in a namespace, and the check that a message has the type of its topic."""
 
 from typing import Any
 
@@ -25,7 +25,7 @@ def resolve(namespace: str, name: str) -> str:
 
 
 def upwards(namespace: str) -> list[str]:
-    """Return the namespace and those above it, the nearest first, the root last."""
+    """Return the namespace and all namespaces above it, from the namespace itself to the root "/"."""
     parts = [part for part in namespace.split("/") if part]
     return [normalize("/".join(parts[:n])) for n in range(len(parts), -1, -1)]
 
@@ -44,7 +44,7 @@ def check_message(what: str, expected: type, message: Any) -> None:
         message: message to check.
 
     Raises:
-        HricError: names the destination and both types.
+        HricError: the class is another one; the message names the destination and both types.
     """
     if type(message) is not expected:
-        raise HricError(f"{what} carries {type_name(expected)}, not {type_name(type(message))}")
+        raise HricError(f"{what} has type {type_name(expected)}, not {type_name(type(message))}")

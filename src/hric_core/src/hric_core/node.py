@@ -1,7 +1,8 @@
 """Small interface to ROS for controllers and robots.
 
 Two implementations: `ros.node.RosNode` (rospy, a master) and `local.node.LocalNode` (one process, no master: topics and
-services are calls). A controller that uses nothing else runs unchanged in the lab and in ten thousand headless runs.
+services are calls). A controller that uses ROS only through this interface runs unchanged on a real robot and in
+simulations without ROS.
 """
 
 import threading
@@ -16,11 +17,11 @@ from hric_core.errors import ParameterError
 ParameterValues = dict[str, Any]
 """Checked values of live parameters by name: bool, int, float or str."""
 OnChange = Callable[[ParameterValues], ParameterValues]
-"""Callback for changes of live parameters by name; returns all values that are in force then."""
+"""Callback for a change of live parameters: gets all requested values by name, returns all values then in force."""
 
 
 class _Required:
-    """Marker of a parameter without default."""
+    """Type of `REQUIRED`, the default of parameters that have no default."""
 
     def __repr__(self) -> str:
         return "REQUIRED"
@@ -56,14 +57,14 @@ class Registration(Protocol):
 
 
 class Undoable:
-    """Registration that `undo` ends, once."""
+    """Registration that is undone by calling the function `undo` once."""
 
     def __init__(self, undo: Callable[[], Any]) -> None:
         self._undo: Callable[[], Any] | None = undo
 
     @property
     def open(self) -> bool:
-        """True until it is unregistered."""
+        """True until `unregister` is called."""
         return self._undo is not None
 
     def unregister(self) -> None:
@@ -78,13 +79,14 @@ LOG_PERIOD = 1.0
 
 
 class LogThrottle:
-    """Throttle of log lines that may come a thousand times a second. May be called from any thread.
+    """Throttle for log lines that may come a thousand times a second. May be called from any thread.
 
-    It logs the first line at once, and after a period the newest, with the number of those left out.
+    The first line is logged at once. Within `LOG_PERIOD` after a logged line, lines are only counted; the next one
+    after that is logged with their number.
 
     Args:
-        log: takes a line.
-        clock: returns the time now [s].
+        log: function that logs a line.
+        clock: function that returns the time [s].
     """
 
     def __init__(self, log: Callable[[str], None], clock: Callable[[], float]) -> None:
@@ -94,7 +96,7 @@ class LogThrottle:
         self._left_out, self._last = 0, ""
 
     def __call__(self, text: str) -> None:
-        """Log a line, or count it."""
+        """Log a line, or only count it if the last one was logged less than `LOG_PERIOD` ago."""
         with self._lock:
             now, before = self._clock(), self._logged_at
             if before is not None and 0.0 <= now - before < LOG_PERIOD:  # restart after a time that jumped back
@@ -104,7 +106,7 @@ class LogThrottle:
         self._log(f"{text} ({count} more since the last line)" if count else text)
 
     def finish(self) -> None:
-        """Log the last line left out, with the number of those left out."""
+        """Log the newest line that was only counted, with the number of counted lines; nothing if there is none."""
         with self._lock:
             count, self._left_out = self._left_out, 0
         if count:
@@ -112,7 +114,7 @@ class LogThrottle:
 
 
 class GoalHandle(ABC):
-    """Goal of an action, like actionlib's ServerGoalHandle.
+    """Server side of an action goal, like actionlib's ServerGoalHandle.
 
     Attributes:
         goal_id: unique id of the goal.
@@ -125,38 +127,38 @@ class GoalHandle(ABC):
     @property
     @abstractmethod
     def status(self) -> str:
-        """State, by actionlib's name."""
+        """State of the goal, by actionlib's name, e.g. "ACTIVE"."""
 
     @abstractmethod
     def accept(self) -> None:
-        """Set the goal active."""
+        """Accept the goal: set its state to ACTIVE."""
 
     def reject(self, result: Any, text: str) -> None:
-        """Reject a goal that was not accepted."""
+        """End a goal that was not accepted with the state REJECTED."""
         self._finish("reject", result, text)
 
     def succeed(self, result: Any, text: str = "") -> None:
-        """End the goal as reached."""
+        """End the goal with the state SUCCEEDED."""
         self._finish("succeed", result, text)
 
     def abort(self, result: Any, text: str) -> None:
-        """End the goal as failed."""
+        """End the goal with the state ABORTED, as it failed."""
         self._finish("abort", result, text)
 
     def cancel(self, result: Any, text: str = "") -> None:
-        """End the goal as cancelled or replaced."""
+        """End the goal with the state PREEMPTED or RECALLED, as it was cancelled or replaced by another goal."""
         self._finish("cancel", result, text)
 
     @abstractmethod
     def _finish(self, event: str, result: Any, text: str) -> None:
-        """End the goal by one of the methods above."""
+        """End the goal; `event`: "reject", "succeed", "abort" or "cancel"."""
 
     @abstractmethod
     def publish_feedback(self, feedback: Any) -> None:
         """Publish feedback to the client."""
 
     def fail(self, text: str) -> None:
-        """Reject or abort the goal, as its state allows."""
+        """Reject the goal if it was not accepted yet, or abort it if it is active; otherwise do nothing."""
         if self.status in ("PENDING", "RECALLING"):
             self.reject(None, text)
         elif self.status in ("ACTIVE", "PREEMPTING"):
@@ -170,7 +172,7 @@ class LiveParameter:
     Attributes:
         name: parameter name (letters, digits, underscores).
         default: value at the start; its type (bool, int, float, str) is the parameter's type.
-        minimum, maximum: allowed range, for numbers.
+        minimum, maximum: allowed range of a number; no range if `minimum` is not below `maximum`.
         description: description with unit.
     """
 
@@ -183,9 +185,9 @@ class LiveParameter:
 
 @runtime_checkable
 class Node(Protocol):
-    """Parameters, topics, services, actions, log and time below one namespace.
+    """Interface to the parameters, topics, services, actions, log and time of ROS, in one namespace.
 
-    Relative names resolve in it, names with a leading "/" are global."""
+    Relative names are resolved in this namespace; names with a leading "/" are global."""
 
     @property
     def namespace(self) -> str:
@@ -193,19 +195,19 @@ class Node(Protocol):
 
     @property
     def publishes_inline(self) -> bool:
-        """True if everything happens within the call, in the caller's thread, so that a run is the same each time."""
+        """True if publishing calls the subscribers at once, in the caller's thread, which makes runs reproducible."""
 
     def child(self, name: str) -> "Node":
         """Return a node for the child namespace `name`, with the same connection."""
 
     def resolve(self, name: str) -> str:
-        """Return the absolute form of a name, relative to this namespace."""
+        """Return the absolute form of a name that is relative to this namespace."""
 
     def beside(self, name: str) -> str:
-        """Return the absolute form of a name, relative to the parent namespace.
+        """Return the absolute form of a name that is relative to the parent namespace.
 
-        The parent namespace of a private node is that of the process, the parent of a controller that of the robot.
-        Names that concern the whole robot, such as motion capture, are there."""
+        The parent namespace of a controller is the robot's; that of a private node is the namespace of its process.
+        Topics of the whole robot, such as those of motion capture, are in this parent namespace."""
 
     def has_param(self, name: str) -> bool:
         """Return True if the parameter exists."""
@@ -214,25 +216,27 @@ class Node(Protocol):
         """Return the value of a parameter (scalar, list or dict).
 
         Raises:
-            ParameterError: it does not exist and there is no default; the message has the absolute name.
+            ParameterError: the parameter does not exist and no default is given; the message has the absolute name.
         """
 
     def search_param(self, name: str, default: Any = REQUIRED) -> Any:
-        """Return the value of the parameter in this namespace or the nearest one above it."""
+        """Return the value of a parameter, searched for in this namespace and then upwards to the root."""
 
     def set_param(self, name: str, value: Any) -> None:
         """Set a parameter."""
 
     def advertise(self, topic: str, message_type: type, *, queue_size: int = 10, latch: bool = False) -> Publisher:
-        """Advertise a topic. Listeners are never waited for; `queue_size` exists for compatibility with rospy."""
+        """Advertise a topic. Publishing never waits for subscribers; `queue_size` exists for rospy's sake only."""
 
     def subscribe(
         self, topic: str, message_type: type, callback: Callable[[Any], None], *, queue_size: int = 10
     ) -> Registration:
-        """Call `callback(message)` for each message; on RosNode in another thread, on LocalNode inside publish()."""
+        """Subscribe to a topic: `callback(message)` is called for each message.
+
+        On a RosNode it is called in another thread, on a LocalNode within publish()."""
 
     def service(self, name: str, service_type: type, handler: Callable[[Any], Any]) -> Registration:
-        """Offer a service; `handler(request)` returns the response. Its HricError becomes the service error text."""
+        """Offer a service; `handler(request)` returns the response. The text of its HricError is sent to the client."""
 
     def action_server(
         self,
@@ -244,9 +248,9 @@ class Node(Protocol):
         """Offer an action with actionlib's topics."""
 
     def live_parameters(self, parameters: Sequence[LiveParameter], on_change: OnChange) -> Registration:
-        """Offer parameters that change while running (dynamic_reconfigure's services and topics in this namespace).
+        """Offer parameters that can change while the program runs, like a dynamic_reconfigure server in this namespace.
 
-        `on_change` gets all values and returns those in force afterwards (it restores a refused value).
+        `on_change` gets all requested values and returns those in force afterwards: for a refused one the old value.
         """
 
     def now(self) -> Any:
@@ -263,7 +267,7 @@ class Node(Protocol):
 
 
 class Namespaced:
-    """Base of all nodes: methods derived from the namespace, `has_param` and `param`."""
+    """Base class of nodes: methods that need only the namespace, `has_param` and `param`."""
 
     _namespace: str
 
@@ -273,12 +277,12 @@ class Namespaced:
         return self._namespace
 
     def beside(self, name: str) -> str:
-        """Return the absolute form of a name, relative to the parent namespace."""
+        """Return the absolute form of a name that is relative to the parent namespace."""
         return names.resolve(self._namespace.rpartition("/")[0], name)
 
     def search_param(self: Any, name: str, default: Any = REQUIRED) -> Any:
         """Return the value of the parameter in this namespace or the nearest one above it."""
-        # The master's searchParam is not used, as it cannot begin at the root.
+        # The ROS master's searchParam is not used, as it cannot begin its search at the root.
         for namespace in names.upwards(self._namespace):
             if self.has_param(full := names.resolve(namespace, name)):
                 return self.param(full, default)

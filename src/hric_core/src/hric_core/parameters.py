@@ -1,4 +1,4 @@
-"""Reader of parameters: each is declared once, with unit, range, default and text, and read from any source.
+"""Declaration, reading and checking of parameters. Each is declared once, with unit, range, default and description.
 
     @dataclass(frozen=True)
     class LoopSettings(Settings):
@@ -14,25 +14,26 @@
             if self.mode == "exact" and self.rate > 1000.0:
                 raise refused(f"{where}rate", self.rate, "up to 1000 Hz in mode exact")
 
-    LoopSettings.read(node)                         # of a Node: the declared names; see ScopedNode for others
-    LoopSettings.read(node, joints=names)           # where the joints are no parameter themselves
-    LoopSettings.of(content, "run.yaml: loop")      # of a mapping: unknown keys are refused
-    LoopSettings(rate=50.0, joints=["a"], kp=3.0)   # in Python: checked likewise; dataclasses.replace, too
-    number(0.0, minimum=0.0, unit="s").read(node, "timeout")         # one parameter alone
-    number(minimum=0.0, unit="s").checked(value, "q.yaml: delay")    # one value
+    LoopSettings.read(node)                         # from a Node: the declared names (ScopedNode refuses others)
+    LoopSettings.read(node, joints=names)           # if the joints are not a parameter themselves
+    LoopSettings.of(content, "run.yaml: loop")      # from a mapping: unknown keys are refused
+    LoopSettings(rate=50.0, joints=["a"], kp=3.0)   # in Python: with the same checks, also by dataclasses.replace
+    number(0.0, minimum=0.0, unit="s").read(node, "timeout")         # a single parameter
+    number(minimum=0.0, unit="s").checked(value, "q.yaml: delay")    # a single value
 
-Kinds: `number`, `whole`, `flag`, `text`, `choice`, `numbers` (a list of them), `names`, `listing` (of any kind),
-`mapping` (to anything, or to a kind), `section` (nested Settings), `variant` (of several Settings, by a word in them),
-`per_joint` (one value, a list, or a mapping by joint), `either` (the first kind that fits), `anything`. Each has a
-default; without one the parameter is required, with None it may be left out. The other arguments of all kinds are those
-of `ParameterOptions`. `Settings.defaults` may give defaults of a file.
+Kinds of parameters: `number`, `whole` (integer), `flag` (bool), `text`, `choice` (one of several words), `numbers` (a
+list of numbers), `names`, `listing` (a list of any kind), `mapping` (of names to anything, or to values of one kind),
+`section` (nested Settings), `variant` (one of several Settings, selected by a key), `per_joint` (one value, a list, or
+a mapping by joint), `either` (the first kind that fits), `anything`. A parameter without default is required; with
+default None it may be left out. The other arguments of all kinds are those of `ParameterOptions`. A class may read
+defaults from a file, in `Settings.defaults`.
 
-Text such as 1e-3, which YAML 1.1 does not take for a number, is one; a bool is none; NaN and infinity are refused, and
-without a maximum of its own what is larger than any value of the unit can be (`magnitudes`).
-A refusal is a ParameterError in the same words: full name, value, what is valid with its unit; all mistakes of a
-mapping come at once.
-`rows` gives the rows of a table of INTERFACE.md; tests/interface_tables.py prints them into the pages. `json_schema` is
-for editors.
+Text such as 1e-3, which YAML 1.1 does not read as a number, counts as a number; a bool does not. NaN and infinity are
+refused. A parameter without a maximum is refused above the largest realistic value of its unit (`magnitudes`).
+Every refusal is a ParameterError with the full name, the value, and the valid values with their unit; all mistakes of a
+mapping are reported at once.
+`rows` returns the rows of a parameter table in INTERFACE.md, which tests/interface_tables.py writes into the pages.
+`json_schema` returns a schema for editors.
 """
 
 import json
@@ -52,23 +53,24 @@ from hric_core.node import REQUIRED, Node
 
 _EXPONENT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+")
 LONGEST_SHOWN = 120
-"""Number of characters up to which an error quotes a value in full."""
+"""Largest number of characters of a value that an error message quotes in full."""
 Convert = Callable[[Any, str, Sequence[str]], Any]
-"""Converter (value, its full name, the joints) -> checked value; a ValueError refuses the value."""
+"""Function (value, full name, joint names) that returns the checked value; it refuses one by a ValueError."""
 
 
 class ParameterOptions(TypedDict, total=False):
     """Options of parameters of all kinds.
 
     Attributes:
-        unit: unit of its numbers.
+        unit: unit of the parameter's numbers.
         text: description for users.
-        name: name, if it is not the attribute's; "profile/velocity" reaches into a group of a node.
-        made: converts the checked value to what the program uses, and leaves a converted one alone. Its ValueError or
-            HricError refuses the value.
-        default_text: for tables, if the default alone would mislead.
-        minimum, above, maximum: range of its numbers.
-        live: True if it can be changed while the program runs (`hric_core.live.live_parameters`).
+        name: name of the parameter, if it differs from the attribute's name; "profile/velocity" is the parameter
+            `velocity` in the group `profile`.
+        made: function that converts the checked value to the type that the program uses, and returns a converted one
+            unchanged. It refuses a value by a ValueError or HricError.
+        default_text: text for the default in tables, if the value itself would mislead.
+        minimum, above, maximum: range of the parameter's numbers; `above` is an exclusive lower bound.
+        live: True if the parameter can be changed while the program runs (`hric_core.live.live_parameters`).
     """
 
     unit: str
@@ -83,32 +85,36 @@ class ParameterOptions(TypedDict, total=False):
 
 
 class Mistakes:
-    """Collector of refusals, so that all are reported at once."""
+    """Collector of parameter errors, so that all are reported at once."""
 
     def __init__(self) -> None:
         self._errors: list[ParameterError] = []
 
     @contextmanager
     def noted(self) -> Iterator[None]:
-        """Record a refusal within the block, and go on."""
+        """Record a ParameterError that is raised within the block, and continue after the block."""
         try:
             yield
         except ParameterError as error:
             self._errors.append(error)
 
     def raise_all(self) -> None:
-        """Raise ParameterError after one refusal, ParameterErrors after several."""
+        """Raise the recorded errors: one as it is, several as ParameterErrors; do nothing if there are none."""
         if self._errors:
             raise self._errors[0] if len(self._errors) == 1 else ParameterErrors(self._errors)
 
 
 @dataclass(eq=False)
 class Parameter:
-    """Declared parameter; the functions below create it.
+    """Declared parameter, as created by `number`, `choice`, `section` and the other kinds in this module.
 
     Attributes:
-        shape: JSON schema of its values, without range and text; by default anything.
-        nested: settings of a section. The others: see `ParameterOptions`.
+        kind: type of the values, for tables, e.g. "float".
+        accepts: description of the valid values, for error messages, e.g. "a finite number".
+        convert: function that converts a raw value and refuses an invalid one.
+        default: default value; REQUIRED if there is none.
+        shape: function that returns the JSON schema of the values, without range and text; by default anything.
+        nested: settings class of a section. For the other attributes see `ParameterOptions`.
     """
 
     kind: str
@@ -131,15 +137,15 @@ class Parameter:
         self.name = self.name or name
 
     def checked(self, value: Any, where: str, joints: Sequence[str] = ()) -> Any:
-        """Return the value as the program uses it.
+        """Check a value and return it as the program uses it.
 
         Args:
-            value: raw value; the parameter itself if it is not set.
-            where: full name.
-            joints: joints for values per joint.
+            value: raw value; this Parameter itself if the value is not set.
+            where: full name of the parameter, for error messages.
+            joints: names of the joints, if there is one value per joint.
 
         Raises:
-            ParameterError: it is not valid.
+            ParameterError: the value is not valid.
         """
         value = self.default if value is self else value
         if value is REQUIRED:
@@ -158,11 +164,16 @@ class Parameter:
         return result if self.made is None else self._make(self.made, result, where)
 
     def read(self, node: Node, name: str, joints: Sequence[str] = ()) -> Any:
-        """Return the value of one parameter of a node. Raises ParameterError."""
+        """Return the checked value of a node's parameter `name`. Raises ParameterError if it is not valid."""
         return self.checked(node.param(name, self), node.resolve(name), joints)
 
     def converted(self, value: Any, where: str, joints: Sequence[str]) -> Any:
-        """Return the value by kind and range, before `made`. Raises ValueError; ParameterError for a part of it."""
+        """Return the value, converted and checked for its range, before `made` is applied.
+
+        Raises:
+            ValueError: the value is not valid.
+            ParameterError: an element of the value is not valid.
+        """
         result = self.convert(value, where, joints)
         if self.above > -math.inf or self.minimum > -math.inf or self.maximum < math.inf:
             for item in result if isinstance(result, tuple) else (result,):
@@ -180,7 +191,7 @@ class Parameter:
 
     @property
     def bounded(self) -> str:
-        """Accepted values with their range, for errors."""
+        """Description of the valid values with their range, without unit, for error messages."""
         high = f" to {self.maximum:g}" if self.maximum < math.inf else ""
         low = f" above {self.above:g}" if self.above > -math.inf else ""
         if not low and self.minimum > -math.inf:
@@ -189,12 +200,12 @@ class Parameter:
 
     @property
     def valid(self) -> str:
-        """Accepted values with range and unit."""
+        """Description of the valid values with range and unit, for error messages."""
         return self.bounded + (f" [{self.unit}]" if self.unit else "")
 
     @property
     def type(self) -> str:
-        """Kind and range, for tables."""
+        """Type of the values with their range, for tables, e.g. "float >= 0"."""
         low = (
             f"> {self.above:g}"
             if self.above > -math.inf
@@ -212,18 +223,18 @@ class Parameter:
 
 
 def refused(where: str, value: object, valid: str) -> ParameterError:
-    """Return the error for a value; `valid`: description of valid values."""
+    """Return the error for an invalid value; `where`: full name; `valid`: description of the valid values."""
     return ParameterError(f"{where} is {_short(value)}; valid: {valid}")
 
 
 def refuse_void(settings: "Settings", name: str, where: str, needed: str) -> None:
-    """Refuse a parameter that has no effect, unless it has its default.
+    """Refuse a value other than the default for a parameter that has no effect with the present settings.
 
     Args:
-        settings: settings that hold the parameter.
-        name: name of the attribute.
-        where: prefix of the parameter's name.
-        needed: setting with which it has an effect.
+        settings: settings with the parameter.
+        name: name of the parameter's attribute.
+        where: prefix of the parameter's full name.
+        needed: setting with which the parameter would have an effect, e.g. "friction: identified".
 
     Raises:
         ParameterError: the parameter differs from its default.
@@ -234,7 +245,7 @@ def refuse_void(settings: "Settings", name: str, where: str, needed: str) -> Non
 
 
 def _short(value: Any) -> str:
-    """Return a value as one line; of a long value the beginning and the length."""
+    """Return the repr of a value on one line; of a long value its beginning and its length."""
     shown = repr(value)
     if len(shown) <= LONGEST_SHOWN:
         return shown
@@ -244,23 +255,23 @@ def _short(value: Any) -> str:
 
 
 def unknown(kind: str, name: object, valid: Iterable[str], where: str) -> ParameterError:
-    """Return the error for a name that does not exist."""
+    """Return the ParameterError for a name that does not exist; for the arguments see `UnknownNameError`."""
     return UnknownParameterError(kind, name, valid, where)
 
 
 @dataclass(frozen=True)
 class Settings:
-    """Base of declared parameters; a subclass is a frozen dataclass, too.
+    """Base class of a group of parameters. A subclass is a frozen dataclass whose fields declare parameters.
 
     Args:
-        where: prefix of the names of the parameters in errors.
-        for_joints: joints of values per joint; the field `joints` by default.
+        where: prefix of the parameters' names in error messages.
+        for_joints: names of the joints, for parameters with one value per joint; by default the field `joints`.
     """
 
     prefix: ClassVar[str] = ""
-    """Prefix of the names in errors, for checks across several settings later."""
+    """Prefix of the parameters' names in error messages, for later checks that involve several settings."""
     separator: ClassVar[str] = "/"
-    """Separator between the names of a section and of its parameters, in tables."""
+    """Separator between the name of a section and those of its parameters, in tables."""
     _: KW_ONLY
     where: InitVar[str] = ""
     for_joints: InitVar[Sequence[str]] = ()
@@ -269,7 +280,7 @@ class Settings:
         base = self.defaults()
         parameters = declared(type(self))
         mistakes = Mistakes()
-        for attribute in sorted(parameters, key="joints".__ne__):  # what is per joint needs to know them
+        for attribute in sorted(parameters, key="joints".__ne__):  # joints first: values per joint need them
             parameter, value = parameters[attribute], getattr(self, attribute)
             value = base.get(parameter.name, value) if value is parameter else value
             with mistakes.noted():
@@ -283,29 +294,30 @@ class Settings:
 
     @classmethod
     def defaults(cls) -> Mapping[str, object]:
-        """Return defaults by name, which replace the declared ones."""
+        """Return defaults by parameter name that replace the declared ones, e.g. those of a file."""
         return {}
 
     def check(self, where: str) -> None:
-        """Refuse combinations that are not valid, by `refused`; `where` is the prefix of each name."""
+        """Raise `refused(...)` if values do not fit together; to be overridden. `where`: prefix of each full name."""
 
     @classmethod
     def read(cls, node: Node, joints: Sequence[str] = ()) -> Self:
-        """Return the parameters of a node. Raises ParameterError."""
+        """Read the parameters from a node; `joints`: joint names. Raises ParameterError if a value is not valid."""
         values = {key: node.param(parameter.name, parameter) for key, parameter in declared(cls).items()}
         return cls(**values, where=f"{node.namespace.rstrip('/')}/", for_joints=joints)
 
     @classmethod
     def of(cls, content: Any, where: str, joints: Sequence[str] = ()) -> Self:
-        """Return the parameters of a mapping.
+        """Read the parameters from a mapping.
 
         Args:
             content: content of a file or of the parameter server; None counts as empty, except for a whole file.
-            where: its name: "/arm/profile", "mocap.human", "world.yaml: objects[0]", "world.yaml:" for a whole file.
-            joints: joints for values per joint.
+            where: name of the mapping, for error messages: "/arm/profile", "mocap.human", "world.yaml: objects[0]", or
+                "world.yaml:" for a whole file.
+            joints: names of the joints, for parameters with one value per joint.
 
         Raises:
-            ParameterError: no mapping, an unknown key, or a value that is not valid.
+            ParameterError: the content is not a mapping, has an unknown key, or a value that is not valid.
         """
         by_name = {parameter.name: key for key, parameter in declared(cls).items()}
         if content is None and where.endswith(":"):
@@ -326,13 +338,13 @@ class Settings:
 
 
 def declared(settings: type[Settings]) -> dict[str, Parameter]:
-    """Return the parameters by attribute."""
+    """Return the declared parameters of a settings class by attribute name."""
     items = settings.__dataclass_fields__  # `fields` costs five times as much, sixty times a run
     return {name: item.default for name, item in items.items() if isinstance(item.default, Parameter)}
 
 
 Known = Iterable[type[Settings] | str]
-"""Parameters that a node reads: settings, and single names, "profile/velocity" within a group."""
+"""Parameters that a node reads: settings classes, and names of single ones ("profile/velocity" within a group)."""
 
 
 def known_names(known: Known) -> set[str]:
@@ -349,11 +361,11 @@ def refuse_unknown(content: Mapping[str, object], known: Iterable[str], where: s
 
     Args:
         content: the node's parameters; groups are mappings.
-        known: names that are read, "profile/velocity" within a group; the group's name if it is read as a whole.
+        known: names that are read; "profile/velocity" within a group, or the group's name if it is read as a whole.
         where: namespace of the node.
 
     Raises:
-        ParameterError: lists each, with the names of the same group that are read.
+        ParameterError: a parameter is never read; the message lists each one with the names that are read instead.
     """
     mistakes, read = Mistakes(), set(known)
     for group, name in _unknown(content, read, ""):
@@ -364,7 +376,7 @@ def refuse_unknown(content: Mapping[str, object], known: Iterable[str], where: s
 
 
 def _unknown(content: Mapping[str, object], read: set[str], group: str) -> Iterator[tuple[str, str]]:
-    """Return prefix and name of each parameter that is not read."""
+    """Yield (group prefix, name) of each parameter that is not read."""
     for name, value in content.items():
         full = f"{group}{name}"
         if full in read:
@@ -376,7 +388,7 @@ def _unknown(content: Mapping[str, object], read: set[str], group: str) -> Itera
 
 
 def below(where: str) -> str:
-    """Return the prefix of a mapping's keys: its name and a slash if that is a ROS name, else a dot."""
+    """Return the prefix of a mapping's keys: the mapping's name, then a slash if it is a ROS name, else a dot."""
     if where.endswith(":"):
         return f"{where} "
     if not where or where[-1] in "/.":
@@ -385,8 +397,8 @@ def below(where: str) -> str:
 
 
 def read_yaml(path: Path) -> Any:
-    """Return the content of a YAML file, see `yaml_text`. Raises ParameterError: it cannot be read, or is refused."""
-    from hric_core import yaml_text  # here: most of those who declare parameters read no file
+    """Return the content of a YAML file, see `yaml_text`. Raises ParameterError if it is not readable or not valid."""
+    from hric_core import yaml_text  # imported here: most modules that declare parameters read no file
 
     try:
         text = path.read_text(encoding="utf-8")
@@ -397,14 +409,16 @@ def read_yaml(path: Path) -> Any:
 
 @cache
 def package_yaml(module: str, name: str) -> dict[str, Any]:
-    """Return the content of a package's config/<name>.yaml, source or installed; shared, so do not change it.
+    """Return the content of a package's config/<name>.yaml, from its source or its installation.
+
+    All callers get the same object: do not change it.
 
     Args:
         module: `__file__` of one of the package's modules.
         name: file name without the extension.
 
     Raises:
-        ParameterError: there is none, or it is not YAML.
+        ParameterError: the file does not exist, or is not valid YAML.
     """
     folders = Path(module).resolve().parents
     package = [folder for folder in folders if (folder / "__init__.py").is_file()][-1].name
@@ -412,11 +426,11 @@ def package_yaml(module: str, name: str) -> dict[str, Any]:
         if (path := folder / "config" / f"{name}.yaml").is_file():
             content: dict[str, Any] = read_yaml(path)
             return content
-    raise ParameterError(f"{package}: config/{name}.yaml is not found")
+    raise ParameterError(f"package {package} has no file config/{name}.yaml, neither in its source nor installed")
 
 
 def as_number(value: Any) -> float:
-    """Return a finite number, also from the text 1e-3. Raises ValueError."""
+    """Return a finite number as float; also of a text such as "1e-3". Raises ValueError for anything else."""
     if isinstance(value, str) and _EXPONENT.fullmatch(value):
         value = float(value)
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
@@ -442,7 +456,7 @@ def _shape(**schema: Any) -> Callable[[], JsonSchema]:
 
 
 def number(default: Any = REQUIRED, **about: Unpack[ParameterOptions]) -> Any:
-    """Declare a finite number."""
+    """Declare a parameter whose value is a finite number, read as float."""
     shape = _shape(type="number")
     return Parameter(
         "float", "a finite number", lambda value, where, joints: as_number(value), default, shape=shape, **about
@@ -450,12 +464,12 @@ def number(default: Any = REQUIRED, **about: Unpack[ParameterOptions]) -> Any:
 
 
 def whole(default: Any = REQUIRED, **about: Unpack[ParameterOptions]) -> Any:
-    """Declare a whole number."""
+    """Declare a parameter whose value is a whole number."""
     return Parameter("int", "a whole number", _integer, default, shape=_shape(type="integer"), **about)
 
 
 def flag(default: Any = REQUIRED, **about: Unpack[ParameterOptions]) -> Any:
-    """Declare a boolean."""
+    """Declare a parameter that is true or false."""
     return Parameter("bool", "true or false", _flag, default, shape=_shape(type="boolean"), **about)
 
 
@@ -467,7 +481,10 @@ def text(
     figures: bool = False,
     **about: Unpack[ParameterOptions],
 ) -> Any:
-    """Declare a text or path; `empty`: may be empty; `figures`: also 4.1, a YAML number; `valid`: text for errors."""
+    """Declare a parameter whose value is a text or path.
+
+    `empty`: True if it may be empty; `figures`: True if an unquoted number such as 4.1 counts as text; `valid`:
+    description of the valid values, for error messages."""
     types = (Path, int, float) if figures else Path
 
     def convert(value: Any, where: str, joints: Sequence[str]) -> str:
@@ -481,7 +498,7 @@ def text(
 
 
 def choice(*valid: str, default: Any = ..., **about: Unpack[ParameterOptions]) -> Any:
-    """Declare one of several words, by default the first."""
+    """Declare a parameter whose value is one of several words, by default the first."""
 
     def convert(value: Any, where: str, joints: Sequence[str]) -> str:
         if not isinstance(value, str) or value not in valid:
@@ -502,9 +519,10 @@ def listing(
     single: bool = False,
     **about: Unpack[ParameterOptions],
 ) -> Any:
-    """Declare a list of values of a kind, as a tuple; None counts as empty.
+    """Declare a parameter whose value is a list of values of one kind, read as a tuple; None counts as empty.
 
-    `count`: number of values, any by default; `different`: no duplicates; `single`: a single value counts as a list.
+    `of`: kind of the values; `count`: valid numbers of values, any by default; `different`: True if duplicates are
+    refused; `single`: True if a single value counts as a list.
     """
     counts = (count,) if isinstance(count, int) else tuple(count)
 
@@ -552,7 +570,7 @@ def _label(item: Any, index: int) -> Any:
 def numbers(
     count: int | Iterable[int] = (), default: Any = REQUIRED, *, single: bool = False, **about: Unpack[ParameterOptions]
 ) -> Any:
-    """Declare a list of finite numbers, as a tuple; `single`: a single number counts as a list."""
+    """Declare a list of finite numbers, read as a tuple; `single`: True if a single number counts as a list."""
     counts = (count,) if isinstance(count, int) else tuple(count)
 
     def convert(value: Any, where: str, joints: Sequence[str]) -> tuple[float, ...]:
@@ -563,7 +581,7 @@ def numbers(
 
 
 def names(count: int | Iterable[int] | None = None, default: Any = REQUIRED, **about: Unpack[ParameterOptions]) -> Any:
-    """Declare a list of different, non-empty texts, at least one, as a tuple; a single text counts as a list."""
+    """Declare a list of one or more different, non-empty texts, read as a tuple; a single text counts as a list."""
     counts = () if count is None else (count,) if isinstance(count, int) else tuple(count)
     many, item = _many(counts), text(empty=False)
     made: Parameter = listing(item, counts or range(1, 1000), default, different=True, single=True, **about)
@@ -572,12 +590,12 @@ def names(count: int | Iterable[int] | None = None, default: Any = REQUIRED, **a
 
 
 def anything(default: Any = REQUIRED, **about: Unpack[ParameterOptions]) -> Any:
-    """Declare a parameter of any value."""
+    """Declare a parameter with any value."""
     return Parameter("any", "anything", lambda value, where, joints: value, default, **about)
 
 
 def mapping(of: Parameter | None = None, default: Any = REQUIRED, **about: Unpack[ParameterOptions]) -> Any:
-    """Declare a mapping of names to anything, or to values of a kind, as a shallow copy; None counts as empty."""
+    """Declare a mapping of names to anything, or to values of the kind `of`; it is copied (shallow); None: empty."""
 
     def convert(value: Any, where: str, joints: Sequence[str]) -> dict[str, object]:
         value = {} if value is None else value
@@ -600,7 +618,7 @@ def mapping(of: Parameter | None = None, default: Any = REQUIRED, **about: Unpac
 
 
 def section(of: type[Settings], default: Any = (), **about: Unpack[ParameterOptions]) -> Any:
-    """Declare nested settings, by default with their own defaults."""
+    """Declare a parameter whose value is a group of settings, of class `of`; by default with their own defaults."""
 
     def convert(value: Any, where: str, joints: Sequence[str]) -> Settings:
         if isinstance(value, of):
@@ -620,13 +638,13 @@ def variant(
     default: Any = REQUIRED,
     **about: Unpack[ParameterOptions],
 ) -> Any:
-    """Declare nested settings of one of several kinds.
+    """Declare a parameter whose value is a group of settings, of one of several classes.
 
     Args:
-        key: key of the mapping whose value selects the kind.
+        key: key of the mapping whose value selects the settings class.
         kinds: settings class by value of that key.
-        usual: kind that applies if the key is missing; empty: the key is required.
-        default: value if the settings are missing.
+        usual: value of the key if it is missing; empty: the key is required.
+        default: value of the parameter if it is not set.
         about: further options, see ParameterOptions.
     """
 
@@ -657,9 +675,10 @@ def variant(
 def per_joint(
     of: Parameter, default: Any = REQUIRED, *, others: Any = REQUIRED, **about: Unpack[ParameterOptions]
 ) -> Any:
-    """Declare a value for each joint, as a tuple, from one for all, a list in the joints' order, or a mapping by joint.
+    """Declare one value per joint: a value for all joints, a list in the joints' order, or a mapping by joint name.
 
-    `others` is for joints that a mapping does not name, one value or a tuple of all; without it all must be named.
+    It is read as a tuple. `others`: value for joints that a mapping does not name, or a tuple of such values for all
+    joints; without it a mapping must name all joints.
     """
 
     def convert(value: Any, where: str, joints: Sequence[str]) -> tuple[Any, ...]:
@@ -688,14 +707,14 @@ def _by_joint(value: Mapping[str, object], where: str, joints: Sequence[str], ot
             raise unknown("joint", name, joints, where)
     if others is REQUIRED and (missing := [joint for joint in joints if joint not in value]):
         raise ParameterError(
-            f"{where} has nothing for {', '.join(missing)}; valid: a value for each of {', '.join(joints)}"
+            f"{where} has no value for {', '.join(missing)}; valid: a value for each of {', '.join(joints)}"
         )
     rest = others if isinstance(others, tuple) else [others] * len(joints)
     return [value.get(joint, other) for joint, other in zip(joints, rest, strict=True)]
 
 
 def either(*kinds: Parameter, default: Any = REQUIRED, **about: Unpack[ParameterOptions]) -> Any:
-    """Declare a value of the first matching kind."""
+    """Declare a parameter with values of several kinds; the first kind that accepts a value converts it."""
 
     def convert(value: Any, where: str, joints: Sequence[str]) -> Any:
         for kind in kinds:
@@ -711,7 +730,7 @@ def either(*kinds: Parameter, default: Any = REQUIRED, **about: Unpack[Parameter
 
 
 def json_schema(settings: type[Settings]) -> JsonSchema:
-    """Return the JSON schema of a mapping with these parameters; editors complete and check by it."""
+    """Return the JSON schema of a mapping with these parameters, with which editors complete and check files."""
     parameters = declared(settings).values()
     base = settings.defaults()
     required = [item.name for item in parameters if item.default is REQUIRED and item.name not in base]
@@ -743,7 +762,7 @@ def schema_of(parameter: Parameter) -> JsonSchema:
 
 
 def rows(settings: type[Settings], prefix: str = "") -> list[tuple[str, str, str, str, str]]:
-    """Return table cells: parameter, type with range, default, unit, description; sections by their members."""
+    """Return table rows (name, type with range, default, unit, description) of the parameters, also in sections."""
     cells: list[tuple[str, str, str, str, str]] = []
     base = settings.defaults()
     for parameter in declared(settings).values():

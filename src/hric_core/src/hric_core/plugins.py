@@ -24,7 +24,7 @@ EXPORT = "hric_bags::Export"
 SECTION = "hric_run::Section"
 COMMAND = "hric_core::Command"
 EXPORTS = ("hric_core", "hric_control")
-"""Elements of package.xml that name a file of plugins; each may hold plugins of every base."""
+"""Export elements of package.xml that name a plugins.xml file, which may declare plugins of any base class."""
 _BASES = {
     CONTROLLER: "hric_control.controller:Controller",
     ROBOT_HW: "hric_control.robot_hw:RobotHW",
@@ -41,16 +41,16 @@ _BASES = {
 
 @dataclass(frozen=True)
 class PluginInfo:
-    """Exported class.
+    """Entry of a plugins.xml file: a class that a package exports as a plugin.
 
     Attributes:
         name: lookup name, e.g. "hric_controllers/JointPDController".
-        type: "module:Class".
-        base: base class string, e.g. "hric_control::Controller".
+        type: module and class, "module:Class".
+        base: name of the base class, e.g. "hric_control::Controller".
         description: one sentence.
         package: exporting package.
-        source: plugins.xml of the package.
-        library: folder of the library, relative to the package ("." adds nothing to the import path).
+        source: path of the plugins.xml file.
+        library: folder of the Python module; added to the import path unless it is the folder of plugins.xml.
     """
 
     name: str
@@ -69,33 +69,34 @@ class _Index:
 
 
 def names(base: str, search_path: str = "") -> dict[str, PluginInfo]:
-    """Return all plugins of a base (CONTROLLER, ROBOT_HW, PLANT, ...) by name.
+    """Return all plugins with a base class by their lookup name.
 
     Args:
-        base: one of these.
-        search_path: folders of packages, as in ROS_PACKAGE_PATH, whose value is the default.
+        base: name of the base class, one of the constants of this module: CONTROLLER, ROBOT_HW, PLANT, ...
+        search_path: folders to search for packages, separated by colons; ROS_PACKAGE_PATH by default.
     """
     check_known("plugin base", [base], _BASES)
     return dict(_index(search_path or _search_path()).plugins[base])
 
 
 def engines(search_path: str = "") -> dict[str, PluginInfo]:
-    """Return the plants by the short name of their engine: that of the package without `_ros_control`.
+    """Return the plant plugins by the short name of their physics engine, e.g. "pybullet".
 
-    A Python distribution of this name, if there is one, is the engine itself."""
+    It is the name of the exporting package without `_ros_control`. If a Python distribution of this name exists, it is
+    the engine's own."""
     return {info.package.removesuffix("_ros_control"): info for info in names(PLANT, search_path).values()}
 
 
 def find(base: str, name: str) -> type:
-    """Return the class exported under `name`.
+    """Import and return the plugin class exported under `name`.
 
     Raises:
-        UnknownNameError: no such name; lists the valid ones and the plugin files that could not be read.
+        UnknownNameError: no such name; the message lists the valid ones and the plugin files that could not be read.
         HricError: the module cannot be imported, lacks the class, or the class has another base.
     """
     info = names(base).get(name)
     if info is None:
-        clear_cache()  # a package may have been added since
+        clear_cache()  # a package may have been added since the last search
         info = names(base).get(name)
     if info is None:
         raise _not_found(base, name)
@@ -110,10 +111,10 @@ def find(base: str, name: str) -> type:
 
 
 def reload(base: str = CONTROLLER) -> list[str]:
-    """Read the plugin files again and reload the imported modules of this base.
+    """Read the plugin files again and reload those imported modules that export plugins of this base class.
 
     Returns:
-        the names of the modules reloaded.
+        the names of the reloaded modules.
     """
     clear_cache()
     modules = {info.type.partition(":")[0]: info for info in names(base).values()}
@@ -129,7 +130,7 @@ def reload(base: str = CONTROLLER) -> list[str]:
 
 
 def clear_cache() -> None:
-    """Forget the contents of package.xml and plugins.xml files."""
+    """Discard the cached contents of package.xml and plugins.xml files, so that they are read again."""
     _index.cache_clear()
 
 
@@ -140,9 +141,9 @@ def _base_class(base: str) -> type:
 
 
 _importing = threading.RLock()
-"""Lock of imports: two threads that import from one package may each find the other's module incomplete.
+"""Lock for imports: of two threads that import from one package, each may see a half-imported module of the other.
 
-This happens when a controller is loaded while the robot is still starting."""
+This happens if a controller is loaded while the robot is still starting."""
 
 
 def _import(info: PluginInfo, module_name: str) -> ModuleType:
@@ -172,7 +173,7 @@ def _not_found(base: str, name: str) -> UnknownNameError:
 
 def _search_path() -> str:
     path = os.environ.get("ROS_PACKAGE_PATH", "")
-    # Without a sourced workspace: the src folder that this package lies in.
+    # Without a sourced workspace: the src folder that contains this package.
     return path if path else str(Path(__file__).resolve().parents[3])
 
 

@@ -1,4 +1,4 @@
-"""Threads and processes of the operating system: priority, garbage collection, end, exit codes."""
+"""Threads and processes: priority, garbage collection, starting and ending child processes, exit codes."""
 
 import ctypes
 import gc
@@ -19,19 +19,19 @@ from hric_core.errors import HricError, refused_by_system
 INTERRUPTED_CODE = 130
 """Exit code of a command ended by Ctrl-C, as in shells."""
 UNREAD_CODE = 141
-"""Exit code of a command whose output is no longer read (`| head`), as in shells after SIGPIPE."""
+"""Exit code of a command that writes to a closed pipe (e.g. `| head`), as in shells after SIGPIPE."""
 NICE = -10
-"""Niceness of the control loop's thread; 0 is the usual one (project default, unconfirmed).
+"""Niceness of the control loop's thread; 0 is normal (project default, unconfirmed).
 
-Next to one usual thread it gets nine tenths of a processor."""
+If one thread of normal niceness competes for the same processor, the loop gets nine tenths of the time."""
 _PR_SET_PDEATHSIG = 1
 
 
 def prefer_this_thread(nice: int = NICE) -> bool:
-    """Let the calling thread run at higher priority; threads it starts have the usual one.
+    """Give the calling thread a higher priority; the threads it starts have normal priority.
 
     Returns:
-        False if the system does not allow it: it takes root, or a line such as `@realtime - nice -10` in
+        False if the system does not allow it: the process needs root, or a line such as `@realtime - nice -10` in
             /etc/security/limits.conf.
     """
     try:
@@ -44,10 +44,10 @@ def prefer_this_thread(nice: int = NICE) -> bool:
 
 @contextmanager
 def quiet_collector() -> Iterator[None]:
-    """Make the garbage collector rarer within the block.
+    """Let Python's garbage collector run less often within the block.
 
-    It otherwise walks over all loaded objects in the middle of a cycle, and checks the lists of every thirty cycles,
-    which takes a thirtieth of a cycle, and a tenth of drawing."""
+    Otherwise it visits all loaded objects in the middle of a control cycle, and new objects about every thirty cycles,
+    which takes a thirtieth of a cycle's time, and a tenth of the time for drawing."""
     thresholds = gc.get_threshold()
     gc.set_threshold(50_000, 20, 20)
     try:
@@ -57,17 +57,17 @@ def quiet_collector() -> Iterator[None]:
 
 
 def end_with_parent(number: signal.Signals) -> Callable[[], object]:
-    """Return the function for a child between fork and exec that requests a signal when its parent thread ends.
+    """Return a `preexec_fn` for subprocess.Popen that sends the child a signal when the thread that started it ends.
 
-    It is looked up before the fork: only async-safe work may happen after it."""
+    The C function is looked up here, before the fork, as only async-signal-safe calls are allowed after it."""
     prctl = ctypes.CDLL(None, use_errno=True).prctl
     return lambda: prctl(_PR_SET_PDEATHSIG, number)
 
 
 def start_dependent(command: Sequence[str], **streams: Any) -> subprocess.Popen[bytes]:
-    """Start a process in its own group, which is interrupted when the thread that started it ends.
+    """Start a process in its own process group; it gets SIGINT when the thread that started it ends.
 
-    The terminal's Ctrl-C does not reach it.
+    Ctrl-C in the terminal does not reach the process.
 
     Args:
         command: program and arguments.
@@ -82,12 +82,12 @@ def start_dependent(command: Sequence[str], **streams: Any) -> subprocess.Popen[
 
 
 def end_process(process: subprocess.Popen[bytes], timeout: float) -> None:
-    """Interrupt the leader of a process group, as with Ctrl-C; wait for the whole group, and kill the rest.
+    """Send SIGINT to the leader of a process group, wait for the whole group, and kill processes that remain.
 
-    The leader may end before the processes to which it passes the signal.
+    The whole group is waited for, as the leader may end before the processes to which it passes the signal.
 
     Args:
-        process: started with `start_new_session`; it may have ended already.
+        process: leader of the group, started with `start_new_session`; it may have ended already.
         timeout: longest wait for the group [s].
     """
     if process.poll() is not None:
@@ -104,7 +104,7 @@ def end_process(process: subprocess.Popen[bytes], timeout: float) -> None:
 
 
 def describe_exit(name: str, code: int) -> str:
-    """Return a text about the end of a process, from its exit code or, negative, the signal that killed it."""
+    """Return a text on how a process ended; `code`: its exit code or, if negative, minus the signal that killed it."""
     if code >= 0:
         return f"{name} ended with code {code}"
     known = -code in [number.value for number in signal.Signals]
@@ -120,13 +120,13 @@ def run_command(
     """Run a command or node; a HricError or an error of the operating system becomes a message without traceback.
 
     Args:
-        name: name of the command, in front of the message.
-        work: returns the exit code, None for 0.
-        report: takes the message; None: it goes to stderr.
+        name: name of the command, with which the message begins.
+        work: function that does the work and returns the exit code, None for 0.
+        report: function that prints the message; None: to stderr.
         interrupted: exit code after Ctrl-C.
 
     Returns:
-        the exit code: of the work, or of the HricError; FAILURE if the system refused a file or a socket.
+        the exit code that `work` returned, or that of the HricError; FAILURE after an OSError.
     """
     try:
         try:
@@ -135,8 +135,8 @@ def run_command(
             return code
         except BrokenPipeError:
             if not _unread(output := sys.stdout.fileno()):
-                raise  # a pipe other than stdout
-            os.dup2(os.open(os.devnull, os.O_WRONLY), output)  # target of the interpreter's flush at exit
+                raise  # the broken pipe is not stdout
+            os.dup2(os.open(os.devnull, os.O_WRONLY), output)  # the interpreter flushes stdout once more at exit
             return UNREAD_CODE
         except OSError as error:
             if error.errno is None:
@@ -150,7 +150,7 @@ def run_command(
 
 
 def _flush() -> None:
-    """Flush stdout. After a failure, keep Python from trying again at the end of the process."""
+    """Flush stdout. After an error, redirect it to /dev/null, so that Python's flush at exit does not fail again."""
     try:
         sys.stdout.flush()
     except BrokenPipeError:
@@ -161,13 +161,13 @@ def _flush() -> None:
 
 
 def _unread(output: int) -> bool:
-    """Return True if no process can read from the other end of a pipe."""
+    """Return True if no process has the other end of a pipe open for reading; `output`: file descriptor."""
     poll = select.poll()
     poll.register(output, 0)
     return any(event & select.POLLERR for _, event in poll.poll(0))
 
 
 def run_server(name: str, work: Callable[[], None], report: Callable[[str], object] | None = None) -> int:
-    """Run `run_command` for work that Ctrl-C or SIGTERM ends normally, also before it handles them itself."""
+    """Run a server like `run_command`; Ctrl-C or SIGTERM ends it with exit code 0, also while it is still starting."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     return run_command(name, work, report, interrupted=0)

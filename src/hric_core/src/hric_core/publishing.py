@@ -1,9 +1,9 @@
 """Thread that sends messages for the control loop.
 
-Next to a paced loop, which sleeps between two cycles, it polls for messages, builds and sends them. An unpaced loop
-never sleeps: every 100 cycles it builds and serialises the waiting messages itself, and the thread does only the
-writes, without the interpreter, while the loop goes on. Sharing the interpreter in each cycle would mean waiting for it
-each time, which costs more than building the messages.
+If the loop is paced (sleeps between two cycles), the thread polls for messages, builds and sends them. An unpaced loop
+never sleeps: every 100 cycles it builds and serialises the queued messages itself, and the thread only writes them to
+the sockets, without Python's interpreter lock, while the loop goes on. If loop and thread shared the interpreter in
+each cycle, waiting for its lock would cost more than building the messages.
 """
 
 import threading
@@ -17,20 +17,20 @@ from hric_core.listeners import DISPATCHER, Parcel
 Build = Callable[..., Any]
 """Function that builds a message from its arguments."""
 OnError = Callable[[Exception], None]
-"""Function that takes the error of one of several messages."""
+"""Callback for the error of a message that could not be serialised."""
 Pack = Callable[[Sequence[Any], OnError], Parcel]
-"""Function (messages, on_error) that serialises messages; it reports and omits those that fail."""
+"""Function (messages, on_error) that serialises messages; it passes errors to `on_error` and omits their messages."""
 
 
 class Outbox:
-    """Messages of one topic that wait to be built and sent.
+    """Queue of one topic's messages that are to be built and sent.
 
     Args:
-        pack: serialises them.
-        name: topic, for messages.
-        limit: number of messages that may wait; the oldest are dropped. Drops are reported, except for a limit of 1,
-            where only the newest counts.
-        report: takes one line of text, at the first failure and at the first drop.
+        pack: function that serialises messages.
+        name: name of the topic, for log lines.
+        limit: capacity of the queue; if it is full, the oldest message is dropped. The first drop is reported, unless
+            the limit is 1, by which only the newest message matters.
+        report: function that logs a line of text, at the first failure and at the first drop.
     """
 
     __slots__ = ("_limit", "_pack", "_queue", "_report", "_reported_drop", "_reported_error", "dropped", "name")
@@ -42,7 +42,7 @@ class Outbox:
         self._reported_error = self._reported_drop = False
 
     def append(self, build: Build, args: tuple[Any, ...] = ()) -> None:
-        """Queue a message; if too many wait, drop the oldest."""
+        """Queue the message that `build(*args)` returns; if the queue is full, drop the oldest message."""
         if len(self._queue) == self._limit:
             self.dropped += 1
         self._queue.append((build, args))
@@ -51,9 +51,9 @@ class Outbox:
         return len(self._queue)
 
     def pack(self) -> Parcel | None:
-        """Build and serialise the oldest messages, at most TOGETHER; return None when nothing waits.
+        """Build and serialise the oldest messages, at most TOGETHER; return None if the queue is empty.
 
-        A failure is reported once for this topic, and the other messages go on."""
+        The first message of this topic that fails is reported; the other messages are not affected."""
         built: list[Any] = []
         try:
             for _ in range(min(len(self._queue), TOGETHER)):
@@ -66,7 +66,7 @@ class Outbox:
             pass
         if self.dropped and self._limit > 1 and not self._reported_drop:
             self._reported_drop = True
-            self._warn(f"{self.name}: messages were dropped, more than {self._limit} waited (reported once)")
+            self._warn(f"{self.name}: messages were dropped, as more than {self._limit} were queued (reported once)")
         try:
             return self._pack(built, self._report_error) if built else None
         except Exception as error:  # an error of this topic must not stop the loop or other topics
@@ -84,19 +84,21 @@ class Outbox:
 
 
 TOGETHER = 200
-"""Largest number of messages of a topic in one parcel: two hand-overs of a loop of 1 kHz."""
+"""Largest number of a topic's messages that are serialised together: those of 200 cycles of a 1 kHz loop."""
 POLL_PERIOD = 0.002
-"""Period at which the thread polls for messages [s].
+"""Period at which the publishing thread polls for messages [s].
 
-Polling beats waking: measured with a 1 kHz loop that publishes in every fourth cycle, an event costs the loop 35 us per
-message (the woken thread requests the interpreter at once), polling every 2 ms costs it nothing; the lateness of its
-cycles is the same, and the process spends no more (18 % of a core either way)."""
+Polling is better than waking the thread by an event. Measured with a 1 kHz loop that publishes in every fourth cycle:
+an event costs the loop 35 us per message, as the woken thread requests the interpreter lock at once; polling every 2 ms
+costs it nothing. The lateness of the cycles and the load of the process (18 % of a core) are the same."""
 PATIENCE = 0.1
-"""Time without a hand-over by the loop after which the thread polls again [s]."""
+"""Time after the loop's last call of `hand_over` after which the thread polls for messages again [s]."""
 
 
 class PublishThread:
-    """Daemon thread that sends the messages in its outboxes. The loop appends; an unpaced one also hands over."""
+    """Daemon thread that sends the messages in its outboxes, which the control loop fills.
+
+    A paced loop only fills the outboxes; an unpaced one also calls `hand_over` periodically."""
 
     def __init__(self) -> None:
         self._outboxes: tuple[Outbox, ...] = ()
@@ -110,24 +112,25 @@ class PublishThread:
         self._thread.start()
 
     def add(self, outbox: Outbox) -> None:
-        """Add an outbox."""
+        """Add an outbox whose messages are to be sent."""
         with self._lock:
             self._outboxes = (*self._outboxes, outbox)
 
     def remove(self, outbox: Outbox) -> None:
-        """Drop an outbox and its messages."""
+        """Remove an outbox; its unsent messages are dropped."""
         with self._lock:
             self._outboxes = tuple(other for other in self._outboxes if other is not outbox)
 
     def call(self, function: Callable[[], None]) -> None:
-        """Let the thread call a function that raises nothing."""
+        """Let the thread call a function once. The function must not raise an exception."""
         self._calls.append(function)
 
     def hand_over(self, timeout: float) -> bool:
-        """Build and serialise the waiting messages, and let the thread write them; return False if it stays busy.
+        """Build and serialise the queued messages, and let the thread write them to the sockets.
 
-        First wait, at most `timeout` [s], until all listeners have taken the last hand-over. A listener that needs
-        longer is not waited for again until it has caught up. If False is returned, nothing was done."""
+        First wait, for `timeout` [s] at most, until the thread has written the messages of the last call and no
+        listener's queue has data. A listener that needs longer is not waited for again until its queue is empty. Return
+        False if the thread was busy for the whole time; then nothing was done."""
         deadline = time.monotonic() + timeout
         if not self._acquire(deadline):
             return False
@@ -136,7 +139,9 @@ class PublishThread:
         return True
 
     def drain(self, timeout: float) -> bool:
-        """Wait until no message waits, here or for a listener that reads; return False after `timeout` [s]."""
+        """Wait until all queued messages are built and sent; return False if `timeout` [s] passes first.
+
+        Listeners that have stopped reading are not waited for."""
         deadline = time.monotonic() + timeout
         while self._calls or any(map(len, self._outboxes)) or self._busy.locked():
             if not self._acquire(deadline):
@@ -151,7 +156,7 @@ class PublishThread:
         return self._busy.acquire(timeout=max(deadline - time.monotonic(), 0.0))
 
     def _hand_over(self) -> None:
-        """Serialise the waiting messages for the thread, which releases `_busy`."""
+        """Serialise the queued messages and pass them to the thread, which releases `_busy` after writing them."""
         parcels: list[Parcel] = []
         try:
             parcels += filter(None, (outbox.pack() for outbox in self._outboxes))
@@ -160,7 +165,7 @@ class PublishThread:
             self._event.set()
 
     def stop(self) -> None:
-        """End the thread after its present work."""
+        """End the thread after its present task; wait for at most 1 s."""
         self._stopped = True
         self._event.set()
         self._thread.join(1.0)

@@ -1,11 +1,11 @@
-"""Data exchange between callbacks and the control loop, which never waits.
+"""Data exchange between ROS callbacks and the control loop, without making the loop wait.
 
-In: `LatestValue`. Out: `publisher(...)` returns a `RealtimePublisher`; the loop passes it a function that builds the
-message and its arguments, and the process's `PublishThread` builds and sends it while the loop sleeps; a loop that
-never sleeps calls `hand_over` periodically. `defer(...)` lets the thread make any other call to ROS (the result of an
-action, a log line). A `Throttle` holds messages to a rate of robot time.
+Into the loop: `LatestValue`. Out of it: `publisher(...)` returns a `RealtimePublisher`; the loop passes it a function
+that builds the message, and the function's arguments. The `PublishThread` of the process builds and sends the message
+while the loop sleeps; a loop that never sleeps calls `hand_over` periodically. `defer(...)` lets the thread make any
+other call to ROS (the result of an action, a log line). A `Throttle` limits messages to a rate of robot time.
 
-On a LocalNode all this happens within the call, so that a headless run is deterministic.
+On a LocalNode, messages are built and sent within the call, so that a run without ROS is deterministic.
 """
 
 import math
@@ -21,17 +21,19 @@ from hric_core.scoped_node import ScopedNode
 T = TypeVar("T")
 
 LAGGING_LIMIT = 100
-"""Number of messages that may wait on a topic that is not lossless; beyond it the oldest are dropped.
+"""Capacity of the queue of a topic that is not lossless; if it is full, the oldest message is dropped.
 
-It is a second's worth of most topics."""
+It is one second of the messages of most topics."""
 LOSSLESS_LIMIT = 100_000
-"""Number of messages that may wait on a lossless topic; beyond it the oldest are dropped.
+"""Capacity of the queue of a lossless topic; if it is full, the oldest message is dropped.
 
-It is half an hour of a 50 Hz log behind a subscriber that hangs."""
+It is half an hour of a 50 Hz log, if the publishing thread hangs."""
 
 
 class LatestValue(Generic[T]):
-    """Newest value from callbacks, for one reader in the loop. No locks: a deque's append and popleft are atomic."""
+    """Newest value set by callbacks, for one reader in the control loop.
+
+    There are no locks: append and popleft of a deque are atomic."""
 
     __slots__ = ("_new", "_value")
 
@@ -45,19 +47,19 @@ class LatestValue(Generic[T]):
         self._new.append(value)
 
     def get(self) -> T:
-        """Return the newest value, or the initial one."""
+        """Return the newest value; before the first call of `set` the initial one."""
         return self._value
 
     def take_new(self) -> T | None:
-        """Return the newest value if it was set since the last call, else None. For one reader."""
+        """Return the newest value if it was set since the last call of this method, else None. For one reader only."""
         return self._new.popleft() if self._new else None
 
 
 class Throttle:
-    """Throttle to a fixed rate of robot time, without drift.
+    """Throttle that decides in which control cycles to publish, at a fixed rate of robot time and without drift.
 
     Args:
-        rate: [Hz]; 0 means never.
+        rate: number of publications per second of robot time [Hz]; 0 means never.
     """
 
     __slots__ = ("_next", "_period")
@@ -67,12 +69,12 @@ class Throttle:
         self._next = -math.inf if rate > 0.0 else math.inf
 
     def restart(self) -> None:
-        """Make the next call due."""
+        """Make the next call of `due` return True, unless the rate is 0."""
         if self._period < math.inf:
             self._next = -math.inf
 
     def due(self, time: float) -> bool:
-        """Return True if a period has passed; `time`: robot time [s]."""
+        """Return True if it is time to publish, at most once per period of the rate; `time`: robot time [s]."""
         if time < self._next - 1e-9:
             return False
         self._next += self._period
@@ -82,15 +84,15 @@ class Throttle:
 
 
 class RealtimePublisher:
-    """Publisher for the loop that never blocks it. `publisher` below creates one for a topic of a node.
+    """Publisher for the control loop that never blocks. The function `publisher` creates one for a topic of a node.
 
     Args:
-        publisher: publisher of the topic; for a thread it also has `pack`, as `ros.node.RosPublisher`.
-        name: topic, for messages.
-        limit: number of messages that may wait; beyond it the oldest are dropped.
-        report: takes one line of text when something fails; from the publishing thread.
-        thread: sending thread; None builds and sends within `publish`, if there is a subscriber.
-        latch: the publisher sends the last message to later subscribers.
+        publisher: publisher of the topic; with a thread it must also have a method `pack`, like `RosPublisher`.
+        name: name of the topic, for log lines.
+        limit: capacity of the queue; if it is full, the oldest message is dropped.
+        report: function that logs a line of text about a failure; called in the publishing thread.
+        thread: sending thread; None: messages are built and sent within `publish`, if there is a subscriber.
+        latch: True if the publisher sends the last message to later subscribers.
     """
 
     __slots__ = ("_latch", "_outbox", "_publisher", "_thread")
@@ -109,14 +111,14 @@ class RealtimePublisher:
         self._outbox: Outbox | None = None
         if thread is not None:
             later = None if report is None else lambda text: thread.call(lambda: report(text))
-            self._outbox = Outbox(publisher.pack, name, limit, later)  # type: ignore[attr-defined]  # said above
+            self._outbox = Outbox(publisher.pack, name, limit, later)  # type: ignore[attr-defined]  # see Args
             thread.add(self._outbox)
 
     def publish(self, build: Callable[..., Any], *args: Any) -> None:
-        """Queue `build(*args)`, whose message is sent later. Never blocks.
+        """Queue the message that `build(*args)` returns; it is sent later. Never blocks.
 
-        It is called later, by the thread or between two cycles: it must get plain snapshots (lists of floats, the
-        stamp), not live storage.
+        `build` is called later, by the thread or between two cycles. So the arguments must be copies (lists of floats,
+        the stamp), not objects that the loop goes on changing.
         """
         if self._outbox is not None:
             self._outbox.append(build, args)
@@ -125,12 +127,12 @@ class RealtimePublisher:
 
     @property
     def needed(self) -> bool:
-        """True if a message would be built: always with a thread, else with a subscriber or a latched topic."""
+        """True if `publish` would build a message: always with a thread, else if there is a subscriber or a latch."""
         return self._outbox is not None or self._latch or self._publisher.subscribers() > 0
 
     @property
     def dropped(self) -> int:
-        """Number of messages dropped because the thread lagged."""
+        """Number of messages dropped because the publishing thread was too slow."""
         return 0 if self._outbox is None else self._outbox.dropped
 
     def subscribers(self) -> int:
@@ -138,7 +140,7 @@ class RealtimePublisher:
         return self._publisher.subscribers()
 
     def unregister(self) -> None:
-        """Send the waiting messages, then stop advertising. Outside the loop."""
+        """Send the queued messages, then stop advertising. It waits, so it must not be called in the control loop."""
         if self._thread is not None and self._outbox is not None:
             self._thread.drain(0.5)
             self._thread.remove(self._outbox)
@@ -152,16 +154,16 @@ _thread: PublishThread | None = None
 def publisher(
     node: Node, topic: str, message_type: type, latch: bool = False, lossless: bool = False, newest_only: bool = False
 ) -> RealtimePublisher:
-    """Return a publisher for the loop.
+    """Advertise a topic and return a non-blocking publisher for the control loop.
 
     Args:
         node: node that advertises.
         topic: name, relative to the node.
         message_type: message class.
-        latch: send the last message to later subscribers.
-        lossless: queue all messages when the thread lags (otherwise the newest ones).
-        newest_only: silently replace an unsent message by the next one: for topics that only matter now, such as
-            /clock.
+        latch: True if later subscribers get the last message.
+        lossless: True if the queue has a capacity of LOSSLESS_LIMIT instead of LAGGING_LIMIT.
+        newest_only: True if a new message silently replaces an unsent one, for topics such as /clock, of which only the
+            newest message matters.
     """
     limit = LOSSLESS_LIMIT if lossless else 1 if newest_only else LAGGING_LIMIT
     name, thread = node.resolve(topic), None if node.publishes_inline else _the_thread()
@@ -173,11 +175,11 @@ def publisher(
 
 
 def defer(node: Node, call: Callable[[], None], what: str = "call") -> None:
-    """Let the publishing thread make a call that the loop may not, e.g. finishing an action goal or logging.
+    """Let the publishing thread call a function that could block the control loop, e.g. one that ends an action goal.
 
     Args:
-        node: node of the call; on a LocalNode the call is made at once.
-        call: no arguments; an error is logged with `what`.
+        node: node that logs errors; if it is a LocalNode, the function is called at once.
+        call: function without arguments; an error of it is logged.
         what: name of the call for the log.
     """
     if node.publishes_inline:
@@ -187,32 +189,31 @@ def defer(node: Node, call: Callable[[], None], what: str = "call") -> None:
     def run() -> None:
         try:
             call()
-        except Exception as error:  # must not end the thread, which serves the process
+        except Exception as error:  # an error must not end the thread, which serves the whole process
             node.log_error(f"{what} failed: {type(error).__name__}: {error}")
 
     _the_thread().call(run)
 
 
 def hand_over(timeout: float) -> bool:
-    """Build and serialise the published messages, and let the thread write them; for loops that never sleep.
+    """Build and serialise the queued messages, and let the publishing thread write them; for loops that never sleep.
 
     Args:
-        timeout: longest wait for the last hand-over [s of wall time].
+        timeout: longest wait for the thread to finish the messages of the last call [s of wall time].
 
     Returns:
-        False when that took longer; nothing was done then. While the same message hangs, further calls return False
-            without waiting.
+        False if that took longer; then nothing was done.
     """
     return _thread.hand_over(timeout) if _thread is not None else True
 
 
 def drain(timeout: float) -> bool:
-    """Wait until everything published so far was sent; arguments and result as in `hand_over`."""
+    """Wait until everything published so far was sent; return False if `timeout` [s of wall time] passes first."""
     return _thread.drain(timeout) if _thread is not None else True
 
 
 def shutdown(timeout: float = 1.0) -> None:
-    """Send the waiting messages and end the thread; a later publisher starts a new one."""
+    """Send the queued messages and end the publishing thread; a later publisher starts a new one."""
     global _thread
     with _lock:
         thread, _thread = _thread, None

@@ -1,4 +1,4 @@
-"""Files that a URDF or a world names: plain paths, file:// and package:// addresses."""
+"""Files that a URDF or a world file refers to: plain paths, file:// and package:// addresses."""
 
 import os
 from functools import lru_cache
@@ -25,7 +25,7 @@ def _packages(search_path: str) -> dict[str, Path]:
 
 
 def package_path(name: str) -> Path:
-    """Return the folder of a ROS package, by ROS_PACKAGE_PATH.
+    """Return the folder of a ROS package, searched for in ROS_PACKAGE_PATH.
 
     Raises:
         UnknownNameError: no such package.
@@ -36,11 +36,11 @@ def package_path(name: str) -> Path:
 
 
 def resolve(address: str, relative_to: Path | None = None) -> Path:
-    """Return the path of an existing file.
+    """Return the path of the existing file to which an address refers.
 
     Args:
         address: a path, file://..., or package://<package>/<path>.
-        relative_to: folder of relative paths.
+        relative_to: folder to which a relative path refers; the working directory by default.
 
     Raises:
         HricError: there is no such file or package.
@@ -64,14 +64,14 @@ def _local(address: str) -> Path:
 
 
 def anchored(document: str | bytes, folder: Path) -> str:
-    """Return a description with absolute file names, so that it means the same wherever it is read.
+    """Return a robot description with its relative file names made absolute, so that any process can read it.
 
     Args:
         document: text, or the bytes of a file in the encoding that it declares.
         folder: folder of the description, to which relative file names refer.
 
     Raises:
-        DescriptionError: it is no description.
+        DescriptionError: the document is not a URDF.
     """
     root = parse(document)
     for element in root.iter():
@@ -82,10 +82,10 @@ def anchored(document: str | bytes, folder: Path) -> str:
 
 
 def read_description(path: Path) -> str:
-    """Return the text of a URDF file, `anchored` in its folder.
+    """Return the text of a URDF file, with relative file names made absolute.
 
     Raises:
-        DescriptionError: it cannot be read, or is no description.
+        DescriptionError: the file cannot be read, or is not a URDF.
     """
     try:
         return anchored(path.read_bytes(), path.parent)

@@ -1,6 +1,6 @@
-"""Node that records what was created and read through it.
+"""Node that records which topics and services were created and which parameters were read through it.
 
-No topic or service of a controller outlives it, and no parameter that it never reads is accepted."""
+So all topics and services of a controller can be closed with it, and parameters that it never reads can be refused."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any, TypeVar
@@ -12,10 +12,10 @@ MadeT = TypeVar("MadeT", bound=Publisher | Registration)
 
 
 class ScopedNode:
-    """Wrapper of `node` that records registrations and parameters.
+    """Wrapper of a node that records registrations and parameters.
 
-    `close` ends what was advertised, subscribed and served through it and its children; `refuse_unread` refuses
-    parameters that were never read through it or them."""
+    `close` unregisters all topics, services and actions that were created through this node and its children;
+    `refuse_unread` refuses parameters that were never read through them."""
 
     def __init__(
         self, node: Node, made: list[Publisher | Registration] | None = None, read: set[str] | None = None
@@ -28,31 +28,31 @@ class ScopedNode:
         self.log_info, self.log_warn, self.log_error = node.log_info, node.log_warn, node.log_error
 
     def close(self) -> None:
-        """Unregister everything, the newest first."""
+        """Unregister everything that was created through this node, the newest first."""
         while self._made:
             self._made.pop().unregister()
 
     def keep(self, made: MadeT) -> MadeT:
-        """Register `made` for `unregister()` at the end; return it."""
+        """Record a publisher or registration, so that `close` unregisters it; return it."""
         self._made.append(made)
         return made
 
     def child(self, name: str) -> "ScopedNode":
-        """Return a node one namespace deeper with the same scope."""
+        """Return a node for the child namespace `name` that records in the same lists."""
         return ScopedNode(self._node.child(name), self._made, self._read)
 
     def also(self, node: Node) -> "ScopedNode":
-        """Return another node with the same scope."""
+        """Return a wrapper of another node that records in the same lists as this one."""
         return ScopedNode(node, self._made, self._read)
 
     def refuse_unread(self, known: Collection[str] = ()) -> None:
-        """Refuse parameters in this namespace that were set, but neither read, looked for nor set through the scope.
+        """Refuse parameters of this namespace that were never read, looked for or set through this node.
 
         Args:
-            known: names that others read.
+            known: names of further parameters, which are read in another way.
 
         Raises:
-            ParameterError: lists each, with the names that were looked for.
+            ParameterError: there are such parameters; the message lists them, and the names that were looked for.
         """
         parameters = self._node.param(self.namespace, {})
         if isinstance(parameters, Mapping) and self.namespace not in self._read:

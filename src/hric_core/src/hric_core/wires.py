@@ -1,8 +1,8 @@
-"""Table of all ports that programs of the workspace open.
+"""Table of all network ports that programs of the workspace open.
 
-It says who listens where, who may speak, what waits for a slow peer, and what an attacker can do who reaches the port.
-The manual's page is made from this table, and a test compares it with the ports of a running system. Standard library
-only.
+It lists for each port the listening program, the address, the permitted peers, the data queued for a slow peer, and
+what an attacker could do who reaches the port. A page of the manual is generated from this table, and a test compares
+it with the ports of a running system. The module needs only the standard library.
 """
 
 import socket
@@ -11,29 +11,30 @@ from dataclasses import dataclass
 from ipaddress import ip_address
 
 ANY = (1024, 65535)
-"""Range of any free port."""
+"""Range for a port that the system chooses."""
 BACKLOG = (
-    "4 MiB for each listener, its oldest messages go; 10 minutes without reading: closed (`hric_core/listeners.py`)"
+    "4 MiB for each subscriber, then its oldest messages are dropped; closed after 10 minutes without reading "
+    "(`hric_core/listeners.py`)"
 )
-ROS_ADDRESS = "loopback; `ROS_IP` or `ROS_HOSTNAME` of the user opens it"
+ROS_ADDRESS = "loopback, unless the user sets `ROS_IP` or `ROS_HOSTNAME`"
 
 
 @dataclass(frozen=True)
 class Wire:
-    """Ports of one kind.
+    """Row of the table: network ports of one kind.
 
     Args:
         who: listening programs.
-        programs: file names, one of which is on its command line; empty: any node.
-        protocol: protocol spoken.
+        programs: file names by which a listening process is recognised on its command line; empty: any node.
+        protocol: protocol on the port.
         transport: "tcp" or "udp".
-        ports: first and last.
+        ports: first and last possible port.
         port_text: the ports in words.
-        address: address to which it is bound, and what opens it to others.
-        address_argument: True if an argument can set the address to which it is bound.
+        address: address to which the port is bound, and the setting that opens it to other machines.
+        address_argument: True if an argument can set the address to which the port is bound.
         speaks: peers that may use the port.
-        queue: data that waits for a slow peer.
-        stranger: actions open to an attacker who reaches the port.
+        queue: data queued for a slow peer.
+        stranger: possible actions of an attacker who reaches the port.
     """
 
     who: str
@@ -50,7 +51,7 @@ class Wire:
 
 
 GROUP = "239.255.42.99"
-"""Multicast group of NatNet; a socket bound to it receives nothing else."""
+"""Multicast group of NatNet; a socket bound to this address receives nothing but multicast frames."""
 
 WIRES = (
     Wire(
@@ -75,7 +76,7 @@ WIRES = (
         ROS_ADDRESS,
         "everybody who reaches it",
         "none: one response for each request",
-        "list the processes; add one that runs already",
+        "list the processes; register a running process",
     ),
     Wire(
         "every node, also `bag_recorder`, `rosout` and other programs on roscpp that the bring-up starts",
@@ -84,7 +85,7 @@ WIRES = (
         "tcp",
         ANY,
         "any, two for each node",
-        f"{ROS_ADDRESS}. `rosout` of a `roscore` by hand: XML-RPC on all interfaces",
+        f"{ROS_ADDRESS}. `rosout` of a `roscore` started by hand: XML-RPC on all interfaces",
         "everybody who reaches it",
         BACKLOG,
         "read and publish topics, call services, end the node",
@@ -96,8 +97,8 @@ WIRES = (
         "udp",
         ANY,
         "any",
-        "as their XML-RPC",
-        "nobody: no topic of the workspace asks for UDP",
+        "the same as their XML-RPC",
+        "nobody: no topic of the workspace uses UDP",
         "none: datagrams",
         "nothing",
     ),
@@ -107,11 +108,11 @@ WIRES = (
         "NatNet, requests and unicast frames",
         "udp",
         ANY,
-        "any, and 1511 as the server says",
-        "the address that faces the server: loopback where `server` is on it",
-        "the server that responded: its address, its command port, one port for frames. Others are dropped, counted "
-        "(diagnostics) and logged once with their address",
-        "4 MiB of the kernel; frames wait in the process then",
+        "any, and the data port that the server gives (1511)",
+        "the local address on the route to the server: loopback if `server` is a loopback address",
+        "the server that responded: its address, its command port, one port for frames. Packets from others are "
+        "dropped, counted (diagnostics) and logged once with their address",
+        "4 MiB in the kernel, then frames in the process",
         "nothing, unless it forges the server's address and ports",
         address_argument=True,
     ),
@@ -121,8 +122,8 @@ WIRES = (
         "NatNet",
         "udp",
         ANY,
-        "1510, and any to send frames from",
-        "loopback; `ip` (of a bring-up: `mocap_server`) opens it",
+        "1510, and any port to send frames from",
+        "loopback, unless `ip` is set (in a bring-up: `mocap_server`)",
         "everybody who reaches it",
         "none: datagrams",
         "receive the frames, start and stop takes",
@@ -135,22 +136,22 @@ WIRES = (
         "tcp",
         (16572, 16603),
         "16572 to 16603",
-        "loopback; `session` empty opens it to the network",
-        "programs that give the same session",
-        "30 s for each reader, its oldest samples go",
+        "loopback, unless `session` is empty: then the network",
+        "programs with the same `session`",
+        "30 s for each reader, then its oldest samples are dropped",
         "read the samples",
     ),
     Wire(
-        "all with LSL: `emulated_emg`, `emulated_plate`, `emg`, `force_plate`",
+        "all programs with LSL: `emulated_emg`, `emulated_plate`, `emg`, `force_plate`",
         ("emulated_emg", "emulated_plate", "emg", "force_plate"),
         "LSL, discovery and clocks",
         "udp",
         (16571, 65535),
-        "16571 to 16603, and any that is free",
-        "loopback; `session` empty opens it to the network",
-        "programs that give the same session",
+        "16571 to 16603, and any free port",
+        "loopback, unless `session` is empty: then the network",
+        "programs with the same `session`",
         "none: datagrams",
-        "list the streams; offer one of the same name in place of a device's",
+        "list the streams; offer a stream with the name of a device's stream",
     ),
     Wire(
         "`emulated_emg` as a Trigno server",
@@ -159,9 +160,9 @@ WIRES = (
         "tcp",
         ANY,
         "50040 and 50043",
-        "loopback; `ip` opens it",
+        "loopback, unless `ip` is set",
         "everybody who reaches it",
-        "what the socket takes",
+        "the socket's buffer",
         "read the samples, start and stop them",
         address_argument=True,
     ),
@@ -171,11 +172,11 @@ WIRES = (
         "FCI, requests",
         "tcp",
         (1337, 1338),
-        "1337, with a hand 1338",
-        "loopback (of a bring-up 127.0.0.1); `ip` opens it",
-        "the first client that shakes hands within 1 s, until it goes; 64 may be at it, then the oldest of the address "
-        "that has most of them goes",
-        "1 MiB of responses, then the client is let go",
+        "1337; with a hand also 1338",
+        "loopback (in a bring-up 127.0.0.1), unless `ip` is set",
+        "the first client that completes the handshake within 1 s, until it disconnects. Up to 64 connections may be "
+        "in the handshake; beyond that, the oldest one from the address with the most connections is closed",
+        "1 MiB of responses, then the client is disconnected",
         "move the emulated arm while nobody else is connected",
         address_argument=True,
     ),
@@ -186,8 +187,8 @@ WIRES = (
         "udp",
         ANY,
         "any, while a client is connected",
-        "as its requests",
-        "the client's address and port alone (connected socket)",
+        "the same as for its requests",
+        "only the client's address and port (connected socket)",
         "none: datagrams",
         "nothing, unless it forges the client's address and port",
         address_argument=True,
@@ -199,10 +200,10 @@ WIRES = (
         "udp",
         ANY,
         "any",
-        "loopback where `robot_ip` is on it; else all interfaces, by libfranka",
-        "libfranka takes what comes first: keep the arm's network apart",
+        "loopback if `robot_ip` is a loopback address; else all interfaces, as libfranka opens it",
+        "anybody: libfranka accepts the first packet that arrives; keep the arm's network separate",
         "none: datagrams",
-        "where it is open: forge states of the arm",
+        "if it is open: forge states of the arm",
     ),
     Wire(
         "`scripts/scheduler`, `sweep --dask local`",
@@ -210,21 +211,22 @@ WIRES = (
         "Dask",
         "tcp",
         ANY,
-        "8786, or `--port`; its pages: any",
-        "loopback; `--host` or `--interface` opens it, with a certificate or `--insecure`. Its pages: loopback",
-        "with a certificate those who have one, else everybody who reaches it",
+        "8786, or `--port`; its web pages: any",
+        "loopback, unless `--host` or `--interface` is given, with a certificate or `--insecure`. Its web pages: "
+        "loopback",
+        "with certificates, their owners; else everybody who reaches it",
         "Dask's own, in memory",
         "with `--insecure`: run programs as you",
     ),
     Wire(
         "`scripts/worker`",
-        ("dask", "--multiprocessing-fork"),  # the second is for its child processes, started by Python
+        ("dask", "--multiprocessing-fork"),  # the second word is on the command line of Dask's child processes
         "Dask",
         "tcp",
         ANY,
         "any",
-        "loopback where the scheduler is there; else with a certificate or `--insecure` only",
-        "with a certificate those who have one, else everybody who reaches it",
+        "loopback if the scheduler is on loopback; else only with a certificate or `--insecure`",
+        "with certificates, their owners; else everybody who reaches it",
         "Dask's own, in memory",
         "with `--insecure`: run programs as you",
     ),
@@ -241,24 +243,24 @@ WIRES = (
         "read the manual",
     ),
 )
-"""Every listening port. Other programs only connect, such as the Trigno client and sweeps."""
+"""All listening ports. Other programs, such as the Trigno client and sweeps, only connect to ports."""
 COLUMNS = (
     "who listens",
     "protocol",
     "ports",
-    "where, and what opens it",
-    "who may speak",
+    "address, and what opens it",
+    "permitted peers",
     "queue for each peer",
-    "a stranger who reaches it can",
+    "an attacker who reaches it can",
 )
 
 
 def is_local(host: str) -> bool:
-    """Return True if every address of `host` is on loopback, however it is spelled. Raises ValueError: it has none."""
+    """Return True if all addresses of a host name are loopback addresses. Raises ValueError if it has no address."""
     try:
         addresses = {str(info[4][0]) for info in socket.getaddrinfo(host, None)}
     except (OSError, UnicodeError) as error:
-        raise ValueError(f"{host} is no address: {error}") from None
+        raise ValueError(f"{host} is not an address or a known host: {error}") from None
     parsed = [ip_address(address.partition("%")[0]) for address in addresses]
     return all((getattr(address, "ipv4_mapped", None) or address).is_loopback for address in parsed)
 
@@ -272,29 +274,29 @@ def host_of(text: str) -> str:
 
 
 def reached_by_others(what: str, certificate: str) -> str:
-    """Return the refusal of a port without certificates that other machines reach.
+    """Return the error text for a Dask port that other machines could reach without a certificate.
 
     Args:
-        what: the address, or the option that opens it.
-        certificate: option for a certificate.
+        what: address, or option that opens the port.
+        certificate: option that sets a certificate.
     """
     return (
-        f"{what} is reached from other machines, and whoever reaches it runs programs as you; valid: a certificate "
-        f"({certificate}), an address on loopback, or --insecure"
+        f"{what} can be reached from other machines, and whoever reaches it can run programs as you; valid: a "
+        f"certificate ({certificate}), an address on loopback, or --insecure"
     )
 
 
 def page() -> str:
-    """Return the page of the manual."""
+    """Return the manual's page on network ports, as Markdown."""
     return "\n".join(_lines()) + "\n"
 
 
 def _lines() -> Iterator[str]:
     yield "# Who listens where\n"
     yield (
-        "Every port that a program of this workspace opens. Nothing is open to other machines unless an argument says "
-        "so. This page is made from `hric_core.wires`, which a test compares with the ports of a bring-up in "
-        "a network of its own, attacked by a neighbour.\n"
+        "All network ports that programs of this workspace open. No port is open to other machines unless an argument "
+        "opens it. This page is generated from the module `hric_core.wires`. A test compares the table with the ports "
+        "of a running system in a separate network, in which another machine attacks them.\n"
     )
     yield f"| {' | '.join(COLUMNS)} |"
     yield "|---" * len(COLUMNS) + "|"

@@ -1,7 +1,7 @@
-"""Safe YAML loader for files and command lines, which refuses legal YAML that is surely a mistake.
+"""Safe YAML loader for files and command lines; it refuses valid YAML that is certainly a mistake.
 
-Refused are a duplicate key, an anchor that contains itself, aliases that expand to a flood of values, and nesting so
-deep that the C library would overflow its stack.
+It refuses duplicate keys, an anchor that contains itself, aliases that expand to a huge number of values, and nesting
+so deep that the stack of the C library would overflow.
 """
 
 from typing import Any
@@ -13,18 +13,18 @@ from hric_core.errors import ParameterError
 MAX_DEPTH = 64
 """Largest number of nesting levels (project default, unconfirmed). The deepest file of the workspace has 12."""
 MAX_ALIASED = 10_000
-"""Largest number of values from all aliases of one text (project default, unconfirmed)."""
+"""Largest number of values to which the aliases of one text may expand (project default, unconfirmed)."""
 
 
 def parse(text: str, where: str) -> Any:
     """Return the content of a YAML text.
 
     Args:
-        text: one document.
-        where: file or place, for errors.
+        text: text of one YAML document.
+        where: file or other source, for error messages.
 
     Raises:
-        ParameterError: the text is not YAML, or is refused as a likely mistake; the message gives the line.
+        ParameterError: the text is not YAML, or is refused as a mistake; the message gives the line.
     """
     try:
         return _load(text)
@@ -36,7 +36,7 @@ def parse(text: str, where: str) -> Any:
 
 
 class _Refusal(Exception):
-    """Error for legal YAML that is refused; the message begins with the line number."""
+    """Refusal of valid YAML that is a mistake; the message begins with the line number."""
 
     def __init__(self, node: Any, text: str) -> None:
         super().__init__(f"line {node.start_mark.line + 1}: {text}")
@@ -44,7 +44,7 @@ class _Refusal(Exception):
 
 def _load(text: str) -> Any:
     depth = 0
-    for event in yaml.parse(text, Loader=yaml.CSafeLoader):  # checked before nodes are composed by recursion in C
+    for event in yaml.parse(text, Loader=yaml.CSafeLoader):  # before the C library builds the nodes by recursion
         if isinstance(event, yaml.CollectionStartEvent):
             depth += 1
             if depth > MAX_DEPTH:
@@ -63,7 +63,7 @@ def _load(text: str) -> Any:
 
 
 class _Check:
-    """Check of the nodes of a document, in the order of the text."""
+    """Check of a document's nodes for mistakes, in the order of the text."""
 
     def __init__(self, loader: yaml.CSafeLoader) -> None:
         self._loader = loader
@@ -72,7 +72,7 @@ class _Check:
         self._aliased = 0
 
     def walk(self, node: yaml.Node) -> None:
-        """Check a node and all below it."""
+        """Check a node and all nodes below it; raise _Refusal at the first mistake."""
         if id(node) in self._visited:
             self._count(node)
         self._visited.add(id(node))
@@ -104,7 +104,7 @@ class _Check:
             raise
         except Exception as error:  # constructors raise different errors on a text that does not fit the tag
             kind = node.tag.rpartition(":")[2]
-            raise _Refusal(node, f"{node.value!r} is no valid {kind} ({error}); write it in quotes") from None
+            raise _Refusal(node, f"{node.value!r} is not a valid {kind} ({error}); write it in quotes") from None
 
     def _check_keys(self, node: yaml.MappingNode) -> None:
         lines: dict[Any, int] = {}

@@ -5,7 +5,7 @@
 #ifndef HRIC_DYNAMICS_FACTORS_H
 #define HRIC_DYNAMICS_FACTORS_H
 
-/* A = L D L' in place: L below the diagonal, 1 / D on it (square-root-free Cholesky). */
+/* Factorise A = L D L' in place (square-root-free Cholesky): L is stored below the diagonal, 1 / D on it. */
 static inline void factor(int n, double *A)
 {
     for (int i = 0; i < n; i++) {
@@ -21,7 +21,7 @@ static inline void factor(int n, double *A)
     }
 }
 
-/* x such that A x is what stood in x, with the factors of A. */
+/* Solve A x = b in place: x contains b before and the solution afterwards; A: its factors, by `factor`. */
 static inline void solve(int n, const double *A, double *x)
 {
     for (int i = 0; i < n; i++)

@@ -1,28 +1,28 @@
 // clang-format Language: C
-/* Pairs of links in an engine's memory as a type of Python, `Links`: how they move, and forces between both of a pair.
+/* Python type `Links`: pairs of links in an engine's memory, to read their motion and apply forces between the two.
  *
- * Before it includes this, a module defines `Link`, what is needed of one, and `Links`, an object of Python with
- * `owners`, `n` and `links` among its members; afterwards the functions that are only declared here, and LINKS_MODULE.
- */
+ * Before including this file, a module defines two structures: `Link`, the data of one link, and `Links`, a Python
+ * object with the members `owners`, `n` and `links`. After it, the module defines the functions that are only declared
+ * here, and uses LINKS_MODULE. */
 #ifndef HRIC_DYNAMICS_PYTHON_LINKS_H
 #define HRIC_DYNAMICS_PYTHON_LINKS_H
 
 #include "hric_core/python_numbers.h"
 #include "hric_dynamics/rigid_body.h"
 
-/* Fill a new object from what Python gives; take_links reads the rows. */
+/* Initialise a new object from its Python arguments; take_links reads the rows of links. */
 static int links_init(Links *self, PyObject *args);
 
-/* A link from its row; 0 with an error set. */
+/* Read a link from its row; return 0 with a Python error set on failure. */
 static int take_link(const Links *self, PyObject *row, Link *out);
 
-/* How a link moves, by pack_motion. */
+/* Return the motion of a link, as packed by pack_motion. */
 static PyObject *motion(const Links *self, const Link *link);
 
-/* A force at a point and a torque in the world frame on the first of two links, and the opposite ones on the second. */
+/* Apply a force at a point and a torque, in the world frame, to the first link of a pair; the opposite to the other. */
 static void push(Links *self, const Link pair[2], const double force[3], const double torque[3], const double point[3]);
 
-/* A pointer from its number; NULL with an error set. */
+/* Return a pointer from a Python integer; NULL with a Python error set on failure. */
 static inline void *take_address(PyObject *number)
 {
     void *address = PyLong_AsVoidPtr(number);
@@ -31,14 +31,15 @@ static inline void *take_address(PyObject *number)
     return address;
 }
 
-/* Position, orientation (x, y, z, w), velocity and angular velocity in the world frame. */
+/* Return the tuples position, orientation (x, y, z, w), velocity and angular velocity, in the world frame. */
 static inline PyObject *pack_motion(const double p[3], const double q[4], const double v[3], const double w[3])
 {
     return Py_BuildValue("(ddd)(dddd)(ddd)(ddd)", p[0], p[1], p[2], q[0], q[1], q[2], q[3], v[0], v[1], v[2], w[0],
                          w[1], w[2]);
 }
 
-/* Fill a new object; owners: whose memory the links are in. 0 with an error set. */
+/* Read the links of a new object; owners: Python objects that own the links' memory. Return 0 with a Python error set
+ * on failure. */
 static int take_links(Links *self, PyObject *rows, PyObject *owners)
 {
     self->owners = Py_NewRef(owners);
@@ -91,12 +92,13 @@ static PyObject *links_push(Links *self, PyObject *const *given, Py_ssize_t coun
 
 static PyMethodDef links_methods[] = {
     {"motions", (PyCFunction)links_motions, METH_NOARGS,
-     "() -> (position, orientation, linear and angular velocity) of each link in the world frame"},
+     "motions(): return (position, orientation, linear velocity, angular velocity) of each link in the world frame"},
     {"push", FAST(links_push),
-     "(pair, force, torque, point) in the world frame, on link 2 pair; the opposite on the next one"},
+     "push(pair, force, torque, point): apply a wrench in the world frame to the first link of a pair, the opposite "
+     "one to the second"},
     {0}};
 
-/* The module of that name, with the type in it. */
+/* Define the module `name` with the type `Links`. */
 #define LINKS_MODULE(name) TYPE_MODULE(name, Links, links, NULL)
 
 #endif

@@ -1,6 +1,6 @@
 // clang-format Language: C
-/* Spatial algebra of rigid bodies for the compiled models: in one frame of the world, about its origin. As in
- * Featherstone, Rigid Body Dynamics Algorithms (2008), ch. 5 and 6. Rotations and tensors are row-major; SI units.
+/* Spatial algebra of rigid bodies for the compiled models, after Featherstone, Rigid Body Dynamics Algorithms (2008),
+ * ch. 5 and 6. All quantities are in the world frame, about its origin. Rotations and tensors are row-major; SI units.
  *
  * The order of the operations is part of the interface: runs are compared bit by bit. */
 #ifndef HRIC_DYNAMICS_RIGID_BODY_H
@@ -9,18 +9,18 @@
 #include <math.h>
 #include <string.h>
 
-/* A motion (angular velocity w, velocity v of the point at the origin) or a force (moment about the origin in w, force
- * in v). */
+/* Spatial motion (angular velocity w, velocity v of the body-fixed point at the origin) or spatial force (w: moment
+ * about the origin, v: force). */
 typedef struct {
     double w[3], v[3];
 } Spatial;
 
-/* Mass, first moment of mass, and inertia about the origin. */
+/* Mass m, first moment of mass h, and inertia I about the origin, of a rigid body. */
 typedef struct {
     double m, h[3], I[9];
 } Body;
 
-/* Rotation and origin of a frame in another. */
+/* Pose of a frame in another: rotation R and origin p. */
 typedef struct {
     double R[9], p[3];
 } Pose;
@@ -49,7 +49,7 @@ static inline void multiply(const double A[9], const double B[9], double AB[9])
             AB[3 * i + j] = A[3 * i] * B[j] + A[3 * i + 1] * B[3 + j] + A[3 * i + 2] * B[6 + j];
 }
 
-/* Pose of a frame (R, p) beyond another. */
+/* Compute the pose of a child frame, whose pose in the parent is (R, p). */
 static inline void compose(const Pose *parent, const double R[9], const double p[3], Pose *child)
 {
     multiply(parent->R, R, child->R);
@@ -78,8 +78,8 @@ static inline void quaternion(const double R[9], double q[4])
         q[k] = rows[largest][k] / sqrt(square);
 }
 
-/* Add a rigid body of the frame (R, p): centre of mass in that frame, inertia about it in that frame's axes. Steiner's
- * theorem. */
+/* Add a rigid body to `sum`, by the parallel-axis theorem. (R, p) is the pose of the body's frame in the world; com is
+ * the centre of mass in that frame, I the inertia about the centre of mass in the axes of that frame. */
 static inline void add_body(const double R[9], const double p[3], double m, const double com[3], const double I[9],
                             Body *sum)
 {
@@ -97,7 +97,7 @@ static inline void add_body(const double R[9], const double p[3], double m, cons
     }
 }
 
-/* Momentum of a body in a motion, or the force that an acceleration takes. */
+/* Compute I x motion: the momentum of a body with a velocity, or the force that gives it an acceleration. */
 static inline void apply_inertia(const Body *body, const Spatial *motion, Spatial *force)
 {
     rotate(body->I, motion->w, force->w);
@@ -107,7 +107,7 @@ static inline void apply_inertia(const Body *body, const Spatial *motion, Spatia
     add_cross(motion->w, body->h, force->v);
 }
 
-/* Force that a body's motion v and acceleration a take: I a + v x* I v. */
+/* Compute the force on a body with velocity v and acceleration a: I a + v x* I v. */
 static inline void motion_force(const Body *body, const Spatial *v, const Spatial *a, Spatial *force)
 {
     Spatial momentum;
@@ -123,8 +123,8 @@ static inline double power(const Spatial *motion, const Spatial *force)
     return dot(motion->w, force->w) + dot(motion->v, force->v);
 }
 
-/* Turn each body into itself plus all that it carries. parent: index of the body before, less than the body's own, or
- * -1. */
+/* Replace each body by the composite of itself and all its descendants in the tree. parent: index of the parent body,
+ * smaller than the body's own, or -1. */
 static inline void accumulate(int n, const int *parent, Body *bodies)
 {
     for (int i = n - 1; i >= 0; i--) {
@@ -139,8 +139,8 @@ static inline void accumulate(int n, const int *parent, Body *bodies)
     }
 }
 
-/* The joint-space mass matrix M_ij = S_i . (I_c S_j), n x n: composite rigid bodies. S: unit motions of the joints; the
- * bodies are accumulated. */
+/* Compute the joint-space mass matrix M_ij = S_i . (I_c S_j), n x n, by the composite rigid body algorithm. S: unit
+ * motions of the joints; `bodies` is replaced by the composites. */
 static inline void mass_matrix(int n, const int *parent, const Spatial *S, Body *bodies, double *M)
 {
     memset(M, 0, sizeof(double) * (size_t)n * (size_t)n);
@@ -153,7 +153,7 @@ static inline void mass_matrix(int n, const int *parent, const Spatial *S, Body 
     }
 }
 
-/* Effort of a joint that holds a body, with all that it carries, against gravity. */
+/* Return the effort with which a joint holds a composite body (a link and its descendants) against gravity. */
 static inline double holding_effort(const Spatial *S, const Body *body, const double gravity[3])
 {
     Spatial weight = {{0}, {0}};
@@ -163,7 +163,7 @@ static inline double holding_effort(const Spatial *S, const Body *body, const do
     return -power(S, &weight);
 }
 
-/* Joint efforts that forces on the bodies take; the forces are accumulated. */
+/* Compute the joint efforts that exert given forces on the bodies; `forces` becomes the sums over all descendants. */
 static inline void joint_efforts(int n, const int *parent, const Spatial *S, Spatial *forces, double *efforts)
 {
     for (int i = n - 1; i >= 0; i--) {

@@ -1,7 +1,7 @@
 // clang-format Language: C
-/* Trees of rigid links on joints with one coordinate: poses, mass matrix, recursive Newton-Euler, gravity. All in the
- * frame of the world, about its origin. Algorithms as in Featherstone, Rigid Body Dynamics Algorithms (2008), ch. 5 and
- * 6.
+/* Trees of rigid links with one-coordinate joints: poses, mass matrix, recursive Newton-Euler algorithm, gravity. All
+ * quantities are in the world frame, about its origin. Algorithms after Featherstone, Rigid Body Dynamics Algorithms
+ * (2008), ch. 5 and 6.
  *
  * The order of the operations is part of the interface: runs are compared bit by bit. */
 #ifndef HRIC_DYNAMICS_TREE_H
@@ -10,9 +10,9 @@
 #include "hric_core/python_numbers.h"
 #include "hric_dynamics/rigid_body.h"
 
-/* A link behind its joint, in the layout of `tree.link_row`: number of the parent link, less than the link's own, or -1
- * for the base; not 0 if the joint slides; pose of the joint at zero in the parent, and its unit axis; mass, centre of
- * mass, and inertia about it. A joint that slides along a zero axis is fixed. */
+/* Link and its parent joint, in the layout of `tree.link_row`: index of the parent link, smaller than the link's own,
+ * or -1 for the base; 0 for a revolute joint, else prismatic; pose of the joint at position 0 in the parent, and its
+ * unit axis; mass, centre of mass, and inertia about the centre of mass. A prismatic joint with zero axis is fixed. */
 typedef struct {
     double parent, slides;
     double R_parent_joint[9], p_parent_joint[3], axis[3];
@@ -24,12 +24,12 @@ enum { LINK_NUMBERS = sizeof(Link) / sizeof(double) };
 typedef struct {
     int n, *parent;
     Link *links;
-    Pose base, *poses;           /* of the base and of the links in the world */
+    Pose base, *poses;           /* poses of the base and of the links in the world */
     Spatial *S, *v, *a, *forces; /* unit motions of the joints; velocity, acceleration and force of the links */
-    Body *bodies, *composites;   /* links alone, and with all that they carry */
+    Body *bodies, *composites;   /* single links, and links with all their descendants */
 } Tree;
 
-/* Make an empty tree of n links; 0 with an error set. */
+/* Allocate a tree of n links without data; return 0 with a Python error set on failure. */
 static inline int make_tree(Tree *tree, int n)
 {
     const size_t size = (size_t)n;
@@ -58,7 +58,7 @@ static inline void clear_tree(Tree *tree)
     PyMem_Free(tree->bodies);
 }
 
-/* Set link i; 0 with an error set. */
+/* Set the data of link i; return 0 with a Python error set on failure. */
 static inline int set_link(Tree *tree, int i, const Link *link)
 {
     if (!(link->parent < (double)i)) {
@@ -70,7 +70,7 @@ static inline int set_link(Tree *tree, int i, const Link *link)
     return 1;
 }
 
-/* Rotation by an angle about a unit axis (Rodrigues). */
+/* Compute the rotation matrix R of a rotation by an angle about a unit axis a (Rodrigues). */
 static inline void rotation(const double *a, double angle, double R[9])
 {
     const double s = sin(angle), c = cos(angle), k = 1.0 - c;
@@ -80,7 +80,7 @@ static inline void rotation(const double *a, double angle, double R[9])
     memcpy(R, r, sizeof r);
 }
 
-/* Poses and unit motions of the first links at joint positions q. */
+/* Compute poses and joint unit motions of the first `count` links at joint positions q. */
 static inline void place_joints(Tree *tree, const double *q, int count)
 {
     memset(tree->S, 0, sizeof(Spatial) * (size_t)count);
@@ -106,7 +106,7 @@ static inline void place_joints(Tree *tree, const double *q, int count)
     }
 }
 
-/* Poses, unit motions and bodies of all links. */
+/* Compute poses, joint unit motions and body inertias of all links at joint positions q ("place" the tree). */
 static inline void place_tree(Tree *tree, const double *q)
 {
     place_joints(tree, q, tree->n);
@@ -117,15 +117,15 @@ static inline void place_tree(Tree *tree, const double *q)
     }
 }
 
-/* Mass matrix of a placed tree, n x n. */
+/* Compute the mass matrix of a placed tree, n x n. */
 static inline void tree_mass_matrix(Tree *tree, double *M)
 {
     memcpy(tree->composites, tree->bodies, sizeof(Body) * (size_t)tree->n);
     mass_matrix(tree->n, tree->parent, tree->S, tree->composites, M);
 }
 
-/* Forces on the links of a placed tree that a motion takes, for `joint_efforts`. v0, a0: velocity of the base, and its
- * acceleration less gravity; ddq: NULL for none. */
+/* Compute the forces on the links of a placed tree that produce a motion, for `joint_efforts`. v0: velocity of the
+ * base; a0: acceleration of the base minus gravity; dq, ddq: joint velocities and accelerations, ddq NULL for zero. */
 static inline void link_forces(Tree *tree, const Spatial *v0, const Spatial *a0, const double *dq, const double *ddq)
 {
     for (int i = 0; i < tree->n; i++) {
@@ -151,7 +151,8 @@ static inline void link_forces(Tree *tree, const Spatial *v0, const Spatial *a0,
     }
 }
 
-/* Joint efforts that a motion of a placed tree on a base at rest takes; gravity: in the world [m/s^2]. */
+/* Compute the joint efforts that produce a motion of a placed tree with its base at rest; gravity: in the world frame
+ * [m/s^2]. */
 static inline void tree_efforts(Tree *tree, const double gravity[3], const double *dq, const double *ddq,
                                 double *efforts)
 {

@@ -1,5 +1,5 @@
-/* Kinematics and dynamics of a tree of links on Python's lists, and inverse dynamics over many instants on arrays: see
- * tree.py. */
+/* Python type `Bodies`: kinematics and dynamics of a tree of links on Python lists, and inverse dynamics at many
+ * instants on arrays; see tree.py. */
 #include "hric_dynamics/tree.h"
 
 enum { ROOT_NUMBERS = 16, LOAD_NUMBERS = 9 };
@@ -7,11 +7,11 @@ enum { ROOT_NUMBERS = 16, LOAD_NUMBERS = 9 };
 typedef struct {
     PyObject_HEAD
     Tree tree;
-    double *q, *dq, *ddq, *efforts; /* of the links */
-    int coordinates, *coordinate;   /* their number; that of each link's joint, or -1 for one that is fixed */
+    double *q, *dq, *ddq, *efforts; /* joint values, one per link */
+    int coordinates, *coordinate;   /* number of coordinates; index of each link's coordinate, -1: its joint is fixed */
 } Bodies;
 
-/* Values of the links' joints from those of the coordinates. */
+/* Copy the values of the coordinates to the joints of the links; 0 for fixed joints. */
 static void spread(const Bodies *self, const double *values, double *of_links)
 {
     for (int i = 0; i < self->tree.n; i++)
@@ -42,7 +42,7 @@ static PyObject *efforts_list(const Bodies *self)
     return list(values, self->coordinates);
 }
 
-/* The number of a link; -1 with an error set. */
+/* Return the index of a link from a Python integer; -1 with a Python error set on failure. */
 static int take_index(const Bodies *self, PyObject *number)
 {
     const long index = PyLong_AsLong(number);
@@ -140,9 +140,11 @@ static PyObject *bodies_jacobian(Bodies *self, PyObject *const *given, Py_ssize_
 
 enum { ROOT, Q, DQ, DDQ, LOADS, TORQUE, FORCE, MOMENT, POSITION, ROTATION, ARRAYS };
 
-/* Place the base by a row of a root's motion: position, orientation (x, y, z, w), angular velocity and acceleration,
- * acceleration of the origin. Its velocity and acceleration about the world's origin, in a frame that moves with the
- * root's origin: then the velocity of that is zero. */
+/* Set the pose of the base and compute its spatial velocity v and acceleration a (minus gravity).
+ *
+ * motion: position of the root's origin, orientation (x, y, z, w), angular velocity, angular acceleration, acceleration
+ * of the origin. v and a are about the world's origin, in an inertial frame that moves with the root's origin at this
+ * instant, in which the velocity of the root's origin is zero. */
 static void place_root(Tree *tree, const double motion[ROOT_NUMBERS], const double gravity[3], Spatial *v, Spatial *a)
 {
     const double *p = motion, x = motion[3], y = motion[4], z = motion[5], w = motion[6];
@@ -161,7 +163,7 @@ static void place_root(Tree *tree, const double motion[ROOT_NUMBERS], const doub
     add_cross(p, a->w, a->v);
 }
 
-/* A load (force, torque, point) acts on a link in addition to its parent. */
+/* Subtract an external load (force, torque, point of application) on a link from the force its parent must exert. */
 static void relieve(const double load[LOAD_NUMBERS], Spatial *force)
 {
     Spatial acting = {{load[3], load[4], load[5]}, {load[0], load[1], load[2]}};
@@ -192,7 +194,7 @@ static void solve_instant(Bodies *self, const double gravity[3], const int *load
         const int row = t * tree->n + i;
         const double *f = tree->forces[i].v, *p = tree->poses[i].p;
         double moment[3] = {tree->forces[i].w[0], tree->forces[i].w[1], tree->forces[i].w[2]};
-        add_cross(f, p, moment); /* from the world's origin to the link's own */
+        add_cross(f, p, moment); /* moment about the link's origin instead of the world's */
         memcpy(array[FORCE] + 3 * row, f, 3 * sizeof(double));
         memcpy(array[MOMENT] + 3 * row, moment, sizeof moment);
         memcpy(array[POSITION] + 3 * row, p, 3 * sizeof(double));
@@ -280,14 +282,16 @@ static void bodies_clear(Bodies *self)
 }
 
 static PyMethodDef bodies_methods[] = {
-    {"gravity", FAST(bodies_gravity), "(q, gravity) -> efforts that hold the links"},
-    {"inverse_dynamics", FAST(bodies_inverse_dynamics), "(q, dq, ddq, gravity) -> efforts"},
-    {"mass_matrix", (PyCFunction)bodies_mass_matrix, METH_O, "(q) -> M, row-major"},
-    {"pose", FAST(bodies_pose), "(q, link) -> rows of its rotation and position"},
+    {"gravity", FAST(bodies_gravity), "gravity(q, gravity): return the joint efforts that hold the links"},
+    {"inverse_dynamics", FAST(bodies_inverse_dynamics),
+     "inverse_dynamics(q, dq, ddq, gravity): return the joint efforts"},
+    {"mass_matrix", (PyCFunction)bodies_mass_matrix, METH_O, "mass_matrix(q): return the mass matrix, row-major"},
+    {"pose", FAST(bodies_pose), "pose(q, link): return the upper 3 x 4 part of a link's pose in the world, row-major"},
     {"jacobian", FAST(bodies_jacobian),
-     "(q, link, point) -> J of a point in the world, linear above angular, row-major"},
+     "jacobian(q, link, point): return the Jacobian of a point in the world, linear above angular, row-major"},
     {"solve", FAST(bodies_solve),
-     "(gravity, links, root, q, dq, ddq, loads, torque, force, moment, position, rotation): the last five are written"},
+     "solve(gravity, links, root, q, dq, ddq, loads, torque, force, moment, position, rotation): inverse dynamics at "
+     "many instants; the last five arrays are written"},
     {0}};
 
 TYPE_MODULE(hric_bodies, Bodies, bodies, NULL)

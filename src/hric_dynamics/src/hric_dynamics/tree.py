@@ -1,4 +1,4 @@
-"""Mass matrix, Jacobians, gravity torque and inverse dynamics of a tree of links, compiled: no engine."""
+"""Mass matrix, Jacobians, gravity torques and inverse dynamics of a tree of links, compiled from C."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
@@ -16,19 +16,19 @@ _FIXED = (True, (0.0, 0.0, 0.0))
 
 
 def pose_row(T: FloatArray) -> list[float]:
-    """Return a pose, shape (4, 4), in the layout of `Pose` in rigid_body.h: rotation row-major and position."""
+    """Return a pose, shape (4, 4), as 12 floats for the C structure `Pose`: rotation row by row, then position."""
     return [*T[:3, :3].ravel().tolist(), *T[:3, 3].tolist()]
 
 
 def link_row(
     parent: int, slides: bool, T_parent_joint: FloatArray, axis: Iterable[float], body: MassProperties
 ) -> list[float]:
-    """Return a link behind its joint in the layout of `Link` in tree.h.
+    """Return a link and its parent joint as floats, in the layout of `Link` in tree.h.
 
     Args:
-        parent: number of the link to which the joint is attached; -1: the base.
+        parent: index of the link to which the joint is attached; -1: the base.
         slides: True for a prismatic joint; with a zero axis the joint is fixed.
-        T_parent_joint: pose of the joint at zero, shape (4, 4) [m].
+        T_parent_joint: pose of the joint frame at position 0 in the parent link, shape (4, 4) [m].
         axis: unit vector in the joint frame, 3 floats.
         body: mass properties in the link's frame.
     """
@@ -37,23 +37,23 @@ def link_row(
 
 
 class Tree:
-    """Dynamics of a robot description on a base at rest, in axes of its root link.
+    """Dynamics of a robot whose base is at rest; vectors are in the axes of the root link.
 
-    One instance serves one thread.
+    An instance must be used by one thread only.
 
     Args:
-        robot: the description.
-        joints: joints with one coordinate that move, in the order of all vectors; the others are fixed at zero. None:
-            all joints move, mimic joints freely; planar ones have three coordinates (angle, x, y), floating ones six
-            (rotations, translations).
+        robot: robot description.
+        joints: names of the moving joints, each with one coordinate, in the order of all joint vectors; the other
+            joints are fixed at position 0. None: all joints move, mimic joints independently; planar joints have three
+            coordinates (angle, x, y), floating ones six (rotations, translations).
 
     Attributes:
-        joints: joint of each coordinate, n names.
-        index: number of each link, by name; -1: the root.
-        bodies: the compiled dynamics.
+        joints: name of the joint of each coordinate, n names.
+        index: index of each link by name; -1: the root.
+        bodies: compiled dynamics.
 
     Raises:
-        UnknownNameError: no such joint with one coordinate.
+        UnknownNameError: there is no such joint with one coordinate.
     """
 
     def __init__(self, robot: Robot, joints: Sequence[str] | None = None) -> None:
@@ -78,23 +78,25 @@ class Tree:
         self.bodies = _Bodies(self.n, rows)
 
     def positions(self, q: Mapping[str, float]) -> list[float]:
-        """Return the vector of joint positions from those by name [rad or m]; the others are at zero."""
+        """Return the vector of joint positions [rad or m] from a mapping by name; joints not in it are at 0."""
         return [q.get(name, 0.0) for name in self.joints]
 
     def mass_matrix(self, q: Sequence[float]) -> FloatArray:
-        """Return the mass matrix without rotors, shape (n, n) [kg m^2, kg m, kg]; q: n floats [rad or m]."""
+        """Return the mass matrix without rotor inertia, shape (n, n) [kg m^2, kg m, kg].
+
+        q: joint positions, n floats [rad or m]."""
         return np.array(self.bodies.mass_matrix(q)).reshape(self.n, self.n)
 
     def point_jacobian(self, q: Sequence[float], link: str, point: Sequence[float]) -> FloatArray:
-        """Return the velocity of a point on a link per joint speed, shape (3, n).
+        """Return the translational Jacobian of a point on a link, shape (3, n): its velocity per joint velocity.
 
         Args:
             q: joint positions, n floats [rad or m].
             link: name of the link.
-            point: present position, in axes of the root link, 3 floats [m].
+            point: present position of the point, in the root link's frame, 3 floats [m].
 
         Raises:
-            UnknownNameError: no such link.
+            UnknownNameError: there is no such link.
         """
         self._robot.check_link(link)
         if self.index[link] < 0:
@@ -103,7 +105,7 @@ class Tree:
 
 
 def _motions(joint: Joint) -> list[tuple[bool, Sequence[float]]]:
-    """Return the joint's coordinates as (True if it slides, unit axis in the joint frame)."""
+    """Return (True for translation, unit axis in the joint frame) for each coordinate of a joint."""
     if joint.type == "fixed":
         return []
     if joint.type in ONE_COORDINATE:

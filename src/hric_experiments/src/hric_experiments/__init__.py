@@ -1,4 +1,4 @@
-"""Command line, live experiments, recorder, and check of the robot model."""
+"""Commands for experiments, nodes of live experiments, recorder, and check of the robot model."""
 
 from hric_core import former_names
 

@@ -1,4 +1,4 @@
-"""Commands run and list, and what other commands on experiments share."""
+"""Commands `run` and `list`, and functions shared with other commands on experiments."""
 
 import argparse
 import logging
@@ -17,10 +17,10 @@ from hric_sweep.study import definition as study
 
 
 class RunCommand(Command):
-    """Run an experiment without a ROS master, as fast as the machine allows, and leave a run folder."""
+    """Run an experiment or study without a ROS master, as fast as possible, and store the results in a run folder."""
 
     epilog = (
-        "overrides (or the dotted path of any key of the experiment file, e.g. "
+        "overrides (any other key of the experiment file can be set by its dotted path, e.g. "
         f"robot.plant.friction:=identified):\n{overrides.help_text()}"
     )
 
@@ -36,7 +36,7 @@ class RunCommand(Command):
                 action="append",
                 default=[],
                 metavar="NAME",
-                help="run only this form of a study; may be repeated",
+                help="run only this form (experiment) of a study; may be repeated",
             ),
             Argument("--seed", type=int, default=0, help="seed of all random numbers (default: 0)"),
             RUNS,
@@ -45,12 +45,14 @@ class RunCommand(Command):
             ),
             Argument("--no-figures", action="store_true", help="draw no figures"),
             Argument(
-                "--html", action="store_true", help="write report.html, too: one file with plots, tables and a replay"
+                "--html",
+                action="store_true",
+                help="also write report.html: one file with plots, tables and a 3D replay",
             ),
         ]
 
     def run(self, arguments: argparse.Namespace) -> int:
-        """Run an experiment or a study headless."""
+        """Run the experiment or study in this process, and print its report."""
         sort_words(arguments)
         whole(minimum=0).checked(arguments.seed, "--seed")
         log_to_terminal(arguments.quiet)
@@ -91,32 +93,34 @@ def _run_experiment(arguments: argparse.Namespace) -> int:
     if arguments.html:
         write_page(result.folder, progress=not arguments.quiet)
     if result.interrupted:
-        print("interrupted; the bag has everything up to now", file=sys.stderr)
+        print("interrupted; the bag contains all messages up to now", file=sys.stderr)
         return INTERRUPTED_CODE
     return 0
 
 
 def experiment_arguments(what: str) -> list[Argument]:
-    """Return experiment and overrides, which may stand in any order; `sort_words` separates them."""
+    """Return the arguments for experiment and overrides, which are allowed in any order (see `sort_words`)."""
     return [
         Argument("experiment", nargs="?", help=what, complete=lambda: (*experiment.names(), *study.names())),
-        Argument("overrides", nargs="*", metavar="key:=value", help="changes to the experiment file"),
+        Argument("overrides", nargs="*", metavar="key:=value", help="override of a key of the experiment file"),
     ]
 
 
 def sort_words(arguments: argparse.Namespace) -> None:
-    """Separate the experiment from the overrides: a word with := is an override. Raises ExperimentError."""
+    """Separate the experiment from the overrides: words with := are overrides. Raises ExperimentError."""
     words = [word for word in (arguments.experiment, *arguments.overrides) if word is not None]
     for word in words:
         key, sign, value = word.partition("=")
         if sign and not key.endswith(":") and not Path(word).exists():
-            raise experiment.ExperimentError(f"{word!r} is not an override; write {key}:={value}")
+            raise experiment.ExperimentError(f"{word!r} is not a valid override; valid: {key}:={value}")
     arguments.overrides = [word for word in words if ":=" in word]
     overrides.once(tuple(arguments.overrides))
     names = [word for word in words if ":=" not in word]
     if len(names) != 1:
         valid = f"valid: {', '.join(experiment.names())}, or the path of a YAML file"
-        raise experiment.ExperimentError(f"one experiment is needed; got {', '.join(names) or 'none'}; {valid}")
+        raise experiment.ExperimentError(
+            f"exactly one experiment is needed; given: {', '.join(names) or 'none'}; {valid}"
+        )
     arguments.experiment = names[0]
 
 
@@ -143,7 +147,7 @@ def _run_study(arguments: argparse.Namespace) -> int:
 
 
 def _study_pages(metrics: Content, folder: Path) -> None:
-    """Write one page per form of a study, with its runs overlaid on each other."""
+    """Write one comparison page for each form (experiment) of a study."""
     from hric_report import html as report_html
 
     for form, values in metrics["forms"].items():
@@ -153,10 +157,10 @@ def _study_pages(metrics: Content, folder: Path) -> None:
 
 
 class ListCommand(Command):
-    """List the experiments of the workspace."""
+    """List the experiments and studies of the workspace."""
 
     def run(self, arguments: argparse.Namespace) -> None:
-        """List experiments and studies with their duration and description."""
+        """Print each experiment and study with duration and description."""
         names = experiment.names()
         width = max(map(len, names + study.names()), default=0)
         for name in names:
@@ -167,14 +171,14 @@ class ListCommand(Command):
 
 
 def write_page(folder: RunFolder, *, progress: bool = True) -> None:
-    """Write the page of a run and print its path."""
+    """Write the HTML page of a run and print its path."""
     from hric_report import html as report_html
 
     print(f"page: {report_html.write(folder, progress=progress and sys.stderr.isatty())}")
 
 
 def log_to_terminal(quiet: bool) -> None:
-    """Print warnings and information of the process on the terminal; quiet: errors only."""
+    """Show log messages of this process on the terminal, from level INFO on; `quiet`: only errors."""
     logger = logging.getLogger("hric")
     handler = logging.StreamHandler()
     handler.setFormatter(logging.Formatter("[%(levelname)s] %(message)s"))

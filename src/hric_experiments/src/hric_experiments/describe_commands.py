@@ -1,4 +1,4 @@
-"""Commands schema and describe."""
+"""Commands `schema` (JSON schema of files) and `describe` (parameters and descriptions of an experiment)."""
 
 import argparse
 import json
@@ -22,16 +22,16 @@ DESCRIBED = {
     "mocap": "mocap",
     "human_muscles": "human_muscles",
 }
-"""Choices of `describe` that are printed as YAML, with the function of `parameters` that returns the values."""
+"""Choices of `describe` that are printed as YAML, with the name of the function in `parameters` that returns them."""
 NODES = ("natnet_client", "emulated_human", "synchronizer", "person", "supervisor")
-"""Nodes, in addition to those of sensors, whose private parameters `describe` prints."""
+"""Nodes whose private parameters `describe` prints, in addition to the nodes of sensors."""
 
 
 class SchemaCommand(Command):
-    """Print the JSON schema of experiment files, with which editors complete and check them."""
+    """Print the JSON schema of experiment files, with which editors complete and check such files."""
 
     epilog = (
-        "An editor with a YAML language server finds it by the file's first line, for example\n"
+        "An editor with a YAML language server finds the schema by the first line of the file, for example\n"
         "  # yaml-language-server: $schema=experiment.schema.json"
     )
 
@@ -57,29 +57,32 @@ class SchemaCommand(Command):
 
 
 class DescribeCommand(Command):
-    """Print what an experiment puts on the parameter server; launch files read it."""
+    """Print descriptions or parameters that an experiment sets on the parameter server, for launch files."""
 
     def arguments(self) -> list[Argument]:
         """Return the arguments."""
         return [
             Argument(
-                "what", choices=["urdf", "human_urdf", *DESCRIBED, *_nodes()], help="descriptions; parameters (YAML)"
+                "what",
+                choices=["urdf", "human_urdf", *DESCRIBED, *_nodes()],
+                help="a description (URDF), or parameters (YAML)",
             ),
             *experiment_arguments(
-                f"one of: {', '.join(experiment.names())}; none: the bring-up without experiment; or a YAML file"
+                f"one of: {', '.join(experiment.names())}; none: the bring-up without experiment; or the path of a "
+                "YAML file"
             ),
             Argument(
                 "--also",
                 action="append",
                 default=[],
                 metavar="KEY:=VALUE",
-                help="print this parameter, too; may be repeated",
+                help="also print this parameter; may be repeated",
             ),
-            Argument("--also-file", type=Path, metavar="FILE", help="print the parameters of this YAML file, too"),
+            Argument("--also-file", type=Path, metavar="FILE", help="also print the parameters of this YAML file"),
         ]
 
     def run(self, arguments: argparse.Namespace) -> None:
-        """Print the description or the parameters."""
+        """Print the chosen description or parameters of the experiment."""
         sort_words(arguments)
         log_to_terminal(quiet=False)
         definition = experiment.load(arguments.experiment, arguments.overrides)
@@ -98,13 +101,13 @@ class DescribeCommand(Command):
 
 
 def _nodes() -> list[str]:
-    """Return the nodes whose private parameters `describe` prints."""
+    """Return the names of all nodes whose private parameters `describe` prints."""
     sensors: list[Any] = [plugins.find(plugins.SENSOR, name) for name in plugins.names(plugins.SENSOR)]
     return [*NODES, *(name for sensor in sensors for name in (sensor.name, sensor.emulated_name))]
 
 
 def _also(path: Path | None, words: Sequence[str]) -> dict[str, object]:
-    """Return the parameters of a YAML file, overridden by those of the command line."""
+    """Return the parameters of a YAML file (None: none), overridden by `KEY:=VALUE` words of the command line."""
     content: object = {} if path is None else read_yaml(path)
     if not isinstance(content, dict):
         raise experiment.ExperimentError(f"{path} must be a mapping of parameters to values")

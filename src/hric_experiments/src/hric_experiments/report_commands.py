@@ -1,4 +1,4 @@
-"""Commands report and compare."""
+"""Commands `report` (rewrite the report of a run) and `compare` (compare runs)."""
 
 import argparse
 import contextlib
@@ -18,7 +18,7 @@ from hric_run.definition.experiment import ExperimentError
 class ReportCommand(Command):
     """Compute metrics, figures and report of a run again, from its bag.
 
-    For a bag or a c3d file without a run folder it prints the verdict.
+    For a bag or a c3d file without run folder, print the verdict on safety and ergonomics.
     """
 
     def arguments(self) -> list[Argument]:
@@ -28,14 +28,15 @@ class ReportCommand(Command):
             Argument(
                 "--html",
                 action="store_true",
-                help="write report.html, too: one file with plots, tables and a replay, for any browser; for a bag or "
-                "a c3d file NAME_report.html next to it, with its verdict and a replay",
+                help="also write report.html: one file with plots, tables and a 3D replay, for any browser; for a bag "
+                "or "
+                "c3d file: NAME_report.html next to it, with verdict and replay",
             ),
             Argument("--no-figures", action="store_true", help="draw no figures"),
         ]
 
     def run(self, arguments: argparse.Namespace) -> None:
-        """Compute metrics and figures of a run again, or the verdict of a bag or c3d file."""
+        """Rewrite metrics, figures and report of a run, or print the verdict on a bag or c3d file."""
         path = Path(arguments.run).expanduser()
         if path.suffix.lower() in (".bag", ".c3d") and not path.is_dir():
             _report_recording(path, arguments.html)
@@ -57,7 +58,7 @@ def _report_run(folder: RunFolder, arguments: argparse.Namespace) -> None:
 
 
 def _report_recording(path: Path, html: bool) -> None:
-    """Print the verdict of a bag or c3d file and, with html, write its page next to it."""
+    """Print the verdict on a bag or c3d file; `html`: also write its page next to the file."""
     from hric_assessment.verdict import opened
     from hric_report.html import recording_page
     from hric_report.html.verdict import summary, verdict_of_recording
@@ -72,7 +73,7 @@ def _report_recording(path: Path, html: bool) -> None:
 class CompareCommand(Command):
     """Compare two runs of the same motion, such as simulated and real.
 
-    Gives peak and steady difference per joint, and figures.
+    Prints peak and steady-state difference per joint, and draws figures.
     """
 
     def arguments(self) -> list[Argument]:
@@ -90,13 +91,13 @@ class CompareCommand(Command):
                 "--labels",
                 nargs="+",
                 metavar="NAME",
-                help="names of the runs, e.g. simulated real (default: those of their folders)",
+                help="labels of the runs, e.g. simulated real (default: the names of their folders)",
             ),
-            Argument("--joint", help="joint shown large, by its name in run A (default: the sixth)"),
+            Argument("--joint", help="joint for the large figure, by its name in run A (default: the sixth)"),
             Argument(
                 "--fit",
                 action="store_true",
-                help="align the runs by their positions, not by the times of the setpoints",
+                help="align the runs by their joint positions instead of the times of the setpoints",
             ),
             Argument("--output", metavar="DIR", help="output folder (default: A_vs_B in the folder of all runs)"),
             RUNS,
@@ -104,28 +105,26 @@ class CompareCommand(Command):
             Argument(
                 "--html",
                 action="store_true",
-                help="write report.html, too: one file with plots, tables and a replay of all runs",
+                help="also write report.html: one file with plots, tables and a 3D replay of all runs",
             ),
         ]
 
     def run(self, arguments: argparse.Namespace) -> None:
-        """Compare two runs of the same motion, or more of them on a page."""
+        """Compare two runs; with --html also more than two."""
         runs = [RunFolder.open(name, arguments.runs) for name in (arguments.run_a, *arguments.others)]
         names = arguments.labels or [run.path.name for run in runs]
         if len(names) != len(runs):
-            raise ExperimentError(
-                f"--labels names {len(names)} runs ({', '.join(names)}), but {len(runs)} are compared"
-            )
+            raise ExperimentError(f"--labels needs {len(runs)} names, one for each run; given: {', '.join(names)}")
         if len(set(arguments.labels or ())) < len(arguments.labels or ()):
-            raise ExperimentError(f"--labels has {', '.join(names)}; valid: a different name for each run")
+            raise ExperimentError(f"--labels has equal names: {', '.join(names)}; valid: a different name for each run")
         if len(runs) > 2 and not arguments.html:
-            raise ExperimentError(f"{len(runs)} runs are compared on a page only: add --html, or name two runs")
+            raise ExperimentError(f"{len(runs)} runs can only be compared on a page; valid: with --html, or two runs")
         default = arguments.runs / "_vs_".join(run.path.name for run in runs)
         _compare(runs, names, Path(arguments.output).expanduser() if arguments.output else default, arguments)
 
 
 def _compare(runs: Sequence[RunFolder], names: Sequence[str], folder: Path, arguments: argparse.Namespace) -> None:
-    """Compare each run with the first one, and write the page if requested."""
+    """Compare each run with the first one, print the texts, and write the page if requested."""
     from hric_report.compare import compare as compare_runs
 
     for other, name in zip(runs[1:], names[1:], strict=True):

@@ -14,31 +14,31 @@ class BodyCommand(Command):
     """
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments."""
+        """Return the arguments of the command line."""
         return [
-            Argument("subject", type=Path, help="YAML file of a subject; its keys: INTERFACE.md of hric_human"),
+            Argument("subject", type=Path, help="YAML file of the subject (keys: INTERFACE.md of hric_human)"),
         ]
 
     def run(self, arguments: argparse.Namespace) -> None:
-        """Print the description."""
+        """Print the URDF of the subject's body."""
         print(describe(load(arguments.subject)).urdf)
 
 
 class FitMusclesCommand(Command):
-    """Fit the muscles of an arm from a model of one.
+    """Fit the muscles of a right arm from an OpenSim or MuJoCo model.
 
     Example: hric fit_muscles arm26.osim arm26.json
     """
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments."""
+        """Return the arguments of the command line."""
         return [
             Argument("model", type=Path, help="OpenSim (.osim) or MuJoCo (.xml) model of a right arm"),
             Argument("output", type=Path, help="file to write, for `anatomy` of the human's muscles"),
         ]
 
     def run(self, arguments: argparse.Namespace) -> None:
-        """Fit the muscles and write them."""
-        from hric_human.muscles.fitting.models import run  # slow to load, which a mistake need not wait for
+        """Fit the muscles and write them to the output file."""
+        from hric_human.muscles.fitting.models import run  # slow to import, so mistakes in the arguments come first
 
         run(arguments.model, arguments.output)

@@ -1,7 +1,7 @@
-"""Contacts of a body by region, from what a plant reports: which link, the other body, start, end and force.
+"""Contacts of a human body, by region of ISO/TS 15066, from the contacts that a plant reports.
 
 A contact has a force only if the pair of bodies is elastic (`hric_human.body.surfaces`). The force that stops a rigid
-pair within one step of the engine is not a force on a person: such a contact is a touch, without a force.
+pair within one step of the engine is not a force on a person: such a contact is called a touch, and has no force.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -24,9 +24,9 @@ class ContactSeries:
     Attributes:
         time: robot time, shape (n,) [s].
         force: contact force, shape (n,) [N].
-        reached: largest force of all cycles since the begin, shape (n,) [N].
+        reached: largest force of all cycles since the contact began, shape (n,) [N].
         reached_time: robot time of the largest force, shape (n,) [s].
-        since_begin: duration of the contact by the message, shape (n,) [s].
+        since_begin: time since the contact began, as stated in the message, shape (n,) [s].
         point: contact point, world frame, shape (n, 3) [m].
         normal: unit vector along which the force acts on the body, world frame, shape (n, 3).
     """
@@ -41,14 +41,14 @@ class ContactSeries:
 
 
 NO_SERIES = ContactSeries(*(np.empty(0) for _ in range(5)), *(np.empty((0, 3)) for _ in range(2)))
-"""Time series of a contact that was not recorded."""
+"""Empty time series, for a contact that was not recorded."""
 
 
 @dataclass
 class RegionContact:
     """Contact of one link of a body with one other body, from the first touch to separation or the end of recording.
 
-    A plant that runs updates it; `hric_bags` reads it from messages. Times are robot times.
+    In a run, `RegionContacts` updates it; from a bag, `hric_bags` builds it. Times are robot times.
 
     Attributes:
         link: link of the body.
@@ -56,22 +56,22 @@ class RegionContact:
             foot.
         other: body that touches the link, "model::link".
         kind: "penalty", or "rigid": a touch without a force.
-        begin: time of the first call that reports the contact [s].
-        duration: time from the first to the last call that reports the contact [s].
-        dominant: True on the side of the dominant hand; None: its messages differ.
+        begin: time of the first update with the contact [s].
+        duration: time from the first to the last update with the contact [s].
+        dominant: True on the side of the dominant hand; None if the recorded messages disagree.
         force: force in the last step in contact [N]; None for a touch.
         peak: largest force [N]; None for a touch.
-        peak_time: time of the call with the peak [s]; None for a touch.
+        peak_time: time of the update with the peak [s]; None for a touch.
         impulse: impulse of the normal force [N s]; None for a touch.
         area: smallest contact area [m^2]; None: not known, since a capsule touches in a point or along a line.
         point: contact point in the last step in contact, world frame [m]; of several points the one with the largest
-            force, else the deepest; None if the contact fell between two calls.
-        normal: unit vector at that point along which the force on the body acts, world frame; None likewise.
-        begin_point, begin_normal: point and normal at the first call that reports the contact.
+            force, else the deepest; None if the contact fell between two updates.
+        normal: unit vector at that point along which the force on the body acts, world frame; None like `point`.
+        begin_point, begin_normal: point and normal at the first update with the contact.
         begin_speed: closing speed along the normal at first contact [m/s]; None for a touch, and if unknown.
         series: time series with one row for each recorded message that has the contact.
         ended: True if a recorded message reports the separation.
-        interrupted: True if there are messages between two of it at another instant, without the contact and its end.
+        interrupted: True if, between two messages with the contact, others report neither the contact nor its end.
     """
 
     link: str
@@ -97,7 +97,7 @@ class RegionContact:
 
     @property
     def end(self) -> float:
-        """Time of the last call that reports the contact [s]."""
+        """Time of the last update with the contact [s]."""
         return self.begin + self.duration
 
     def reach(self, time: float, peak: float) -> None:
@@ -118,10 +118,10 @@ class RegionContacts:
 
     Args:
         body: body as it was spawned.
-        model: name of its model in the plant.
+        model: name of the body's model in the plant.
 
     Attributes:
-        present: contacts of the last call, by "model::link" of the body and of what touches it.
+        present: contacts at the last update, by the body's link and the other body, each "model::link".
     """
 
     def __init__(self, body: Body, model: str) -> None:
@@ -140,12 +140,13 @@ class RegionContacts:
         Args:
             time: time after the step [s].
             contacts: contacts of the step, as `Plant.contacts` returns them.
-            peaks: peak forces since the last call, as `Plant.take_contact_peaks` returns them [N]; not needed if this
-                is called after each step, since the contacts then contain their peaks.
-            steps: steps of the plant since the last call; the impulse is assumed to be the same in each.
+            peaks: peak forces since the last update, as `Plant.take_contact_peaks` returns them [N]; not needed if the
+                update follows each step, since the contacts then contain their peaks.
+            steps: steps of the plant since the last update; the impulse is assumed to be the same in each.
 
         Returns:
-            contacts that ended, each once; includes contacts between two calls, of which only the peak is known.
+            contacts that ended, each once; includes contacts that began and ended between two updates, of which only
+                the peak is known.
         """
         if not (contacts or peaks or self.present):
             return []
@@ -169,7 +170,7 @@ class RegionContacts:
         return list(before.values())
 
     def _pairs(self, a: str, b: str) -> Iterator[Pair]:
-        """Yield (link of the body, other body) for two touching bodies; nothing if both or neither are of the body."""
+        """Yield (link of the body, other body) for two touching links; nothing if both or neither are of the body."""
         for link, other in ((a, b), (b, a)):
             if link in self._regions and not other.startswith(self._model):
                 yield link, other

@@ -1,4 +1,4 @@
-"""Signals over time that motions consist of."""
+"""Minimum-jerk interpolation between points over time, for motions of joints and of a walking person."""
 
 from bisect import bisect_right
 from collections.abc import Sequence
@@ -7,7 +7,7 @@ from hric_core.geometry import minimum_jerk
 
 
 class RestToRest:
-    """Rows of numbers at given times: minimum jerk from each to the next, at rest at each and outside them.
+    """Minimum-jerk interpolation of rows of numbers: at rest at each given time, constant before and after.
 
     Args:
         times: increasing times [s].
@@ -30,7 +30,7 @@ class RestToRest:
         return [bend * x for x in step]
 
     def _piece(self, time: float) -> tuple[list[float], list[float], float, float]:
-        """Return start and change of the values, share of the time, and duration [s] of a piece."""
+        """Return start values, their change, elapsed share and duration [s] of the interval that contains a time."""
         after = bisect_right(self._times, time)
         if after in (0, len(self._times)):
             return self._rows[max(after - 1, 0)], self._still, 0.0, 1.0

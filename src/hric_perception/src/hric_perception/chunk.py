@@ -1,4 +1,4 @@
-"""Consecutive samples of an evenly sampled source, passed between drivers, filters and messages. No node."""
+"""Chunks: consecutive samples of an evenly sampled sensor, as passed between drivers, filters and messages. No node."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -14,14 +14,14 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Layout:
-    """Channels of a source.
+    """Description of a sensor's sample stream: channels, units, rate and frame.
 
     Args:
         source: name for display, e.g. "lsl EMG emulated_emg".
         channels: names of the channels.
         units: unit of each channel.
         rate: sample rate declared by the source [Hz].
-        frame: frame of vectors, else "".
+        frame: coordinate frame of channels that are components of vectors; "": none.
     """
 
     source: str
@@ -32,7 +32,7 @@ class Layout:
 
     @property
     def unit(self) -> str:
-        """Common unit of all channels, else one per channel; "N m" is written "N*m", and no unit "-"."""
+        """Unit that all channels share, or one per channel, separated by spaces; "N m" is "N*m", no unit "-"."""
         words = [unit.replace(" ", "*") or "-" for unit in self.units]
         return words[0] if len(set(words)) == 1 else " ".join(words)
 
@@ -46,7 +46,8 @@ class Chunk:
         start: robot time of the first sample [s].
         first: sequence number of the first sample.
         data: values, shape (samples, channels).
-        pace: rate divided by the layout's: above 1 if the run lost time, which the source did not know.
+        pace: samples per second of robot time, divided by the layout's rate: above 1 while samples are placed closer
+            together, because robot time fell behind the clock of the source.
     """
 
     layout: Layout
@@ -62,7 +63,7 @@ class Chunk:
 
     @property
     def times(self) -> FloatArray:
-        """Robot time of each sample [s]."""
+        """Robot time of each sample, shape (samples,) [s]."""
         return self.start + np.arange(len(self.data)) / self.rate
 
     @property
@@ -72,11 +73,11 @@ class Chunk:
 
 
 class Merger:
-    """Merger of consecutive chunks into the length of messages.
+    """Buffer that merges consecutive chunks until they have the duration of a message.
 
     Args:
         duration: duration of a message [s]; a gap or another layout ends one early. 0: chunks are passed on unchanged.
-        on_chunk: callback for each chunk.
+        on_chunk: callback for each merged chunk.
     """
 
     def __init__(self, duration: float, on_chunk: Callable[[Chunk], None]) -> None:
@@ -85,7 +86,7 @@ class Merger:
         self._count = 0
 
     def add(self, chunk: Chunk) -> None:
-        """Add the next chunk."""
+        """Add the next chunk; pass merged chunks on as soon as they are complete."""
         if self._parts and (chunk.first != self._parts[-1].after or self._differs(chunk) or self._strays(chunk)):
             self.flush()
         size = round(self._duration * chunk.layout.rate) or len(chunk.data)
@@ -98,7 +99,7 @@ class Merger:
             self._count += len(chunk.data)
 
     def flush(self) -> None:
-        """Pass on the stored samples."""
+        """Pass the stored samples on as one chunk, even if it is shorter than a message."""
         if self._parts:
             first = self._parts[0]
             parts, self._parts, self._count = self._parts, [], 0
@@ -111,20 +112,20 @@ class Merger:
         return chunk.layout is not first.layout or chunk.pace != first.pace
 
     def _strays(self, chunk: Chunk) -> bool:
-        """Return True if the chunk's time differs from that extrapolated from the first part by half a sample."""
+        """Return True if the chunk starts over half a sample period off the time extrapolated from stored samples."""
         rate = chunk.rate
         return abs(self._parts[0].start + self._count / rate - chunk.start) > 0.5 / rate
 
 
 def cut(chunk: Chunk, count: int) -> tuple[Chunk, Chunk]:
-    """Return the first `count` samples, and the others."""
+    """Split a chunk into its first `count` samples and the remaining ones."""
     rest = replace(chunk, start=chunk.start + count / chunk.rate, first=chunk.first + count, data=chunk.data[count:])
     return replace(chunk, data=chunk.data[:count]), rest
 
 
 def chunk_message(chunk: Chunk) -> Any:
-    """Return the chunk as hric_msgs/SampleChunk. The start must not be before the time 0."""
-    # Here, as exports use chunks where there is no ROS.
+    """Return the chunk as hric_msgs/SampleChunk; its start must not be negative, because ROS stamps cannot be."""
+    # Imported here, because exports use chunks on machines without ROS.
     from std_msgs.msg import Header
 
     from hric_core.robot_time import stamps
@@ -143,16 +144,16 @@ def chunk_message(chunk: Chunk) -> Any:
 
 
 def read_chunk(message: Any) -> Chunk:
-    """Return the chunk of a message; the inverse of `chunk_message`.
+    """Return the chunk in a hric_msgs/SampleChunk; the inverse of `chunk_message`.
 
     Raises:
-        CommandError: no rate, or the data are not a whole number of samples.
+        CommandError: the rate is not positive, or the data do not divide evenly among the channels.
     """
     channels = tuple(message.channels)
     if not channels or len(message.data) % len(channels) or not message.rate > 0:
         raise CommandError(
-            f"{len(message.data)} values of {len(channels)} channels at {message.rate:g} Hz; valid: whole samples "
-            "at a rate above 0"
+            f"SampleChunk with {len(message.data)} values of {len(channels)} channels at {message.rate:g} Hz; valid: "
+            "a multiple of the number of channels, at a rate above 0"
         )
     words = message.unit.split() or ["-"]
     units = tuple(

@@ -1,4 +1,4 @@
-"""Emulated sensor with even sampling: due samples, their faults, and the thread that sends them.
+"""Emulated, evenly sampled sensor: samples that are due, their faults, and the thread that sends them.
 
 No ROS, no transport.
 """
@@ -19,33 +19,40 @@ from hric_perception.chunk import FloatArray
 from hric_perception.stream import Driver
 
 NOISE_BLOCK = 256
-"""Samples per block of random numbers, so that they do not depend on when samples are fetched."""
+"""Number of samples whose noise is drawn at once; fixed, so that noise does not depend on when samples are fetched."""
 LATE = 1.0
-"""Delay beyond which a sensor skips samples and continues from now [s] (project default, unconfirmed)."""
+"""Delay beyond which an emulated sensor skips samples and continues with the current one [s].
+
+Project default, unconfirmed.
+"""
 NS = 1e-9
 PERIOD = 0.01
-"""Time between sendings [s of wall time] (project default, unconfirmed)."""
-SEED: Any = whole(0, minimum=0, name="seed", text="of all that is random")
-BLOCK: Any = number(PERIOD, minimum=0.001, maximum=1.0, unit="s", name="block", text="of wall time between sendings")
+"""Default time between two sendings of an emulated sensor [s of wall time] (project default, unconfirmed)."""
+SEED: Any = whole(0, minimum=0, name="seed", text="seed of all randomness")
+BLOCK: Any = number(PERIOD, minimum=0.001, maximum=1.0, unit="s", name="block", text="wall time between two sendings")
 
 
 @dataclass(frozen=True)
 class Faults(Settings):
-    """Faults of the samples; repeatable by the seed. seed: of all randomness."""
+    """Faults that an emulated sensor adds to its samples; equal for equal seeds."""
 
-    noise: float = number(0.0, minimum=0.0, unit="unit of the channel", text="white, standard deviation")
-    bias: float = number(0.0, unit="unit of the channel", text="added")
+    noise: float = number(0.0, minimum=0.0, unit="unit of the channel", text="standard deviation of white noise")
+    bias: float = number(0.0, unit="unit of the channel", text="constant that is added")
     delay: float = number(
-        0.0, minimum=0.0, maximum=5.0, unit="s", text="from a sample to its sending, beside the time stamp"
+        0.0,
+        minimum=0.0,
+        maximum=5.0,
+        unit="s",
+        text="time from a sample to its sending, which the time stamp does not include",
     )
     dropouts: tuple[tuple[float, float], ...] = listing(
         numbers(2),
         default=(),
         unit="s of robot time",
-        text="begin and duration of times in which nothing is sent; the numbers of the samples go on",
+        text="begin and duration of times in which nothing is sent, while sequence numbers continue",
     )
-    dropout_rate: float = number(0.0, minimum=0.0, maximum=100.0, unit="1/s", text="of random ones")
-    dropout_length: float = number(0.05, minimum=0.0, maximum=60.0, unit="s", text="their mean duration")
+    dropout_rate: float = number(0.0, minimum=0.0, maximum=100.0, unit="1/s", text="rate of random drop-outs")
+    dropout_length: float = number(0.05, minimum=0.0, maximum=60.0, unit="s", text="mean duration of random drop-outs")
     not_finite: tuple[tuple[float, float], ...] = listing(
         numbers(2),
         default=(),
@@ -53,20 +60,20 @@ class Faults(Settings):
         unit="s of robot time",
         text="begin and duration of times in which the first channel is NaN",
     )
-    time_code: bool = flag(False, text="whether one channel is robot time of its sample [s]")
+    time_code: bool = flag(False, text="send the robot time of each sample in a further channel [s]")
     seed: int = 0
 
 
 def faults_of(settings: Mapping[str, object], where: str, seed: int, delay: float = 0.0) -> Faults:
-    """Return the faults of an emulated device; delay: default of their delay [s]. Raises ParameterError."""
+    """Return the faults in the mapping `settings`; delay: default of the key `delay` [s]. Raises ParameterError."""
     return replace(Faults.of({"delay": delay, **settings}, where), seed=seed)
 
 
 class Samples(NamedTuple):
-    """Consecutive samples that are due.
+    """Consecutive samples of an emulated sensor that are due.
 
     Attributes:
-        times: times of the run, shape (n,) [s].
+        times: robot times, shape (n,) [s].
         data: values, shape (n, channels).
     """
 
@@ -75,7 +82,10 @@ class Samples(NamedTuple):
 
 
 Signal = Callable[[int, FloatArray], FloatArray]
-"""(number of the first sample, run times shape (n,) [s]) -> values, (n, channels); called with increasing times."""
+"""Measured signal: (number of the first sample, robot times, shape (n,) [s]) -> values, shape (n, channels).
+
+It is called with increasing times.
+"""
 
 
 class EvenSensor:
@@ -83,12 +93,12 @@ class EvenSensor:
 
     Args:
         rate: sample rate [Hz].
-        channels: number of channels of the signal; the time code is appended.
+        channels: number of channels of the signal; a time code is appended as a further one.
         signal: measured signal.
         faults: faults of the samples.
 
     Attributes:
-        sent, dropped: numbers of due samples that were sent or dropped.
+        sent, dropped: numbers of samples so far that were sent, and that were lost in drop-outs.
     """
 
     def __init__(self, rate: float, channels: int, signal: Signal, faults: Faults) -> None:
@@ -100,13 +110,13 @@ class EvenSensor:
 
     @property
     def following(self) -> int:
-        """Number of the next sample; 0: none was due yet."""
+        """Sequence number of the next sample; 0: none was due yet."""
         return self._next or 0
 
     def due(self, now: float) -> list[Samples]:
         """Return the samples to be sent at a robot time [s]: consecutive samples, split at drop-outs.
 
-        The first call starts the sensor; a call that is earlier by LATE, in a restarted run, restarts it.
+        The first call starts the sensor. A jump by more than LATE, such as back in a restarted run, restarts it.
         """
         last = math.floor((now - self.faults.delay) * self.rate + 1e-6)
         if self._next is None or abs(last - self._next) > LATE * self.rate:
@@ -137,9 +147,10 @@ class BlockNoise:
 
     Args:
         channels: number of columns.
-        seed: seed and index of its stream.
-        shape_block: filter of a block; called in the order of the blocks, from the first one requested; None: no
-            filter.
+        seed: seed of the random numbers.
+        stream: index that makes several noises with one seed independent.
+        shape_block: filter of a block, shape (NOISE_BLOCK, channels); called in the order of the blocks, from the first
+            one requested; None: no filter.
     """
 
     def __init__(
@@ -149,7 +160,7 @@ class BlockNoise:
         self._blocks: dict[int, FloatArray] = {}
 
     def values(self, first: int, count: int) -> FloatArray:
-        """Return the noise of samples from `first` on, shape (count, channels); `first` may fall by at most a block."""
+        """Return the noise of samples from `first` on, shape (count, channels); with a filter, in increasing order."""
         begin, end = first // NOISE_BLOCK, (first + count - 1) // NOISE_BLOCK
         for index in range(begin, end + 1):
             if index not in self._blocks:
@@ -162,12 +173,12 @@ class BlockNoise:
 
 
 class Outages:
-    """Random outages, drawn as time advances.
+    """Random outages of an emulated sensor, drawn as time advances; intervals and lengths are exponential.
 
     Args:
-        rate: mean number per second [1/s].
-        length: mean duration [s].
-        seed: seed of both.
+        rate: mean number of outages per second [1/s].
+        length: mean duration of an outage [s].
+        seed: seed of the random numbers.
     """
 
     def __init__(self, rate: float, length: float, seed: int) -> None:
@@ -176,7 +187,7 @@ class Outages:
         self._until = 0.0
 
     def at(self, times: FloatArray) -> NDArray[np.bool_]:
-        """Return True for each time [s] within an outage."""
+        """Return True for each robot time within an outage; times: shape (n,) [s]."""
         if self._rate <= 0:
             return np.zeros(len(times), dtype=bool)
         while self._until <= times[-1]:
@@ -195,27 +206,27 @@ def _within(times: FloatArray, spans: tuple[tuple[float, float], ...] | list[tup
 
 
 class Outlet(Protocol):
-    """Receiver of the emulated samples."""
+    """Interface of a sender or receiver of an emulated sensor's samples, such as an LSL outlet."""
 
     def push(self, times: FloatArray, data: FloatArray) -> None:
-        """Send samples: monotonic times, shape (n,) [s]; data, shape (n, channels)."""
+        """Send samples; times: stamps by the monotonic clock, shape (n,) [s]; data: values, shape (n, channels)."""
 
     def close(self) -> None:
         """Stop sending."""
 
 
 class Emulator(Driver):
-    """Thread of an emulated sensor, running from `start` to `close`; not needed if `step` is called directly.
+    """Thread that sends the samples of an emulated sensor from `start` to `close`; a caller may use `step` instead.
 
     Args:
-        sensor: sampled sensor.
+        sensor: emulated sensor.
         outlet: receiver of the samples.
         clock: clock of the sensor: a `RobotTime`, or a wall clock.
         period: time between sendings [s of wall time].
         on_error: called once with the reason when sending fails.
         on_sent: called after each sending with (number of the next sample, samples sent so far, robot time of the last
             one [s]).
-        on_reached: called after each sending with the clock time up to which all is sent [s].
+        on_reached: called after each sending with the clock time up to which all samples are sent [s].
     """
 
     def __init__(
@@ -233,7 +244,7 @@ class Emulator(Driver):
         self._on_sent, self._on_reached = on_sent, on_reached
 
     def close(self) -> None:
-        """Stop the thread."""
+        """Stop the thread, and close the outlet."""
         super().close()
         self._outlet.close()
 

@@ -1,4 +1,4 @@
-"""Lab Streaming Layer: an inlet that finds its stream again, and outlets of emulated devices. No ROS."""
+"""Lab Streaming Layer (LSL): a reader that reconnects to its stream, and outlets of emulated devices. No ROS."""
 
 import contextlib
 import logging
@@ -28,11 +28,14 @@ LOG = logging.getLogger("hric.perception.lsl")
 LOOK = 0.1
 """Time between searches for a stream [s]; the constants of this file are project defaults, unconfirmed."""
 POLL, LONGEST_POLL = 0.01, 0.05
-"""Time between polls for samples, or half the duration of a message if longer [s]; few large blocks cost less."""
+"""Shortest and longest time between polls for samples [s]; in between, half the duration of a message.
+
+Few large blocks cost less than many small ones.
+"""
 BUFFER = 30
 """Length of liblsl's buffer for a slow reader [s]."""
 MAX_SAMPLES = 2048
-"""Largest number of samples of one pull."""
+"""Largest number of samples that one call of `pull_chunk` returns."""
 SCALES = {
     **dict.fromkeys(("volts", "volt", "v"), ("V", 1.0)),
     **dict.fromkeys(("millivolts", "millivolt", "mv"), ("V", 1e-3)),
@@ -42,42 +45,40 @@ SCALES = {
     **dict.fromkeys(("newton meters", "newton metres", "newton-meters", "nm", "n m", "n*m"), ("N m", 1.0)),
     **dict.fromkeys(("newton millimeters", "nmm", "n mm"), ("N m", 1e-3)),
 }
-"""Units in LSL's meta-data, lower case -> (unit here, factor)."""
+"""Unit in LSL's metadata, in lower case -> (SI unit, factor to it)."""
 LSL_UNITS = {"V": "volts", "s": "seconds", "N": "newtons", "N m": "newton meters"}
-"""Unit names of LSL's meta-data."""
+"""SI unit -> its name in LSL's metadata."""
 
 
 def use_session(session: str) -> None:
     """Restrict LSL to a session; call it before any other use of LSL in the process.
 
     Args:
-        session: "": as liblsl is configured on this machine (LSLAPICFG, lsl_api.cfg; else the whole network); a name:
-            only streams of processes on this machine with the same name, over loopback only: other users neither find
-            nor
-                read
-            them.
+        session: "": no restriction beyond liblsl's configuration on this machine (LSLAPICFG, lsl_api.cfg; by default
+            the whole network). A name: only streams of processes on this machine with the same session name, over
+            loopback only, so that other users can neither find nor read them.
 
     Raises:
-        ParameterError: not a name.
-        FailureError: this liblsl cannot be restricted to loopback.
+        ParameterError: the session's name has other characters than letters, digits, _ and -, or is too long.
+        FailureError: the installed liblsl cannot be restricted to loopback.
     """
     if not session:
         return
     if not re.fullmatch(r"[A-Za-z0-9_-]{1,60}", session):
         raise ParameterError(f"the lsl session is {session!r}; valid: up to 60 letters, digits, _ and -, or nothing")
-    if not confine("liblsl"):  # it has no option for it
-        raise FailureError("liblsl cannot be kept on loopback: it calls bind() in no way that is known here")
+    if not confine("liblsl"):  # liblsl has no option for it
+        raise FailureError("liblsl cannot be restricted to loopback: its calls of bind() were not found")
     pylsl.set_config_content(_MACHINE.format(session=session))
 
 
 @dataclass(frozen=True)
 class StreamQuery:
-    """Criteria for a stream.
+    """Criteria that select an LSL stream.
 
     Args:
-        kind: its type, e.g. "EMG"; "": any.
-        name: its name; "": any.
-        source_id: id of its device; "": any.
+        kind: type of the stream, e.g. "EMG"; "": any.
+        name: name of the stream; "": any.
+        source_id: id of the stream's device; "": any.
 
     Raises:
         ParameterError: no criterion, or a quotation mark, which a query cannot contain.
@@ -91,7 +92,7 @@ class StreamQuery:
         if not any((self.kind, self.name, self.source_id)):
             raise ParameterError("the lsl stream is not named; valid: a type, a name or a source_id")
         if "'" in self.kind + self.name + self.source_id:
-            raise ParameterError(f"{self}: valid: no quotation marks")
+            raise ParameterError(f"{self} contains the quotation mark '; valid: names without it")
 
     @property
     def query(self) -> str:
@@ -104,7 +105,7 @@ class StreamQuery:
 
 
 class LslReader(Driver):
-    """Driver that reads an LSL stream.
+    """Driver that reads an LSL stream, and reconnects when it is lost.
 
     Args:
         query: criteria for the stream.
@@ -127,8 +128,8 @@ class LslReader(Driver):
         while streams := self._find():
             if len(streams) > 1:
                 self._health.event(
-                    f"several streams are {self._query}: {', '.join(sorted(info.name() for info in streams))}; "
-                    "the first is read"
+                    f"several LSL streams match {self._query.query}: "
+                    f"{', '.join(sorted(info.name() for info in streams))}; {streams[0].name()} is read"
                 )
             try:
                 self._read(streams[0])
@@ -141,11 +142,10 @@ class LslReader(Driver):
             self._stream.end()
 
     def _find(self) -> list[pylsl.StreamInfo]:
-        """Wait until streams respond, and return them; empty if the driver is closed.
+        """Wait until matching streams respond, and return them; empty if the driver is closed.
 
-        The search runs in the background, since a single one now and then takes five seconds longer than its time-out
-        (liblsl
-        1.18).
+        The search runs in the background, since a single one sometimes takes five seconds longer than its time-out
+        (liblsl 1.18).
         """
         resolver = pylsl.ContinuousResolver(pred=self._query.query)
         while not self._stop.wait(LOOK):
@@ -155,7 +155,7 @@ class LslReader(Driver):
         return []
 
     def _read(self, info: pylsl.StreamInfo) -> None:
-        # The clock of this machine is the one that its own streams are stamped by: nothing to estimate.
+        # Streams of this machine are stamped by its own clock, so that there is no clock offset to estimate.
         flags = 0 if info.hostname() == socket.gethostname() else pylsl.proc_clocksync
         inlet = pylsl.StreamInlet(info, max_buflen=BUFFER, recover=False, processing_flags=flags)
         try:
@@ -174,20 +174,20 @@ class LslReader(Driver):
 
 
 def source_name(kind: str, name: str) -> str:
-    """Return the name of a stream in the messages of a driver, by its type and name."""
+    """Return the name by which a driver's messages refer to an LSL stream of this type and name."""
     return f"lsl {kind} {name}"
 
 
 def describe(info: pylsl.StreamInfo) -> tuple[Layout, FloatArray]:
-    """Return the layout of a stream, and factors to its units, shape (channels,).
+    """Return the layout of an LSL stream in SI units, and the factors to these, shape (channels,).
 
     Raises:
-        ParameterError: its values are text, or it has no regular rate.
+        ParameterError: the stream's values are text, or it has no regular rate.
     """
     name, count, rate = info.name(), info.channel_count(), info.nominal_srate()
     if info.channel_format() == pylsl.cf_string or rate <= 0:
         raise ParameterError(
-            f"the lsl stream {name} holds {'text' if rate > 0 else 'samples at no fixed rate'}; valid: numbers at "
+            f"the lsl stream {name} contains {'text' if rate > 0 else 'samples at no fixed rate'}; valid: numbers at "
             "a fixed rate"
         )
     labels, units, scales = [], [], []
@@ -204,7 +204,7 @@ def describe(info: pylsl.StreamInfo) -> tuple[Layout, FloatArray]:
 
 @dataclass(frozen=True)
 class LslSettings(Settings):
-    """Criteria that select the stream; without `type` it is the stream type of the sensor."""
+    """Parameters that select an LSL stream; without `type`, the stream type of the sensor is used."""
 
     type: str | None = text(None)
     name: str = text("", figures=True)
@@ -221,11 +221,11 @@ class LslSettings(Settings):
 
 
 class LslOutlet:
-    """LSL stream that others can find, from construction until `close`.
+    """Outgoing LSL stream that others can find, from construction until `close`.
 
     Args:
         layout: channels, units and rate; its source is the name of the stream.
-        kind: its type, e.g. "EMG".
+        kind: type of the stream, e.g. "EMG".
         source_id: id of the device.
     """
 

@@ -19,15 +19,18 @@ from hric_perception.chunk import FloatArray
 
 Row = TypeVar("Row")
 HISTORY = 5.0
-"""Time span of the rows that are stored [s] (project default, unconfirmed)."""
+"""Time span of the received values that are stored [s] (project default, unconfirmed)."""
 START_TOPIC = "hric/human/start"
 """Topic whose stamp is the robot time at which the emulated human's program begins."""
 START_DELAY = 0.2
-"""Delay after which it is known if the human had begun at a sample [s] (project default, unconfirmed)."""
+"""Delay of a replayed sample, so that it is known before whether the human had begun [s].
+
+Project default, unconfirmed.
+"""
 
 
 class RecentRows(Generic[Row]):
-    """Rows at increasing times, of the last seconds; thread-safe.
+    """History of rows (values at one time) of the last seconds, in the order of time; thread-safe.
 
     Args:
         span: time span of the rows that are stored [s].
@@ -38,7 +41,7 @@ class RecentRows(Generic[Row]):
         self._rows: deque[tuple[float, Row]] = deque()
 
     def store(self, time: float, row: Row) -> None:
-        """Store a row at a time [s]; an earlier time restarts the history, the same one replaces."""
+        """Store a row at a time [s]; a time before the last row clears the history, an equal one replaces that row."""
         with self._lock:
             if self._rows and time < self._rows[-1][0]:
                 self._rows.clear()
@@ -55,16 +58,16 @@ class RecentRows(Generic[Row]):
             return self._rows[-1][0] if self._rows else -math.inf
 
     def rows(self) -> list[tuple[float, Row]]:
-        """Return time [s] and row of all."""
+        """Return (time [s], row) of all stored rows."""
         with self._lock:
             return list(self._rows)
 
 
 class ValueTrack(RecentRows[FloatArray]):
-    """Values at increasing times, shape (columns,) each, linear in between, constant before and after.
+    """History of values, shape (columns,), interpolated linearly; constant before the first and after the last.
 
     Args:
-        count: number of columns; all 0 before the first values.
+        count: number of columns. Without stored values, all are 0.
     """
 
     def __init__(self, count: int) -> None:
@@ -80,7 +83,7 @@ class ValueTrack(RecentRows[FloatArray]):
 
 
 class Replayed:
-    """Samples of a trial, replayed from a robot time on, linear in between.
+    """Samples of a recorded trial, replayed from a robot time on and interpolated linearly.
 
     Args:
         samples: samples taken at k / rate, shape (n, channels).
@@ -99,11 +102,11 @@ class Replayed:
         return self._begin == math.inf
 
     def start(self, begin: float) -> None:
-        """Start the trial at a robot time [s]."""
+        """Set the robot time of the trial's first sample [s]."""
         self._begin = begin
 
     def __call__(self, first: int, times: FloatArray) -> FloatArray:
-        """Return the values as a signal of `EvenSensor`."""
+        """Return the values at robot times, shape (n,) [s], as a signal of `EvenSensor`; `first` is not used."""
         return self.at(times)
 
     def at(self, times: FloatArray) -> FloatArray:
@@ -116,10 +119,10 @@ class Replayed:
 
 
 def follow_human(node: Node, replayed: Replayed) -> float:
-    """Start a trial without a start time together with the emulated human.
+    """Let a trial without a start time begin when the emulated human's motion begins.
 
     Returns:
-        delay of its samples, until it is certain that the human had not begun [s].
+        delay with which samples must be sent, so that the human's start is known in time [s]; 0 with a start time.
     """
     if not replayed.waits:
         return 0.0
@@ -129,13 +132,13 @@ def follow_human(node: Node, replayed: Replayed) -> float:
 
 @dataclass(frozen=True)
 class RecordedEmg(TrialSettings):
-    """Program c3d of emulated muscles."""
+    """Settings of the program `c3d` of emulated muscles: EMG of a recorded trial."""
 
     channels: tuple[str, ...] | None = names(None, None)
     begin: float | None = number(None, minimum=0.0, unit="s")
 
     def replayed(self, muscles: Sequence[str]) -> Replayed:
-        """Return EMG channels [V], silent before and after the trial, one per muscle. Raises ParameterError."""
+        """Return the recorded EMG [V], one channel per muscle, 0 before and after the trial. Raises ParameterError."""
         channels = self.channels or tuple(muscles)
         if len(channels) != len(muscles):
             raise refused(
@@ -150,15 +153,15 @@ class RecordedEmg(TrialSettings):
 
 @dataclass(frozen=True)
 class RecordedLoad(TrialSettings):
-    """Program c3d of an emulated plate."""
+    """Settings of the program `c3d` of an emulated plate: load of a recorded trial."""
 
     plate: int = whole(1, minimum=0, maximum=1000)
     begin: float | None = number(None, minimum=0.0, unit="s")
 
     def replayed(self) -> Replayed:
-        """Return the load on a plate of a trial, in its frame with z up [N, N m]. Raises ParameterError.
+        """Return the recorded load on a plate, in the plate's frame with z up [N, N m]. Raises ParameterError.
 
-        The first and last load are held.
+        Before and after the trial, the first and the last load are held.
         """
         trial = self.trial()
         try:

@@ -1,4 +1,4 @@
-"""Time and sequence number of samples whose stamps jitter, jump, or are only arrival times. No ROS."""
+"""Robot time and sequence number of samples whose stamps jitter or jump, or that only have arrival times. No ROS."""
 
 from collections import deque
 from collections.abc import Callable
@@ -10,61 +10,68 @@ from hric_core.robot_time.rising_line import SLOWEST
 from hric_perception.chunk import Chunk, FloatArray, Layout
 
 WINDOW = 2.0
-"""Time window of the line fit [s]. The constants of this file are project defaults, unconfirmed."""
-RATE_SPAN = 0.5
-"""Time span from which on the measured rate is used [s]."""
-RATE_LIMIT = 0.05
-"""Largest relative difference from the declared rate."""
-EXACT = 0.5
-"""Scatter of the steps, relative to a sample, below which stamps count as exact and show a gap at once.
+"""Time window of the fit of a line, robot time over sample number [s].
 
-With more scatter a gap must last for CONFIRM.
+The constants of this file are project defaults, unconfirmed.
+"""
+RATE_SPAN = 0.5
+"""Time span of samples from which on the measured sample rate replaces the declared one [s]."""
+RATE_LIMIT = 0.05
+"""Largest relative difference of the measured from the declared sample rate [1]."""
+EXACT = 0.5
+"""Largest scatter of the time steps between blocks with which stamps count as exact [sample periods].
+
+Exact stamps show a gap at once. With more scatter a gap must last for CONFIRM.
 """
 CONFIRM, ARRIVAL_CONFIRM = 0.1, 0.5
-"""Times for which a gap must last, for stamps and for arrivals [s]; samples are held back meanwhile.
+"""Time for which a gap must last to be counted, with stamps and with arrival times [s]; samples wait meanwhile.
 
-It is longer for arrivals, since delayed ones arrive in a burst afterwards.
+It is longer with arrival times, since delayed samples arrive in a burst afterwards.
 """
 LEARN = 10
-"""Number of blocks after which the scatter is known."""
+"""Number of sample blocks after which the scatter of their stamps is known."""
 SPREADS = 6.0
-"""Smallest gap, in mean deviations from the line; all of the following limits apply, too."""
+"""Smallest offset of a block from the fitted line that counts as a gap [mean deviations of the stamps].
+
+The largest of SPREADS, SAMPLES and ARRIVAL_GAP applies.
+"""
 SAMPLES = 1.5
-"""Smallest gap in samples."""
+"""Smallest offset of a block from the fitted line that counts as a gap [sample periods]."""
 ARRIVAL_GAP = 0.1
-"""Smallest gap if only arrivals are known, which come late in bursts [s]."""
+"""Smallest offset of a block from the fitted line that counts as a gap, with arrival times, which are uneven [s]."""
 PASSES, TRIM, FINE = 3, 5.0, 1e-5
-"""Passes of the line fit; outliers beyond TRIM medians of the deviations, and beyond FINE [s], are left out."""
+"""Passes of the fit of robot time over sample number; outliers are beyond TRIM median deviations and FINE [s]."""
 FIT_ALL, FIT_INTERVAL = 20, 4
-"""Schedule of the line fit: at each of the first FIT_ALL blocks, then at every FIT_INTERVAL-th, to save time."""
+"""Blocks at which the line is fitted: each of the first FIT_ALL, then every FIT_INTERVAL-th, to save time."""
 STEPS = 51
-"""Number of blocks from which the length of a step is computed."""
+"""Number of newest blocks from which the time between samples and its scatter are computed."""
 DEVIATIONS = 3.0
-"""Smallest gap, in the largest recent deviations of the stamps from even steps."""
+"""Smallest gap by the monotonic clock [largest recent deviations of stamps from even steps]."""
 CLOCK_STEP = 0.1
-"""Jump of the run's time beyond which it counts as another clock [s]."""
+"""Jump of robot time beyond which it counts as a clock reset [s]."""
 JUMP = 10.0
-"""Length beyond which a gap counts as a clock reset [s]."""
+"""Length beyond which a gap counts as a clock reset, not as lost samples [s]."""
 
 
 class SampleClock:
-    """Assignment of sample blocks to a line of robot time over sample number.
+    """Clock that assigns robot time to blocks of samples, by a line of robot time over sample number.
 
-    Exact stamps are used as they are. Others scatter about a line: least squares. Arrivals are late, never early: the
-    line is the envelope of the earliest. If the line goes back, as when the run has lost time, samples are placed
-    closer together until they are on it again: time never goes back, unless the run or the clock of the source
-    restarts.
+    Exact stamps are used as they are. Through stamps that scatter, the line is a least squares fit. Arrivals are late,
+    never early: the line is the envelope of the earliest. If the line moves back, because robot time fell behind the
+    source's clock, samples are placed closer together until they are on it again: time never goes back, unless the run
+    or the clock of the source restarts.
 
     Args:
         layout: layout of the samples, with the declared rate.
-        robot_time: monotonic time [s] -> time of the run [s]; None: not known. It may correct past values later.
-        latency: None: the times are stamps of the source; else they are arrivals, and this is the minimum time from the
-            sample to them [s].
+        robot_time: function from monotonic time [s] to robot time [s]; None: not known. Later it may return other
+            values for the past.
+        latency: None: samples have stamps of the source; else they have arrival times, and this is the minimum time
+            from sample to arrival [s].
 
     Attributes:
         lost: number of missing samples.
         jumps: number of clock resets.
-        number: number of the next sample.
+        number: sequence number of the next sample.
     """
 
     def __init__(
@@ -73,7 +80,7 @@ class SampleClock:
         self.layout, self._robot_time, self._latency = layout, robot_time, latency
         self.lost, self.jumps, self.number = 0, 0, 0
         self._points: deque[tuple[int, float]] = deque()
-        self._line = (0, 0.0, 1.0 / layout.rate)  # number and time of its origin, and its period
+        self._line = (0, 0.0, 1.0 / layout.rate)  # sample number and time of its origin, and its slope
         self._unfitted = 0
         self._spread = 0.0
         self._held: deque[tuple[float, FloatArray, int | None]] = deque()
@@ -83,19 +90,19 @@ class SampleClock:
         self._exact = False
         self._known = self._end = float(
             "-inf"
-        )  # time of the run at the last block, and assigned time of its last sample
+        )  # robot time at the last block, and assigned time of the last sample of that block
 
     def add(self, monotonic: float, data: FloatArray, lost: int | None = None) -> list[Chunk]:
-        """Add a block of samples without gap.
+        """Add a block of samples without a gap between them.
 
         Args:
-            monotonic: stamp or arrival time of the LAST sample, monotonic clock [s].
+            monotonic: stamp or arrival time of the LAST sample of the block, by the monotonic clock [s].
             data: values, shape (samples, channels).
-            lost: samples missing before the block by the source's sequence numbers; None: it has none, and gaps are
-                detected from the times.
+            lost: number of samples missing before the block by the source's sequence numbers; None: it has none, and
+                gaps are detected from the times.
 
         Returns:
-            chunks with times: none while a gap is not certain, then all that were held back.
+            chunks with robot times: none while a gap is not certain, afterwards all that were held back.
         """
         self._held.append((monotonic, data, lost))
         placed: list[Chunk] = []
@@ -104,12 +111,12 @@ class SampleClock:
         return placed
 
     def flush(self) -> list[Chunk]:
-        """Return the chunks that are still held back."""
+        """Return the blocks that are still held back, as chunks with robot times."""
         held, self._held = self._held, deque()
         return [self._assign_times(*block) for block in held]
 
     def _certain(self, now: float) -> int:
-        """Return how many held-back blocks can be placed, after a step of the line if they show one."""
+        """Return how many held-back blocks can get their times; if they confirm a gap, first account for it."""
         if not self._points or self._fits(self._strayed(len(self._held))):
             return len(self._held)
         strayed = self._strayed(1)
@@ -122,7 +129,7 @@ class SampleClock:
         return count
 
     def _strayed(self, count: int) -> float:
-        """Return how far the last of `count` blocks is behind the line [s]."""
+        """Return by how much the last of the first `count` held-back blocks is later than the line [s]."""
         time = self._robot_time(self._held[count - 1][0])
         samples = self._samples(count)
         return 0.0 if time is None else time - (self._latency or 0.0) - self._at(self.number + samples - 1)
@@ -131,18 +138,19 @@ class SampleClock:
         return abs(strayed) <= self._limit() or (self._latency is not None and -JUMP < strayed < 0)
 
     def _limit(self) -> float:
-        """Return the smallest length of a gap [s]."""
+        """Return the smallest offset of a block's time from the fitted line that counts as a gap [s]."""
         limit = max(SAMPLES / self.layout.rate, SPREADS * self._spread)
         return limit if self._latency is None else max(limit, ARRIVAL_GAP)
 
     def _step_length(self) -> float:
-        """Return the time between samples by the monotonic clock, without pauses [s]."""
+        """Return the usual time between samples by the monotonic clock [s]: the median, which ignores gaps."""
         return float(np.median(self._steps)) if self._steps else 1.0 / self.layout.rate
 
     def _step(self, count: int) -> None:
-        """Assign numbers to the samples after a gap, or begin another line, before the last of `count` blocks.
+        """Account for a gap before `count` held-back blocks: skip numbers of lost samples, or begin a new line fit.
 
-        A gap shows on both clocks; a pause of the run, or a line through its pairs that moves, shows on one of them.
+        Lost samples are a gap in monotonic and robot time. A gap in only one of them is a pause of the run, or a
+        correction of robot time, and begins a new line fit.
         """
         strayed, length = self._strayed(count), self._step_length()
         missing = (self._held[count - 1][0] - self._monotonic) / length - self._samples(count)
@@ -157,7 +165,7 @@ class SampleClock:
         self._points.clear()
 
     def _samples(self, count: int) -> int:
-        """Return the samples in `count` blocks, including those missing before them by the source's numbers."""
+        """Return the number of samples in `count` held-back blocks, plus those that the source counts as missing."""
         return sum(len(data) + (lost or 0) for _, data, lost in islice(self._held, count))
 
     def _assign_times(self, monotonic: float, data: FloatArray, lost: int | None) -> Chunk:
@@ -167,7 +175,7 @@ class SampleClock:
         known = self._robot_time(monotonic)
         time = self._at(last) if known is None else known - (self._latency or 0.0)
         if known is not None:
-            if known < self._known - CLOCK_STEP:  # stamps jitter by less
+            if known < self._known - CLOCK_STEP:  # robot time was reset: stamps jitter by less
                 self._end = float("-inf")
             self._known = known
         self.number += len(data)
@@ -187,7 +195,7 @@ class SampleClock:
         return self._after_last(first, data)
 
     def _after_last(self, first: int, data: FloatArray) -> Chunk:
-        """Return the chunk on the line, or behind the last one and closer together."""
+        """Return a block as a chunk on the line, or closer together behind the last chunk, if that reaches further."""
         count, nominal, before = len(data), 1.0 / self.layout.rate, self._end
         start, pace = max(0.0, self._at(first)), 1.0
         if start <= before:
@@ -197,7 +205,7 @@ class SampleClock:
         return Chunk(self.layout, start, first, data, pace)
 
     def _note(self, step: float, samples: int) -> None:
-        """Update the scatter of the stamps with a step by the monotonic clock [s]."""
+        """Update the scatter of the stamps with the time step between two blocks [s] and its number of samples."""
         self._steps.append(step / samples)
         self._deviations.append(abs(step - samples * self._step_length()))
         exact = (
@@ -210,7 +218,7 @@ class SampleClock:
         self._exact = exact
 
     def _at(self, number: int) -> float:
-        """Return the time of a sample number on the line [s]."""
+        """Return the robot time of a sample number on the line [s]."""
         origin, time, period = self._line
         return time + period * (number - origin)
 
@@ -229,9 +237,9 @@ class SampleClock:
 
 
 def _trimmed_line(k: FloatArray, t: FloatArray, nominal: float, sloping: bool) -> tuple[float, float, float]:
-    """Return (offset, period, mean deviation) of the least-squares line without outliers.
+    """Return (offset, period, mean deviation) [s] of the least-squares line t = offset + period k without outliers.
 
-    The period is fitted if `sloping`, else the nominal one.
+    If `sloping`, the period is fitted, else it is the nominal one.
     """
     inliers = np.ones(len(k), dtype=bool)
     offset, period, rest = 0.0, nominal, t
@@ -249,7 +257,7 @@ def _trimmed_line(k: FloatArray, t: FloatArray, nominal: float, sloping: bool) -
 
 
 def _envelope_period(k: FloatArray, t: FloatArray, nominal: float) -> float:
-    """Return the period of the line from the earliest point of the first third to that of the last third."""
+    """Return the slope [s] of the line from the earliest point (k, t) in the first third to that in the last third."""
     rest = t - nominal * k
     third = max(1, len(k) // 3)
     a, b = int(rest[:third].argmin()), len(k) - third + int(rest[-third:].argmin())

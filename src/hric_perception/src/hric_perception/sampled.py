@@ -1,7 +1,7 @@
 """Evenly sampled sensor: parameters of its driver and of its emulated device, and both in one process. No ROS node.
 
-A sensor derives from `DriverSettings` and `DeviceSettings`; `hric_perception.sensor` runs both as nodes, `headless`
-both in one process, without transport.
+A sensor derives its parameters from `DriverSettings` and `DeviceSettings`. `hric_perception.sensor` runs driver and
+device as nodes, `headless` runs both in one process, without transport.
 """
 
 from collections.abc import Callable, Mapping
@@ -19,21 +19,21 @@ from hric_perception.simulated import KnownTime
 from hric_perception.stream import CHUNK, NS, Driver, SampleStream, StreamHealth
 
 SWITCHED_ON = -1.0
-"""Start of a headless device before the run, so that the first sample has robot time 0 [s]."""
+"""Robot time at which a headless device starts [s], before 0, so that its first sample is taken at 0."""
 
 
 class SamplePublisher(Protocol):
-    """Publisher of a sensor's samples; called from one thread."""
+    """Interface of a publisher of a sensor's samples, which is called from one thread."""
 
     def choose(self, layout: Layout) -> Layout:
-        """Return the layout of a stream as it is published. Raises ParameterError."""
+        """Return the layout with which a stream's samples are published. Raises ParameterError."""
 
     def publish(self, chunk: Chunk) -> None:
-        """Publish the next chunk, and what is computed from it."""
+        """Publish the next chunk, and the values computed from it."""
 
 
 class Closable(Protocol):
-    """Sender of the samples of an emulated sensor."""
+    """Interface of a sender of an emulated sensor's samples that can be stopped."""
 
     def close(self) -> None:
         """Stop sending."""
@@ -48,7 +48,7 @@ class Device(NamedTuple):
         signal: measured signal.
         faults: faults of the samples.
         known: function that returns the time up to which the measured quantity is known [s].
-        replayed: trial that it replays, if any.
+        replayed: recorded trial that the device replays; None: none.
     """
 
     settings: "DeviceSettings"
@@ -60,33 +60,33 @@ class Device(NamedTuple):
     replayed: Replayed | None
 
     def sensor(self) -> EvenSensor:
-        """Return the sampled sensor."""
+        """Return the emulated sensor that samples the signal and adds the faults."""
         return EvenSensor(self.settings.rate, len(self.channels), self.signal, self.faults)
 
     @property
     def layout(self) -> Layout:
-        """Layout of the samples as they leave the device; the source is the stream's name."""
+        """Layout of the samples that the device sends, time code included; the source is the stream's name."""
         code, settings = self.faults.time_code, self.settings
         return Layout(settings.name, self.channels + ("time",) * code, self.units + ("s",) * code, settings.rate)
 
 
 @dataclass(frozen=True)
 class DeviceSettings(Settings):
-    """Parameters of an emulated device."""
+    """Parameters of an emulated sensor's node."""
 
     kind: ClassVar[str]
-    """Type of its LSL stream."""
+    """Type of the device's LSL stream."""
     transport: str = choice("lsl")
     session: str = text("", figures=True, text="LSL session, see below")
-    name: str = text("emulated", figures=True, text="of the LSL stream")
+    name: str = text("emulated", figures=True, text="name of the LSL stream")
     rate: float = number(minimum=10.0, maximum=20000.0, unit="Hz")
-    faults: Mapping[str, object] = mapping(default={}, text="see below")
+    faults: Mapping[str, object] = mapping(default={}, text="faults of the samples, see below")
     seed: int = SEED
     block: float = BLOCK
 
     @property
     def source(self) -> str:
-        """Name of the stream in the driver's messages."""
+        """Name of the device's stream, as its driver writes it into messages."""
         return source_name(self.kind, self.name)
 
     @property
@@ -100,52 +100,52 @@ class DeviceSettings(Settings):
         return f"emulated {self.kind}"
 
     def device(self, node: Node) -> Device:
-        """Return the device, which may subscribe to what it measures. Raises HricError."""
+        """Create the emulated device; it may subscribe to topics with the measured quantity. Raises HricError."""
         raise NotImplementedError
 
     def outlet(self, device: Device) -> Outlet:
-        """Return the outlet of the samples. Raises HricError."""
+        """Create the outlet that sends the device's samples. Raises HricError."""
         use_session(self.session)
         return LslOutlet(device.layout, self.kind, self.name)
 
     def served(self, device: Device, clock: Clock, on_reached: Callable[[float | None], None]) -> Closable | None:
-        """Return a server that samples the device itself, from now on; None: `outlet` takes the samples."""
+        """Start and return a server that samples the device itself; None: an `Emulator` samples it for `outlet`."""
         return None
 
 
 @dataclass(frozen=True)
 class DriverSettings(Settings):
-    """Parameters of a driver."""
+    """Parameters of a sensor driver's node."""
 
     kind: ClassVar[str]
-    """Type of the LSL stream that it reads, unless its parameters name another one."""
+    """Type of the LSL stream that the driver reads, unless its parameters name another one."""
     also: ClassVar[tuple[str, ...]] = ()
-    """Parameters of its node that are read elsewhere."""
+    """Names of further parameters of the driver's node, which other code reads."""
     source: str = choice("lsl")
     lsl: LslSettings = section(LslSettings)
     chunk: float = CHUNK
 
     def publisher(self, node: Node, on_trouble: Callable[[str], None]) -> SamplePublisher:
-        """Return the publisher; on_trouble: callback with the reason if something cannot be published."""
+        """Return the publisher of samples; on_trouble: callback with the reason if some output cannot be published."""
         raise NotImplementedError
 
     def driver(self, node: Node, publisher: Any, stream: SampleStream, health: StreamHealth) -> Driver:
-        """Return the driver of the source, not started. Raises HricError."""
+        """Return the driver that reads the sensor, not started yet. Raises HricError."""
         return self.lsl.reader(self.kind, stream, health, publisher.choose)
 
     def local_outlet(self, device: Device, publisher: SamplePublisher, stream: SampleStream) -> Outlet:
-        """Return the outlet of a device in this process, and begin the stream. Raises ParameterError."""
+        """Begin `stream`; return the outlet by which a device in this process sends to it. Raises ParameterError."""
         transport = device.settings.transport
         if self.source != transport:
-            raise refused(f"{self.prefix}source", self.source, f"{transport}, the transport of the emulated device")
+            raise refused(f"{self.prefix}source", self.source, f"{transport}, which the emulated device uses")
         if self.source != "lsl":
-            raise refused(f"{self.prefix}source", self.source, "lsl, without a network")
+            raise refused(f"{self.prefix}source", self.source, "lsl, the only source that works without a network")
         stream.begin(publisher.choose(replace(device.layout, source=device.settings.source)))
         return StampedOutlet(stream)
 
 
 class HeadlessClock:
-    """Clock that is set by hand; its monotonic clock is robot time.
+    """Clock of a headless run, set by the caller; its monotonic time is robot time.
 
     Attributes:
         time: robot time [s].
@@ -164,7 +164,7 @@ class HeadlessClock:
 
 
 class HeadlessSensor:
-    """Emulated sensor that sends due samples block by block.
+    """Emulated sensor of a headless run, which sends its due samples block by block.
 
     Args:
         device: emulated device.
@@ -178,7 +178,7 @@ class HeadlessSensor:
         sensor.due(SWITCHED_ON)
 
     def advance(self, time: float) -> None:
-        """Advance to a time of the run [s]."""
+        """Advance to a robot time [s]; once per block, send the samples that are due."""
         if time >= self._blocks * self._block:
             self._blocks = int(time / self._block) + 1
             self._clock.time = time
@@ -186,10 +186,10 @@ class HeadlessSensor:
 
 
 class StampedOutlet:
-    """Outlet of samples with stamps, as a reader of Lab Streaming Layer receives them.
+    """Outlet that passes stamped samples to a stream in this process, as an LSL reader would.
 
     Args:
-        stream: receiver of the samples; it has begun.
+        stream: receiver of the samples, already begun.
     """
 
     def __init__(self, stream: SampleStream) -> None:
@@ -205,9 +205,9 @@ class StampedOutlet:
 
 
 def headless(driver: DriverSettings, device: DeviceSettings, driver_node: Node, device_node: Node) -> HeadlessSensor:
-    """Return an emulated device whose samples are published as by the driver's node, without transport.
+    """Return an emulated device with its driver: samples are published as by the driver's node, without transport.
 
-    The samples pass through the same numbering, stamps and publishers as live ones; results depend only on the seed.
+    Numbering, stamps and publishers of the samples are those of a live run; results depend only on the seed.
 
     Args:
         driver: parameters of the driver.

@@ -1,7 +1,7 @@
-"""Section of an experiment file for an evenly sampled sensor.
+"""Base class of an experiment file's section for an evenly sampled sensor.
 
 A package exports the sections of its sensors as plugins of the base `hric_perception::Sensor`, by the name of the
-section. From this declaration follow the keys of the file, their schema and overrides, the parameters of the nodes, the
+section. This declaration defines the keys in the file, their schema and overrides, the parameters of the nodes, the
 source of the synchroniser, and the sensor of a headless run.
 """
 
@@ -23,19 +23,21 @@ BLOCK = 0.02
 """Longest time between two sendings of an emulated device [s of wall time], as of real ones (project default,
 unconfirmed)."""
 CHUNK_GAP = 0.01
-"""Longest time between samples that are interpolated [s]: lost samples are not bridged (project default,
-unconfirmed)."""
+"""Longest time between two samples across which the synchroniser interpolates [s]: lost samples are not bridged.
+
+Project default, unconfirmed.
+"""
 
 
 class SignalPlan(TypedDict):
-    """Signals of one source in the plan of the synchroniser: path of the fields, and their unit."""
+    """Signals of one source in the synchroniser's plan: path of the message fields, and their unit."""
 
     field: str
     unit: str
 
 
 class SourcePlan(TypedDict):
-    """Source in the plan of the synchroniser; max_gap: longest time between samples that are interpolated [s]."""
+    """Source in the synchroniser's plan; max_gap: longest time between samples for interpolation [s]."""
 
     topic: str
     type: str
@@ -44,12 +46,12 @@ class SourcePlan(TypedDict):
 
 
 def session() -> str:
-    """Return the LSL session of emulated devices: bring-ups on one machine have masters with different ports."""
+    """Return the LSL session of emulated devices, named by the ROS master's port: unique per bring-up on a machine."""
     return f"hric_{urlparse(os.environ.get('ROS_MASTER_URI', '')).port or 11311}"
 
 
 def for_node(declaration: Parameter, text: str) -> Any:
-    """Return a mapping that a node reads: checked by the node's declaration, stored as it is; None: not set."""
+    """Return a parameter for a mapping that a node reads: checked by the node's declaration, stored unconverted."""
 
     def convert(value: Any, where: str, joints: Sequence[str]) -> dict[str, object]:
         declaration.checked(value, where, joints)
@@ -69,10 +71,10 @@ class SensorSection(Settings):
     driver_keys: ClassVar[tuple[str, ...]] = ("lsl",)
     """Keys that the driver's node reads."""
     described_keys: ClassVar[tuple[str, ...]] = ()
-    """Keys that only exported files need."""
-    transport: str = choice("lsl", text="by which the samples come")
+    """Keys that are only used in exported files, such as c3d."""
+    transport: str = choice("lsl", text="transport of the samples")
     channels: tuple[str, ...] = ()
-    rate: float = number(1000.0, minimum=10.0, maximum=20_000.0, unit="Hz", text="of the emulated device")
+    rate: float = number(1000.0, minimum=10.0, maximum=20_000.0, unit="Hz", text="sample rate of the emulated device")
     device: str = choice(EMULATED, REAL, NONE, text="real: without the emulated device; none: without the sensor")
     chunk: float = number(
         0.05,
@@ -81,17 +83,19 @@ class SensorSection(Settings):
         unit="s",
         text="duration of a message; a few large ones cost less than many small ones (project default, unconfirmed)",
     )
-    lsl: Mapping[str, object] | None = for_node(section(LslSettings), "which stream: hric_perception")
+    lsl: Mapping[str, object] | None = for_node(
+        section(LslSettings), "selection of the LSL stream, see hric_perception"
+    )
     emulated: Mapping[str, Any] = mapping(default={}, text="what the emulated device measures, and its `faults`")
 
     @classmethod
     def parts(cls) -> tuple[type[DriverSettings], type[DeviceSettings]]:
-        """Return the parameters of the driver's node and of the emulated device's; only a run needs their modules."""
+        """Return the parameter classes of the driver's and the device's node; their modules are imported only here."""
         raise NotImplementedError
 
     @property
     def source(self) -> SourcePlan:
-        """Source for the plan of the synchroniser, see `_source`."""
+        """Entry of this sensor in the synchroniser's plan."""
         raise NotImplementedError
 
     @property
@@ -101,38 +105,38 @@ class SensorSection(Settings):
 
     @property
     def time_code(self) -> bool:
-        """True if a channel has the robot time of each sample."""
+        """True if one channel has the robot time of each sample as its value."""
         return self.device == EMULATED and bool((self.emulated.get("faults") or {}).get("time_code", False))
 
     @property
     def wire(self) -> str:
-        """Part of the sensor that needs a wire, for messages; "": none."""
+        """Name, for messages, of the part of the sensor that needs a network connection; "": none."""
         return f"a real {self.name}" if self.device == REAL else ""
 
     @property
     def follows(self) -> str:
-        """Key of the mapping whose program measures the body of the human in the robot's plant; "": none does."""
+        """Name of the key by which an emulated device measures the body of the simulated human; "": none does."""
         return ""
 
     def record(self) -> dict[str, object]:
-        """Return the values for run.yaml; those of the driver's node and those for exported files are grouped."""
+        """Return the section's values for run.yaml; those of the driver and those for exported files are grouped."""
         grouped = {*self.driver_keys, *self.described_keys}
         values = {item.name: getattr(self, item.name) for item in fields(self) if item.name not in grouped}
         return {"driver": self._set(self.driver_keys), "described": self._set(self.described_keys), **values}
 
     def nodes(self, seed: int, person: Mapping[str, object]) -> dict[str, dict[str, object]]:
-        """Return the private parameters of the driver and of the emulated device, by the names of the nodes.
+        """Return the private parameters of driver and emulated device, by the names of the nodes.
 
         Args:
             seed: seed of all randomness.
-            person: parameters `person` and `world_from_base` that describe the human in the robot's plant; empty: there
-                is none.
+            person: parameters `person` and `world_from_base` of a node, which describe the simulated human; empty:
+                there is none.
         """
         emulated = {self.emulated_name: self._emulated(seed)} if self.device == EMULATED else {}
         return {self.name: self._driver()} | emulated
 
     def headless(self, node: Node) -> HeadlessSensor:
-        """Return the emulated device with its driver in this process; node: namespace of the robot."""
+        """Return the emulated device with its driver in this process; node: node in the robot's namespace."""
         driver_node, device_node = node.child(self.name), node.child(self.emulated_name)
         driver, device = self.parts()
         return headless(driver.read(driver_node), device.read(device_node), driver_node, device_node)
@@ -154,7 +158,7 @@ class SensorSection(Settings):
         return {"name": self.emulated_name, "session": session(), **(self.lsl or {})}
 
     def _source(self, topic: str, units: Mapping[str, Sequence[str]]) -> SourcePlan:
-        """Return a source with the time code, by which the samples show their own skew; units: channels by unit."""
+        """Return a source with its time code, if any, from which skew is computed; units: channels by unit."""
         code = {"s": ["time"]} if self.time_code and self.transport == "lsl" else {}
         signals: list[SignalPlan] = [
             {"field": f"data[{', '.join(channels)}]", "unit": unit} for unit, channels in {**units, **code}.items()

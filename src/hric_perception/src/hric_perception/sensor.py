@@ -16,7 +16,7 @@ from hric_perception.stream import ERROR, OK, WARN, SampleStream, StreamHealth, 
 
 
 class SensorNode(NodeApp):
-    """Node from a driver to topics, running from construction on.
+    """Node that publishes the samples of a sensor's driver, running from construction on.
 
     Args:
         node: private node.
@@ -40,13 +40,13 @@ class SensorNode(NodeApp):
         self._driver.start()
 
     def tick(self) -> None:
-        """Publish diagnostics. Raises HricError in a run that is not paced."""
+        """Publish diagnostics. Raises HricError if the run is not paced, that is, not held to a real-time factor."""
         self._robot_time.tick()
         health = self._health.report(self._robot_time.standing)
         health.values.update(
             {
-                "time of the run from": self._robot_time.source,
-                "before the run's time was known": str(self._stream.untimed),
+                "source of robot time": self._robot_time.source,
+                "samples before robot time was known": str(self._stream.untimed),
             }
         )
         self._reporter.report(health)
@@ -58,19 +58,19 @@ class SensorNode(NodeApp):
 
 
 def run_driver(name: str, text: str, settings: type[DriverSettings]) -> int:
-    """Run a driver's node, and return the exit code; text: for --help."""
+    """Run the node of a sensor's driver, and return its exit code; text: printed by --help."""
     return run(name, text, lambda node: SensorNode(node, settings.read(node)), settings, *settings.also)
 
 
 class EmulatedNode(NodeApp):
-    """Node of an emulated device that streams from construction on; samples wait until what they measure is known.
+    """Node of an emulated device that streams from construction on, as far as the measured quantity is known.
 
     Args:
         node: private node.
         settings: parameters of the device.
 
     Raises:
-        HricError: a parameter is not valid, or a port is in use.
+        HricError: a parameter is not valid, or a network port is in use.
     """
 
     def __init__(self, node: RosNode, settings: DeviceSettings) -> None:
@@ -82,10 +82,10 @@ class EmulatedNode(NodeApp):
         self._source: Closable = settings.served(device, self._clock, self._progress.reached) or self._sending(
             node, settings, settings.outlet(device)
         )
-        node.log_info(f"{settings.title} at {settings.rate:g} Hz by {settings.transport}")
+        node.log_info(f"streaming {settings.title} at {settings.rate:g} Hz by {settings.transport}")
 
     def tick(self) -> None:
-        """Publish diagnostics. Raises HricError in a run that is not paced."""
+        """Publish diagnostics. Raises HricError if the run is not paced, that is, not held to a real-time factor."""
         self._robot_time.tick()
         sensor, replayed = self._sensor, self._replayed
         sends = isinstance(self._source, Emulator)
@@ -93,11 +93,12 @@ class EmulatedNode(NodeApp):
         if self._robot_time.standing:
             health = StreamReport(WARN, "the run is paused or has not begun", values)
         elif self._clock.now() is None:
-            health = StreamReport(WARN, "nothing is known of the human in the robot's plant", values)
+            health = StreamReport(WARN, "waiting for the first message about the simulated human", values)
         elif replayed is not None and replayed.waits:
-            health = StreamReport(OK, f"streams; the trial begins with the emulated human, {START_TOPIC}", values)
+            text = f"streaming; the recorded trial begins with the emulated human (topic {START_TOPIC})"
+            health = StreamReport(OK, text, values)
         else:
-            health = StreamReport(OK, "streams", values)
+            health = StreamReport(OK, "streaming", values)
         self._reporter.report(health)
 
     def close(self) -> None:
@@ -116,16 +117,16 @@ class EmulatedNode(NodeApp):
 
 
 def run_device(name: str, text: str, settings: type[DeviceSettings]) -> int:
-    """Run the node of an emulated device, and return the exit code; text: for --help."""
+    """Run the node of an emulated device, and return its exit code; text: printed by --help."""
     return run(name, text, lambda node: EmulatedNode(node, settings.read(node)), settings)
 
 
 class Reporter:
-    """Diagnostics of one stream.
+    """Publisher of the diagnostics of one stream.
 
     Args:
-        node: private node; names the status.
-        what: subject of the status, e.g. "stream".
+        node: private node; its name is the first part of the status' name.
+        what: second part of the status' name, e.g. "stream".
     """
 
     def __init__(self, node: Node, what: str) -> None:

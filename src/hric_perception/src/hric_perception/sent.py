@@ -12,13 +12,13 @@ PERIOD = 0.1
 
 
 class SentCounts:
-    """Counter of one source; called from one thread.
+    """Publisher of how many samples one emulated source has sent; called from one thread.
 
     Args:
         node: node that publishes.
-        source: name in the driver's messages; "": the frames of the motion capture.
+        source: name of the source in its driver's messages; "": the frames of the motion capture.
         counts: counted items: samples or frames.
-        rate: rate per second of robot time [Hz].
+        rate: samples or frames per second of robot time [Hz].
     """
 
     def __init__(self, node: Node, source: str, counts: str, rate: float) -> None:
@@ -27,12 +27,12 @@ class SentCounts:
         self._published = 0.0
 
     def publish(self, following: int, sent: int, last: float) -> None:
-        """Publish the counts if the last message is old enough.
+        """Publish the counts, at most once per PERIOD.
 
         Args:
-            following: number of the next sample.
+            following: sequence number of the next sample.
             sent: samples sent so far; all of them are on the wire.
-            last: robot time of the last one [s].
+            last: robot time of the last sample sent [s].
         """
         now = time.monotonic()
         if now - self._published < PERIOD or last < 0.0:

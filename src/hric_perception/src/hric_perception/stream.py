@@ -19,19 +19,22 @@ SILENT = 0.5
 START = 10.0
 """Startup time in which a source without samples is no error [s of wall time]; project default, unconfirmed."""
 MEMORY = 5.0
-"""Time for which an event is reported [s]."""
+"""Time for which a past event is reported in diagnostics [s]."""
 RATE_SPAN = 2.0
-"""Time span from which the rate is computed [s]."""
+"""Time span from which the sample rate is computed [s of wall time]."""
 RATE_TOLERANCE = 0.02
-"""Largest relative difference between measured and declared rate."""
+"""Largest relative difference between measured and declared sample rate [1]."""
 CHUNK: Any = number(0.01, minimum=0.0, maximum=1.0, unit="s", name="chunk", text="duration of a message")
 NS = 1_000_000_000
 BREAK = 1.5
-"""Difference between stamps that is a gap, in sample periods more than the others (project default, unconfirmed)."""
+"""Smallest deviation of a time step from the median step that is a gap, in median steps.
+
+Project default, unconfirmed.
+"""
 
 
 class StreamReport(NamedTuple):
-    """Level, text and values of a health report."""
+    """Health report of a stream for diagnostics: level, text, and values by name."""
 
     level: int
     text: str
@@ -39,13 +42,14 @@ class StreamReport(NamedTuple):
 
 
 class StreamHealth:
-    """Health of a stream; written by a driver's thread, read by another one.
+    """Health of a sample stream: counts, rate and events; written by a driver's thread, read by another one.
 
     Args:
         expected: awaited stream, e.g. "lsl stream of type EMG".
 
     Attributes:
-        samples, lost, not_finite, jumps, begun: counts since the start.
+        samples, lost, not_finite, jumps, begun: numbers so far of samples received, samples lost, values that are not
+            finite, clock resets, and starts of the stream.
     """
 
     def __init__(self, expected: str) -> None:
@@ -57,7 +61,7 @@ class StreamHealth:
         self._arrived: deque[tuple[float, int]] = deque()
 
     def began(self, layout: Layout) -> None:
-        """Note that a stream has begun."""
+        """Note that a stream with a layout has begun."""
         before, self._layout, self._trouble = self._layout, layout, ""
         self.begun += 1
         self._last = time.monotonic()
@@ -74,7 +78,7 @@ class StreamHealth:
         self._trouble = text
 
     def event(self, text: str) -> None:
-        """Note a transient event."""
+        """Note an event, which the next reports include."""
         self._events.append((time.monotonic(), text))
 
     def took(self, data: FloatArray, lost: int = 0, jumps: int = 0) -> None:
@@ -90,28 +94,28 @@ class StreamHealth:
             self.not_finite += int(bad.sum())
             assert self._layout is not None
             names = [self._layout.channels[column] for column in np.flatnonzero(bad.sum(axis=0))]
-            self._event_once(f"not finite: {', '.join(names)}")
+            self._event_once(f"values not finite: {', '.join(names)}")
         if lost:
             self.lost += lost
             self.event(f"{lost} samples lost")
         if jumps:
             self.jumps += jumps
-            self.event("a clock was reset")
+            self.event("a clock jumped: that of the source, or robot time")
 
     def untimed(self) -> None:
-        """Count samples whose robot time is not known."""
+        """Note that samples arrive while robot time is not known, so that they are dropped."""
         self._last = time.monotonic()
-        self._event_once("samples arrive, but robot time is not known yet")
+        self._event_once("samples arrive and are dropped: robot time is not known yet")
 
     def report(self, standing: bool = False) -> StreamReport:
-        """Return the health report. standing: the run is paused, and an emulated source with it."""
+        """Return the health report; standing: True if the run is paused, and with it emulated sources."""
         now = time.monotonic()
         values = {
             "samples": str(self.samples),
             "lost": str(self.lost),
             "not finite": str(self.not_finite),
             "clock jumps": str(self.jumps),
-            "begun": str(self.begun),
+            "starts": str(self.begun),
             "rate [Hz]": f"{self._rate(now):.0f}",
         }
         recent = list(dict.fromkeys(text for at, text in list(self._events) if at > now - MEMORY))
@@ -146,7 +150,7 @@ class Driver:
 
     Args:
         name: name of the thread.
-        timeout: how long `close` waits for it [s].
+        timeout: how long `close` waits for the thread [s].
     """
 
     def __init__(self, name: str, timeout: float = 2.0) -> None:
@@ -171,13 +175,13 @@ class SampleStream:
     """Converter of samples to chunks in robot time; called from one thread.
 
     Args:
-        robot_time: monotonic time [ns] -> time of the run [s], None while that is not known.
+        robot_time: function from monotonic time [ns] to robot time [s]; None while that is not known.
         health: health of the stream.
         on_chunk: callback for the chunks.
         duration: duration of a chunk [s].
 
     Attributes:
-        untimed: samples that arrived before the time of the run was known.
+        untimed: number of samples that arrived before robot time was known.
         duration: duration of a chunk [s].
     """
 
@@ -194,7 +198,7 @@ class SampleStream:
         self.untimed = 0
 
     def begin(self, layout: Layout, latency: float | None = None) -> None:
-        """Begin another stream. latency: if times are arrivals, see SampleClock."""
+        """Begin a new stream; latency: minimum time from sample to arrival [s]; None: samples have stamps."""
         self._merger.flush()
         self._clock = SampleClock(layout, self._at, latency)
         self._health.began(layout)
@@ -203,7 +207,7 @@ class SampleStream:
         """Process samples with a stamp each.
 
         Args:
-            times: monotonic clock, shape (samples,) [s].
+            times: stamps by the monotonic clock, shape (samples,) [s].
             data: values, shape (samples, channels).
         """
         steps = np.diff(times)
@@ -215,12 +219,12 @@ class SampleStream:
             self.arrived(float(times[end - 1]), data[begin:end])
 
     def arrived(self, time: float, data: FloatArray, missing: int | None = None) -> None:
-        """Process samples without gap.
+        """Process consecutive samples without a gap between them.
 
         Args:
-            time: stamp or arrival of the last one, monotonic clock [s].
+            time: stamp or arrival time of the last sample, by the monotonic clock [s].
             data: values, shape (samples, channels).
-            missing: samples missing before them, if the source has sequence numbers.
+            missing: number of samples missing before them; None: the source has no sequence numbers.
         """
         clock = self._clock
         if clock is None or not len(data):
@@ -236,7 +240,7 @@ class SampleStream:
             self._merger.add(chunk)
 
     def end(self) -> None:
-        """End the stream, and pass on what was held back."""
+        """End the stream, and pass on the samples that were held back."""
         if self._clock is not None:
             for chunk in self._clock.flush():
                 self._merger.add(chunk)
@@ -244,5 +248,5 @@ class SampleStream:
         self._clock = None
 
     def _at(self, monotonic: float) -> float | None:
-        """Return the time of the run [s] at a monotonic time [s]."""
+        """Return the robot time [s] at a monotonic time [s]; None while it is not known."""
         return self._robot_time(round(monotonic * NS))

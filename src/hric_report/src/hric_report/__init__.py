@@ -1,1 +1,1 @@
-"""Reports of a run: figures, texts, pages and comparisons."""
+"""Reports of recorded runs: figures, texts, HTML pages and comparisons."""

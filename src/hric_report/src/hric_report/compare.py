@@ -1,4 +1,4 @@
-"""Comparison of two run folders, written to a folder as metrics.json, figures and summary.txt; needs no ROS."""
+"""Comparison of two recorded runs, written to a folder as metrics.json, figures and summary.txt; needs no ROS."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -21,20 +21,20 @@ from hric_core.json_values import to_json
 from hric_report import human_text
 
 SHOWN_JOINT = 5
-"""Column of the joint that is shown large: the sixth, as in figure 13 of the thesis."""
+"""Index of the joint that has a large figure of its own: the sixth joint, as in figure 13 of the thesis."""
 SHOWN_SETTINGS = ("robot", "controllers", "parameters", "human", "mocap", "duration")
-"""Keys of an experiment whose values are compared between two runs."""
+"""Keys of an experiment file whose values are compared between two runs."""
 
 
 @dataclass(frozen=True)
 class ComparedRun:
-    """Run of a comparison.
+    """One of the two runs of a comparison.
 
     Attributes:
-        label: label in text and figures.
+        label: label of the run in text and figures.
         run: name of the run folder.
         hw: plugin type of the robot; None: not known.
-        experiment, mode, status, arguments, seed, state_sha256: as in run.yaml; None: not known.
+        experiment, mode, status, arguments, seed, state_sha256: entries of run.yaml; None: not known.
     """
 
     label: str
@@ -53,12 +53,12 @@ class ComparisonMetrics:
     """Contents of metrics.json of a comparison.
 
     Attributes:
-        runs: both runs, "a" and "b".
-        aligned_by: setpoints or positions.
-        shift: time shift of run B [s].
-        setpoints: difference from each setpoint on.
-        human: difference of the simulated humans; None: one of the runs has none.
-        settings: settings that differ.
+        runs: the two runs, by the keys "a" and "b".
+        aligned_by: data by which the runs are aligned in time: "setpoints" or "positions".
+        shift: time by which run B is shifted to align it with run A [s].
+        setpoints: differences of the joints after each setpoint.
+        human: differences of the simulated humans; None: one of the runs has none.
+        settings: settings of the experiment that differ.
     """
 
     runs: dict[str, ComparedRun]
@@ -79,14 +79,14 @@ def compare(
     fit: bool = False,
     figures: bool = True,
 ) -> JsonObject:
-    """Compare two runs and write the result, overwriting an earlier one.
+    """Compare two runs and write the result to a folder, overwriting an earlier result.
 
     Args:
         a: first run, e.g. simulated.
         b: second run, e.g. real.
         folder: target folder; created if missing.
         labels: labels of the runs; default: the names of their folders.
-        joint: name, in run A, of the joint shown large; default: the sixth, or the last.
+        joint: name, in run A, of the joint that has a large figure; default: the sixth, or the last.
         fit: align the runs by their positions instead of the times of the setpoints (see `comparison.overlay`).
         figures: draw the figures.
 
@@ -94,7 +94,7 @@ def compare(
         The metrics, with the report text under "report".
 
     Raises:
-        HricError: a bag cannot be used, or the runs do not match.
+        HricError: a bag cannot be read, or the runs do not match.
     """
     runs = [a.read(), b.read()]
     bags = [run_folder.bag_of(run) for run_folder, run in zip((a, b), runs, strict=True)]
@@ -117,7 +117,7 @@ def compare(
 
 
 def _written(folder: Path, metrics: ComparisonMetrics) -> JsonObject:
-    """Write metrics and text; return the JSON values of the metrics, and the text under "report"."""
+    """Write metrics.json and summary.txt; return the metrics as JSON values, with the text under "report"."""
     values, report = to_json(metrics), render(metrics)
     files.make_folder(folder)
     files.write_json(folder / "metrics.json", values)
@@ -161,7 +161,7 @@ def _compared_run(folder: RunFolder, run: RunFile, label: str) -> ComparedRun:
 
 
 def settings_of(run: RunFile) -> dict[str, object]:
-    """Return the settings of a run's experiment that are compared; `run` is the contents of run.yaml."""
+    """Return the settings of a run's experiment that a comparison considers; `run`: contents of run.yaml."""
     definition: Mapping[str, object] = run.get("definition") or {}
     return {key: definition[key] for key in SHOWN_SETTINGS if key in definition}
 
@@ -170,16 +170,17 @@ def render(metrics: ComparisonMetrics) -> str:
     """Return the comparison as text, for the terminal and summary.txt."""
     lines = [f"{key.upper()}: {run.label} ({_described(run)})" for key, run in metrics.runs.items()]
     shift = f", B shifted by {1e3 * metrics.shift:+.3f} ms" if metrics.shift else ""
-    lines.append(f"overlaid on each other by their {metrics.aligned_by}{shift}")
+    lines.append(f"aligned in time by their {metrics.aligned_by}{shift}")
     parts = ["\n".join(lines), *map(_setpoint, metrics.setpoints)]
     if metrics.human:
         parts.append(human_text.difference_line(metrics.human))
     if metrics.settings:
         settings = (f"- {item.key}: {_set(item.a)}; {_set(item.b)}" for item in metrics.settings)
-        parts.append("\n".join(["set differently (A; B):", *settings]))
+        parts.append("\n".join(["settings that differ (A; B):", *settings]))
     if any(item.key.endswith(".gravity") or item.key == "robot.hw" for item in metrics.settings):
         parts.append(
-            "torques compare only if both robots compensate gravity and friction at the same place (thesis ch. 4.4)"
+            "torques are comparable only if gravity and friction are compensated in the same component for both robots "
+            "(thesis ch. 4.4)"
         )
     return "\n\n".join(parts) + "\n"
 

@@ -1,4 +1,4 @@
-"""Figures of the comparison of two runs, in the form of figures 13 and 14 of the thesis."""
+"""Figures of the comparison of two runs, like figures 13 and 14 of the thesis."""
 
 from collections.abc import Sequence
 
@@ -12,12 +12,12 @@ SINCE = "time since the setpoint [s]"
 
 
 def pair_figures(compared: Comparison, labels: tuple[str, str], joint: int) -> list[Figure]:
-    """Return the figures of the states of one joint, of all positions, and of the position differences.
+    """Return the figures of a comparison: position and torque of one joint, all positions, position differences.
 
     Args:
-        compared: the two runs, overlaid.
+        compared: the two runs, aligned in time.
         labels: labels of the runs.
-        joint: column of the joint that is shown large.
+        joint: index of the joint for the first figure.
     """
     name, parts = compared.joint_names[joint], compared.overlays
     time = time_of(compared)
@@ -42,19 +42,22 @@ def pair_figures(compared: Comparison, labels: tuple[str, str], joint: int) -> l
     positions = per_joint("positions", "Joint positions", unit, names, position, min_height=0.02, abscissa=SINCE)
     return [
         states.about(sections.FORCES, "Position and desired torque of one joint in both runs."),
-        positions.about(sections.MOTION, "Positions in both runs, overlaid on each other setpoint by setpoint."),
+        positions.about(sections.MOTION, "Joint positions in both runs, aligned in time at each setpoint."),
         differences([(f"{labels[0]} minus {labels[1]}", "measured", compared)]),
     ]
 
 
 def time_of(compared: Comparison) -> FloatArray:
-    """Return the times of the parts common to both runs, since the first setpoint of run A, shape (n,) [s]."""
+    """Return the times at which both runs have data, counted from the first setpoint of run A, shape (n,) [s]."""
     parts = compared.overlays
     return np.concatenate([part.time + part.start_a - parts[0].start_a for part in parts])
 
 
 def differences(pairs: Sequence[tuple[str, str, Comparison]]) -> Figure:
-    """Return the figure of the position differences, first run minus other; pairs: name, role, runs of each curve."""
+    """Return the figure of joint position differences, first run minus other run.
+
+    `pairs`: name, role and compared runs of each curve.
+    """
     curves = [
         Curve(name, role, time_of(pair), np.concatenate([part.position_a - part.position_b for part in pair.overlays]))
         for name, role, pair in pairs
@@ -62,11 +65,13 @@ def differences(pairs: Sequence[tuple[str, str, Comparison]]) -> Figure:
     names = pairs[0][2].joint_names
     title, unit = "Differences of the positions", "difference [rad]"
     figure = per_joint("differences", title, unit, names, curves, min_height=1e-6, abscissa=SINCE)
-    return figure.about(sections.RESULTS, "Position of a joint in the first run minus that in the other.")
+    return figure.about(
+        sections.RESULTS, "Position of each joint in the first run minus its position in the other run."
+    )
 
 
 def _largest(compared: Comparison, joint: str, kind: str) -> str:
-    """Return peak and steady difference per setpoint as text, as the thesis reads them from its figure 13."""
+    """Return peak and steady-state difference of a joint after each setpoint, as text; `kind`: "" or "effort_"."""
     texts = []
     for move in difference_metrics(compared):
         difference = move.joints[joint]

@@ -25,22 +25,22 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Drawing
 
 FOLDER, CAPTIONS = "figures", "captions.md"
-"""Subfolder of a run or comparison that holds the figures, and the file of their captions in it."""
+"""Subfolder of a run or comparison for figures, and name of the file with their captions in it."""
 POINTS = 1500
-"""Maximum number of points of a curve: more than the dots across a column at 300 dpi. Project default, unconfirmed."""
+"""Maximum number of points of a curve; more than a journal column has dots at 300 dpi. Project default, unconfirmed."""
 INCH = 25.4
 """Length of an inch [mm]."""
 LEFT, RIGHT, BOTTOM, TOP, TITLE, LEGEND, GAP, BETWEEN = 16.0, 2.5, 9.5, 2.0, 3.5, 3.6, 16.0, 6.5
 """Margins left, right, below and above the panels, heights of a panel title and of a legend row, and gaps between the
 columns and between the rows of panels [mm]."""
 LABEL, BELOW = 12.0, 5.468
-"""Distance of the label from the vertical axis (room for a number of six characters) and from the horizontal axis [mm].
-Fixed, because matplotlib otherwise measures all tick labels."""
+"""Distances of the axis labels from the vertical axis (wide enough for tick labels of six characters) and from the
+horizontal axis [mm]. They are fixed because matplotlib otherwise measures all tick labels, which is slow."""
 SMALL = 5e-3
-"""Largest absolute value of an axis up to which tick labels have an SI prefix, such as 200µ, as on the HTML page."""
+"""Largest absolute value on an axis below which tick labels have an SI prefix, such as 200µ, as on the HTML page."""
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 ROW, ALONE = 24.0, 52.0
-"""Height of a panel in a figure with several rows, and in a figure with one row [mm]."""
+"""Height of a panel in a figure with several rows of panels, and in a figure with one row [mm]."""
 Sheets: TypeAlias = "dict[PanelLayout, tuple[Drawing, list[Axes]]]"
 STYLE = {
     "axes.grid": True,
@@ -66,7 +66,7 @@ STYLE = {
 
 
 class PanelLayout(NamedTuple):
-    """Arrangement of panels: their number, columns, figure width and top margin [mm], and equal scales of all axes."""
+    """Arrangement of panels: number of panels and of columns, figure width and top margin [mm], equal axis scales."""
 
     panels: int
     columns: int
@@ -76,7 +76,7 @@ class PanelLayout(NamedTuple):
 
 
 def stroke(role: str) -> dict[str, Any]:
-    """Return the matplotlib line properties of a curve with this role."""
+    """Return the matplotlib line properties of a curve; `role`: its role, such as measured (see `style.ROLES`)."""
     look = style.ROLES[role]
     if not look.width:
         return {"color": look.light, "linestyle": "none", "marker": ".", "markersize": 1.2}
@@ -87,7 +87,7 @@ def stroke(role: str) -> dict[str, Any]:
 def draw(folder: Path, figures: Iterable[Figure], title: str) -> list[Path]:
     """Draw figures into a folder as `<key>.png` and `<key>.svg`, and write their captions to `captions.md`.
 
-    Figures without panels are skipped. A single panel is one journal column wide, several panels are two.
+    Figures without panels are skipped. A figure with a single panel is one journal column wide, others are two.
 
     Args:
         folder: target folder; created if missing.
@@ -111,7 +111,7 @@ def draw(folder: Path, figures: Iterable[Figure], title: str) -> list[Path]:
 
 
 def caption(figure: Figure, title: str) -> str:
-    """Return the caption of a figure of a run, for a paper."""
+    """Return the caption of a figure for a paper; `title`: title of the run."""
     return f"{figure.title} ({title}). {figure.caption}".strip()
 
 
@@ -124,7 +124,7 @@ def save(drawing: Drawing, path: Path, words: str = "") -> Path:
         words: caption that is stored in the metadata of both files.
     """
     about = {"Title": path.stem, "Description": words}
-    # With less compression a PNG takes two thirds of the time and is a quarter larger.
+    # With less compression, writing a PNG takes two thirds of the time; the file is a quarter larger.
     formats: dict[Path, dict[str, Any]] = {
         path: {"metadata": {**about, "Software": None}, "pil_kwargs": {"compress_level": 1}},
         path.with_suffix(".svg"): {"metadata": {**about, "Date": None}},
@@ -141,8 +141,8 @@ def drawn(figure: Figure, sheets: Sheets) -> Drawing:
 
     Args:
         figure: figure to draw.
-        sheets: panels of earlier figures by layout, reused and extended here, since creating panels and ticks takes as
-            long as drawing in them. A reused drawing replaces the earlier figure.
+        sheets: cache of matplotlib figures by layout, extended here, since creating panels and ticks takes as long as
+            drawing in them. A figure that reuses one replaces the figure drawn before in it.
     """
     if (rows := figure.panels[0].heat) is not None:
         return heat.drawn(rows, figure.abscissa)
@@ -170,7 +170,7 @@ def drawn(figure: Figure, sheets: Sheets) -> Drawing:
 
 
 def _sheet(layout: PanelLayout) -> tuple[Drawing, list[Axes]]:
-    """Return a drawing with empty panels, and their axes."""
+    """Return a new matplotlib figure with empty panels, and their axes."""
     count, columns, width, top, equal = layout
     rows = -(-count // columns)
     panel_width = (width - LEFT - RIGHT - GAP * (columns - 1)) / columns
@@ -198,7 +198,7 @@ def _sheet(layout: PanelLayout) -> tuple[Drawing, list[Axes]]:
 
 
 def _wipe(drawing: Drawing, axes: Sequence[Axes]) -> None:
-    """Remove curves, bands, texts and legends of the previous figure; `drawn` overwrites all other properties."""
+    """Remove curves, bands, texts and legends from a reused matplotlib figure; `drawn` sets everything else again."""
     for ax in axes:
         for artist in (*ax.lines, *ax.patches, *ax.texts):
             artist.remove()
@@ -213,7 +213,7 @@ def _names(figure: Figure, panel: Panel) -> list[str]:
 
 
 def _legend_rows(names: Sequence[str], width: float) -> tuple[int, int]:
-    """Return entries per row and number of rows of a legend within a width [mm]; (1, 0) for fewer than two names."""
+    """Return entries per row and number of rows of a legend of a given width [mm]; (1, 0) for fewer than two names."""
     if len(names) < 2:
         return 1, 0
     per_row = max(1, min(len(names), int((width - 4.0) / (11.0 + 1.35 * max(map(len, names))))))
@@ -249,12 +249,12 @@ def _draw_panel(ax: Axes, figure: Figure, panel: Panel, *, first: bool) -> None:
 
 
 def _power(value: float, _: float) -> str:
-    """Return a power of ten as plain text: matplotlib's formula takes longer to parse than a panel to draw."""
+    """Return a power of ten as plain text; matplotlib's math text would take longer than drawing a panel."""
     return "10" + str(round(math.log10(value))).translate(RAISED)
 
 
 def _draw_bound(ax: Axes, name: str, bound: float) -> None:
-    """Draw a horizontal line with its name on the side that faces the middle of the panel."""
+    """Draw the horizontal line of a limit, with its name on the side towards the middle of the panel."""
     upper = ax.transData.transform((0.0, bound))[1] > ax.transAxes.transform((0.0, 0.5))[1]
     ax.axhline(bound, color=style.LIMIT[0], linestyle=":", linewidth=0.9)
     ax.annotate(
@@ -272,7 +272,7 @@ def _draw_bound(ax: Axes, name: str, bound: float) -> None:
 
 
 def _legend(drawing: Drawing, axes: Sequence[Axes], per_row: int, left: float) -> None:
-    """Draw one legend above all panels, with `per_row` entries per row, from `left` on [share of the width]."""
+    """Draw one legend above all panels; `per_row`: entries per row; `left`: its left end [share of the width]."""
     entries: dict[str, Artist] = {}
     for ax in axes:
         for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):

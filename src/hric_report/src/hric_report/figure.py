@@ -1,6 +1,7 @@
 """Contents of a figure as plain data: curves, bounds and bands in panels, and a caption.
 
-`hric_report.drawing` draws it for print (SVG, PNG), `hric_report.html` in a page, both in `hric_report.style`.
+`hric_report.drawing` draws a figure for print (SVG, PNG), `hric_report.html` in a page; `hric_report.style` defines
+the colours and strokes of both.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -15,13 +16,13 @@ from hric_report.heat import HeatMap
 AXES = ("x", "y", "z")
 FloatArray = npt.NDArray[np.float64]
 Bound = tuple[str, float]
-"""Name and value of a horizontal line."""
+"""Name and value of a limit, drawn as a horizontal line."""
 NEAR = 0.6
-"""Distance beyond the curves up to which the vertical axis still includes a bound [height of the curves]."""
+"""Distance of a limit from the curves up to which the vertical axis includes the limit [share of the curves' range]."""
 
 
 STILL = 1e-9
-"""Range of the curves relative to their values below which they count as constant, so that rounding is hidden [1]."""
+"""Range of curves, relative to their values, below which they are drawn as constant, to hide rounding errors [1]."""
 
 
 @dataclass(frozen=True)
@@ -30,9 +31,9 @@ class Curve:
 
     Attributes:
         name: name in the legend.
-        role: key of colour and stroke in `style.ROLES`: measured, setpoint, desired, raw, other, samples (points, no
-            line), or s0, s1, ... for one of several similar curves.
-        time: time or another abscissa, shape (n,); an array shared by several curves is stored once in a page.
+        role: role of the curve, which determines colour and stroke (`style.ROLES`): measured, setpoint, desired, raw,
+            other, samples (points, no line), or s0, s1, ... for one of several similar curves.
+        time: time [s] or another abscissa, shape (n,); an array shared by several curves is stored once in a page.
         values: ordinates, shape (n,); NaN is a gap.
         cut: True if the axis may cut off the peaks of the curve.
     """
@@ -44,21 +45,21 @@ class Curve:
     cut: bool = False
 
     def column(self, joint: int) -> "Curve":
-        """Return the curve of one joint, from values of shape (n, joints) and times of shape (n,) or (n, joints)."""
+        """Return the curve of one joint, for values of shape (n, joints) and times of shape (n,) or (n, joints)."""
         time = self.time if self.time.ndim == 1 else self.time[:, joint]
         return replace(self, time=time, values=self.values[:, joint])
 
 
 @dataclass(frozen=True)
 class Panel:
-    """One pair of axes of a figure.
+    """Panel of a figure: curves in one pair of axes.
 
     Attributes:
         title: title above the panel.
         curves: lines, the last one on top.
-        bounds: limits and tolerances; a distant one does not widen the axis.
-        unit, abscissa: labels of the vertical and horizontal axis; "": those of the figure.
-        heat: heat map in place of curves, only in the single panel of a figure; None: none.
+        bounds: limits and tolerances, drawn as lines; one far from the curves does not extend the axis.
+        unit, abscissa: labels of the vertical and horizontal axis; "": the labels of the figure.
+        heat: heat map instead of curves, only in a figure with one panel; None: curves.
     """
 
     title: str
@@ -71,7 +72,7 @@ class Panel:
 
 @dataclass(frozen=True)
 class Figure:
-    """Panels with a common horizontal axis.
+    """Figure: panels with a common horizontal axis.
 
     Attributes:
         key: file name without extension, and anchor in the page.
@@ -81,8 +82,8 @@ class Figure:
         min_height: minimum range of a vertical axis, so that rounding errors do not fill a panel [unit].
         logarithmic: True if the vertical axes are logarithmic.
         abscissa: label of the horizontal axes.
-        bands: time spans that are marked in all panels: (name, begin, end).
-        columns: panels side by side.
+        bands: time spans that are marked in all panels: (name, begin [s], end [s]).
+        columns: number of panels side by side.
         equal: True if all axes have the same scale, so that a path keeps its shape; the abscissa then is not time.
         section: section of the report, from `hric_report.sections`.
         caption: description for the reader, in full sentences.
@@ -102,7 +103,7 @@ class Figure:
     caption: str = ""
 
     def about(self, section: str, caption: str) -> "Figure":
-        """Return a copy with this section of the report and this caption."""
+        """Return a copy of the figure with a section of the report and a caption."""
         return replace(self, section=section, caption=caption)
 
     @property
@@ -123,7 +124,7 @@ class Figure:
         return middle - half, middle + half
 
     def vertical_range(self, panel: Panel) -> tuple[float, float]:
-        """Return the ends of a panel's vertical axis: the curves with a margin, and bounds that are near them.
+        """Return the ends of a panel's vertical axis, which covers the curves with a margin, and limits near them.
 
         For a heat map the axis points downwards: the first row is at the top.
         """
@@ -148,7 +149,7 @@ class Figure:
 
 
 def _extent(curves: Iterable[FloatArray]) -> tuple[float, float]:
-    """Return the smallest and the greatest value of all curves; (0, 1) if there is none."""
+    """Return the smallest and the largest value of all arrays; (0, 1) if there is no finite value."""
     ends = [(np.fmin.reduce(values), np.fmax.reduce(values)) for values in curves if len(values)]
     ends = [pair for pair in ends if np.isfinite(pair).all()]
     return (float(min(low for low, _ in ends)), float(max(high for _, high in ends))) if ends else (0.0, 1.0)
@@ -170,8 +171,8 @@ def per_joint(
         title: heading.
         unit: label of the vertical axes.
         joint_names: names of the joints in the order of the columns.
-        curves: curves of all joints, see `Curve.column`.
-        bounds: function that returns the bounds of a joint.
+        curves: curves whose values have one column per joint, see `Curve.column`.
+        bounds: function that returns the limits of a joint.
         options: other attributes of the figure.
     """
     panels = []
@@ -183,7 +184,7 @@ def per_joint(
 
 
 def path(key: str, title: str, curves: Sequence[Curve], titles: Sequence[str] = ("", "", "")) -> Figure:
-    """Return the figure of paths seen from above, from the side and along x, all axes with one scale.
+    """Return the figure of paths in space, seen from above, from the side and along x, with equal axis scales.
 
     Args:
         key: file name without extension.

@@ -1,4 +1,4 @@
-"""Headless runner: simulates an experiment into a run folder, as fast as the machine allows."""
+"""Headless runner: simulates an experiment without ROS, as fast as the machine allows, and stores a run folder."""
 
 import contextlib
 import sys
@@ -49,19 +49,19 @@ def run(
     progress: bool = True,
     figures: bool = True,
 ) -> HeadlessResult:
-    """Run an experiment and analyse it.
+    """Simulate an experiment and analyse the run.
 
     Args:
         definition: the experiment.
-        arguments: overrides of the experiment, for run.yaml.
+        arguments: overrides of the experiment as given by the user, for run.yaml.
         seed: seed of all random numbers.
-        root: folder of all runs.
-        progress: show the progress of run and report on a terminal.
+        root: folder of all runs, in which the run folder is created.
+        progress: True to show the progress of simulation and report on a terminal.
         figures: draw the figures.
 
     Raises:
-        HricError: the experiment cannot run because of a user error, and no folder was created; or the run failed,
-            which is noted in run.yaml and has the `exit_code` FAILURE.
+        HricError: the experiment is invalid, and no folder was created; or the run failed: then run.yaml has its
+            status, and the `exit_code` of the error is FAILURE.
     """
     with Simulation(definition, seed=seed) as simulation:
         folder = RunFolder.create(root, definition.name)
@@ -91,7 +91,7 @@ def _record(simulation: Simulation, folder: RunFolder, progress: bool) -> tuple[
                 return
             try:
                 stamp = bag.write(topic, message, at)
-            except FileError as error:  # not an error of the publisher; stop the run
+            except FileError as error:  # the publisher is not at fault: stop the run instead of raising the error here
                 failure = error
                 app.stop()
             else:

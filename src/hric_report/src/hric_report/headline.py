@@ -21,19 +21,19 @@ GOOD, BAD, PLAIN = "good", "bad", "plain"
 PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 """Factors and SI prefixes of units, down to the resolution of the positions of a run."""
 PERSON = "human::"
-"""Prefix of the person's link names; their contacts are judged by the verdict, not shown as a bare force."""
+"""Prefix of the person's link names; the verdict judges their contacts, so these are not shown as forces here."""
 OF_MODEL = "estimate of a model"
 
 
 @dataclass(frozen=True)
 class KeyFigure:
-    """Key figure of a report.
+    """Key figure of a report: a value that the top of the page shows.
 
     Attributes:
         name: name of the quantity.
         value: value with its unit.
         meaning: explanation in one sentence without a full stop.
-        kind: good, bad or plain.
+        kind: GOOD, BAD or PLAIN, which determines the colour.
     """
 
     name: str
@@ -48,7 +48,7 @@ def of_run(run: RunFile, metrics: RunMetrics, verdict: VerdictFile | None = None
     Args:
         run: contents of run.yaml.
         metrics: metrics of the run.
-        verdict: contents of verdict.json; None: there was no person, or the run was not judged.
+        verdict: contents of verdict.json; None: there was no person, or the run was not assessed.
     """
     figures = [*_problems(run, metrics), *_judged(verdict)]
     figures += _tracking(metrics.tracking) if metrics.tracking else []
@@ -62,7 +62,7 @@ def of_run(run: RunFile, metrics: RunMetrics, verdict: VerdictFile | None = None
 
 
 def _contact(metrics: RunMetrics) -> list[KeyFigure]:
-    """Return the strongest contact without the person; empty if there is none, or the human's contacts list it."""
+    """Return the strongest contact without the person; empty if there is none or the human's impacts include it."""
     pairs = [pair for pair in metrics.contacts or () if PERSON not in f"{pair.body_a} {pair.body_b}"]
     if not pairs:
         return []
@@ -76,7 +76,7 @@ def _contact(metrics: RunMetrics) -> list[KeyFigure]:
 
 
 def _judged(verdict: VerdictFile | None) -> list[KeyFigure]:
-    """Return the worst finding of the person's contacts; verdict.json lists the worst findings first."""
+    """Return the worst finding on contacts with the person; verdict.json lists the worst findings first."""
     findings = [] if verdict is None else verdict["findings"]
     finding = next((item for item in findings if item["group"] == "contact"), None)
     if finding is None:
@@ -95,11 +95,11 @@ def _human(values: HumanMetrics) -> list[KeyFigure]:
     ]
     for transport in values.carried:
         for name, share in (transport.load_share or {}).items():
-            meaning = f"of the weight of {transport.object} on grip {name}, mean of the motion, {OF_MODEL}"
+            meaning = f"mean share of the weight of {transport.object} on grip {name} during the motion, {OF_MODEL}"
             figures.append(KeyFigure("Load share", f"{100 * share.mean:.1f} %", meaning))
-        meaning = f"largest internal force of both grips on {transport.object}, {OF_MODEL}"
+        meaning = f"largest internal force between both grips on {transport.object}, {OF_MODEL}"
         force = scaled(max(transport.squeeze_max, transport.stretch_max), "N")
-        figures.append(KeyFigure("Squeeze", force, meaning))
+        figures.append(KeyFigure("Internal force", force, meaning))
     joint, load = max(values.joints.items(), key=lambda item: item[1].share_max)
     meaning = f"{joint}, the most loaded joint of the human, {OF_MODEL}"
     figures.append(KeyFigure("Share of strength", f"{100 * load.share_max:.0f} %", meaning))
@@ -113,7 +113,9 @@ def _human(values: HumanMetrics) -> list[KeyFigure]:
 def _supervised(values: SupervisorMetrics) -> list[KeyFigure]:
     stopped, slowed = (f"{100.0 * share:.1f} %" for share in (values.share_stopped, values.share_slowed))
     return [
-        KeyFigure("Stopped", stopped, f"of the time, by the supervisor, which slowed for another {slowed}"),
+        KeyFigure(
+            "Stopped", stopped, f"of the time the supervisor stopped the arm; for another {slowed} it slowed the arm"
+        ),
         KeyFigure(
             "Closer than the protective distance",
             _count(len(values.violations), "time"),
@@ -127,8 +129,8 @@ def of_comparison(first: str, pairs: Mapping[str, Sequence[SetpointDifference]])
     """Return the largest differences in joint position of each run from the first run.
 
     Args:
-        first: name of the run that the others are compared with.
-        pairs: differences per setpoint by name of the other run.
+        first: name of the run with which the others are compared.
+        pairs: differences after each setpoint, by name of the other run.
     """
     figures = []
     for name, setpoints in pairs.items():
@@ -141,13 +143,13 @@ def of_comparison(first: str, pairs: Mapping[str, Sequence[SetpointDifference]])
             meaning = f"all positions of {first} and {name} are equal"
         figures.append(KeyFigure("Peak difference", scaled(abs(worst.peak_difference), "rad"), meaning))
         joint, worst = max(joints, key=lambda item: abs(item[1].steady_difference))
-        meaning = f"{joint}, mean of the last 0.1 s of a setpoint's time: {first} minus {name}"
+        meaning = f"{joint}, mean of the last 0.1 s before the next setpoint or the end: {first} minus {name}"
         figures.append(KeyFigure("Steady difference", scaled(abs(worst.steady_difference), "rad"), meaning))
     return figures
 
 
 def scaled(value: float | None, unit: str) -> str:
-    """Format a value with three significant digits and its unit, with an SI prefix if small; None: "not known"."""
+    """Format a value with three significant digits and its unit, with an SI prefix if small; "not known" for None."""
     if value is None or not math.isfinite(value):
         return "not known"
     factor, prefix = next(((f, p) for f, p in PREFIXES if abs(value) >= f), PREFIXES[-1])
@@ -185,16 +187,16 @@ def _problems(run: RunFile, metrics: RunMetrics) -> list[KeyFigure]:
 
 def _tracking(values: TrackingMetrics) -> list[KeyFigure]:
     if values.rms_error is None or values.largest_error is None:
-        return [KeyFigure("Marker", "none", f"no valid marker of {values.body or 'any body'} came", BAD)]
+        return [KeyFigure("Marker", "none", f"no valid marker of {values.body or 'any body'} was received", BAD)]
     against = "the true position of the hand" if values.marker == "truth" else "the motion capture"
     lag = "not known" if values.lag is None else f"{1e3 * values.lag:.1f} ms"
-    meaning = f"RMS distance from where the marker was a lag before; largest {1e3 * values.largest_error:.2f} mm"
+    meaning = f"RMS distance from where the marker was one lag earlier; largest {1e3 * values.largest_error:.2f} mm"
     figures = [
-        KeyFigure("Lag", lag, f"how long the end effector is behind the marker, by {against}"),
+        KeyFigure("Lag", lag, f"delay of the end effector behind the marker, measured against {against}"),
         KeyFigure("Error after the lag", f"{1e3 * values.rms_error:.2f} mm", meaning),
     ]
     if values.acceleration and values.acceleration.ratio:
-        meaning = "RMS acceleration of the end effector by the marker's own: 1 is as smooth as the marker"
+        meaning = "RMS acceleration of the end effector divided by that of the marker; 1: as smooth as the marker"
         figures.append(KeyFigure("Acceleration", f"{values.acceleration.ratio:.2f} ×", meaning))
     frames = values.frames
     kind = BAD if values.losses or frames.lost or frames.untracked else GOOD
@@ -207,7 +209,7 @@ def _setpoints(setpoints: Sequence[SetpointMetrics]) -> list[KeyFigure]:
     joints = [item for setpoint in setpoints for item in setpoint.joints.items()]
     number = _count(len(setpoints), "setpoint") if len(setpoints) > 1 else "the setpoint"
     name, worst = max(joints, key=lambda item: abs(item[1].final_error))
-    meaning = f"largest distance from {number} at the end of its time, {name}"
+    meaning = f"largest distance of a joint from {number} at the end of its time: {name}"
     figures = [KeyFigure("Final error", scaled(abs(worst.final_error), "rad"), meaning)]
     band = min(worst.settling_time, key=float)
     times = [(joint.settling_time[band], name) for name, joint in joints]
@@ -216,21 +218,24 @@ def _setpoints(setpoints: Sequence[SetpointMetrics]) -> list[KeyFigure]:
         figures.append(KeyFigure("Settling time", "never", meaning, BAD))
     else:
         time, name = max((time, name) for time, name in times if time is not None)
-        meaning = f"until all joints stay within {band} rad, the last {name}"
+        meaning = f"time until all joints stay within {band} rad of the setpoint; the last is {name}"
         figures.append(KeyFigure("Settling time", f"{time:.2f} s", meaning))
     name, worst = max(joints, key=lambda item: item[1].overshoot)
-    return [*figures, KeyFigure("Overshoot", scaled(worst.overshoot, "rad"), f"farthest past a setpoint, {name}")]
+    return [
+        *figures,
+        KeyFigure("Overshoot", scaled(worst.overshoot, "rad"), f"largest distance beyond a setpoint: {name}"),
+    ]
 
 
 def _recorded(sources: Mapping[str, SourceMetrics]) -> list[KeyFigure]:
-    """Return the number of sent samples missing in the bag; empty if fewer than two sources count their samples."""
+    """Return the number of sent samples that the bag lacks; empty if fewer than two sources report what they sent."""
     counted = {topic: source for topic, source in sources.items() if source.sent is not None}
     if len(counted) < 2:
         return []
     counts = ((source.sent or 0, source.recorded, source.lost or 0) for source in counted.values())
     sent, recorded, lost = map(sum, zip(*counts, strict=True))
     unknown = len(sources) - len(counted)
-    note = f"; {unknown} more sources do not report how much they sent" if unknown else ""
+    note = f"; {unknown} more sources do not report how many they sent" if unknown else ""
     worst = ", ".join(topic for topic, source in counted.items() if source.lost)
     meaning = f"{recorded:,} of {sent:,} samples that {len(counted)} sources sent are in the bag{note}"
     kind = BAD if lost else GOOD
@@ -238,7 +243,7 @@ def _recorded(sources: Mapping[str, SourceMetrics]) -> list[KeyFigure]:
 
 
 def _skew(streams: Mapping[str, StreamMetrics]) -> list[KeyFigure]:
-    """Return the largest time skew of synchronised values, and the number of missing instants."""
+    """Return the largest time skew between synchronised values, and the number of instants without values."""
     known = [
         (part.skew.p99, source, part.by, stream.bound)
         for stream in streams.values()
@@ -248,9 +253,9 @@ def _skew(streams: Mapping[str, StreamMetrics]) -> list[KeyFigure]:
     figures = []
     if known:
         skew, source, by, bound = max(known)
-        meaning = f"99 % of the values are closer in time to their instants; worst source {source}, by the {by}"
+        meaning = f"99 % of the values deviate less from their instants; worst source {source}, judged by the {by}"
         kind = GOOD if skew <= bound else BAD
-        figures.append(KeyFigure("Skew", f"{1e3 * skew:.3f} ms", f"{meaning}; stated: {1e3 * bound:g} ms", kind))
+        figures.append(KeyFigure("Skew", f"{1e3 * skew:.3f} ms", f"{meaning}; accepted: {1e3 * bound:g} ms", kind))
     missing = [stream.missing for stream in streams.values() if stream.missing is not None]
     if missing:
         ticks = sum(stream.ticks for stream in streams.values())

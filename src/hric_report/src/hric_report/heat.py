@@ -1,4 +1,4 @@
-"""Heat maps: one row of colours over time for each of many similar signals. Plain data, and its drawing for print."""
+"""Heat maps for many similar signals, with one row of colours over time per signal: data, and drawing for print."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Drawing
 
 COLUMNS = 600
-"""Maximum number of columns of a heat map; a column shows the largest value of its instants. Project default."""
+"""Maximum number of columns of a heat map; a column shows the largest value in its time span. Project default."""
 ROW_HEIGHT, LETTER = 2.7, 1.15
-"""Height of a row, and width of a letter of its name [mm]."""
+"""Height of a row, and assumed width of a letter of the row's name [mm]."""
 BELOW, ABOVE, SCALE, BAR = 9.5, 2.0, 17.0, 3.0
 """Margins below and above, margin on the right for the colour scale, and width of the scale [mm]."""
 INCH = 25.4
@@ -32,7 +32,7 @@ class HeatMap:
         time: increasing times, shape (n,) [s].
         values: values, shape (n, k); NaN: not known.
         unit: quantity and unit of the values, such as "activation [1]".
-        scale: colours, as `style.Stops`; values above the last stop have its colour.
+        scale: colour scale as pairs of value and colour; values above the last one have its colour.
     """
 
     rows: tuple[str, ...]
@@ -43,7 +43,7 @@ class HeatMap:
 
     @property
     def top(self) -> float:
-        """Value of the last colour of the scale."""
+        """Largest value of the colour scale."""
         return self.scale[-1][0]
 
 
@@ -56,7 +56,7 @@ def heat_map(rows: tuple[str, ...], time: FloatArray, values: FloatArray, unit: 
 
 
 def drawn(heat: HeatMap, abscissa: str) -> Drawing:
-    """Draw the heat map for print, two journal columns wide."""
+    """Draw a heat map for print, two journal columns wide; `abscissa`: label of the time axis."""
     import matplotlib.pyplot as plt
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import LinearSegmentedColormap, Normalize

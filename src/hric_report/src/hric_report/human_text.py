@@ -1,4 +1,4 @@
-"""Text of a report on the simulated human: grips, transports, contacts, muscles. All values are a model's estimates."""
+"""Report text on the simulated human: grips, carried objects, contacts, muscles. All values are model estimates."""
 
 from collections.abc import Sequence
 
@@ -10,16 +10,17 @@ from hric_analysis.human_difference import HumanDifference
 from hric_analysis.muscle_metrics import MusclesMetrics
 
 SAMPLE = "between two people 2.28 s and 7.3 N in one published sample"
-"""Overlap and force of a handover between people for comparison: the sample in KTH-RPL/handovers_dataset (MIT)."""
+"""Time of joint holding and force in a handover between people, for comparison: the sample in
+KTH-RPL/handovers_dataset (MIT)."""
 NAMED = 3
-"""Number of muscles that are named."""
+"""Number of muscles that the text names: those with the highest activation."""
 
 
 def render(human: HumanMetrics) -> str:
-    """Return the text on a simulated human."""
+    """Return the report text on a simulated human."""
     lines = [
-        f"human {human.subject} (a model's estimate): at most {100 * human.strength_share_max:.0f} % of the "
-        f"strength of a joint, {100 * human.strength_share_mean:.0f} % in the mean of the most loaded one"
+        f"human {human.subject} (model estimate): joint torques up to {100 * human.strength_share_max:.0f} % of the "
+        f"strength, mean of the most loaded joint {100 * human.strength_share_mean:.0f} %"
     ]
     for name, grip in human.grips.items():
         if grip.force_max is None:
@@ -43,7 +44,7 @@ def render(human: HumanMetrics) -> str:
 
 def _handover(handover: Handover) -> str:
     force = "not known" if handover.force_max is None else f"{handover.force_max:.1f} N"
-    end = "IT WAS DROPPED" if handover.dropped else "it was not dropped"
+    end = "THE OBJECT WAS DROPPED" if handover.dropped else "the object was not dropped"
     return (
         f"- {handover.giver} hands {handover.object} over to {handover.taker}: both hold it for "
         f"{handover.overlap:.2f} s, maximum force of {handover.taker} is {force}; {end} ({SAMPLE})"
@@ -67,7 +68,7 @@ def _transport(transport: TransportMetrics) -> str:
 
 
 def _contacts(contacts: Sequence[ContactMetrics]) -> list[str]:
-    """Return the lines on contacts: for each pair of bodies the strongest one and the first clamping."""
+    """Return the lines on contacts: for each pair of bodies, the strongest contact and the first clamping."""
     pairs: dict[tuple[str, str], list[ContactMetrics]] = {}
     for contact in contacts:
         pairs.setdefault((contact.link, contact.other), []).append(contact)
@@ -109,13 +110,13 @@ def _clamping(press: ClampingMetrics) -> str:
 
 
 def muscle_lines(record: MusclesMetrics) -> list[str]:
-    """Return the lines on muscles."""
+    """Return the text lines on muscle activation, joint contact forces and saturated muscles."""
     muscles = record.muscles
     strained = sorted(muscles, key=lambda name: -muscles[name].activation_max)[:NAMED]
     names = ", ".join(f"{name} {muscles[name].activation_max:.2f}" for name in strained)
     above = ", ".join(f"above {level} for {100 * share:.0f} % of the time" for level, share in record.above.items())
     lines = [
-        f"- muscles: activation at most {names}; {record.activation_mean:.3f} in the mean of all; one of them {above}"
+        f"- muscles: highest activations {names}; mean of all {record.activation_mean:.3f}; at least one muscle {above}"
     ]
     if sizes := [f"{joint} {size.force_max:.0f} N at most" for joint, size in record.contact.items()]:
         lines.append(f"- contact force between bones: {', '.join(sizes)}")
@@ -124,13 +125,13 @@ def muscle_lines(record: MusclesMetrics) -> list[str]:
     if record.outside > 0.0:
         lines.append(
             f"- for {100 * record.outside:.0f} % of the time the posture was outside the range of the muscle paths; "
-            "values are those at its edge"
+            "the paths at the edge of the range were used"
         )
     return lines
 
 
 def difference_line(difference: HumanDifference) -> str:
-    """Return a line with the joint and the grip that differ most between two humans."""
+    """Return a text line with the joint and the grip that differ most between the humans of two runs."""
     parts = []
     for kind, unit, signals in (("joints", "rad", difference.joints), ("grips", "N", difference.grips)):
         known = {name: signal for name, signal in signals.items() if signal}
@@ -140,4 +141,4 @@ def difference_line(difference: HumanDifference) -> str:
                 f"{kind} within {signal.peak_difference:.1e} {unit} ({name}, {signal.peak_time:.3f} s after the start "
                 f"of the motion; rms {signal.rms_difference:.1e})"
             )
-    return f"the human, a model's estimate: {'; '.join(parts) or 'nothing that both have'}"
+    return f"human (model estimate): {'; '.join(parts) or 'no joint and no grip in both runs'}"

@@ -1,4 +1,4 @@
-"""Analysis of a run folder: writes its metrics, figures and report; needs no ROS."""
+"""Analysis of a run folder: writes metrics, figures and text report of the run; needs no ROS."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -16,7 +16,7 @@ from hric_core.json_values import to_json
 from hric_report import text as report_text
 
 OPENSIM = "opensim_ros_control/OpenSimPlant"
-"""Plant type whose runs are exported for OpenSim's tools."""
+"""Plant type (physics engine plug-in) whose runs are also exported as files for OpenSim."""
 STEPS, FIGURE_STEPS = 3, 2
 """Number of progress steps of `analyse`, and of additional steps with figures."""
 
@@ -34,15 +34,15 @@ def analyse(
 
     Args:
         path: run folder.
-        figures: draw the figures.
-        step: callback for the name of each step that starts (a minute of samples takes about a minute); str: none.
-        known: messages of the bag, if the caller has just written them.
+        figures: True to draw the figures.
+        step: callback with the name of each step that starts; the default `str` does nothing.
+        known: messages of the bag if the caller has just written them, so that they are not read again.
 
     Returns:
         The metrics, with the report text under "report".
 
     Raises:
-        HricError: not a run folder, or its bag cannot be used.
+        HricError: `path` is no run folder, or its bag cannot be read.
     """
     folder = path if isinstance(path, RunFolder) else RunFolder.open(path)
     run = folder.read()
@@ -51,9 +51,9 @@ def analyse(
     with bag_reader.opened(bag) as reader:
         record = bag_reader.read(reader, known)
         values = Values(run, reader, record, folder.description())
-        step("how a marker was followed")
-        _ = values.followed  # computed now, in the step with its name
-        step("metrics of motion, contacts and samples")
+        step("analysing marker tracking")
+        _ = values.followed  # computed here, so that its time counts for this step
+        step("computing metrics of motion, contacts and samples")
         result = values.all()
         person = values.person
         files.write_json(folder.metrics_path, to_json(result))
@@ -68,7 +68,7 @@ def analyse(
 
 
 def _export(folder: RunFolder, run: RunFile, record: RunRecord, person: SimulatedPerson | None) -> None:
-    """Write the files that OpenSim's tools replay, for a run on the OpenSim plant."""
+    """Write files that OpenSim can replay, if the run used the OpenSim plant."""
     definition = run.get("definition") or {}
     if (definition.get("robot") or {}).get("plant_type") != OPENSIM:
         return

@@ -1,4 +1,4 @@
-"""Figures of a run folder."""
+"""Drawing of a run's figures for print, into the run folder."""
 
 from collections.abc import Callable
 
@@ -15,7 +15,7 @@ from hric_report.thinning import limited
 def draw(
     folder: RunFolder, run: RunFile, bag: Bag, record: RunRecord, values: Values, step: Callable[[str], object]
 ) -> None:
-    """Draw the figures of a run and of its sensors into its folder `figures`.
+    """Draw the figures of a run into the folder `figures` of its run folder.
 
     Args:
         folder: run folder.
@@ -25,7 +25,7 @@ def draw(
         values: metrics of the run.
         step: callback for the name of each step that starts.
     """
-    step("reading what sensors measured")
+    step("reading sensor signals")
     data = figures.FigureData(
         record,
         metrics.moves(record, joint_orders(run)),
@@ -43,6 +43,6 @@ def draw(
 
 
 def _title(run: RunFile) -> str:
-    """Return the title of a run: its experiment and arguments."""
+    """Return the title of a run: name of the experiment, and arguments in brackets."""
     arguments = " ".join(run.get("arguments") or [])
     return f"{run.get('experiment', 'run')} ({arguments})" if arguments else str(run.get("experiment", "run"))

@@ -1,4 +1,4 @@
-"""Style of figures in print and in pages: colours and strokes of all curves, and journal sizes."""
+"""Style of figures in print and on HTML pages: colours and strokes of all curves, and sizes for journals."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ SINGLE, DOUBLE = 85.0, 170.0
 RESOLUTION = 300
 """Resolution of pictures for print [dots per inch]."""
 TYPE = 7.5
-"""Font size in a figure of these widths; journals require 6 to 8 [pt]."""
+"""Font size in figures for print [pt]; journals require 6 to 8."""
 
 
 @dataclass(frozen=True)
@@ -17,7 +17,7 @@ class Role:
     Attributes:
         light, dark: colours on a white and on a dark page.
         width: line width [pt]; 0: points without a line.
-        dash: lengths of stroke and gap [line widths]; empty: solid.
+        dash: lengths of dash and gap, as multiples of the line width; empty: solid.
         opacity: opacity from 0 to 1 (opaque).
     """
 
@@ -40,7 +40,7 @@ ALIKE = (
     ("#7d8f1a", "#c3d45c"),
     ("#4a4fd0", "#a3a7ff"),
 )
-"""Colours (light, dark) of curves that differ only in colour."""
+"""Colours (on a light page, on a dark page) of similar curves s0, s1, ..., which differ only in colour."""
 ROLES = {
     "measured": Role("#1f5fa8", "#7db4f0"),
     "setpoint": Role("#222222", "#e6e9ec", 0.9, (4.0, 2.0)),
@@ -50,15 +50,15 @@ ROLES = {
     "samples": Role("#d9a7a0", "#8f625b", 0.0),
     **{f"s{k}": Role(*pair) for k, pair in enumerate(ALIKE)},
 }
-"""Appearance of a curve by its role, `figure.Curve.role`."""
+"""Appearance of curves by their role (`figure.Curve.role`)."""
 LIMIT = ("#b3261e", "#ff8a80")
-"""Colours (light, dark) of bounds and bands."""
+"""Colours (on a light page, on a dark page) of limits and of marked time spans."""
 Stops = tuple[tuple[float, str], ...]
-"""Colour scale: value and colour of each stop, from 0 on, with linear interpolation between them."""
+"""Type of a colour scale: pairs of value and colour, from value 0 on, interpolated linearly."""
 
 
 def css() -> str:
-    """Return the CSS that defines the colours as variables of a page, light and dark."""
+    """Return CSS that defines the colours as variables of an HTML page, for light and dark theme."""
     colours = {**{name: (role.light, role.dark) for name, role in ROLES.items()}, "limit": LIMIT}
     light, dark = (" ".join(f"--{name}: {pair[k]};" for name, pair in colours.items()) for k in (0, 1))
     return f":root {{ {light} }}\n:root[data-theme=dark] {{ {dark} }}"

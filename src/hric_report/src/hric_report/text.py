@@ -1,4 +1,4 @@
-"""Text of a report, for the terminal and summary.txt."""
+"""Text report of a run, for the terminal and summary.txt."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -14,11 +14,11 @@ from hric_bags.run_file import RunFile
 from hric_report import human_text, sensor_text
 
 SHOWN_EVENTS = 12
-"""Maximum number of events of the supervisor in the text; metrics.json has all. Project default, unconfirmed."""
+"""Maximum number of supervisor events in the text; metrics.json has all of them. Project default, unconfirmed."""
 
 
 def render(run: RunFile, metrics: RunMetrics) -> str:
-    """Return the text of the complete report; run: contents of run.yaml."""
+    """Return the complete text report of a run; `run`: contents of run.yaml."""
     parts = [_head(run, metrics)]
     parts += [
         f"THE ARM PROTECTED ITSELF at {reflex.time:.3f} s: {', '.join(reflex.errors)}" for reflex in metrics.reflexes
@@ -42,7 +42,7 @@ def render(run: RunFile, metrics: RunMetrics) -> str:
     if metrics.reference and metrics.differences:
         lines = [f"differences from {metrics.reference.title}:"]
         for item in metrics.differences:
-            lines += [f"- {item.what}: there {item.reference}; here {item.here}", f"  {item.why}"]
+            lines += [f"- {item.what}: reference {item.reference}; this run {item.here}", f"  {item.why}"]
         parts.append("\n".join(lines))
     return "\n\n".join(parts) + "\n"
 
@@ -71,7 +71,7 @@ def _stability(judged: stability.Stability) -> str:
 
 
 def setpoint_cells(setpoint: SetpointMetrics) -> tuple[list[tuple[str, str]], list[list[str]]]:
-    """Return the table of one setpoint: (name, unit) of each column, and a row per joint with its name first."""
+    """Return the table of one setpoint: (name, unit) of each column, and one row per joint, its name first."""
     tolerances = list(setpoint.settling_time_max)
     columns = [("joint", ""), ("start", "rad"), ("setpoint", "rad"), ("final error", "rad")]
     columns += [*((f"settled {t}", "s") for t in tolerances), ("overshoot", "rad")]
@@ -112,9 +112,9 @@ def _setpoint(setpoint: SetpointMetrics, joints: Mapping[str, JointMetrics]) -> 
 def _limits(metrics: RunMetrics) -> str:
     touched = metrics.limits_touched
     if touched is None:
-        return "limits: the robot published no counts"
+        return "limits: the robot published no counts of limited cycles"
     if not any(touched.values()):
-        lines = ["limits: none was touched"]
+        lines = ["limits: no limit acted"]
     else:
         counts = ", ".join(f"{kind} {count}" for kind, count in touched.items())
         lines = [f"limits acted (cycles, summed over the joints): {counts}", *_limited(metrics.joints)]
@@ -128,7 +128,7 @@ def _limits(metrics: RunMetrics) -> str:
 
 
 def _limited(joints: Mapping[str, JointMetrics]) -> list[str]:
-    cells = [["joint", "position", "velocity", "effort", "rotatum", "|dq| of limit", "outside [rad]"]]
+    cells = [["joint", "position", "velocity", "effort", "rotatum", "|dq| / limit", "outside [rad]"]]
     for name, joint in joints.items():
         if counts := joint.limited_cycles:
             row = [str(counts[kind]) for kind in ("position", "velocity", "effort", "effort_rate")]
@@ -143,11 +143,11 @@ def _log(metrics: RunMetrics) -> str:
             f"control log: {log.missing_cycles} cycles MISSING in {len(log.gaps)} gaps, {log.repeated_cycles} repeated"
         )
     start = f" from cycle {log.first_cycle} on" if log.first_cycle else ""
-    return f"control log: every cycle once{start}, state_sha256 {metrics.state_sha256[:16]}"
+    return f"control log: every cycle recorded once{start}, state_sha256 {metrics.state_sha256[:16]}"
 
 
 def violations(supervisor: SupervisorMetrics) -> str:
-    """Return a sentence that says if the arm moved closer than the protective distance."""
+    """Return a sentence on the time for which the arm moved closer to the person than the protective distance."""
     if not supervisor.violations:
         return "the arm never moved closer than the protective distance"
     duration = sum(interval.end - interval.begin for interval in supervisor.violations)
@@ -166,7 +166,8 @@ def _supervisor(supervisor: SupervisorMetrics) -> str:
     ]
     if late.median is not None and late.p99 is not None:
         lines.append(
-            f"- from a pose to the cycle that applied its request: median {1e3 * late.median:.1f} ms, 99 % "
+            f"- delay from a measured pose to the cycle that applied the request: median {1e3 * late.median:.1f} ms, "
+            "99 % "
             f"{1e3 * late.p99:.1f} ms"
         )
     events = supervisor.events

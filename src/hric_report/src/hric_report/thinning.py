@@ -1,4 +1,4 @@
-"""Thinning of curves, so that a long run still gives small pages and pictures."""
+"""Reduction of curves to fewer points, so that pages and pictures of long runs remain small."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -9,16 +9,16 @@ import numpy.typing as npt
 from hric_report.figure import Curve, Figure, FloatArray, Panel
 
 FEWEST = 500
-"""Minimum number of points of a thinned curve."""
+"""Minimum number of points of a reduced curve."""
 
 
 def thin(figures: Sequence[Figure], budget: int) -> tuple[list[Figure], int | None]:
-    """Thin figures to at most `budget` values altogether, as far as FEWEST allows.
+    """Reduce the curves of figures to at most `budget` values in total, but to no fewer than FEWEST points each.
 
-    Long curves are reduced to the smallest and the greatest value of equal parts of time, so that no peak is lost.
+    A long curve is reduced to the smallest and the largest value in equal time spans, so that no peak is lost.
 
     Returns:
-        The figures, and the number of points of the longest curves; None: nothing was thinned.
+        The figures, and the maximum number of points of a curve; None: no curve was reduced.
     """
     lengths = np.array([len(curve.values) for figure in figures for panel in figure.panels for curve in panel.curves])
     if lengths.sum() <= budget:
@@ -32,13 +32,13 @@ def thin(figures: Sequence[Figure], budget: int) -> tuple[list[Figure], int | No
 
 
 def limited(figure: Figure, points: int) -> Figure:
-    """Return a copy of the figure whose curves have at most about `points` points each."""
+    """Return a copy of a figure in which each curve has at most about `points` points."""
     thinner = _Thinner(points)
     return replace(figure, panels=tuple(thinner.panel(panel) for panel in figure.panels))
 
 
 class _Thinner:
-    """Reduction of curves to a common maximum of points; curves that shared a time array still share one."""
+    """Reducer of curves to a maximum number of points; curves that share a time array still share one afterwards."""
 
     def __init__(self, points: int) -> None:
         self._points = points
@@ -50,7 +50,7 @@ class _Thinner:
     def _curve(self, curve: Curve) -> Curve:
         if len(curve.values) <= self._points:
             return curve
-        if np.any(np.diff(curve.time) < 0.0):  # a path: its abscissa is not time
+        if np.any(np.diff(curve.time) < 0.0):  # a path in space, whose abscissa is not time: keep every k-th point
             part = slice(None, None, -(-len(curve.values) // self._points))
             return replace(curve, time=curve.time[part], values=curve.values[part])
         edges = np.linspace(0, len(curve.values), self._points // 2 + 1).astype(np.int64)
@@ -66,10 +66,12 @@ def _times(time: FloatArray, edges: npt.NDArray[np.int64]) -> FloatArray:
 
 
 def extremes(values: FloatArray, edges: npt.NDArray[np.int64]) -> FloatArray:
-    """Return the smallest and the greatest value of each part, in the order of its rise or fall, shape (2 parts,).
+    """Return the smallest and the largest value of each part of an array, shape (2 parts,).
+
+    The smallest value comes first if the part ends higher than it begins, else the largest.
 
     Args:
-        values: shape (n,); NaN is ignored.
+        values: array, shape (n,); NaN is ignored.
         edges: increasing indices of the starts of the parts, and the end, shape (parts + 1,).
     """
     low, high = np.fmin.reduceat(values, edges[:-1]), np.fmax.reduceat(values, edges[:-1])

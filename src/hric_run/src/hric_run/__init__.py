@@ -1,1 +1,1 @@
-"""Experiment files, and their simulation in one process."""
+"""Experiment files (robot, controllers, setpoints, sensors), and their simulation in one process without ROS."""

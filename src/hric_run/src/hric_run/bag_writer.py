@@ -1,4 +1,4 @@
-"""Writer of the messages of a headless run into a ROS bag, stamped with robot time."""
+"""Writer of a ROS bag for runs without ROS; messages are stamped with robot time."""
 
 import contextlib
 from collections.abc import Iterator
@@ -15,10 +15,10 @@ from hric_core.robot_time.stamps import to_time
 
 
 class BagWriter:
-    """Bag that is named `<name>.bag.active` until it is complete, as with `rosbag record`.
+    """Writer of a ROS bag that is named `<name>.bag.active` until it is complete, as with `rosbag record`.
 
-    Use it as a context: a clean end, and Ctrl-C of the user, close the bag and give it its final name. After any other
-    error it is closed and keeps `.active`, so that nobody takes it for a complete bag.
+    To be used in a `with` statement. If the block ends normally or by Ctrl-C, the bag is closed and gets its final
+    name. After any other error it is closed but keeps `.active`, as it is not complete.
 
     Attributes:
         path: final name of the bag.
@@ -37,14 +37,14 @@ class BagWriter:
 
         Args:
             topic: absolute topic name.
-            message: any ROS message.
+            message: ROS message of any type.
             time: robot time [s].
 
         Returns:
-            The time as the bag has it [ns].
+            The time stored in the bag [ns].
 
         Raises:
-            FileError: the disk refuses it.
+            FileError: the file cannot be written, e.g. as the disk is full.
         """
         kind = type(message)
         connection = self._connections.get((topic, kind)) or self._connect(topic, kind)
@@ -63,7 +63,9 @@ class BagWriter:
         return made
 
     def close(self, *, complete: bool = True) -> None:
-        """Write the index; `complete` gives the bag its final name. Raises FileError if the disk refuses."""
+        """Write the index and close the bag; `complete`: True to give the bag its final name.
+
+        Raises FileError if the file cannot be written."""
         with self._errors():
             self._writer.close()
             if complete and self._active.exists():

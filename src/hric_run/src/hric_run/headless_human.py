@@ -1,4 +1,4 @@
-"""Emulated human and motion capture of a headless run, in step with the robot and without sockets."""
+"""Emulated human and motion capture in a run without ROS: in step with the robot, and without sockets."""
 
 import math
 from typing import Any
@@ -17,18 +17,18 @@ STATE_TOPIC = "franka_state_controller/franka_states"
 
 
 class HeadlessHuman:
-    """Emulated human, emulated Motive and its client, with the real codec but without sockets.
+    """Emulated human, emulated Motive and its client, with the real NatNet codec but without sockets.
 
-    They move with robot time; the time 0 of the human's program is the first `advance`. For a human in the plant,
-    frames and ground truth follow as soon as the joint positions are known.
+    They advance with robot time; the program of the human begins at the first call of `advance`. For a human in the
+    robot's plant, frames and ground truth are published as soon as the human's joint positions are known.
 
     Args:
-        node: the robot's namespace, with the parameters of the motion capture's nodes.
-        seen: the emulated human and the Motive that tracks them.
-        announced: True: publish the start of the human, because sensors replay a trial in step.
+        node: node of the robot's namespace, with the parameters of the motion capture nodes.
+        seen: the emulated human and the emulated Motive that tracks them.
+        announced: True to publish the start time of the human, by which sensors replay a recorded trial in step.
 
     Raises:
-        HricError: a parameter that does not suit a run without a network.
+        HricError: a parameter is not possible in a run without a network.
     """
 
     def __init__(self, node: LocalNode, seen: CapturedHuman, announced: bool = False) -> None:
@@ -42,7 +42,7 @@ class HeadlessHuman:
             follow_events(node, self._on_event)
 
     def _on_event(self, time: float, kind: str) -> None:
-        """Handle an event of the human in the robot's plant."""
+        """Handle an event of the human in the robot's plant; `time`: robot time [s], `kind`: e.g. "started"."""
         assert self._body is not None
         self._body.happened(time, kind)
         if kind == "started":
@@ -53,7 +53,7 @@ class HeadlessHuman:
         self._hand.see(message.header.stamp.to_sec(), (x, y, z))
 
     def advance(self, time: float) -> None:
-        """Advance to a time of the run [s]."""
+        """Advance human and motion capture to a robot time [s]."""
         if not self._started:
             self._started = True
             self._truth.started(self._hand.start(time))

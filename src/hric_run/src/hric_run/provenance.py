@@ -1,4 +1,4 @@
-"""Provenance of a run: versions, revision and arguments, without the names of machine, user and folders."""
+"""Provenance of a run for run.yaml: versions, git revision, arguments; without names of machine, user and folders."""
 
 import contextlib
 import math
@@ -33,20 +33,13 @@ DISTRIBUTIONS = (
 )
 ROS_PACKAGES = ("rospy", "rosbag", "roslaunch", "kdl_parser")
 HRIC_PACKAGES = (
-    "hric_control",
-    "hric_controllers",
-    "hric_experiments",
-    "hric_perception",
-    "mocap_natnet",
-    "franka_hw_interface",
-    "franka_real",
-    "franka_sim",
-    "urdf_to_osim",
+    *("hric_core", "hric_dynamics", "hric_control", "hric_controllers", "hric_human", "hric_msgs"),
+    *("hric_assessment", "hric_perception", "hric_bags", "hric_run", "hric_analysis", "hric_report", "hric_sweep"),
+    *("hric_experiments", "mocap_natnet", "franka_hw_interface", "franka_real", "franka_sim", "urdf_to_osim"),
     "panda_description",
-    "hric_msgs",
 )
 NOT_RECORDED = ("robot_description", "roslaunch", "run_id", "rosdistro", "rosversion")
-"""Parameters of the master that are no settings of the run, or that name the machine."""
+"""Names of parameters on the parameter server that are not recorded: they are no settings, or name the machine."""
 
 
 def head(
@@ -61,9 +54,9 @@ def head(
     Args:
         folder: run folder.
         definition: experiment of the run.
-        overrides: its overrides.
-        tree: all parameters.
-        entries: further keys of live or of headless runs.
+        overrides: overrides of the experiment on the command line.
+        tree: all parameters of the run.
+        entries: further keys, which differ between live and headless runs.
     """
     code_versions, code_revision = _code()
     return {
@@ -85,12 +78,12 @@ def head(
 
 @cache
 def _code() -> tuple[dict[str, str], dict[str, str | bool] | None]:
-    """Return versions and revision at the first run of this process: those of the code that was loaded."""
+    """Return versions and git revision; they are read once per process, when the code is loaded."""
     return versions(), revision()
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of the software that a result depends on; packages that are not installed are left out."""
+    """Return the versions of the software on which results depend, by name; packages not installed are left out."""
     import rospkg
 
     result, pack = {"python": platform.python_version()}, rospkg.RosPack()
@@ -105,7 +98,7 @@ def versions() -> dict[str, str]:
 
 
 def revision(folder: Path | None = None) -> dict[str, str | bool] | None:
-    """Return the git commit of the workspace and whether files differ from it; None without git."""
+    """Return the workspace's git commit, and as `dirty` True if tracked files differ from it; None without git."""
     folder = folder or package_path()
     if (commit := _git(folder, "rev-parse", "HEAD")) is None:
         return None
@@ -123,7 +116,7 @@ def _git(folder: Path, *arguments: str) -> str | None:
 
 
 def platform_info() -> dict[str, str | int | None]:
-    """Return the kind of machine, without its name."""
+    """Return operating system, processor type, number of cores and byte order of this machine."""
     return {
         "system": platform.system(),
         "machine": platform.machine(),
@@ -133,9 +126,9 @@ def platform_info() -> dict[str, str | int | None]:
 
 
 def neutral(value: Any) -> Any:
-    """Return the data with $HRIC_WS for the workspace folder and ~ for the home folder.
+    """Return data in which the workspace folder is replaced by $HRIC_WS and the home folder by ~.
 
-    A path of a recorded trial becomes the name of its file.
+    The path of a recorded trial is replaced by the name of the file.
     """
     if isinstance(value, str):
         for folder, name in _folders():
@@ -155,7 +148,7 @@ def _folders() -> list[tuple[str, str]]:
 
 
 def _without_folder(values: Mapping[str, object]) -> dict[str, object]:
-    """Return the settings of a program; one that replays a trial has the file's name in place of its path."""
+    """Return a mapping; if its `program` replays a recorded file, `path` is replaced by the name of the file."""
     path = values.get("path")
     return (
         {**values, "path": Path(path).name}
@@ -165,9 +158,9 @@ def _without_folder(values: Mapping[str, object]) -> dict[str, object]:
 
 
 def parameters(tree: Mapping[str, object]) -> dict[str, object]:
-    """Return a parameter tree without URDFs, bookkeeping of ROS and names of the machine.
+    """Return a parameter tree without URDFs, ROS's own parameters and names of the machine.
 
-    A path of a recorded trial becomes the name of its file.
+    The path of a recorded trial is replaced by the name of the file.
     """
     recorded = _without_folder({key: value for key, value in tree.items() if key not in NOT_RECORDED})
     return {key: parameters(value) if isinstance(value, Mapping) else neutral(value) for key, value in recorded.items()}
@@ -183,11 +176,11 @@ def joint_limits(
 
     Args:
         urdf_xml: URDF of the robot.
-        node: the robot's namespace; None: the URDF alone.
-        joint_names: joints; None: all that move independently.
+        node: node of the robot's namespace; None: only the limits in the URDF are used.
+        joint_names: names of joints; None: all joints that move independently.
 
     Returns:
-        Per joint any of lower, upper [rad], velocity [rad/s], effort [N m], effort_rate [N m/s].
+        By joint name the finite ones of lower, upper [rad], velocity [rad/s], effort [N m], effort_rate [N m/s].
     """
     if joint_names is None:
         joints = read(urdf_xml).joints.values()

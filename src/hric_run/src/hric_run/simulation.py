@@ -1,4 +1,4 @@
-"""Simulation of an experiment in this process, without a ROS master and as fast as the machine allows."""
+"""Simulation of an experiment in this process, without a ROS master, as fast as the machine allows."""
 
 import contextlib
 import copy
@@ -30,18 +30,18 @@ if TYPE_CHECKING:
 PROGRESS_PERIOD = 0.05
 """Robot time between two updates of the progress bar [s]."""
 Message = tuple[str, Any, float]
-"""Topic, message, robot time [s]."""
+"""Published message: (topic, message, robot time [s])."""
 
 
 class Simulation:
-    """Robot, controller manager and controllers of an experiment on a `LocalNode`.
+    """Simulation of an experiment: robot, controller manager and controllers in one process, on a `LocalNode`.
 
         with Simulation("pd_step", kp=200) as simulation:
             simulation.run()
             overshoot = simulation.signals.position.max(axis=0)   # (7,) [rad]
 
-    The same experiment with the same seed gives the same bits, in a new process or after a thousand runs in this one:
-    `reset` builds robot and controllers again, from inputs that are read only once.
+    The same experiment with the same seed gives bit for bit the same result, in a new process as after a thousand runs
+    in this one: `reset` constructs robot and controllers again.
 
     Args:
         name: name of the experiment, path of a YAML file, or the experiment itself.
@@ -49,17 +49,17 @@ class Simulation:
         overrides: overrides as on the command line, `kp=200`; a dotted key as `**{"robot.plant.friction": "none"}`.
 
     Attributes:
-        definition: the experiment.
-        seed: as given.
-        node: the robot's namespace, to publish, subscribe, and call services.
+        definition: the experiment, with overrides applied.
+        seed: seed of all random numbers.
+        node: node of the robot's namespace, to publish, subscribe, and call services.
         app: robot and controller manager.
-        tree: all parameters.
-        limits: limits per joint, see `provenance.joint_limits`.
-        early: messages published before the first cycle.
-        supervisor: supervisor of the section `supervisor`; None: there is none.
+        tree: all parameters of the run.
+        limits: limits by joint name, see `provenance.joint_limits`.
+        early: messages that were published before the first cycle.
+        supervisor: supervisor, if the experiment has a section `supervisor`, else None.
 
     Raises:
-        HricError: the experiment cannot run.
+        HricError: the experiment does not exist, has a mistake, or cannot run without ROS.
     """
 
     def __init__(self, name: str | Experiment, /, *, seed: int = 0, **overrides: Any) -> None:
@@ -107,10 +107,10 @@ class Simulation:
         return self.supervisor
 
     def _prepare(self) -> tuple[dict[str, dict[str, float]], list[Message]]:
-        """Load and start the controllers, so that any refusal comes before anything is written.
+        """Check the setpoints, and load and start the controllers; errors are raised before any file is written.
 
         Returns:
-            Limits per joint, and the messages published meanwhile.
+            limits by joint name, and the messages that were published meanwhile.
         """
         app, node, definition = self.app, self.node, self.definition
         names = app.hw.get(JointStateInterface).names
@@ -127,7 +127,10 @@ class Simulation:
         for name in dict.fromkeys(setpoint.controller for setpoint in definition.setpoints):
             command = node.advertise(f"{name}/command", Float64MultiArray)
             if not command.subscribers():
-                raise HricError(f"setpoints of {name} have no effect; valid: a controller with a topic command")
+                raise HricError(
+                    f"setpoints of {name} have no effect: this controller does not subscribe to {name}/command; valid: "
+                    "a controller that does"
+                )
             command.unregister()
         return limits, early
 
@@ -143,23 +146,23 @@ class Simulation:
 
     @property
     def time(self) -> float:
-        """Robot time so far [s]."""
+        """Simulated robot time so far [s]."""
         return float(self.app.cycles * self.app.hw.period)
 
     def run(self, duration: float | None = None, *, progress: bool = False) -> None:
-        """Continue the simulation.
+        """Run the simulation, or continue it after an earlier call.
 
         Args:
-            duration: robot time [s]; None: to the end of the experiment.
-            progress: True to show the progress on a terminal.
+            duration: robot time for which to run [s]; None: until the end of the experiment.
+            progress: True to show a progress bar on a terminal.
 
         Raises:
-            KeyboardInterrupt: Ctrl-C or SIGTERM, after a complete cycle; `signals` has all cycles until then.
+            KeyboardInterrupt: Ctrl-C or SIGTERM; the present cycle is completed, and `signals` has all cycles.
             HricError: the robot failed, or a controller was stopped by an error.
         """
         left = self.definition.duration - self.time if duration is None else duration
         form = "{l_bar}{bar}| {n:.2f}/{total:.2f} s robot time [{elapsed}<{remaining}]"
-        # disable=None: no bar if stderr is no terminal, because a file would collect hundreds of its states.
+        # disable=None: no bar if stderr is not a terminal, as a file would contain hundreds of its states.
         options = {"desc": self.definition.name, "bar_format": form, "leave": False, "disable": None}
         with (
             tqdm(total=left, **options) if progress else contextlib.nullcontext() as self._timeline.bar,
@@ -173,11 +176,11 @@ class Simulation:
             raise FailureError(f"experiment {self.definition.name}: {'; '.join(failed)}")
 
     def reset(self, *, seed: int | None = None, **overrides: Any) -> None:
-        """Start again from the beginning.
+        """Return to the beginning of the experiment, with robot and controllers constructed again.
 
         Args:
-            seed: new seed; None: as before.
-            overrides: further overrides; earlier ones stay.
+            seed: new seed; None: the seed is not changed.
+            overrides: further overrides, in addition to the earlier ones.
 
         Raises:
             HricError: the experiment cannot run; the simulation is then closed.
@@ -187,26 +190,26 @@ class Simulation:
         self._overrides = self._overrides | overrides
         self._open()
 
-    # -- what it gave --------------------------------------------------------------------------------------------------
+    # -- results -------------------------------------------------------------------------------------------------------
 
     @property
     def signals(self) -> ControlRecord:
-        """Time, position, velocity, effort and commands of every cycle so far.
+        """Time, joint positions, velocities, efforts and commands of every cycle so far, as arrays.
 
         Raises:
-            HricError: there is no cycle yet, or the robot has no log.
+            HricError: there is no cycle yet, or the robot has no control log.
         """
         return stitch(self._log)
 
     @property
     def state_sha256(self) -> str:
-        """Hash of the bits of position, velocity and command, as in run.yaml."""
+        """SHA-256 hash of all positions, velocities and commands so far, bit for bit, as recorded in run.yaml."""
         return self.signals.state_sha256()
 
     # -- the end -------------------------------------------------------------------------------------------------------
 
     def close(self) -> None:
-        """Release the robot; `signals` stays."""
+        """Release the robot; `signals` remains available."""
         self.app.shutdown()
 
     def __enter__(self) -> "Simulation":
@@ -219,7 +222,7 @@ class Simulation:
 
 
 def check(definition: Experiment) -> None:
-    """Build an experiment without running it, so that robot, controllers and sensors can refuse it beforehand.
+    """Check an experiment without running it: construct its robot, controllers and sensors, and release them.
 
     Raises:
         HricError: the experiment cannot run.
@@ -231,12 +234,15 @@ def _definition(name: str | Experiment, overrides: dict[str, object]) -> Experim
     if not isinstance(name, Experiment):
         return experiment.load(name, [f"{key}:={in_yaml(value)}" for key, value in overrides.items()])
     if overrides:
-        raise HricError(f"overrides ({', '.join(overrides)}) need the experiment's name, not the experiment itself")
+        raise HricError(
+            f"overrides ({', '.join(overrides)}) cannot be applied to an Experiment object; valid: the name or file of "
+            "an experiment"
+        )
     return name
 
 
 def _tree(definition: Experiment, seed: int) -> dict[str, Any]:
-    """Return all parameters, as a live run has them on the parameter server."""
+    """Return all parameters of a run, as a live run has them on the parameter server."""
     return {
         "robot_description": parameters.description(definition.robot),
         "joint_limits": parameters.joint_limits(definition),
@@ -249,9 +255,10 @@ def _tree(definition: Experiment, seed: int) -> dict[str, Any]:
 
 
 def _refuse_wires(definition: Experiment) -> None:
-    """Refuse wired sources, which cannot follow an unpaced run; emulated devices have no wire here.
+    """Refuse an experiment with devices that stream over a network, which cannot follow an unpaced simulation.
 
-    A supervisor with the source `person` is refused, too, because no node tracks a person here.
+    Emulated devices run within this process and are allowed. A supervisor with the source `person` is refused, too, as
+    no node tracks a person here.
     """
     if "person" in (definition.supervisor or {}).get("source", ()):
         raise HricError(
@@ -267,23 +274,23 @@ def _refuse_wires(definition: Experiment) -> None:
 
 
 class Stepper(Protocol):
-    """Something that advances in step with the robot."""
+    """Part of a simulation that advances in step with the robot, such as a sensor or a supervisor."""
 
     def advance(self, time: float) -> None:
-        """Advance to a time of the run [s]."""
+        """Advance to a robot time [s]."""
 
 
 class Timeline:
-    """Callback before each update of the loop: sends due setpoints, advances others, updates the progress bar.
+    """Callback in each cycle before the controllers: sends due setpoints, advances sensors, updates the progress bar.
 
-    The first cycle starts the controllers, so the earliest setpoint is sent in the second one, 1 ms later, and so is
-    the first frame.
+    The first cycle starts the controllers. So the earliest setpoint is sent in the second cycle, 1 ms later, and so is
+    the first motion capture frame.
 
     Args:
-        node: the robot's namespace.
+        node: node of the robot's namespace.
         setpoints: setpoints in order of time.
-        beside: parts that advance in step with the robot: the tracked human, sensors, the supervisor.
-        starts: services that start others at the time of the first setpoint.
+        steppers: parts that advance in step with the robot: the tracked human, sensors, the supervisor.
+        starts: names of services that are called in the second cycle, such as that which starts the human.
 
     Attributes:
         bar: progress bar over robot time; None: no bar.
@@ -301,7 +308,7 @@ class Timeline:
         self.bar: Any = None
 
     def __call__(self, now: float) -> None:
-        """Do everything that is due at robot time `now` [s]."""
+        """Execute everything that is due at robot time `now` [s]."""
         if not self._started:
             self._started = True
             return
@@ -319,9 +326,10 @@ class Timeline:
 
 @contextlib.contextmanager
 def _interruptible(app: RobotApp) -> Iterator[threading.Event]:
-    """Make Ctrl-C and SIGTERM end the run after the present cycle, so that log and bag stay complete.
+    """Let Ctrl-C and SIGTERM end the run after the present cycle, so that log and bag are complete.
 
-    Only the main thread gets signals.
+    The returned event is set by such a signal. In a thread other than the main one, which gets no signals, this has no
+    effect.
     """
     interrupt = threading.Event()
     if threading.current_thread() is not threading.main_thread():

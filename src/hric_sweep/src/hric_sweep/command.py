@@ -24,7 +24,7 @@ from hric_sweep.supervisor import SweepSupervisor
 
 
 class SweepCommand(Command):
-    """Run an experiment many times with variables and seeds, on all processors, into one table.
+    """Run an experiment many times with varied parameters and seeds, on all processors; write one table.
 
     See also: sweep rerun, sweep page.
     """
@@ -43,7 +43,7 @@ class SweepCommand(Command):
                 help=f"one of: {', '.join(definition.names())}; or the path of a YAML file",
                 complete=definition.names,
             ),
-            Argument("--quick", action="store_true", help="the sweep's form with few runs"),
+            Argument("--quick", action="store_true", help="run the sweep's short form, with few runs"),
             *engine_arguments("sweep, benchmark or study"),
         ]
 
@@ -64,16 +64,18 @@ class SweepCommand(Command):
 
 
 def _resume_study(folder: Path, arguments: argparse.Namespace) -> int:
-    """Resume a study. Raises HricError: options of an engine, which a study has not."""
+    """Resume a study. Raises HricError: --jobs or --dask was given; the runs of a study are not parallel."""
     if arguments.jobs is not None or arguments.dask is not None:
-        raise HricError(f"{folder} is a study, whose runs follow each other; valid: without --jobs and --dask")
+        raise HricError(
+            f"{folder} is a study, which executes one run after the other; valid: without --jobs and --dask"
+        )
     from hric_sweep.study import running  # slow to import: errors are reported before
 
     return running.resume(folder, progress=not arguments.quiet)
 
 
 def _run(folder: Path | None, plan: SweepPlan, before: ReferenceRun | None, options: argparse.Namespace) -> int:
-    """Run a new sweep, or resume one: `folder` and `before` are its folder and its reference run."""
+    """Run a new sweep (`folder` is None), or resume the one in `folder`, whose reference run was `before`."""
     memory, total, started = 1e9 * plan.section.memory, plan.sampler().total, None
     with engine_session(options, memory, total, lambda: resume_command(started)) as engine:
         reference = engine.check(plan.task(0, {}, ""))
@@ -91,10 +93,12 @@ def _run(folder: Path | None, plan: SweepPlan, before: ReferenceRun | None, opti
 
 
 def _probe(plan: SweepPlan, engine: SweepEngine, code: str) -> None:
-    """Probe the variables. Raises HricError: a variable has no effect, or the experiment refuses its values."""
+    """Check that each variable has an effect. Raises HricError: one has none, or the experiment refuses its values."""
     from hric_sweep import probe
 
-    print(f"trying each variable at both ends: {probe.runs_of(plan)} runs", flush=True)
+    print(
+        f"checking that each variable has an effect, at both ends of its range: {probe.runs_of(plan)} runs", flush=True
+    )
     for warning in probe.probe(plan, engine, code):
         print(f"warning: {warning}", file=sys.stderr)
 
@@ -119,7 +123,10 @@ def _supervise(
 
 
 def summary(folder: Path) -> str:
-    """Return the summary for the terminal, from the table: the same statements with which the page begins."""
+    """Return the summary of a sweep for the terminal: failed runs, range and median of each output, exceedance.
+
+    It makes the same statements as the beginning of the sweep's page.
+    """
     from hric_sweep.page import estimate
     from hric_sweep.page.study import FAILED, load
 

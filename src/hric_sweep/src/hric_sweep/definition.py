@@ -51,14 +51,14 @@ sweep:
     error: {path: "setpoints.*.final_error_max", unit: rad, text: error at the end}
 """
 MEMORY = 4.0
-"""Default memory limit of a worker [GB]; project default, unconfirmed: a run with a human, muscles and sensors takes
-less than 1."""
+"""Default memory limit of a worker [GB]; project default, unconfirmed (a run with a human, muscles and sensors takes
+less than 1 GB)."""
 
 
 ENDS = ("duration", "contact")
-"""Ends of a run: the duration of its experiment, or the end of the first contact with the person."""
+"""Events that can end a run: the experiment's duration has passed, or the first contact with the person has ended."""
 ROW = "row"
-"""Name of the variable whose values are the names of the rows."""
+"""Name of the variable that selects one of the sweep file's `rows` (sets of overrides) by its name."""
 
 
 @dataclass(frozen=True)
@@ -66,16 +66,16 @@ class Exceedance(FileSettings):
     """Event whose probability is estimated: an output exceeds a limit."""
 
     output: str = text(empty=False, text="name of the output")
-    above: float | None = number(None, text="limit that it passes upwards, in its unit")
-    below: float | None = number(None, text="limit that it passes downwards, in its unit")
+    above: float | None = number(None, text="limit that the output exceeds, in its unit")
+    below: float | None = number(None, text="limit that the output falls below, in its unit")
 
     def check(self, where: str) -> None:
-        """Refuse an exceedance with no limit or with two."""
+        """Raise an error unless exactly one of `above` and `below` is set."""
         if (self.above is None) == (self.below is None):
             raise refused(f"{where}above, {where}below", (self.above, self.below), "exactly one of the two")
 
     def margin(self, value: float) -> float:
-        """Return the distance of a value beyond the limit, negative on the safe side [unit of the output]."""
+        """Return how far a value is beyond the limit, negative on the safe side [unit of the output]."""
         return value - self.above if self.above is not None else (self.below or 0.0) - value
 
 
@@ -83,11 +83,11 @@ class Exceedance(FileSettings):
 class Objective(FileSettings):
     """Objective of a search for the worst or the best case."""
 
-    maximise: str = text("", text="name of the output; empty: minimise")
-    minimise: str = text("", text="name of the output; empty: maximise")
+    maximise: str = text("", text="name of the output to maximise; empty: use `minimise`")
+    minimise: str = text("", text="name of the output to minimise; empty: use `maximise`")
 
     def check(self, where: str) -> None:
-        """Refuse an objective with neither or both of `maximise` and `minimise`."""
+        """Raise an error unless exactly one of `maximise` and `minimise` is set."""
         if bool(self.maximise) == bool(self.minimise):
             raise refused(f"{where}maximise, {where}minimise", (self.maximise, self.minimise), "exactly one of the two")
 
@@ -104,18 +104,22 @@ class Objective(FileSettings):
 
 @dataclass(frozen=True)
 class Keep(FileSettings):
-    """Selection of the runs whose signals are stored; each of them is repeated at the end of the sweep."""
+    """Selection of runs that are repeated at the end of the sweep, to store their signals."""
 
-    worst: int = whole(10, minimum=0, text="runs with the most of the objective, else of the exceedance")
-    failed: bool = flag(True, text="up to as many runs that failed")
+    worst: int = whole(
+        10, minimum=0, text="number of runs with the most extreme objective, or exceedance if there is no objective"
+    )
+    failed: bool = flag(True, text="also keep failed runs, at most `worst` of them")
 
 
 @dataclass(frozen=True)
 class Quick(FileSettings):
-    """Changes of the sweep for `--quick`: fewer runs."""
+    """Changes of the sweep for the short form (`--quick`)."""
 
-    runs: int = whole(8, minimum=1, text="in place of `runs`")
-    changes: tuple[str, ...] = listing(text(empty=False), default=(), made=once, text="further overrides of all runs")
+    runs: int = whole(8, minimum=1, text="number of runs, instead of `runs`")
+    changes: tuple[str, ...] = listing(
+        text(empty=False), default=(), made=once, text="additional overrides of the experiment in all runs"
+    )
     sampler: Any = anything({}, default_text="none", text="keys that replace those of `sampler`")
 
 
@@ -129,9 +133,12 @@ class SweepSection(FileSettings):
     rows: Any = anything(
         (),
         default_text="none",
-        text="overrides of each run by its name, for the sampler list; or MODULE:FUNCTION, which returns them by seed",
+        text="overrides of each run, by the run's name, for the sampler `list`; or MODULE:FUNCTION, which returns the "
+        "overrides for a seed",
     )
-    correlation: Any = anything((), default_text="none", text="lists of two variables and their correlation")
+    correlation: Any = anything(
+        (), default_text="none", text="correlations, each a list of two variables and the coefficient"
+    )
     sampler: Settings = SAMPLER
     runs: int | None = whole(
         None,
@@ -140,29 +147,30 @@ class SweepSection(FileSettings):
         text="maximum number of runs; none: the sampler determines it (grid, list)",
     )
     seeds: str = choice(
-        "each", "common", text="each: a seed for every run; common: one for all (common random numbers)"
+        "each", "common", text="each: every run has its own seed; common: all runs share one (common random numbers)"
     )
     seed: int = whole(0, minimum=0, text="seed of the sampler; also the seed of the first run")
     until: str = choice(
         *ENDS,
-        text="end of a run: the duration of the experiment; or the end of the first contact with the person, at the "
-        "latest 1 s after its start, and without a contact 1 s before the duration",
+        text="end of a run. duration: that of the experiment. contact: end of the first contact with the person, at "
+        "most "
+        "1 s after its start; without contact, 1 s before the duration",
     )
-    outputs: Mapping[str, SweepOutput] = mapping(section(SweepOutput), text="numbers of each run, by name")
+    outputs: Mapping[str, SweepOutput] = mapping(section(SweepOutput), text="numbers stored for each run, by name")
     exceedance: Exceedance | None = section(Exceedance, None, text="event whose probability is estimated")
     objective: Objective | None = section(Objective, None, text="objective of a search")
     timeout: float = number(
         60.0,
         above=0.0,
         unit="s",
-        text="limit of processor time per run, and of wall time without progress; then the worker is killed",
+        text="limit of processor time per run, and of wall time without progress; beyond it the worker is killed",
     )
     memory: float = number(MEMORY, above=0.0, maximum=1000.0, unit="GB", text="memory limit of a worker")
     keep: Keep = section(Keep)
     quick: Quick = section(Quick)
 
     def check(self, where: str) -> None:
-        """Make a variable of the rows: its values are their names. Refuse rows that are not overrides."""
+        """Add a variable whose values are the names of the rows. Raises an error for rows that are no overrides."""
         if not self.rows:
             return
         if isinstance(self.rows, str):
@@ -192,7 +200,9 @@ class Sweep(FileSettings):
     name: str = ""
     description: str = text("", text="one-line description")
     extends: str = text(empty=False, text="the experiment: its name, or the path of its YAML file")
-    changes: tuple[str, ...] = listing(text(empty=False), default=(), made=once, text="overrides of all runs")
+    changes: tuple[str, ...] = listing(
+        text(empty=False), default=(), made=once, text="overrides of the experiment in all runs"
+    )
     sweep: SweepSection = section(SweepSection, REQUIRED)
 
 
@@ -204,8 +214,8 @@ class SweepPlan:
         sweep: checked content of the sweep file.
         content: content of the sweep file as plain data.
         experiment: content of the experiment file.
-        space: space of the variables.
-        runs_folder: folder of all runs, in which each run gets a run folder; empty: only numbers are kept.
+        space: variables with their distributions and correlations.
+        runs_folder: folder in which each run gets a run folder with its bag; empty: only output numbers are stored.
     """
 
     sweep: Sweep
@@ -225,11 +235,11 @@ class SweepPlan:
         return self.sweep.sweep
 
     def sampler(self) -> Sampler:
-        """Return a new sampler. Raises HricError: it does not fit the variables or the number of runs."""
+        """Return a new sampler. Raises HricError: the sampler does not fit the variables or the number of runs."""
         return make(self.section.sampler, self.space, self.section.runs, self.section.seed)
 
     def changes(self, values: PlainData) -> PlainData:
-        """Return the overrides of a run, by key; `values` are those of the variables, empty for the reference run."""
+        """Return the overrides of a run by key; `values`: values of the variables, empty for the reference run."""
         changes = dict(map(overrides.split, self.sweep.changes))
         for name, variable in self.section.vary.items():
             if name in values:
@@ -238,7 +248,7 @@ class SweepPlan:
         return changes
 
     def middle(self) -> PlainData:
-        """Return the medians of all variables, by name."""
+        """Return the median of each variable's distribution, by name of the variable."""
         return self.space.values(np.full((1, len(self.section.vary)), 0.5))[0]
 
     def seed(self, index: int) -> int:
@@ -279,7 +289,7 @@ def load(name: str, *, quick: bool = False) -> SweepPlan:
         quick: use the form with few runs.
 
     Raises:
-        HricError: the sweep does not exist, or has mistakes; all of them are listed at once.
+        HricError: the sweep does not exist, or has mistakes; the message lists all of them.
     """
     path = find(name)
     content = read_yaml(path)
@@ -306,7 +316,7 @@ def plan(name: str, content: PlainData, *, quick: bool = False, base: PlainData 
         base: content of the experiment file when the sweep was started; None: read the current file.
 
     Raises:
-        ExperimentError: mistakes, all of them at once.
+        ExperimentError: the content has mistakes; the message lists all of them.
     """
     mistakes = Mistakes()
     made: SweepPlan | None = None
@@ -335,7 +345,7 @@ def plan(name: str, content: PlainData, *, quick: bool = False, base: PlainData 
 
 @contextmanager
 def _noted(mistakes: Mistakes, where: str = "") -> Iterator[None]:
-    """Note any user error in the block, also one that is no parameter error; `where` is put in front of its message."""
+    """Collect any user error raised in the block; `where` precedes the message of one that is no ParameterError."""
     with mistakes.noted():
         try:
             yield
@@ -352,7 +362,10 @@ def _part(content: Any, key: str) -> PlainData:
 
 
 def _check_names(content: PlainData, mistakes: Mistakes) -> None:
-    """Refuse output names that are missing, unknown or equal to that of a variable, even with other mistakes."""
+    """Report missing outputs, unknown output names, and outputs with the name of a variable.
+
+    The check also works on content with other mistakes.
+    """
     sweep = _part(content, "sweep")
     outputs = _part(sweep, "outputs")
     with mistakes.noted():
@@ -370,7 +383,10 @@ def _check_names(content: PlainData, mistakes: Mistakes) -> None:
 
 
 def _check_paths(content: PlainData, base: PlainData | None, mistakes: Mistakes) -> bool:
-    """Refuse variables whose path is not in the experiment, even with other mistakes; return True if all paths fit."""
+    """Report variables whose path is not in the experiment; return True if there are none.
+
+    The check also works on content with other mistakes.
+    """
     extends, fits = content.get("extends"), True
     if base is None and isinstance(extends, str):
         with suppress(HricError):  # reported already
@@ -387,7 +403,7 @@ def _check_paths(content: PlainData, base: PlainData | None, mistakes: Mistakes)
 
 
 def _check_run(checked: SweepPlan, mistakes: Mistakes) -> None:
-    """Refuse an experiment that is invalid with all variables at their medians."""
+    """Report an experiment that is invalid with all variables at their medians."""
     with _noted(mistakes, "a run with all variables at their medians: "):
         changes = written(checked.changes(checked.middle()))
         experiment.parse(checked.name, overrides.apply(checked.experiment, changes))
@@ -404,5 +420,5 @@ def _quick(content: PlainData, quick: Quick) -> PlainData:
 
 
 def _plain(content: Any) -> Any:
-    """Return content as JSON represents it, so that it does not change when it is written to a file and read again."""
+    """Return content with JSON types only, so that writing it to a file and reading it again does not change it."""
     return json.loads(json.dumps(content, default=str))

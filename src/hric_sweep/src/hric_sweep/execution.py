@@ -1,4 +1,4 @@
-"""Execution of tasks by an engine, with a journal: tasks whose worker died are repeated, all others run once."""
+"""Execution of tasks by an engine, with a journal; tasks whose worker died or timed out are tried again."""
 
 import signal
 import threading
@@ -14,7 +14,7 @@ from hric_sweep.journal import Journal
 from hric_sweep.records import RunResponse, RunTask
 
 TRIES = 3
-"""Maximum attempts for a run that ends its worker or exceeds its timeout; after these it is recorded as failed."""
+"""Maximum number of attempts for a run that ends its worker or exceeds its timeout; then it counts as failed."""
 LOOK = 0.5
 """Longest time between two checks for Ctrl-C [s]."""
 
@@ -29,19 +29,19 @@ def execute(
     on_response: Callable[[RunResponse], object] = lambda response: None,
     on_check: Callable[[], object] = lambda: None,
 ) -> list[RunResponse]:
-    """Execute all tasks and return their responses in the order of the tasks, each with the number of its attempt.
+    """Execute all tasks; return their responses in the order of the tasks, each with the number of its attempt.
 
     Args:
         tasks: tasks with unique indices; ids may repeat if the same point is sampled more than once.
         engine: engine that executes the tasks.
-        journal: stores each response as it arrives; tasks with a stored response are not run again. None: no storage.
+        journal: file for the responses; tasks whose response it already contains are not run. None: no file.
         on_response: callback for each response, those from the journal first.
         on_check: callback after each check for finished tasks, at least every `LOOK` seconds.
 
     Raises:
         JournalError: the responses cannot be stored.
         KeyboardInterrupt: Ctrl-C; all finished responses are stored.
-        Exception: an error of an engine that cannot continue; it is not a response and not in the journal.
+        Exception: the engine cannot continue; the error is not stored in the journal.
     """
     known = {} if journal is None else {entry.id: entry for entry in journal.entries}
     responses: dict[int, RunResponse] = {}

@@ -1,4 +1,4 @@
-"""Run folder of a sweep: its settings file, and what is read from it to resume the sweep or to repeat a run."""
+"""Run folder of a sweep with its settings file sweep.yaml, from which a sweep is resumed or a run repeated."""
 
 from pathlib import Path
 
@@ -42,7 +42,7 @@ def opened(folder: Path) -> tuple[SweepPlan, ReferenceRun]:
     """Return the plan and the reference run of an existing sweep.
 
     Raises:
-        HricError: the definition does not fit this code.
+        HricError: the stored definition is invalid with the current code.
     """
     content = read_yaml(folder / FILE)
     plan = definition.plan(content["name"], content["definition"], base=content["experiment"])

@@ -1,6 +1,6 @@
-"""Journal of a sweep: one line of JSON for each finished run, written to disk before the run counts.
+"""Journal of a sweep: one line of JSON per finished run, written to disk before the run counts as finished.
 
-It may be cut off at any byte: an incomplete last line is dropped when the journal is opened again.
+The file survives a crash at any byte: an incomplete last line is dropped when the journal is opened again.
 """
 
 import fcntl
@@ -24,7 +24,7 @@ class JournalError(HricError):
 
 
 class Journal(AbstractContextManager["Journal"]):
-    """Append-only file of responses, locked for one supervisor at a time.
+    """Append-only file of responses, locked for one program at a time.
 
     Args:
         path: run folder of the sweep, in which the file is `NAME`; or path of the file.
@@ -48,7 +48,9 @@ class Journal(AbstractContextManager["Journal"]):
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
             os.close(self._file)
-            raise JournalError(f"another program writes {self.path}; valid: wait for its end") from error
+            raise JournalError(
+                f"another program writes {self.path}; valid: wait until that program has ended"
+            ) from error
         content = self.path.read_bytes() if self.path.is_file() else b""  # a device file has no content to read
         self._size = content.rfind(b"\n") + 1
         if self._size < len(content):
@@ -57,10 +59,10 @@ class Journal(AbstractContextManager["Journal"]):
         self.entries = parse(content[: self._size], self.path)
 
     def append(self, entries: Sequence[RunResponse]) -> None:
-        """Append responses; when the call returns they are on the disk.
+        """Append responses; they are on the disk when the call returns.
 
         Raises:
-            JournalError: they cannot be written; the journal is unchanged.
+            JournalError: the responses cannot be written; the journal is unchanged.
         """
         lines = b"".join(json.dumps(vars(entry)).encode() + b"\n" for entry in entries)
         try:
@@ -72,13 +74,13 @@ class Journal(AbstractContextManager["Journal"]):
             self._restore()
             raise JournalError(
                 f"cannot write {self.path}: {error.strerror}. {len(self.entries)} finished runs are stored; only the "
-                f"last {len(entries)} are lost. Free some space"
+                f"last {len(entries)} are lost. Free some disk space"
             ) from error
         self._size += len(lines)
         self.entries += entries
 
     def _restore(self) -> None:
-        """Remove the part of the entries that was already written."""
+        """Truncate the file to its complete entries after a failed write."""
         try:
             os.ftruncate(self._file, self._size)
             os.lseek(self._file, self._size, os.SEEK_SET)
@@ -96,10 +98,10 @@ class Journal(AbstractContextManager["Journal"]):
 
 
 def parse(content: bytes, path: Path) -> list[RunResponse]:
-    """Return the responses of complete lines.
+    """Return the responses in the complete lines of a journal.
 
     Raises:
-        HricError: a line is damaged, or was written by a different version.
+        HricError: a line is damaged, or a different version wrote it.
     """
     entries = []
     for number, line in enumerate(content.splitlines(), 1):

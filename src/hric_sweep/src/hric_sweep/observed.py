@@ -1,4 +1,4 @@
-"""Recording of a simulation's messages in memory, analysed like a bag for the outputs of a sweep."""
+"""Recording of a simulation's messages in memory; the outputs of a sweep are computed from it as from a bag."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import cached_property
@@ -49,9 +49,9 @@ NEEDS: dict[str, tuple[str, ...] | None] = {
     SUPERVISION: (SAFETY_TYPE,),
     COLLABORATION: (*HUMAN, LOG_TYPE),
 }
-"""Message types that each group of metrics needs in addition to MOVED; a group that is not listed needs all types."""
+"""Message types that each group of metrics needs besides MOVED; a group that is not listed needs all types."""
 MOVED = (LOG_TYPE, COUNTS_TYPE, COMMAND_TYPE)
-"""Message types from which the control record of every run is made."""
+"""Message types from which the control record of every run is built."""
 
 
 class Observed:
@@ -59,7 +59,7 @@ class Observed:
 
     Args:
         simulation: simulation to record.
-        groups: first keys of the requested outputs; only messages that these need are stored.
+        groups: groups of metrics (first keys of output paths) to compute; only messages they need are stored.
     """
 
     def __init__(self, simulation: Simulation, groups: Collection[str]) -> None:
@@ -94,7 +94,7 @@ class Observed:
             self._bag.write(topic, message, at)
 
     def values(self) -> "Observations":
-        """Return the metrics of the run so far, by first key.
+        """Return the metrics of the run up to now, by group.
 
         Raises:
             HricError: the run has no control log.
@@ -113,12 +113,12 @@ class Observed:
 
 
 class Observations(Mapping[str, object]):
-    """Metrics of a run, with the keys that only sweeps have.
+    """Metrics of a run by group, including the groups that only sweeps have (SWEEP_GROUPS).
 
     Args:
-        run: contents of run.yaml, as far as analyses read it.
+        run: those contents of run.yaml that analyses read.
         bag: recorded messages.
-        record: control log with the data that belong to it.
+        record: control log of the run with its accompanying data.
         description: URDF of the robot.
     """
 
@@ -144,7 +144,7 @@ class Observations(Mapping[str, object]):
 
     @cached_property
     def contacts(self) -> list[ContactEvent]:
-        """Contact events of the person, assessed like in the verdict."""
+        """Contacts between person and robot, assessed as in the verdict of a report."""
         return contact_events(contacts.findings(self._verdict_input), self._record.log, self._description)
 
     @cached_property

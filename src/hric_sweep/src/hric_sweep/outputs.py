@@ -1,9 +1,9 @@
-"""Outputs of a run: numbers at paths of its metrics and of three groups that only sweeps have.
+"""Outputs of a run: numbers that a path selects from the metrics of the run.
 
 A path consists of keys of metrics.json, separated by dots; `*` selects all items of a list or a mapping, and `reduce`
-makes one number of them; if one of the numbers is NaN, the result is NaN. Only sweeps have these keys: `impact`,
-contacts of the person as the verdict assesses them; `supervision`, decisions of a supervisor; and `collaboration`,
-numbers by which the benchmark compares controllers.
+combines them into one number, which is NaN if one of them is NaN. Three groups exist only in sweeps: `impact`,
+contacts of the person as the verdict assesses them; `supervision`, decisions of the safety supervisor; and
+`collaboration`, numbers by which the benchmark compares controllers.
 """
 
 import math
@@ -20,7 +20,7 @@ from hric_sweep.registry import FileSettings
 
 IMPACT, SUPERVISION, COLLABORATION = "impact", "supervision", "collaboration"
 SWEEP_GROUPS = (IMPACT, SUPERVISION, COLLABORATION)
-"""First keys of paths that only sweeps have."""
+"""First keys of paths to values that are not in metrics.json and exist only in sweeps."""
 GROUPS = (*KEYS, *SWEEP_GROUPS)
 REDUCE: dict[str, Callable[[Sequence[float]], float]] = {
     "max": max,
@@ -36,7 +36,7 @@ COUNT = "count"
 
 @dataclass(frozen=True)
 class SweepOutput(FileSettings):
-    """Definition of one number that each run yields."""
+    """Output: definition of one number that is computed for each run."""
 
     path: str = text(
         empty=False, text="path of the value in the metrics of the run; `*`: all items of a list or mapping"
@@ -48,16 +48,16 @@ class SweepOutput(FileSettings):
         text="reduction of several values to one; largest: in absolute value; count: number of values",
     )
     otherwise: float | None = number(
-        None, text="value if the run has none, such as a peak without a contact; none: NaN"
+        None, text="number to use if a run has no value, such as a peak force without a contact; none: NaN"
     )
     unit: str = text("", text="unit of the number")
     text: str = text("", text="description")
 
     def check(self, where: str) -> None:
-        """Refuse a path whose first key is not in the metrics of any run."""
+        """Raise an error if no run has metrics under the path's first key."""
         group = self.path.split(".")[0]
         if group not in GROUPS:
-            raise ParameterError(f"{where}path: {group!r} is not in the metrics of a run; valid: {', '.join(GROUPS)}")
+            raise ParameterError(f"{where}path: {group!r} is no group of metrics of a run; valid: {', '.join(GROUPS)}")
 
     @property
     def group(self) -> str:
@@ -65,17 +65,17 @@ class SweepOutput(FileSettings):
         return self.path.split(".")[0]
 
     def measured(self, values: Mapping[str, object]) -> float:
-        """Return the output of a run; NaN: it has no value and `otherwise` is not set, or one of several values is NaN.
+        """Return the output's value for a run; NaN: no value and no `otherwise`, or one of several values is NaN.
 
         Raises:
-            HricError: an item is not a number, or the path has a key that no run has.
+            HricError: an item at the path is not a number, or the path has an unknown key.
         """
         items = [item for item in walk(values, self.path.split("."), self.path) if item is not None]
         if self.reduce == COUNT:
             return float(len(items))
         for item in items:
             if not isinstance(item, bool | int | float):
-                raise HricError(f"output {self.path} is {type(item).__name__}, no number{_keys(item)}")
+                raise HricError(f"output {self.path} is {type(item).__name__}, not a number{_keys(item)}")
         if not items:
             return math.nan if self.otherwise is None else self.otherwise
         numbers = [float(item) for item in items]
@@ -83,10 +83,10 @@ class SweepOutput(FileSettings):
 
 
 def walk(value: Any, path: Sequence[str], full_path: str) -> Iterator[Any]:
-    """Yield the values at a path; keys may contain dots, as tolerances do. Yield None if a run has no such part.
+    """Yield the values at a path of nested data; None for a part that the run does not have. Keys may contain dots.
 
     Raises:
-        HricError: a mapping has other keys.
+        HricError: a key of the path is not in its mapping.
     """
     if not path or value is None:
         yield value

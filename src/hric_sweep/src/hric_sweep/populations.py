@@ -1,4 +1,4 @@
-"""Named populations: distributions of mass, height, strength and reaction time.
+"""Named populations of people: distributions of mass, height, muscle strength and reaction time.
 
 config/populations.yaml defines, for each quantity, the shape of its distribution and two percentiles with their
 source. If a subject of `hric_human` represents a percentile, the value comes from that subject's file.
@@ -19,19 +19,19 @@ from hric_core.parameters import Settings, choice, listing, mapping, number, pac
 from hric_human.body import subject
 
 QUANTITIES = {"mass": "kg", "height": "m", "strength": "1", "reaction_time": "s"}
-"""Quantities with units; strength: factor on all muscles, relative to the subject's sex and mass, as
-`human.muscles.strength`."""
+"""Quantities with their units. strength is a factor on the strength of all muscles of a subject of that sex and mass,
+like the parameter `human.muscles.strength`."""
 MARKS = ("confirmed", "unconfirmed")
-"""Marks of a value: confirmed in a public source, which is named, or unconfirmed (from memory)."""
+"""Reliability of a value: confirmed in the public source that is named, or unconfirmed (from memory)."""
 HALVINGS = 60
-"""Steps of the bisection that inverts the distribution of a mixture: enough for the precision of a double."""
+"""Number of bisection steps that invert the distribution function of a mixture: enough for double precision."""
 
 
 class QuantityDistribution(Protocol):
     """Distribution of a quantity in a population."""
 
     def ppf(self, u: FloatArray) -> FloatArray:
-        """Return the values at shares of the people in (0, 1), shape (m,), in the quantity's unit."""
+        """Return the quantiles at probabilities `u` in (0, 1), shape (m,), in the quantity's unit."""
 
     def cdf(self, values: FloatArray) -> FloatArray:
         """Return the share of the people below each value, shape (m,)."""
@@ -39,21 +39,23 @@ class QuantityDistribution(Protocol):
 
 @dataclass(frozen=True)
 class Anchor(Settings):
-    """Percentile of a quantity: its value, or the subject who has this value."""
+    """Percentile of a quantity, given by its value or by a subject who has this value."""
 
-    percentile: float = number(above=0.0, maximum=99.999, unit="%", text="share of the people who have less")
-    value: float | None = number(None, above=0.0, text="in the quantity's unit")
-    subject: str = text("", text="file in config/subjects of hric_human, without its ending")
-    mark: str = choice(*MARKS, default=REQUIRED, text="mark of the value for this percentile")
+    percentile: float = number(above=0.0, maximum=99.999, unit="%", text="share of the people with a smaller value")
+    value: float | None = number(None, above=0.0, text="value of the quantity at this percentile, in its unit")
+    subject: str = text(
+        "", text="subject who has the value: name of a file in config/subjects of hric_human, without its ending"
+    )
+    mark: str = choice(*MARKS, default=REQUIRED, text="reliability of the value for this percentile")
     source: str = text(empty=False, text="source of the value")
 
     def check(self, where: str) -> None:
-        """Refuse an anchor with both or neither of value and subject."""
+        """Raise an error unless exactly one of value and subject is set."""
         if (self.value is None) is not bool(self.subject):
             raise refused(f"{where}value", self.value, "either value or subject")
 
     def of_quantity(self, name: str) -> float:
-        """Return the value of the anchor, for a quantity in QUANTITIES."""
+        """Return the value at this percentile; `name`: quantity, one of QUANTITIES."""
         return self.value if self.value is not None else float(getattr(_subject(self.subject), name))
 
 
@@ -62,10 +64,10 @@ class Quantity(Settings):
     """Distribution of a quantity in one group of people."""
 
     shape: str = choice("normal", "log_normal", text="shape of the distribution")
-    anchors: tuple[Anchor, ...] = listing(section(Anchor), 2, text="percentiles that it passes through")
+    anchors: tuple[Anchor, ...] = listing(section(Anchor), 2, text="two percentiles that define the distribution")
 
     def spread(self, name: str) -> QuantityDistribution:
-        """Return the distribution of a quantity in QUANTITIES: the normal or log-normal one through the anchors."""
+        """Return the normal or log-normal distribution through the two anchors; `name`: quantity, one of QUANTITIES."""
         values = np.array([anchor.of_quantity(name) for anchor in self.anchors])
         scores = stats.norm.ppf([anchor.percentile / 100.0 for anchor in self.anchors])
         log = self.shape == "log_normal"
@@ -78,14 +80,14 @@ class Quantity(Settings):
 
 @dataclass(frozen=True)
 class People(Settings):
-    """Population: its quantities, or the populations of which it is a mixture."""
+    """Population, defined by distributions of its quantities or as a mixture of other populations."""
 
     text: str = text(empty=False, text="description of the people")
     quantities: Mapping[str, Quantity] = mapping(section(Quantity), default={}, text="quantities by name")
-    mixed: Mapping[str, float] = mapping(number(above=0.0), default={}, text="share of each population it is mixed of")
+    mixed: Mapping[str, float] = mapping(number(above=0.0), default={}, text="share of each population in the mixture")
 
     def check(self, where: str) -> None:
-        """Refuse a population that lacks a quantity, or that has both quantities and a mixture."""
+        """Raise an error if a population lacks a quantity, or has both quantities and a mixture."""
         lacking = [name for name in QUANTITIES if name not in self.quantities and not self.mixed]
         if lacking or (self.mixed and self.quantities):
             raise refused(f"{where}quantities", ", ".join(self.quantities), f"{', '.join(QUANTITIES)}, or mixed")
@@ -108,7 +110,7 @@ class Mixture:
         return total
 
     def ppf(self, u: FloatArray) -> FloatArray:
-        """Return the values at shares in (0, 1), shape (m,), by bisection."""
+        """Return the quantiles at probabilities `u` in (0, 1), shape (m,), by bisection."""
         each = np.array([spread.ppf(u) for _, spread in self._parts])
         low: FloatArray = each.min(axis=0)
         high: FloatArray = each.max(axis=0)

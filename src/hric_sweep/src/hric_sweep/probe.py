@@ -1,6 +1,6 @@
-"""Runs before a sweep that test each variable at both ends and at its median, with the others at their medians.
+"""Check before a sweep: runs with each variable at both ends of its range, all other variables at their medians.
 
-A variable that changes no output, or whose values the experiment refuses, ends the sweep before it starts.
+The sweep does not start if a variable changes no output, or if the experiment rejects its values.
 Cost: two runs per variable and one common run, all with the same seed.
 """
 
@@ -19,34 +19,35 @@ from hric_sweep.records import PlainData, RunResponse
 from hric_sweep.variables import Variable
 
 ENDS = (0.01, 0.99)
-"""Percentiles that are tried, as shares; project default, unconfirmed: further out a distribution may have no end."""
+"""Probabilities of the quantiles that are tested as ends of a variable's range; project default, unconfirmed (the
+quantiles of 0 and 1 may be infinite)."""
 MAX_REFUSED = 1
-"""Maximum number of refused values, of the three per variable; in the sweep such values yield failed runs."""
+"""Maximum number of rejected values among the three tested per variable; in the sweep such values give failed runs."""
 
 
 @dataclass(frozen=True)
 class ProbeRun:
-    """Run of the probe: value of its variable, and the response."""
+    """Test run: value of the tested variable, and the result of the run."""
 
     value: Any
     response: RunResponse
 
     @property
     def result(self) -> tuple[Any, ...]:
-        """Outputs and failure, the part of the response that is compared."""
+        """Outputs and reason of failure, by which test runs are compared."""
         return *self.response.outputs.items(), self.response.failure
 
 
 def probe(plan: SweepPlan, engine: SweepEngine, code: str) -> list[str]:
-    """Test all variables and return warnings for the user.
+    """Check that each variable has an effect; return warnings for the user.
 
     Args:
-        plan: sweep to test.
+        plan: sweep to check.
         engine: engine that executes the runs.
         code: version of the code.
 
     Raises:
-        ExperimentError: lists the variables that change no output, and those whose values are refused.
+        ExperimentError: variables change no output, or have values that the experiment rejects; lists them.
     """
     middle = plan.middle()
     points = {name: ends for name, variable in plan.section.vary.items() if (ends := _ends(variable))}
@@ -65,12 +66,12 @@ def probe(plan: SweepPlan, engine: SweepEngine, code: str) -> list[str]:
 
 
 def runs_of(plan: SweepPlan) -> int:
-    """Return the number of runs of the probe."""
+    """Return the number of runs that the check of a sweep's variables needs."""
     return 1 + 2 * sum(bool(_ends(variable)) for variable in plan.section.vary.values())
 
 
 def _ends(variable: Variable) -> tuple[Any, Any] | None:
-    """Return the first and the last value of a variable; None if it has one value only, or its values are rows."""
+    """Return the values to test: those at both ends of a variable; None: it has one value only, or selects rows."""
     distribution = variable.distribution
     if variable.paths == (ROW,):
         return None
@@ -93,7 +94,7 @@ def _responses(plan: SweepPlan, engine: SweepEngine, code: str, runs: list[Plain
 
 
 def _judged(plan: SweepPlan, name: str, trials: list[ProbeRun]) -> list[str]:
-    """Return warnings about a variable. Raises ParameterError: it has no effect, or its values are refused."""
+    """Return warnings about a variable. Raises ParameterError: it has no effect, or its values are rejected."""
     refused = [trial for trial in trials if trial.response.refused]
     if len(refused) > MAX_REFUSED:
         first = refused[0]
@@ -104,9 +105,9 @@ def _judged(plan: SweepPlan, name: str, trials: list[ProbeRun]) -> list[str]:
     paths, outputs = ", ".join(plan.section.vary[name].paths), ", ".join(plan.section.outputs)
     text = f"sweep.vary.{name} ({paths}) changes none of the outputs {outputs} at {tried}"
     moved = {trial.response.state_sha256 for trial in trials}
-    if plan.section.exceedance is not None and len(moved) > 1:  # the exceedance may occur between the tested values
-        return [f"{text}, though the motion"]
-    raise ParameterError(f"{text}; valid: another path, an output that it changes, or one value in changes")
+    if plan.section.exceedance is not None and len(moved) > 1:  # the limit may be exceeded between the tested values
+        return [f"{text}, but the motion of the arm changes"]
+    raise ParameterError(f"{text}; valid: another path, an output that depends on it, or a fixed value in `changes`")
 
 
 def _short(value: Any) -> str:

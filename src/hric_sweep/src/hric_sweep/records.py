@@ -12,12 +12,12 @@ from hric_sweep.outputs import SweepOutput
 PlainData = Mapping[str, Any]
 """Content of a YAML or JSON file: mappings, lists, texts, numbers, booleans and None."""
 LENGTH = 16
-"""Number of characters of an id."""
+"""Number of characters of a run's id."""
 
 
 @dataclass(frozen=True)
 class RunTask:
-    """Run of an experiment, as an engine executes it.
+    """Task for an engine: one run of an experiment with overrides and a seed.
 
     Attributes:
         index: index of the run, in the order of the sampler.
@@ -25,12 +25,12 @@ class RunTask:
         content: content of the experiment file.
         changes: values of overrides, by key.
         seed: seed of everything random in the run.
-        outputs: outputs to compute, by name.
+        outputs: definitions of the outputs to compute, by name.
         timeout: limit of processor time, and of wall time without progress [s].
         code: version of the code.
-        until: end of the run, one of `definition.ENDS`.
-        runs_folder: folder of all runs, in which the run gets a run folder with bag and metrics; empty: none.
-        signals: True if the response also has the signals of the run.
+        until: event that ends the run, "duration" or "contact" (see `definition.ENDS`).
+        runs_folder: folder in which the run gets a run folder with bag and metrics; empty: no run folder.
+        signals: True if the response shall contain the signals (time series) of the run.
     """
 
     index: int
@@ -47,7 +47,7 @@ class RunTask:
 
     @cached_property
     def id(self) -> str:
-        """Hash of the experiment, its changes, seed, end, outputs and code: equal for equal runs."""
+        """Id of the run: hash of experiment, overrides, seed, end, outputs and code; equal for equal runs."""
         about = (self.experiment, self.content, self.changes, self.seed, self.until, self.code)
         outputs = {name: asdict(output) for name, output in self.outputs.items()}
         return hashlib.sha256(json.dumps([about, outputs], sort_keys=True).encode()).hexdigest()[:LENGTH]
@@ -55,18 +55,18 @@ class RunTask:
 
 @dataclass(frozen=True)
 class RunResponse:
-    """Result of a task, and line of the journal.
+    """Result of a run, as an engine returns it and the journal stores it.
 
     Attributes:
-        id, index: those of the task.
-        outputs: numbers by name; None: the run has no such number.
-        failure: reason of failure, the same at each repetition; empty: none.
-        state_sha256: hash of position, velocity and command; empty: the run did not reach its end.
+        id, index: id and index of the task.
+        outputs: values of the outputs by name; None: the run has no value.
+        failure: reason why the run failed, equal whenever it is repeated; empty: it did not fail.
+        state_sha256: hash of joint positions, velocities and commands; empty: the run did not reach its end.
         processor, wall: processor time and wall time [s]; None: not known.
-        host: name of the machine; empty: the run ended its worker.
+        host: name of the machine that executed the run; empty: not known, as the worker ended.
         refused: True if the run did not start because its experiment is invalid.
         run: name of the run folder; empty: the run has none.
-        attempt: number of the attempt that finished.
+        attempt: number of the attempt that finished, from 1.
         signals: content of an NPZ file with the signals; None: they were not requested, or do not exist.
     """
 
@@ -86,15 +86,15 @@ class RunResponse:
 
 @dataclass(frozen=True)
 class RunRow(RunResponse):
-    """Row of the table: a response with its point and its assessment by the sweep.
+    """Row of a sweep's table: result of a run, its values of the variables, and its margin to the limit.
 
     Attributes:
         seed: seed of the run.
-        batch: batch of the sampler.
+        batch: index of the sampler's batch that contains the run.
         weight: likelihood ratio of the point; 1 if it was drawn from the distributions.
         values: values of the variables, by name.
-        margin: distance beyond the limit of the exceedance, in the unit of its output; None: not known.
-        objective: value of the objective; None: not known.
+        margin: how far the output is beyond its limit, in the output's unit, negative on the safe side; None: unknown.
+        objective: value to be maximised by a search; None: not known.
     """
 
     seed: int = 0
@@ -106,13 +106,13 @@ class RunRow(RunResponse):
 
     @property
     def exceeded(self) -> bool | None:
-        """True if the limit was exceeded; None: not known."""
+        """True if the run exceeded the limit; None: not known."""
         return None if self.margin is None else self.margin > 0.0
 
 
 @dataclass(frozen=True)
 class ReferenceRun:
-    """Result of the short run by which workers are compared: code version, hash of its states, and machine."""
+    """Result of the reference run, by which workers are compared: code version, hash of its states, and machine."""
 
     code: str
     state_sha256: str

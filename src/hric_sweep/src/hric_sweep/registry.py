@@ -1,4 +1,4 @@
-"""Files, classes and functions by name: those of this package by one word, others by path or as MODULE:NAME."""
+"""Look-up of files by name or path, and of classes and functions by name or MODULE:NAME."""
 
 import importlib
 from pathlib import Path
@@ -9,18 +9,18 @@ from hric_core.parameters import Settings, refused
 
 
 class FileSettings(Settings):
-    """Settings of a YAML file, whose names are joined by dots in messages and tables."""
+    """Settings from a YAML file; nested keys are joined by dots in messages and tables."""
 
     separator = "."
 
 
 def file_of(name: str, kind: str, folder: Path) -> Path:
-    """Return the path of a YAML file.
+    """Return the path of a YAML file, given by its path or name.
 
     Args:
         name: path of the file, or name of a file in the folder, without its ending.
         kind: content of the file in one word, for error messages.
-        folder: folder of the files that come with the workspace.
+        folder: folder with the files of this workspace.
 
     Raises:
         HricError: there is no such file.
@@ -29,7 +29,7 @@ def file_of(name: str, kind: str, folder: Path) -> Path:
     if name.endswith((".yaml", ".yml")):
         path = Path(name).expanduser().absolute()
         if not path.is_file():
-            raise ParameterError(f"no {kind} file {name}; by name: {', '.join(known)}")
+            raise ParameterError(f"no {kind} file {name}; valid names of {kind} files: {', '.join(known)}")
         return path
     if name not in known:
         raise UnknownNameError(kind, name, known, f"the {kind} files; or the path of a YAML file")
@@ -40,8 +40,8 @@ def imported(name: str, where: str) -> Any:
     """Import an object by MODULE:NAME.
 
     Args:
-        name: module on Python's path and name of an object in it, such as `my_package.samplers:Halton`.
-        where: key that has this value, for error messages.
+        name: importable module and name of an object in it, such as `my_package.samplers:Halton`.
+        where: key of the settings that has this value, for error messages.
 
     Raises:
         ParameterError: there is no such module, or no such object in it.
@@ -54,7 +54,7 @@ def imported(name: str, where: str) -> Any:
 
 
 class Kinds(dict[str, type[Settings]]):
-    """Settings classes by the value of `kind`; MODULE:CLASS is a class of another package."""
+    """Settings classes by the value of the key `kind`; MODULE:CLASS names a class of another package."""
 
     def __contains__(self, name: object) -> bool:
         return super().__contains__(name) or (isinstance(name, str) and ":" in name)
@@ -62,5 +62,5 @@ class Kinds(dict[str, type[Settings]]):
     def __missing__(self, name: str) -> type[Settings]:
         kind = imported(name, "kind")
         if not (isinstance(kind, type) and issubclass(kind, Settings)):
-            raise ParameterError(f"{name} is no kind; valid: a class of hric_core.parameters.Settings")
+            raise ParameterError(f"{name} is no valid kind; valid: a subclass of hric_core.parameters.Settings")
         return kind

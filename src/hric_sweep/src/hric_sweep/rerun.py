@@ -1,4 +1,4 @@
-"""Commands `sweep rerun` and `sweep page`: repeat one run of a sweep, write its page again."""
+"""Commands `sweep rerun` (repeat one run of a sweep) and `sweep page` (rewrite the page of a sweep)."""
 
 import argparse
 from collections.abc import Sequence
@@ -10,13 +10,13 @@ from hric_sweep import definition, table, task
 from hric_sweep.folder import opened
 from hric_sweep.records import PlainData
 
-FOLDER = Argument("sweep", help="folder of the sweep, or its name in the folder of all runs")
+FOLDER = Argument("sweep", help="run folder of the sweep, or its name within the folder of all runs")
 
 
 class RerunCommand(Command):
-    """Run one run of a sweep again, into a run folder with bag, metrics, figures and page.
+    """Repeat one run of a sweep, and store it in a run folder with bag, metrics, figures and page.
 
-    Its hash is compared with that of the sweep.
+    The hash of its states must equal the hash of the original run.
     """
 
     def arguments(self) -> list[Argument]:
@@ -24,7 +24,7 @@ class RerunCommand(Command):
         return [FOLDER, Argument("id", help="id of the run, or its first characters"), RUNS]
 
     def run(self, arguments: argparse.Namespace) -> None:
-        """Repeat one run of a sweep. Raises HricError: its hash is another one."""
+        """Repeat one run of a sweep. Raises HricError: its states differ from those of the original run."""
         folder = table.find(arguments.sweep)
         plan, before = opened(folder)
         row = _row(table.read(folder).to_pylist(), arguments.id)
@@ -40,11 +40,14 @@ class RerunCommand(Command):
         )
         print(f"{result.metrics['report']}\nrun folder: {result.folder.path}\npage: {report_html.write(result.folder)}")
         state = result.metrics["state_sha256"]
-        if plan.section.until != definition.ENDS[0]:  # the run folder goes on to the end of the experiment
+        if (
+            plan.section.until != definition.ENDS[0]
+        ):  # the recorded run lasts to the end of the experiment, so its hash differs
             state = task.run(repeated).state_sha256
         if state != row["state_sha256"]:
             raise HricError(
-                f"state_sha256 is {state}; in the sweep it was {row['state_sha256']}: code or machine differ (sweep: "
+                f"the repeated run differs: state_sha256 is {state}; in the sweep it was {row['state_sha256']}: code "
+                "or machine differ (sweep: "
                 f"code {before.code[:12]}, here {task.code_version()[:12]})"
             )
         print(f"state_sha256: {row['state_sha256']}, as in the sweep")
@@ -60,14 +63,14 @@ def _row(rows: Sequence[PlainData], prefix: str) -> PlainData:
 
 
 class PageCommand(Command):
-    """Write report.html of a sweep again, from its table."""
+    """Rewrite the page of a sweep, report.html, from its table."""
 
     def arguments(self) -> list[Argument]:
         """Return the arguments."""
         return [FOLDER]
 
     def run(self, arguments: argparse.Namespace) -> None:
-        """Write the page of a sweep from its table."""
+        """Rewrite the page of the sweep and print its path."""
         from hric_sweep.page import build as page
 
         print(f"page: {page.write(table.find(arguments.sweep))}")

@@ -1,8 +1,9 @@
 """Space of a sweep's variables: maps points of the unit cube to values of the variables.
 
-A correlation is that of normal scores (Gaussian copula): it couples the ranks of two variables and does not change
-their distributions. The axes of the cube are independent: u -> z = normal scores -> L z, with L L^T the correlation ->
-shares -> values (Nataf's transform; Lebrun & Dutfoy, Probab. Eng. Mech. 24:172, 2009).
+Correlations are defined between normal scores (Gaussian copula): they couple the ranks of two variables and do not
+change their distributions. The axes of the cube are independent. A point u is mapped to normal scores z, then to L z
+with L L^T the correlation matrix, then to cumulative probabilities, and to values by the inverse distribution functions
+ (Nataf's transform; Lebrun & Dutfoy, Probab. Eng. Mech. 24:172, 2009).
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,18 +18,18 @@ from hric_core.parameters import Mistakes, as_number, refused, unknown
 from hric_sweep.variables import Variable
 
 EDGE = 2.0**-53
-"""Minimum distance of a coordinate from 0 and 1, where an unbounded distribution has no value."""
+"""Minimum distance of a coordinate from 0 and 1, at which an unbounded distribution has no finite quantile."""
 SMALLEST = 1e-8
-"""Minimum eigenvalue of a correlation matrix: below it one variable is determined by the others."""
+"""Minimum eigenvalue of a correlation matrix; below it, one variable is a function of the others."""
 
 
 class Space:
-    """Variables of a sweep with their correlation.
+    """Variables of a sweep with their distributions and correlations.
 
     Args:
         variables: variables by name.
         correlation: triples of two variable names and the correlation of their normal scores [1].
-        where: name of the correlation in error messages.
+        where: key of the correlations in the sweep file, for error messages.
 
     Raises:
         HricError: there is no variable.
@@ -70,7 +71,7 @@ class Space:
             raise refused(where, pair[2], "a correlation between -1 and 1")
         row, column = self.names.index(pair[0]), self.names.index(pair[1])
         if matrix[row, column] != 0.0:
-            raise refused(where, pair[:2], "each pair once")
+            raise refused(where, pair[:2], "each pair only once")
         matrix[row, column] = matrix[column, row] = value
 
     def values(self, u: FloatArray) -> list[dict[str, object]]:

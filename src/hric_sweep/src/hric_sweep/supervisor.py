@@ -1,4 +1,4 @@
-"""Supervisor of a sweep: passes points of the sampler to an engine as tasks, stores responses and returns results."""
+"""Control of a sweep: turns the sampler's points into runs, has an engine execute them, and stores the results."""
 
 import math
 import time
@@ -18,25 +18,25 @@ from hric_sweep.records import PlainData, RunResponse, RunRow, RunTask
 from hric_sweep.samplers.sampler import Point, SamplerResult
 
 REFRESH = 20.0
-"""Interval between two writes of the table while the sweep runs [s of wall time]."""
+"""Wall time between two writes of the table while the sweep runs [s]."""
 COLUMNS = "columns"
 
 
 class SweepSupervisor:
-    """Execution of one sweep in its run folder.
+    """Controller of one sweep: executes it in its run folder.
 
     Args:
         plan: sweep to run.
         folder: run folder of the sweep.
-        journal: journal in the same folder; runs with a stored response are not run again.
+        journal: journal in the same folder; runs whose response it contains are not run again.
         engine: engine that executes the runs.
         code: version of the code.
-        on_row: callback for each finished row, including rows restored from the journal.
-        on_table: callback after each write of the table, with the folder.
+        on_row: callback for each finished run, including runs restored from the journal.
+        on_table: callback after each write of the table; its argument is the run folder.
 
     Attributes:
-        rows: rows of finished runs, by index.
-        estimate: estimate of the sampler as plain data; None: there is none.
+        rows: table rows of the finished runs, by index.
+        estimate: exceedance probability estimated by the sampler, as plain data; None: there is no estimate.
     """
 
     def __init__(
@@ -55,7 +55,7 @@ class SweepSupervisor:
         self.estimate: PlainData | None = None
 
     def run(self) -> None:
-        """Run until the sampler has no more points.
+        """Execute the sweep until the sampler has no more points.
 
         Raises:
             JournalError: finished runs cannot be stored.
@@ -79,7 +79,7 @@ class SweepSupervisor:
         self._on_table(self._folder)
 
     def _run_batch(self, points: Sequence[Point], batch: int) -> list[RunRow]:
-        """Execute a batch of points and return its rows in order."""
+        """Execute the runs of a batch of points; return their table rows in order."""
         plan, first = self._plan, len(self.rows)
         values = plan.space.values(np.array([point.u for point in points]))
         tasks = [plan.task(first + offset, row, self._code) for offset, row in enumerate(values)]
@@ -106,7 +106,7 @@ class SweepSupervisor:
         return SamplerResult(row.index, row.exceeded, value, row.margin)
 
     def _keep_signals(self) -> None:
-        """Repeat the worst and the failed runs and store their signals."""
+        """Repeat the worst and the failed runs, to store their signals (time series)."""
         folder = self._folder / COLUMNS
         tasks: list[RunTask] = []
         for row in rows_with_signals(self._plan, list(self.rows.values())):
@@ -124,7 +124,7 @@ def _write_signals(response: RunResponse, folder: Path) -> None:
 
 
 def assessed(plan: SweepPlan, row: RunRow) -> RunRow:
-    """Return a row with margin and objective; None if they are not known."""
+    """Return a copy of a row with margin to the limit and objective; each is None if not known."""
     exceedance, objective = plan.section.exceedance, plan.section.objective
     value = None if exceedance is None else row.outputs.get(exceedance.output)
     return replace(
@@ -135,7 +135,7 @@ def assessed(plan: SweepPlan, row: RunRow) -> RunRow:
 
 
 def rows_with_signals(plan: SweepPlan, rows: Sequence[RunRow]) -> list[RunRow]:
-    """Return the rows whose signals are stored: the worst runs, and failed runs that ended with a response."""
+    """Return the runs whose signals are stored: the worst runs, and failed runs that did not end their worker."""
     keep = plan.section.keep
     worst = [row for row in rows if not row.failure and badness(plan, row) > -math.inf]
     worst = sorted(worst, key=lambda row: (-badness(plan, row), row.index))[: keep.worst]
@@ -144,7 +144,7 @@ def rows_with_signals(plan: SweepPlan, rows: Sequence[RunRow]) -> list[RunRow]:
 
 
 def badness(plan: SweepPlan, row: RunRow) -> float:
-    """Return the sort key for the worst runs, which is largest for the worst one."""
+    """Return the criterion of the worst run, largest for the worst: objective, else margin, else the first output."""
     objective, value = plan.section.objective, next(iter(row.outputs.values()))
     if objective is not None:
         value = None if row.objective is None else objective.sign * row.objective

@@ -20,20 +20,20 @@ NAME, KEY = "runs.parquet", b"hric"
 RUN = {
     "id": "id of the run, for `sweep rerun`",
     "index": "index of the run in sampling order",
-    "batch": "batch of the sampler",
+    "batch": "index of the sampler's batch that contains the run",
     "seed": "seed of the run",
-    "weight": "likelihood ratio of an importance sample; 1: none",
+    "weight": "likelihood ratio of importance sampling; 1: not weighted",
 }
 RESULT = {
-    "exceeded": "true if the limit was exceeded",
+    "exceeded": "true if the output exceeded its limit",
     "objective": "value of the objective",
-    "failure": "reason of failure; empty: none",
-    "state_sha256": "hash of position, velocity and command",
+    "failure": "reason of failure; empty: the run did not fail",
+    "state_sha256": "hash of joint positions, velocities and commands",
 }
 COST = {
     "processor": "processor time",
     "wall": "wall time",
-    "host": "name of the machine",
+    "host": "name of the machine that executed the run",
     "attempt": "number of the attempt that finished",
 }
 UNITS = {"processor": "s", "wall": "s"}
@@ -51,7 +51,7 @@ _TYPES = {
 
 
 def columns(plan: SweepPlan) -> dict[str, dict[str, str]]:
-    """Return role, unit and text of each column, in the order of the columns."""
+    """Return role, unit and description of each column of the table, by name in order."""
     section = plan.section
     about = {name: {"role": "run", "unit": "", "text": text} for name, text in RUN.items()}
     about |= {name: {"role": "variable", "unit": v.unit, "text": v.text} for name, v in section.vary.items()}
@@ -63,13 +63,13 @@ def columns(plan: SweepPlan) -> dict[str, dict[str, str]]:
 
 
 def write(folder: Path, plan: SweepPlan, rows: Sequence[RunRow], estimate: PlainData | None) -> Path:
-    """Replace the table.
+    """Write the table of a sweep, replacing an existing one.
 
     Args:
         folder: run folder of the sweep.
-        plan: sweep of the rows.
+        plan: sweep to which the rows belong.
         rows: rows in order of index.
-        estimate: estimate of the sampler, if it has one.
+        estimate: estimate of the sampler; None: there is none.
 
     Raises:
         JournalError: the table cannot be written; the previous one remains.
@@ -102,7 +102,7 @@ def _array(name: str, role: str, rows: Sequence[RunRow]) -> pyarrow.Array:
 
 
 def find(folder: str | Path) -> Path:
-    """Return the folder of a sweep, by its path or by its name in the folder of all runs.
+    """Return the run folder of a sweep, given by its path or by its name in the folder of all runs.
 
     Raises:
         HricError: there is no such sweep.
@@ -110,11 +110,13 @@ def find(folder: str | Path) -> Path:
     for candidate in (Path(folder).expanduser(), runs_root() / folder):
         if (candidate / "sweep.yaml").is_file():
             return candidate.resolve()
-    raise HricError(f"no sweep {str(folder)!r} (a folder with sweep.yaml), neither here nor in {runs_root()}")
+    raise HricError(
+        f"no sweep {str(folder)!r} (a folder with sweep.yaml), neither in the current folder nor in {runs_root()}"
+    )
 
 
 def read(folder: str | Path) -> pyarrow.Table:
-    """Return the table of a sweep. Raises HricError: there is none."""
+    """Return the table of a sweep. Raises HricError: there is no such sweep, or it has no table yet."""
     path = find(folder) / NAME
     if not path.is_file():
         raise HricError(f"{path.parent} has no {NAME} yet; valid: hric sweep --resume {path.parent}")
@@ -128,7 +130,7 @@ def load_sweep(folder: str | Path) -> Any:
         runs.attrs["columns"]["peak"]     # {"role": "output", "unit": "N", "text": ...}
 
     Args:
-        folder: path of the sweep, or its name in the folder of all runs.
+        folder: path of the sweep's run folder, or its name in the folder of all runs.
 
     Returns:
         pandas.DataFrame; attrs: columns, sweep and estimate.

@@ -1,4 +1,4 @@
-"""Execution of one run of a sweep in a worker that is reused: outputs are computed in memory, no bag is written."""
+"""Execution of one run of a sweep in a worker process: outputs are computed in memory, without writing a bag."""
 
 import gc
 import hashlib
@@ -31,19 +31,19 @@ from hric_sweep.records import PlainData, ReferenceRun, RunResponse, RunTask
 REFERENCE = 0.1
 """Duration of the reference run, in robot time [s]."""
 SOURCES = ("*.py", "*.yaml", "*.xacro", "*.xml", "*.urdf", "*.msg")
-"""Patterns of the files in the packages on which a run depends."""
+"""Patterns of the files in packages on which the result of a run depends."""
 NOT_SOURCES = {"test", "build", "__pycache__", "sweeps"}
-"""Folders without such files; the content of a sweep file is stored in the sweep itself."""
+"""Folders of packages on which results do not depend; the content of a sweep file is stored in the sweep itself."""
 ADDRESS = re.compile(r" at 0x[0-9a-f]+")
-"""Memory address of an object in a text of Python; it differs between processes."""
+"""Memory address of an object in Python's error texts, which differs between processes."""
 RUNNING: Mapping[str, Callable[[Simulation], None]] = dict(
     zip(ENDS, (Simulation.run, run_until_contact_ends), strict=True)
 )
-"""Function that runs a simulation to its end, by the name of the end."""
+"""Function that runs a simulation to its end, by the event that ends it ("duration", "contact")."""
 
 
 def run(task: RunTask) -> RunResponse:
-    """Execute a task and return its response."""
+    """Execute the run of a task and return its result."""
     began, wall = time.process_time(), time.perf_counter()
     response = _executed(task)
     gc.collect()  # robot and controllers reference each other, and automatic collection would come late
@@ -58,7 +58,7 @@ def run(task: RunTask) -> RunResponse:
 
 @cache
 def _load_is_done() -> None:
-    """Exclude objects that the first run has loaded from later garbage collections, which then take no time."""
+    """Exclude the objects that the first run has loaded from later garbage collections, which are then fast."""
     gc.freeze()
 
 
@@ -79,7 +79,7 @@ def _executed(task: RunTask) -> RunResponse:
                 state = values.log.state_sha256()
         outputs = {name: _plain(output.measured(values)) for name, output in task.outputs.items()}
     except MemoryError:
-        failure = "MemoryError: the run took more memory than a worker may"
+        failure = "MemoryError: the run needs more memory than the limit of a worker"
     except Exception as error:  # also unexpected errors: they end this run, not the sweep
         failure, refused = reason(error), simulation is None and isinstance(error, HricError)
     signals = _signals(simulation) if task.signals and simulation is not None else None
@@ -87,7 +87,7 @@ def _executed(task: RunTask) -> RunResponse:
 
 
 def _recorded(task: RunTask) -> tuple[str, PlainData]:
-    """Execute a task with a run folder, and return its name and the metrics. Raises KeyboardInterrupt: Ctrl-C."""
+    """Execute a task with a run folder; return the folder's name and the metrics. Raises KeyboardInterrupt: Ctrl-C."""
     from hric_report import headless  # imported here: slow to load, and most sweeps record nothing
 
     root, changes = Path(task.runs_folder), written(task.changes)
@@ -98,7 +98,7 @@ def _recorded(task: RunTask) -> tuple[str, PlainData]:
 
 
 def reason(error: Exception) -> str:
-    """Return why a run failed, as text: the same text for the same run on any machine."""
+    """Return the reason why a run failed; the text is equal on all machines."""
     text = f"{type(error).__name__}: {error}" if isinstance(error, HricError) else describe(error)
     return ADDRESS.sub("", text)
 
@@ -120,16 +120,16 @@ def _signals(simulation: Simulation) -> bytes | None:
 
 
 def definition_of(task: RunTask) -> Experiment:
-    """Return the experiment with the values of the run.
+    """Return the experiment of a task, with its overrides applied.
 
     Raises:
-        HricError: a value is invalid.
+        HricError: an override is invalid.
     """
     return experiment.parse(task.experiment, overrides.apply(task.content, written(task.changes)))
 
 
 def reference(task: RunTask) -> ReferenceRun:
-    """Execute a short run that serves to compare workers.
+    """Execute the reference run, a short run whose result must be equal on all workers.
 
     Raises:
         HricError: the run fails.
@@ -140,13 +140,13 @@ def reference(task: RunTask) -> ReferenceRun:
 
 
 def prepare() -> None:
-    """Silence the log of a worker process: errors are in the response, not on the terminal."""
+    """Suppress log messages in a worker process: errors are part of the run's result instead."""
     logging.getLogger("hric").setLevel(logging.CRITICAL + 1)
 
 
 @cache
 def code_version() -> str:
-    """Return the hash of everything on which results depend: files of the packages, versions of dependencies."""
+    """Return the hash of everything on which results depend: files of all packages, versions of dependencies."""
     digest = hashlib.sha256(json.dumps(_used_versions(), sort_keys=True).encode())
     for name in provenance.HRIC_PACKAGES:
         try:

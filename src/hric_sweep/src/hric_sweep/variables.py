@@ -1,4 +1,4 @@
-"""Variables of a sweep and their distributions, each defined by its percentile function.
+"""Variables of a sweep and their distributions, each defined by its inverse distribution function.
 
     vary:
       speed: {paths: [human.walk.speed], unit: m/s, distribution: {kind: normal, mean: 1.2, std: 0.2, low: 0.5}}
@@ -22,7 +22,7 @@ from hric_sweep import populations
 from hric_sweep.registry import Kinds
 
 NARROWEST = 1e-9
-"""Minimum share of a distribution between its ends: less has no percentiles in double precision."""
+"""Minimum share of a distribution between its truncation ends [1], so that double precision suffices."""
 
 
 @dataclass(frozen=True)
@@ -37,10 +37,10 @@ class Distribution(Settings):
 
     @abstractmethod
     def ppf(self, u: FloatArray) -> Sequence[Any]:
-        """Return the values at percentiles.
+        """Return the quantiles at given probabilities.
 
         Args:
-            u: shares below the values, each in (0, 1), shape (m,).
+            u: cumulative probabilities, each in (0, 1), shape (m,).
 
         Returns:
             m floats in the variable's unit, or m of the values of a discrete distribution.
@@ -48,21 +48,21 @@ class Distribution(Settings):
 
     @property
     def middles(self) -> FloatArray:
-        """Percentile in the middle of each value of a discrete distribution, shape (count,); else empty."""
+        """Cumulative probability at the middle of each discrete value's share, shape (count,); empty if continuous."""
         return np.zeros(0)
 
 
 @dataclass(frozen=True)
 class Continuous(Distribution):
-    """Distribution of real numbers, defined by one of `scipy.stats`."""
+    """Continuous distribution, based on one of `scipy.stats`."""
 
     @property
     @abstractmethod
     def frozen(self) -> Any:
-        """Frozen distribution of `scipy.stats`, without truncation."""
+        """Distribution as an object of `scipy.stats`, without truncation."""
 
     def ppf(self, u: FloatArray) -> Sequence[Any]:
-        """Return the values at the percentiles u."""
+        """Return the quantiles at cumulative probabilities u, shape (m,)."""
         values: list[float] = self.frozen.ppf(u).tolist()
         return values
 
@@ -75,13 +75,13 @@ class Uniform(Continuous):
     high: float = number(text="upper end")
 
     def check(self, where: str) -> None:
-        """Refuse an empty interval."""
+        """Raise an error for an empty interval."""
         if not self.low < self.high:
             raise refused(f"{where}high", self.high, f"a finite number above low, {self.low:g}")
 
     @property
     def frozen(self) -> Any:
-        """Frozen uniform distribution of `scipy.stats`."""
+        """Uniform distribution as an object of `scipy.stats`."""
         return stats.uniform(self.low, self.high - self.low)
 
 
@@ -94,7 +94,7 @@ class LogUniform(Uniform):
 
     @property
     def frozen(self) -> Any:
-        """Frozen log-uniform distribution of `scipy.stats`."""
+        """Log-uniform distribution as an object of `scipy.stats`."""
         return stats.loguniform(self.low, self.high)
 
 
@@ -107,42 +107,42 @@ class Triangular(Uniform):
     high: float = number(text="upper end")
 
     def check(self, where: str) -> None:
-        """Refuse an empty interval and a mode outside it."""
+        """Raise an error for an empty interval, or a mode outside it."""
         super().check(where)
         if not self.low <= self.mode <= self.high:
             raise refused(f"{where}mode", self.mode, f"a finite number from {self.low:g} to {self.high:g}")
 
     @property
     def frozen(self) -> Any:
-        """Frozen triangular distribution of `scipy.stats`."""
+        """Triangular distribution as an object of `scipy.stats`."""
         span = self.high - self.low
         return stats.triang((self.mode - self.low) / span, self.low, span)
 
 
 @dataclass(frozen=True)
 class Truncated(Continuous):
-    """Distribution that is truncated at its lower and upper end if these are set."""
+    """Continuous distribution that is truncated at `low` and at `high` if these are set."""
 
-    low: float | None = number(None, text="lower end; none: none")
-    high: float | None = number(None, text="upper end; none: none")
+    low: float | None = number(None, text="lower end; none: not truncated")
+    high: float | None = number(None, text="upper end; none: not truncated")
 
     @property
     def shares(self) -> tuple[float, float]:
-        """Share of the whole distribution below the lower and below the upper end [1]."""
+        """Shares of the untruncated distribution below `low` and below `high` [1]."""
         low, high = self.frozen.cdf(
             [-np.inf if self.low is None else self.low, np.inf if self.high is None else self.high]
         )
         return float(low), float(high)
 
     def check(self, where: str) -> None:
-        """Refuse ends with (almost) nothing of the distribution between them."""
+        """Raise an error for ends between which (almost) nothing of the distribution lies."""
         low, high = self.shares
         if high - low < NARROWEST:
             valid = f"ends with {NARROWEST:g} of the distribution between them"
             raise refused(f"{where}low, high", (self.low, self.high), valid)
 
     def ppf(self, u: FloatArray) -> Sequence[Any]:
-        """Return the values at percentiles u of the truncated distribution."""
+        """Return the quantiles of the truncated distribution at cumulative probabilities u, shape (m,)."""
         low, high = self.shares
         values = super().ppf(low + u * (high - low))
         return values if self.low is self.high is None else np.clip(values, self.low, self.high).tolist()
@@ -152,12 +152,12 @@ class Truncated(Continuous):
 class Normal(Truncated):
     """Normal distribution, truncated if ends are set."""
 
-    mean: float = number(text="in the variable's unit; of the whole distribution")
-    std: float = number(above=0.0, text="standard deviation of the whole distribution")
+    mean: float = number(text="mean of the untruncated distribution, in the variable's unit")
+    std: float = number(above=0.0, text="standard deviation of the untruncated distribution")
 
     @property
     def frozen(self) -> Any:
-        """Frozen normal distribution of `scipy.stats`, without truncation."""
+        """Normal distribution as an object of `scipy.stats`, without truncation."""
         return stats.norm(self.mean, self.std)
 
 
@@ -165,12 +165,12 @@ class Normal(Truncated):
 class LogNormal(Truncated):
     """Distribution with a normal natural logarithm, truncated if ends are set."""
 
-    median: float = number(above=0.0, text="in the variable's unit; of the whole distribution")
+    median: float = number(above=0.0, text="median of the untruncated distribution, in the variable's unit")
     log_std: float = number(above=0.0, maximum=5.0, text="standard deviation of the natural logarithm")
 
     @property
     def frozen(self) -> Any:
-        """Frozen log-normal distribution of `scipy.stats`, without truncation."""
+        """Log-normal distribution as an object of `scipy.stats`, without truncation."""
         return stats.lognorm(self.log_std, scale=self.median)
 
 
@@ -183,31 +183,31 @@ class Choice(Distribution):
     weights: tuple[float, ...] = numbers(default=(), above=0.0, text="relative weights of the values; empty: equal")
 
     def check(self, where: str) -> None:
-        """Refuse weights that do not match the number of values."""
+        """Raise an error for a number of weights that differs from the number of values."""
         if self.weights and len(self.weights) != len(self.values):
             raise refused(f"{where}weights", self.weights, f"{len(self.values)} values, one for each of values")
 
     @property
     def middles(self) -> FloatArray:
-        """Percentile in the middle of each value, shape (count,)."""
+        """Cumulative probability at the middle of each value's share, shape (count,)."""
         ends = self._ends()
         middles: FloatArray = ends - 0.5 * np.diff(ends, prepend=0.0)
         return middles
 
     def _ends(self) -> FloatArray:
-        """Return the percentile at which each value ends, shape (count,)."""
+        """Return the cumulative probability at the upper end of each value's share, shape (count,)."""
         weights = np.array(self.weights or [1.0] * len(self.values))
         return np.cumsum(weights / weights.sum())
 
     def ppf(self, u: FloatArray) -> Sequence[Any]:
-        """Return the listed value that contains each percentile of u."""
+        """Return the listed values at cumulative probabilities u, shape (m,)."""
         last = len(self.values) - 1
         return [self.values[min(int(i), last)] for i in np.searchsorted(self._ends(), u, side="right")]
 
 
 @dataclass(frozen=True)
 class PopulationDistribution(Distribution):
-    """Distribution of a quantity in a named population."""
+    """Distribution of a body quantity (e.g. mass) in a named population, between two percentiles."""
 
     people: str = choice(*populations.names(), default=REQUIRED, name="of", text="named population")
     quantity: str = choice(*populations.QUANTITIES, default=REQUIRED, text="quantity of the population")
@@ -217,16 +217,16 @@ class PopulationDistribution(Distribution):
         minimum=0.0,
         maximum=100.0,
         unit="%",
-        text="people beyond these are left out: what is known of a population says little of its tails",
+        text="percentiles beyond which people are left out, as little is known of the tails of a population",
     )
 
     def check(self, where: str) -> None:
-        """Refuse percentiles with nobody between them."""
+        """Raise an error unless the first percentile is below the second."""
         if self.percentiles[0] >= self.percentiles[1]:
             raise refused(f"{where}percentiles", self.percentiles, "the lower one first")
 
     def ppf(self, u: FloatArray) -> Sequence[Any]:
-        """Return the values at percentiles u of the people between `percentiles`."""
+        """Return the quantiles, among the people between `percentiles`, at cumulative probabilities u, shape (m,)."""
         low, high = self.percentiles
         values: list[float] = (
             populations.quantity(self.people, self.quantity).ppf((low + u * (high - low)) / 100.0).tolist()
@@ -245,21 +245,21 @@ KINDS = Kinds(
         "population": PopulationDistribution,
     }
 )
-"""Distribution classes, by the value of `kind`; `kind: MODULE:CLASS` is one of another package."""
+"""Distribution classes, by the value of `kind`; `kind: MODULE:CLASS` names a class of another package."""
 DISTRIBUTION: Any = variant("kind", KINDS, text="distribution of the values")
 
 
 @dataclass(frozen=True)
 class Variable(Settings):
-    """Varied quantity, with its keys in the experiment and its distribution."""
+    """Variable of a sweep: the experiment keys that it sets, and the distribution of its values."""
 
-    paths: tuple[str, ...] = names(text="dotted paths of the keys of the experiment that get its value, all the same")
-    unit: str = text("", text="unit of the values; set automatically for a population's quantity")
+    paths: tuple[str, ...] = names(text="dotted paths of the experiment keys that are set to the variable's value")
+    unit: str = text("", text="unit of the values; set automatically for the quantity of a population")
     text: str = text("", text="description, for tables and figures")
     distribution: Distribution = DISTRIBUTION
 
     def check(self, where: str) -> None:
-        """Set the unit of a population's quantity; refuse a different one."""
+        """Set the unit of the quantity of a population; raise an error for a different unit."""
         if not isinstance(self.distribution, PopulationDistribution):
             return
         unit = populations.QUANTITIES[self.distribution.quantity]

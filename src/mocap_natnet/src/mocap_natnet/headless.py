@@ -1,4 +1,4 @@
-"""Emulated Motive and publisher in one process, without sockets, but with the same encoder and decoder.
+"""Emulated Motive and its publisher in one process: no sockets, but the same encoder and decoder as live.
 
 The result depends only on the seed.
 """
@@ -14,19 +14,19 @@ from mocap_natnet.server import Motive
 
 NS = 1_000_000_000
 STAMP = 1.0 / NS
-"""Resolution of a message's stamp [s]."""
+"""Resolution of a ROS stamp [s]."""
 
 
 class HeadlessMocap:
-    """Headless motion capture: publishes each frame when its latency is over, at the time of the run.
+    """Motion capture of a headless run: publishes each frame one latency after its exposure, in robot time.
 
-    The publisher's `robot_time` is `headless.robot_time`. A source that reads a simulation is called at the first
-    `advance` that reaches the middle of the exposure.
+    The publisher's parameter `robot_time` is the function of that name in this module. A source that reads a simulation
+    is called at the first `advance` that reaches the middle of the exposure.
 
     Args:
         motive: emulated Motive.
         publisher: publisher of its frames.
-        begin: time of the run at which the stream begins [s].
+        begin: robot time at which the stream begins [s].
 
     Raises:
         ParameterError: the emulated Motive has jitter, which would change the order of frames.
@@ -42,11 +42,11 @@ class HeadlessMocap:
         publisher.describe(self._codec.decode_model(self._codec.encode_model(motive.scene.model())))
 
     def advance(self, time: float, known: float = math.inf) -> None:
-        """Advance to a time of the run, and publish the frames that are due.
+        """Advance to a robot time, and publish the frames that are due.
 
         Args:
-            time: time of the run [s].
-            known: time up to which all poses are known [s]; frames of later exposures wait.
+            time: robot time [s].
+            known: robot time up to which all poses are known [s]; frames with later exposures wait.
         """
         motive, period = self._motive, self._motive.settings.period
         while (exposed := self._begin + self._number * period) <= min(time, known + STAMP):

@@ -1,4 +1,4 @@
-"""Pose of a rigid body from its markers."""
+"""Pose of a rigid body from the positions of its markers."""
 
 from collections.abc import Sequence
 
@@ -8,7 +8,10 @@ from hric_core.errors import CommandError
 from hric_core.geometry import FloatArray, Pose, Vector, quaternion_from_rotation
 
 COLLINEAR = 0.05
-"""Ratio of second to first extent below which markers count as collinear (project default, unconfirmed)."""
+"""Ratio of second to first principal extent of markers up to which they count as collinear [1].
+
+Project default, unconfirmed.
+"""
 
 
 class Fit:
@@ -47,8 +50,8 @@ def poses_of_points(in_body: FloatArray, seen: FloatArray) -> tuple[FloatArray, 
     """Return the poses that best fit points of a body to measured ones (Kabsch 1976, with the sign of the determinant).
 
     Args:
-        in_body: shape (n, 3) [m].
-        seen: the same points in each frame, shape (frames, n, 3) [m].
+        in_body: points in the body, shape (n, 3) [m].
+        seen: measured positions of these points in each frame, shape (frames, n, 3) [m].
 
     Returns:
         Positions, shape (frames, 3) [m], and rotations, shape (frames, 3, 3), of the body.

@@ -1,7 +1,7 @@
-"""Bushings between links of a scene.
+"""Bushings: springs and dampers that hold two links of a MuJoCo scene together.
 
-Link motions and bushing forces are exchanged with MuJoCo's data as plain floats, in C (links.c): numpy views would take
-ten times as long.
+Link motions and bushing loads are exchanged with MuJoCo's data as plain floats by C code (links.c); numpy views would
+take ten times as long.
 """
 
 from collections.abc import Sequence
@@ -17,23 +17,29 @@ _built = load("hric_mujoco_links")
 
 
 class MujocoBushingLinks(Protocol):
-    """Interface of the link pairs in C, one pair after the other."""
+    """Interface of the compiled object that has the two links of each bushing."""
 
     def motions(self) -> list[tuple[Vector, Quaternion, Vector, Vector]]:
-        """Return the motion of each link's frame, world frame, at the last update of the scene.
+        """Return the motion of each link's frame in the world frame, at the last update of the scene.
 
-        Position [m], orientation (x, y, z, w), linear velocity [m/s], angular velocity [rad/s].
+        Position [m], orientation (x, y, z, w), linear velocity [m/s], angular velocity [rad/s]; the two links of the
+        first bushing, then those of the second, and so on.
         """
 
     def push(self, pair: int, force: Vector, torque: Vector, point: Vector, /) -> None:
-        """Apply a force [N] at a point [m] and a torque [N m] to the first link of a pair, the opposite to the second.
+        """Apply a force [N] at a point [m] and a torque [N m] to a bushing's first link, the opposite to its second.
 
-        They act in the coming step, in the world frame.
+        They act during the coming step; pair: index of the bushing; all vectors in the world frame.
         """
 
 
 def make_links(scene: CompiledScene, names: Sequence[str]) -> MujocoBushingLinks:
-    """Return the links of a compiled scene by "model::link", two of each pair."""
+    """Return the compiled object for the links of bushings.
+
+    Args:
+        scene: compiled scene.
+        names: links by "model::link", the two links of each bushing one after the other.
+    """
     rows = []
     for name in names:
         frame = scene.built.frames[name]
@@ -44,21 +50,21 @@ def make_links(scene: CompiledScene, names: Sequence[str]) -> MujocoBushingLinks
 
 
 class SceneBushings(Bushings):
-    """Connected bushings, and their forces in MuJoCo.
+    """All bushings of a MuJoCo plant, and the application of their loads.
 
     Attributes:
         any: True if there is a bushing.
     """
 
     def bind(self, scene: CompiledScene) -> None:
-        """Bind to another scene, or after a change of the connections."""
+        """Find the links of all bushings in a newly compiled scene, or after bushings were added or removed."""
         pairs = list(self.pairs())
         self.any = bool(pairs)
         self._links = make_links(scene, [link for pair in pairs for link in pair])
         scene.set_connected(self.apart())
 
     def push(self) -> None:
-        """Apply the bushing forces of the present positions and velocities in the coming step."""
+        """Apply the loads of all bushings, from the present positions and velocities, in the coming step."""
         motions = self._links.motions()
         for i, law in enumerate(self.laws.values()):
             load = law.step(LinkMotion(*motions[2 * i]), LinkMotion(*motions[2 * i + 1]))

@@ -1,4 +1,4 @@
-"""ROS node `camera`: pictures and depth of the robot and the world, at a rate in wall time."""
+"""ROS node `camera`: publishes simulated camera and depth images of the robot and the world, at a wall-time rate."""
 
 import threading
 import time
@@ -24,7 +24,7 @@ OPTICAL = "camera_optical_frame"
 
 @dataclass(frozen=True)
 class CameraNodeSettings(CameraSettings):
-    """Parameters of the node."""
+    """Parameters of the camera node."""
 
     rate: float = number(10.0, above=0.0, maximum=60.0, unit="Hz of wall time", text="of the pictures")
     depth: bool = flag(True, text="also publish depth images")
@@ -34,13 +34,13 @@ class CameraNodeSettings(CameraSettings):
 
 
 class CameraNode(NodeApp):
-    """Camera node, which publishes from its construction on.
+    """ROS node with a simulated camera; it publishes images from its construction on.
 
     Args:
         node: private node.
 
     Raises:
-        HricError: a parameter is not valid, or the description cannot be drawn.
+        HricError: a parameter is not valid.
     """
 
     def __init__(self, node: RosNode) -> None:
@@ -62,7 +62,7 @@ class CameraNode(NodeApp):
         self._thread.start()
 
     def tick(self) -> None:
-        """Raise the error that ended the pictures, if any."""
+        """Raise the error that ended the camera thread, if any."""
         if self._failure is not None:
             raise self._failure
 
@@ -89,7 +89,7 @@ class CameraNode(NodeApp):
         self._poses = {name: messages.matrix(pose) for name, pose in zip(message.name, message.pose, strict=True)}
 
     def _run(self) -> None:
-        """Draw and publish in a separate thread, which owns the OpenGL context."""
+        """Draw and publish images, in a separate thread that owns the OpenGL context."""
         try:
             camera = Camera(self._description, self._world, self._settings)
         except HricError as error:
@@ -127,5 +127,5 @@ def _image(stamp: Any, values: Any, encoding: str) -> Any:
 
 
 def main(text_of_help: str) -> int:
-    """Run the node and return its exit code."""
+    """Run the camera node and return its exit code; text_of_help: text for --help."""
     return run("camera", text_of_help, CameraNode, CameraNodeSettings)

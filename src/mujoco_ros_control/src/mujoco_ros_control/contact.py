@@ -1,8 +1,9 @@
-"""Contacts: rigid ones as read from MuJoCo, and the plant's penalty contact where a true force is needed.
+"""Contacts in MuJoCo: the engine's rigid contacts, and penalty contact (spring and damper) with realistic forces.
 
-A negative `solref` of MuJoCo is no stiffness in N/m, and each of its contact points would be a separate spring. Here
-one spring per pair of links acts, at the centre of the overlap area (`hric_control.plants.faces`), with the mean force
-of its motion through the step (`hric_control.plants.spring_step`), as in the other plants.
+MuJoCo's own soft contact is not suitable: a negative `solref` is no stiffness in N/m, and each contact point would be a
+separate spring. So penalty contact is computed here: one spring per pair of links, at the centre of the overlap area
+(`hric_control.plants.faces`), with the mean force of its motion through the step (`hric_control.plants.spring_step`),
+as in the other plants.
 """
 
 from collections.abc import Sequence
@@ -21,7 +22,15 @@ from mujoco_ros_control.scene_spec import Geom, Law
 
 @dataclass(frozen=True)
 class _Near:
-    """Two shapes that overlap or soon may; normal from b to a, position midway between them, depth [m]."""
+    """Two shapes that overlap, or may do so within the step.
+
+    Attributes:
+        a, b: the shapes.
+        law: contact law of their links.
+        normal: unit vector from b to a, world frame, shape (3,).
+        position: point midway between the shapes, world frame, shape (3,) [m].
+        depth: depth of the overlap, negative for a gap [m].
+    """
 
     a: Geom
     b: Geom
@@ -32,13 +41,14 @@ class _Near:
 
 
 class MujocoPenaltyContact:
-    """Pairs of shapes with penalty contact, and their contacts in the last step.
+    """Penalty contact between all pairs of links whose surfaces request it.
 
     Args:
-        springs: springs of the pairs.
+        springs: contact springs of the link pairs, with their state.
 
     Attributes:
-        last: contacts of the last step.
+        last: penalty contacts of the last step.
+        any: True if the scene has pairs with penalty contact.
     """
 
     def __init__(self, springs: Springs) -> None:
@@ -47,12 +57,12 @@ class MujocoPenaltyContact:
         self._speeds: FloatArray | None = None
 
     def bind(self, scene: CompiledScene) -> None:
-        """Bind to another scene."""
+        """Use a newly compiled scene."""
         self._scene, self._speeds = scene, None
         self.any = bool(scene.springs)
 
     def forget(self) -> None:
-        """Forget the previous step, after bodies were repositioned."""
+        """Clear the memory of the previous step, after bodies were repositioned."""
         self.springs.forget()
         self.last, self._speeds = [], None
 
@@ -67,7 +77,7 @@ class MujocoPenaltyContact:
             self._push(list(group), speeds, before)
 
     def _near(self) -> list[_Near]:
-        """Return near shapes, sorted by pairs of links; of two shapes the deepest point."""
+        """Return the pairs of shapes that are near each other, with their deepest point, sorted by pairs of links."""
         contact, deepest = self._scene.d.contact, dict[tuple[int, int], int]()
         springs, apart = self._scene.springs, self._scene.apart
         distances = contact.dist.tolist()
@@ -126,7 +136,10 @@ class MujocoPenaltyContact:
         return faces.corners(near.a.solid, poses[0], near.b.solid, poses[1], near.normal, near.position, near.depth)
 
     def _relative(self, bodies: Sequence[int], point: FloatArray) -> FloatArray:
-        """Return the angular and linear Jacobian of the velocity of a relative to b at a point, shape (6, nv)."""
+        """Return the Jacobian of the velocity of body a relative to body b at a point [m].
+
+        Angular above linear, shape (6, nv); bodies: MuJoCo's numbers of a and b.
+        """
         m, d = self._scene.m, self._scene.d
         result = np.zeros((6, m.nv))
         for body, sign in zip(bodies, (1.0, -1.0), strict=True):
@@ -136,7 +149,10 @@ class MujocoPenaltyContact:
         return result
 
     def _inverse_mass(self, row: FloatArray) -> float:
-        """Return n' J (M + B)^-1 J' n [1/kg]; held joints have such a large B that they count as fixed."""
+        """Return the inverse effective mass row (M + B)^-1 row' [1/kg], with row = n' J for a direction n, shape (nv,).
+
+        Braked and driven joints have such a large rotor inertia B that they count as fixed.
+        """
         return float(row @ self._scene.response(row[None])[0])
 
 

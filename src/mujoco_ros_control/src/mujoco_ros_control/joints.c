@@ -1,15 +1,15 @@
-/* Joints in MuJoCo's model and data: one step with the state in and out as Python's lists; the friction that was
-   identified on the Panda, and joints that mimic others, inside the stages of the step. What joints.py explains. Of
-   MuJoCo only the layout of its structures is needed here; its functions come as addresses. */
+/* Compiled part of joints.py: one step of MuJoCo with the joint state as Python lists, and the friction identified on
+   the Panda and mimic joints within each stage of the step. MuJoCo's headers are used for the layout of its structures
+   only; the addresses of its functions come from Python. */
 #include "hric_core/python_numbers.h"
 #include "hric_dynamics/friction.h"
 
 #include "mimic.h"
 
-/* MuJoCo's functions, in the order in which make_joints has them. */
+/* Indices of MuJoCo's functions, in the order in which make_joints passes them. */
 enum { POSITION, VELOCITY, ACTUATION, ACCELERATION, CONSTRAINT, IMPLICIT, RUNGE_KUTTA, LOADS, MASS, MOVE, FUNCTIONS };
 
-/* A function's address as Python's ctypes has it. */
+/* Address of a MuJoCo function, as ctypes passes it, with the signatures that are needed. */
 typedef union {
     mjfGeneric plain;
     void (*of_order)(const mjModel *, mjData *, int);
@@ -18,22 +18,23 @@ typedef union {
     void *data;
 } Address;
 
-static Address mujoco[FUNCTIONS]; /* the same for all */
+static Address mujoco[FUNCTIONS]; /* shared by all objects of this module */
 
 typedef struct {
     PyObject_HEAD
     mjModel *model;
     mjData *data;
-    PyObject *owners; /* whose memory this is */
+    PyObject *owners; /* Python objects that own the model and the data */
     int n, *dof, *position;
-    double half, quiet, held; /* see make_joints */
+    double half, quiet, held; /* lead of positions [s], speed bound, rotor inertia of held joints; see make_joints */
     int bristly;
     double *rotor, *effort, *before, *q, *dq, *bend, *hold, *bristle;
 } Joints;
 
 /* ---- friction ---- */
 
-/* MuJoCo's mjcb_passive, one for all models of the process: what it needs of a joint is with the joint. */
+/* MuJoCo's callback mjcb_passive, one for all models of the process; the friction parameters of a joint are in its user
+   data. */
 static void add_friction(const mjModel *m, mjData *d)
 {
     if (m->nuser_jnt < FRICTION_ROW)
@@ -53,7 +54,7 @@ static PyObject *friction_address(PyObject *Py_UNUSED(module), PyObject *Py_UNUS
 
 /* ---- joints that mimic others ---- */
 
-/* Factors of the mass matrix, with what the integrator has of damping in it. */
+/* Factors of the mass matrix plus step * damping, as the implicit integrator has it; step 0: without damping. */
 static void factor_masses(const mjModel *m, const mjData *d, double step, double *A)
 {
     mujoco[MASS].of_matrix(m, d, A);
@@ -62,8 +63,8 @@ static void factor_masses(const mjModel *m, const mjData *d, double step, double
     factor(m->nv, A);
 }
 
-/* MuJoCo's mjcb_control, one for all models of the process, in each stage before what follows from all forces: the
-   efforts that keep its accelerations on the laws. */
+/* MuJoCo's callback mjcb_control, one for all models of the process. MuJoCo calls it in each stage of a step before it
+   computes accelerations; it adds the efforts that keep mimic joints on their laws. */
 static void keep_laws(const mjModel *m, mjData *d)
 {
     Law laws[m->neq > 0 ? m->neq : 1];
@@ -95,8 +96,8 @@ static void settle_laws(const mjModel *m, mjData *d)
     settle(m, d, count, laws, A, explicit ? 0.5 * step : step, mujoco[MOVE].of_positions);
 }
 
-/* What the bristles take in the coming step, which begins now: held over it as an effort, and as far as it follows from
-   the speed at the end of the step, as inertia that is added there. Not of joints that the plant holds. */
+/* Friction at rest (bristle model) in the coming step: a constant effort, plus a part proportional to the speed at the
+   end of the step, which is added as inertia. Braked and driven joints are left out. */
 static void grip(Joints *self)
 {
     const double step = self->model->opt.timestep;
@@ -130,7 +131,7 @@ static void gather(const double *from, const int *at, int n, double *to)
         to[i] = from[at[i]];
 }
 
-/* Positions at the instant of the velocities; those of the engine where these are there already. */
+/* Positions at the measuring instant, to which the velocities belong; the engine's own if they belong to it already. */
 static PyObject *measured(const Joints *self, PyObject *q)
 {
     double at[self->n > 0 ? self->n : 1];
@@ -149,7 +150,7 @@ static PyObject *joints_read(Joints *self, PyObject *Py_UNUSED(nothing))
     return Py_BuildValue("NNN", q, list(self->dq, self->n), measured(self, q));
 }
 
-/* A position at the measuring instant stands in the engine where it has got to by then. */
+/* Set positions that are given at the measuring instant; the engine's positions are ahead of it by `half`. */
 static PyObject *joints_put(Joints *self, PyObject *args)
 {
     PyObject *q, *dq;
@@ -173,7 +174,7 @@ static PyObject *joints_write(Joints *self, PyObject *efforts)
     Py_RETURN_NONE;
 }
 
-/* Efforts behind the rotors: what of those of the motors did not go into the change of speed since `write`. */
+/* Efforts on the link side of the rotors: motor efforts less those that accelerated the rotors since `write`. */
 static PyObject *joints_passed(Joints *self, PyObject *motors)
 {
     if (!take(motors, self->n, self->effort))
@@ -185,7 +186,7 @@ static PyObject *joints_passed(Joints *self, PyObject *motors)
     return list(self->effort, self->n);
 }
 
-/* Whether the state is finite and no joint faster than the bound: by the norms, which carry what is not finite. */
+/* 1 if the state is finite and no joint is faster than the bound. Checked by norms, which NaN and infinity spoil. */
 static int is_quiet(const Joints *self)
 {
     double q = 0.0, dq = 0.0;
@@ -198,7 +199,7 @@ static int is_quiet(const Joints *self)
 
 static void call(const Joints *self, int function) { mujoco[function].plain(self->model, self->data); }
 
-/* What mj_step does first; what follows from positions and velocities may act on bodies then. */
+/* First part of mj_step: positions and velocities of all bodies. Afterwards forces may be applied to the bodies. */
 static PyObject *joints_prepare(Joints *self, PyObject *Py_UNUSED(nothing))
 {
     PyThreadState *interpreter = PyEval_SaveThread();
@@ -209,7 +210,7 @@ static PyObject *joints_prepare(Joints *self, PyObject *Py_UNUSED(nothing))
     Py_RETURN_NONE;
 }
 
-/* Accelerations of the stage that was prepared. */
+/* Second part of mj_step: accelerations from all forces. */
 static void accelerate(const Joints *self)
 {
     keep_laws(self->model, self->data);
@@ -260,8 +261,9 @@ static PyObject *joints_finish(Joints *self, PyObject *efforts)
 
 static PyObject *triple(const mjtNum v[3]) { return Py_BuildValue("ddd", v[0], v[1], v[2]); }
 
-/* What the parent does to the child through each joint, at the child's origin. Semi-implicit, MuJoCo's data beside the
-   state are of the step's beginning; its acceleration lacks what damping takes implicitly. */
+/* Load that the parent exerts on the child through each joint, at the child's origin. With the semi-implicit
+   integrator, MuJoCo's derived data belong to the start of the step, and its acceleration lacks the implicit damping;
+   so the acceleration is computed from the change of velocity here. */
 static void compute_loads(Joints *self)
 {
     mjData *d = self->data;
@@ -305,7 +307,7 @@ static PyObject *joints_loads(Joints *self, PyObject *Py_UNUSED(nothing))
 
 /* ---- the type ---- */
 
-/* Numbers of speeds or positions, checked against how many there are; 0 with an error set. */
+/* Read indices of velocities or positions, which must be below `bound`; 0 with a Python error set. */
 static int take_indices(PyObject *sequence, int n, Py_ssize_t bound, int *out)
 {
     double values[n > 0 ? n : 1];
@@ -313,7 +315,7 @@ static int take_indices(PyObject *sequence, int n, Py_ssize_t bound, int *out)
         return 0;
     for (int i = 0; i < n; i++) {
         if (!(values[i] >= 0.0 && values[i] < (double)bound)) {
-            PyErr_Format(PyExc_ValueError, "number %d is not among %zd", i, bound);
+            PyErr_Format(PyExc_ValueError, "entry %d of the indices is not below %zd", i, bound);
             return 0;
         }
         out[i] = (int)values[i];
@@ -375,23 +377,21 @@ static void joints_clear(Joints *self)
 
 static PyMethodDef joints_methods[] = {
     {"read", (PyCFunction)joints_read, METH_NOARGS, "() -> q, dq, q at the measuring instant"},
-    {"put", (PyCFunction)joints_put, METH_VARARGS, "(q, dq) at the measuring instant"},
-    {"write", (PyCFunction)joints_write, METH_O, "(efforts) of the coming step"},
-    {"passed", (PyCFunction)joints_passed, METH_O, "(efforts of the motors) -> those behind the rotors, since `write`"},
-    {"loads", (PyCFunction)joints_loads, METH_NOARGS, "() -> (origin, force, torque) of each joint, in the last step"},
-    {"accelerate", (PyCFunction)joints_accelerate, METH_NOARGS,
-     "() what follows from all forces, in the stage that was prepared"},
-    {"integrate", (PyCFunction)joints_integrate, METH_NOARGS, "() the rest of the step"},
-    {"prepare", (PyCFunction)joints_prepare, METH_NOARGS, "() positions and velocities of all bodies, for a step"},
+    {"put", (PyCFunction)joints_put, METH_VARARGS, "(q, dq): set the state at the measuring instant"},
+    {"write", (PyCFunction)joints_write, METH_O, "(efforts): set the motor efforts of the coming step"},
+    {"passed", (PyCFunction)joints_passed, METH_O, "(motor efforts) -> efforts on the rotors' link side since `write`"},
+    {"loads", (PyCFunction)joints_loads, METH_NOARGS, "() -> (origin, force, torque) in each joint, in the last step"},
+    {"accelerate", (PyCFunction)joints_accelerate, METH_NOARGS, "(): compute accelerations, after `prepare`"},
+    {"integrate", (PyCFunction)joints_integrate, METH_NOARGS, "(): complete the step, after `accelerate`"},
+    {"prepare", (PyCFunction)joints_prepare, METH_NOARGS, "(): begin a step, update positions and velocities"},
     {"finish", (PyCFunction)joints_finish, METH_O,
-     "(efforts) -> q, dq, q at the measuring instant, efforts behind the rotors, whether all is quiet, after a step "
-     "that "
-     "was prepared"},
+     "(efforts): complete a prepared step -> q, dq, q at the measuring instant, link-side efforts, True if all is "
+     "finite and slow"},
     {0}};
 
 static PyMethodDef functions[] = {
-    {"friction_address", friction_address, METH_NOARGS, "Address of the friction, for MuJoCo's mjcb_passive."},
-    {"laws_address", laws_address, METH_NOARGS, "Address of the laws of mimic joints, for MuJoCo's mjcb_control."},
+    {"friction_address", friction_address, METH_NOARGS, "() -> address of the friction callback, for mjcb_passive"},
+    {"laws_address", laws_address, METH_NOARGS, "() -> address of the callback for mimic joints, for mjcb_control"},
     {0}};
 
 TYPE_MODULE(hric_mujoco, Joints, joints, functions)

@@ -1,8 +1,8 @@
-"""Joints of the robot or a model in MuJoCo's data, in C, with forces inside a step's stages.
+"""Access to the joints of the robot or a model in MuJoCo's data, and one step of the simulation, by C code.
 
-Python lists go in and out of a step in one call, which is a microsecond faster than numpy views for each. The
-identified friction and mimic joints act inside the stages of a step. MuJoCo's functions are taken from the library that
-its Python package has loaded.
+A step takes and returns Python lists in one call; each numpy view would cost a microsecond more. The identified
+friction and mimic joints act within each stage of a (Runge-Kutta) step. MuJoCo's functions are those of the library
+that its Python package has loaded.
 """
 
 import ctypes
@@ -31,45 +31,51 @@ _FUNCTIONS = (
     "mj_fullM",
     "mj_integratePos",
 )
-"""MuJoCo functions, in the compiled module's order."""
+"""Names of MuJoCo functions, in the order that the compiled module expects."""
 HELD = 1e13
-"""Rotor inertia that fixes a braked or driven joint [kg m^2]: with 3 kg a braked Panda sinks 7e-10 rad in 20 s."""
+"""Artificial rotor inertia that fixes a braked or driven joint [kg m^2].
+
+With it a braked Panda with a payload of 3 kg sinks by 7e-10 rad in 20 s.
+"""
 
 
 class Joints(Protocol):
-    """Group of joints with one coordinate each; vectors are n floats in their order."""
+    """Interface of the compiled object for n joints with one coordinate each; vectors are n floats in their order."""
 
     def read(self) -> tuple[list[float], list[float], list[float]]:
-        """Return present positions and speeds, and positions at the measuring instant [rad or m, rad/s or m/s]."""
+        """Return MuJoCo's positions [rad or m] and velocities, and the positions at the measuring instant."""
 
     def put(self, q: Vector, dq: Vector, /) -> None:
-        """Put the joints at q, dq at the measuring instant [rad or m, rad/s or m/s]."""
+        """Set positions and velocities, given at the measuring instant [rad or m], [rad/s or m/s]."""
 
     def write(self, efforts: Vector, /) -> None:
-        """Set the efforts of the coming step [N m or N]."""
+        """Set the motor efforts of the coming step [N m or N]."""
 
     def passed(self, efforts: Vector, /) -> list[float]:
-        """Return the motor efforts behind the rotors since `write` [N m or N]."""
+        """Return the efforts on the link side of the rotors since `write` [N m or N]; efforts: those of the motors."""
 
     def loads(self) -> list[tuple[Triple, Triple, Triple]]:
-        """Return the loads that parents exert on children through each joint in the last step, world frame.
+        """Return the load that the parent link exerts on the child link through each joint, in the world frame.
 
-        At the step's start (semi-implicit) or end: origin of the child [m], force [N], torque there [N m].
+        At the start (semi-implicit integrator) or the end of the last step: origin of the child [m], force [N], torque
+        about that origin [N m].
         """
 
     def prepare(self) -> None:
-        """Begin a step of the complete scene: update all positions and velocities, so that forces can be set."""
+        """Begin a step of the complete scene: update positions and velocities of all bodies; forces can then be set."""
 
     def accelerate(self) -> None:
-        """Compute the accelerations from all forces, in the prepared stage."""
+        """Compute the accelerations from all forces, after `prepare`."""
 
     def integrate(self) -> None:
-        """Complete the step."""
+        """Complete the step, after `accelerate`."""
 
     def finish(self, efforts: Vector, /) -> tuple[list[float], list[float], list[float], list[float], bool]:
-        """Do the prepared step with these efforts, and return the new state.
+        """Complete the prepared step with these motor efforts [N m or N], and return the new state.
 
-        As `read`, then efforts behind the rotors, and True if all are finite and no joint is faster than the bound.
+        Returns:
+            MuJoCo's positions and velocities, positions at the measuring instant, efforts on the link side of the
+            rotors, and True if all are finite and no joint is faster than `quiet`.
         """
 
 
@@ -89,16 +95,16 @@ def make_joints(
     half: float,
     quiet: float = 0.0,
 ) -> Joints:
-    """Return the joints of a compiled scene.
+    """Return the compiled object for some joints of a compiled scene.
 
     Args:
-        m: MuJoCo's model, which must live as long as the result.
-        d: MuJoCo's data, which must live as long as the result.
-        dofs: index of each joint among the speeds.
-        positions: index of each joint among the positions.
-        losses: losses of each joint; its damping and sigmoid are in the model.
-        half: lead of the engine's positions over its speeds [s].
-        quiet: speed that no joint reaches before it diverges [rad/s or m/s].
+        m: MuJoCo's model; the result keeps a reference to it.
+        d: MuJoCo's data; the result keeps a reference to it.
+        dofs: index of each joint in MuJoCo's velocities (qvel).
+        positions: index of each joint in MuJoCo's positions (qpos).
+        losses: rotor inertia and friction of each joint; damping and sigmoid friction are already in the model.
+        half: time by which the engine's positions are ahead of its velocities [s].
+        quiet: speed that no joint reaches unless the simulation diverges [rad/s or m/s].
     """
     functions = tuple(ctypes.cast(_library()[name], ctypes.c_void_p).value for name in _FUNCTIONS)
     rotors, bristles = [loss.rotor for loss in losses], [value for loss in losses for value in loss.bristle_row()]
@@ -109,10 +115,16 @@ def make_joints(
 
 
 def install_friction() -> None:
-    """Let MuJoCo call the compiled friction in all models of this process; models without friction are unchanged."""
+    """Register the compiled joint friction as MuJoCo's passive-force callback for all models of this process.
+
+    Models without friction parameters are not affected.
+    """
     ctypes.c_void_p.in_dll(_library(), "mjcb_passive").value = _built.friction_address()
 
 
 def install_laws() -> None:
-    """Let MuJoCo keep mimic joints on their laws in all models of this process; others are unchanged."""
+    """Register the compiled mimic laws as MuJoCo's control callback for all models of this process.
+
+    Models without mimic joints are not affected.
+    """
     ctypes.c_void_p.in_dll(_library(), "mjcb_control").value = _built.laws_address()

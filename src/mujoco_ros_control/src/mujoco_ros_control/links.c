@@ -1,5 +1,5 @@
-/* Links in MuJoCo's data: how they move, and forces between two of them. What bushings.py explains. Of MuJoCo only the
-   layout of its structures is needed here. */
+/* Compiled part of bushings.py: motion of links in MuJoCo's data, and forces between two of them. MuJoCo's headers are
+   used for the layout of its structures only. */
 #include "hric_core/python_numbers.h"
 
 #include <mujoco/mjdata.h>
@@ -16,14 +16,14 @@ typedef struct {
     PyObject_HEAD
     const mjModel *model;
     mjData *data;
-    PyObject *owners; /* whose memory this is */
+    PyObject *owners; /* Python objects that own the model and the data */
     int n;
     Link *links;
 } Links;
 
 #include "hric_dynamics/python_links.h"
 
-/* Orientation q (x, y, z, w) of a link; MuJoCo's has w first. */
+/* Orientation q (x, y, z, w) of a link l in the world, from its body's b in MuJoCo's order (w, x, y, z). */
 static void orientation(const mjtNum *b, const double *l, double q[4])
 {
     q[0] = b[0] * l[0] + b[1] * l[3] + b[2] * l[2] - b[3] * l[1];
@@ -36,7 +36,7 @@ static PyObject *motion(const Links *self, const Link *link)
 {
     const mjData *d = self->data;
     const mjtNum *R = d->xmat + 9 * link->body, *from = d->xpos + 3 * link->body;
-    const mjtNum *angular = d->cvel + 6 * link->body; /* then linear, about the mass centre of the tree */
+    const mjtNum *angular = d->cvel + 6 * link->body; /* followed by linear, at the centre of mass of the tree */
     const mjtNum *centre = d->subtree_com + 3 * self->model->body_rootid[link->body];
     double position[3], turned[4], lever[3], linear[3];
     for (int i = 0; i < 3; i++) {
@@ -49,7 +49,7 @@ static PyObject *motion(const Links *self, const Link *link)
     return pack_motion(position, turned, linear, angular);
 }
 
-/* MuJoCo has the forces on a body at its centre of mass. */
+/* Apply a load to a body. MuJoCo refers loads to the body's centre of mass. */
 static void push_one(Links *self, int body, double sign, const double force[3], const double torque[3],
                      const double point[3])
 {
@@ -76,7 +76,7 @@ static int take_link(const Links *self, PyObject *row, Link *out)
     if (!take(row, 1 + NUMBERS, numbers))
         return 0;
     if (!(numbers[0] >= 0.0 && numbers[0] < (double)self->model->nbody)) {
-        PyErr_Format(PyExc_ValueError, "a body is not among %d", (int)self->model->nbody);
+        PyErr_Format(PyExc_ValueError, "the number of a body is not below %d", (int)self->model->nbody);
         return 0;
     }
     out->body = (int)numbers[0];

@@ -1,9 +1,9 @@
-/* Joints that mimic others. MuJoCo's equality constraint is a spring beside others: it leaves the law by a
-   ten-thousandth of the acceleration. It stays, so that contact and stops meet both joints; what makes the law exact is
-   a force within each stage of a step, and what is left by contact and stops is taken out of the speeds at its end.
+/* Mimic joints. MuJoCo's equality constraint is soft: its error is a ten-thousandth of the acceleration. It is used, so
+   that contact and joint stops act on both joints. The law becomes exact by an effort within each stage of a step; the
+   remaining error by contact and stops is removed from the velocities at the end of the step.
 
-   With a row of G for each of them, G = [1 at the joint, -multiplier at the one it mimics], speeds on the law have
-   G v = 0, and efforts G' l keep them there: A dv = f + G' l with A the mass matrix. */
+   G has a row for each mimic joint: 1 at the joint, -multiplier at the joint that it follows. Velocities on the law
+   satisfy G v = 0, and efforts G' l keep them there: A dv = f + G' l, with A the mass matrix. */
 #ifndef MUJOCO_ROS_CONTROL_MIMIC_H
 #define MUJOCO_ROS_CONTROL_MIMIC_H
 
@@ -14,8 +14,7 @@
 #include <mujoco/mjmodel.h>
 #include <string.h>
 
-/* In the data of an equality constraint, its law: multipliers of the powers of a position; and the sign that it is one
- * of ours. */
+/* Entries in the data of an equality constraint: coefficients of its polynomial, and the mark of a mimic law. */
 enum
 {
   OFFSET,
@@ -25,11 +24,11 @@ enum
 
 typedef struct
 {
-  int follower, leader; /* numbers of the joints */
+  int follower, leader; /* MuJoCo's numbers of the mimic joint and of the joint that it follows */
   double offset, multiplier;
 } Law;
 
-/* The law of an equality constraint; 0 if it is none. */
+/* Read the mimic law of an equality constraint; 0 if the constraint is no mimic law. */
 static int take_law(const mjModel* m, int constraint, Law* law)
 {
   const mjtNum* data = m->eq_data + (size_t)mjNEQDATA * (size_t)constraint;
@@ -39,7 +38,7 @@ static int take_law(const mjModel* m, int constraint, Law* law)
   return 1;
 }
 
-/* All laws; their number. None has a joint as its leader that follows another. */
+/* Read all mimic laws and return their count. No leader is itself a mimic joint. */
 static int take_laws(const mjModel* m, Law* laws)
 {
   int count = 0;
@@ -59,7 +58,7 @@ static void add_row(const mjModel* m, const Law* law, double size, double* effor
   efforts[m->jnt_dofadr[law->leader]] -= law->multiplier * size;
 }
 
-/* Bring speeds or accelerations v on the laws by efforts G' l, which are added to `efforts`; A is factored. */
+/* Bring velocities or accelerations v onto the laws by efforts G' l, which are added to `efforts`; A is factored. */
 static void constrain(const mjModel* m, int count, const Law* laws, const double* A, double* v, double* efforts)
 {
   const int n = m->nv;
@@ -85,8 +84,8 @@ static void constrain(const mjModel* m, int count, const Law* laws, const double
   }
 }
 
-/* State on the laws at the end of a step, by the impulse that takes the least work of it; `ahead`: how long its change
-   of the speeds has already moved the positions [s]. */
+/* Bring the state onto the laws at the end of a step, by the impulse that changes the velocities least in terms of
+   kinetic energy. ahead: time for which the change of velocity also moves the positions [s]. */
 static void settle(const mjModel* m, mjData* d, int count, const Law* laws, const double* A, double ahead,
                    void (*move)(const mjModel*, mjtNum*, const mjtNum*, mjtNum))
 {

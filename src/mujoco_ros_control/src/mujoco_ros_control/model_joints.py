@@ -1,4 +1,4 @@
-"""Joints of the models around the robot: their positions, drives and stops."""
+"""Joints of the models around the robot (e.g. a human body): their positions, drives and stops in MuJoCo."""
 
 from hric_control.plants import DrivenJoints, Model
 from mujoco_ros_control.joints import make_joints
@@ -7,11 +7,11 @@ from mujoco_ros_control.scene import CompiledScene
 
 
 class MujocoModelJoints(DrivenJoints):
-    """Moving joints of one model in a scene.
+    """Moving joints of one model in a MuJoCo scene.
 
     Args:
-        model: model of the joints.
-        config: the plant's parameters.
+        model: model with the joints.
+        config: parameters of the plant.
 
     Attributes:
         names: names of the joints in the scene, "model::joint".
@@ -22,7 +22,7 @@ class MujocoModelJoints(DrivenJoints):
         self.names, self._half = [f"{model.name}::{name}" for name in self.joints.names], config.half_step
 
     def bind(self, scene: CompiledScene) -> None:
-        """Bind to another scene, which already has the joints' present positions."""
+        """Use a newly compiled scene, in which the joints already have their present positions."""
         self._scene, self._dofs, positions = scene, scene.dofs(self.names), scene.positions(self.names)
         self._engine = make_joints(scene.m, scene.d, self._dofs, positions, self.losses, self._half)
 
@@ -30,16 +30,16 @@ class MujocoModelJoints(DrivenJoints):
         return self._scene.inertias(self._dofs)
 
     def read(self, q: list[float], dq: list[float]) -> None:
-        """Write the state at the measuring instant into the lists in place."""
+        """Write joint positions and velocities at the measuring instant into the lists q and dq."""
         _, dq[:], q[:] = self._engine.read()
 
     def begin(self) -> None:
-        """Put the joints at the last set positions."""
+        """Set the joints in the engine to the stored start positions and velocities."""
         self._engine.put(*self._start)
         self._scene.d.qacc_warmstart[:] = 0.0
         self._stops.restart(self._engine.read()[0])
 
     def act(self) -> None:
-        """Apply drives and stops in the coming step, from the present positions."""
+        """Apply the efforts of drives and joint stops in the coming step, from the present positions."""
         q, dq, _ = self._engine.read()
         self._engine.write(self._stops.add(q, dq, self._efforts))

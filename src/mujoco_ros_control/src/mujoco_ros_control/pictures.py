@@ -1,7 +1,7 @@
-"""Camera pictures of the robot and the world, drawn from their descriptions at given poses.
+"""Camera images of the robot and the world, rendered by MuJoCo from their descriptions at given poses.
 
-There is no physics, so it shows the robot of any engine, and the real one. The camera looks along x of its own frame,
-z up (REP 103); pictures are in the optical frame: x right, y down, z ahead.
+No physics is simulated here, so the images can show the robot of any engine, or the real one. The camera looks along
+x of its own frame, with z up (REP 103); images are in the optical frame: x right, y down, z ahead.
 """
 
 import math
@@ -24,18 +24,18 @@ from mujoco_ros_control.scene_spec import Building, SceneFrame, quaternion
 WORLD = "world"
 R_CAMERA_OPTICAL: FloatArray = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 _R_CAMERA_MUJOCO: FloatArray = np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-"""Rotation of MuJoCo's camera frame, which looks along -z, y up."""
+"""Rotation from MuJoCo's camera frame (looks along -z, y up) to the camera frame (looks along x, z up)."""
 _GREY = (0.7, 0.7, 0.7, 1.0)
 NEAR, FAR = 0.02, 20.0
 """Nearest and farthest visible distance [m] (project default, unconfirmed)."""
 BACKGROUND = (224, 230, 236)
-"""Colour beyond the farthest distance, red, green and blue."""
+"""Colour of the background, beyond the farthest visible distance: red, green, blue, 0 to 255."""
 Picture = npt.NDArray[np.uint8]
 
 
 @dataclass(frozen=True)
 class CameraSettings(Settings):
-    """Settings of a camera."""
+    """Settings of a simulated camera: size of the image, field of view, and pose."""
 
     width: int = whole(160, minimum=16, maximum=1280, unit="pixels", text="of a picture")
     height: int = whole(120, minimum=16, maximum=1024, unit="pixels", text="of a picture")
@@ -58,7 +58,7 @@ class CameraSettings(Settings):
 
 
 class _Drawing(Building):
-    """Bodies with the visual shapes of their descriptions."""
+    """Builder of a MuJoCo scene for rendering: bodies with the visual shapes of their descriptions."""
 
     def __init__(self) -> None:
         super().__init__({}, {})
@@ -95,11 +95,11 @@ class _Drawing(Building):
 
 
 class Camera:
-    """Camera with an OpenGL context of the thread that created it.
+    """Simulated camera. It can be used only in the thread that created it, which owns the OpenGL context.
 
     Args:
         urdf_xml: description of the robot.
-        world: world file, path or package://, "" for none.
+        world: path or package:// address of the world file; "": no world file.
         settings: settings of the camera.
 
     Raises:
@@ -124,7 +124,7 @@ class Camera:
             self._m.vis.map.znear, self._m.vis.map.zfar = NEAR / self._m.stat.extent, FAR / self._m.stat.extent
             self._canvas = _Canvas(self._m, settings.width, settings.height)
         except Exception as error:  # OpenGL's error types depend on the platform
-            raise HricError(f"the camera cannot draw: {error}") from error
+            raise HricError(f"the camera cannot render: {error}") from error
 
     def _add_camera(self, spec: mujoco.MjSpec, frames: Mapping[str, SceneFrame], settings: CameraSettings) -> None:
         T, body = settings.T_parent_camera, spec.worldbody
@@ -143,15 +143,17 @@ class Camera:
     def take(
         self, positions: Mapping[str, float], poses: Mapping[str, FloatArray], *, depth: bool
     ) -> tuple[Picture, npt.NDArray[np.float32] | None]:
-        """Return a picture, shape (height, width, 3), and the depth along the optical axis, shape (height, width) [m].
-
-        The depth is inf where nothing is visible (REP 118).
+        """Render an image and, if requested, a depth image of the scene in a given state.
 
         Args:
-            positions: positions of the robot's joints [rad or m]; other joints stay, or follow the joint that they
-                mimic.
-            poses: T_world_root of models, shape (4, 4) each.
-            depth: True to return the depth.
+            positions: positions of the robot's joints by name [rad or m]; joints that are missing stay, or follow the
+                joint that they mimic.
+            poses: poses of models' root links in the world by model name, shape (4, 4) each.
+            depth: True to return the depth image.
+
+        Returns:
+            Image, shape (height, width, 3), and depth along the optical axis, shape (height, width) [m], which is inf
+            if nothing is visible (REP 118); None instead of the depth if it is not requested.
         """
         for name, value in positions.items():
             joint = mujoco.mj_name2id(self._m, mujoco.mjtObj.mjOBJ_JOINT, f"{self._robot}::{name}")
@@ -169,15 +171,15 @@ class Camera:
         return self._canvas.draw(self._d, depth=depth)
 
     def close(self) -> None:
-        """Release OpenGL."""
+        """Release the OpenGL context."""
         self._canvas.close()
 
 
 class _Canvas:
-    """Off-screen canvas of the scene.
+    """Off-screen renderer of the scene.
 
-    Colours and distances are from one rendering. Edges are not smoothed, which would take three times as long without a
-    graphics card.
+    One rendering gives colours and distances. Edges are not smoothed (no multisampling), which would take three times
+    as long without a graphics card.
     """
 
     def __init__(self, m: mujoco.MjModel, width: int, height: int) -> None:
@@ -194,7 +196,7 @@ class _Canvas:
         self._context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
 
     def draw(self, d: mujoco.MjData, *, depth: bool) -> tuple[Picture, npt.NDArray[np.float32] | None]:
-        """Draw the scene; results as in `Camera.take`."""
+        """Render the scene; return the image and, if `depth`, the distances along the optical axis [m], else None."""
         bodies = mujoco.mjtCatBit.mjCAT_ALL
         mujoco.mjv_updateScene(self._m, d, self._option, self._idle, self._view, bodies, self._scene)
         mujoco.mjr_render(self._rect, self._scene, self._context)
@@ -205,7 +207,7 @@ class _Canvas:
         return picture[::-1].copy(), _distances(buffer[::-1]) if depth else None
 
     def close(self) -> None:
-        """Release OpenGL."""
+        """Release the OpenGL context."""
         self._context.free()
         self._gl.free()
 
@@ -217,17 +219,17 @@ def _distances(buffer: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
 
 
 def _add_light(spec: mujoco.MjSpec) -> None:
-    """Add light from the camera: MuJoCo's default is dim."""
+    """Set a bright light at the camera, since MuJoCo's default light is dim."""
     head = spec.visual.headlight
     head.ambient, head.diffuse, head.specular = [0.3] * 3, [0.5] * 3, [0.1] * 3
 
 
 def optical_frame(T_parent_camera: FloatArray) -> FloatArray:
-    """Return T_parent_optical of a camera, shape (4, 4)."""
+    """Return the pose of a camera's optical frame in the camera's parent, shape (4, 4)."""
     return T_parent_camera @ homogeneous(R_CAMERA_OPTICAL, np.zeros(3))
 
 
 def camera_matrix(settings: CameraSettings) -> Sequence[float]:
-    """Return K of sensor_msgs/CameraInfo, row-major: focal lengths and the centre of the picture [pixels]."""
+    """Return the camera matrix K of sensor_msgs/CameraInfo, row-major: focal lengths and image centre [pixels]."""
     f = settings.focal_length
     return [f, 0.0, 0.5 * settings.width - 0.5, 0.0, f, 0.5 * settings.height - 0.5, 0.0, 0.0, 1.0]

@@ -13,14 +13,14 @@ from mujoco_ros_control.robot import MujocoConfig, MujocoRobot
 from mujoco_ros_control.world import MujocoWorld
 
 MANY = 4
-"""Number of free objects above which `integrator: auto` is semi-implicit (project default).
+"""Number of free objects above which `integrator: auto` selects the semi-implicit integrator (project default).
 
-50 contacts of 20 objects cost a quarter of Runge-Kutta's time.
+With 20 objects and 50 contacts that takes a quarter of the time of Runge-Kutta.
 """
 
 
 class MujocoPlant(EnginePlant, ReactingPlant):
-    """Plant on MuJoCo; see `hric_control.plant.Plant`.
+    """Physics plant on MuJoCo: a robot, the world around it, and external forces; implements `hric_control.Plant`.
 
     Attributes:
         config: checked parameters, with the chosen integrator.
@@ -48,7 +48,7 @@ class MujocoPlant(EnginePlant, ReactingPlant):
         self._put([0.0] * len(self.joint_names))
 
     def step(self) -> None:
-        """Advance by `time_step`."""
+        """Advance the simulation by `time_step`."""
         pushing = self.world.acts or bool(self.world.wrenches.active)
         if self._pushed:
             self.world.scene.d.xfrc_applied[:] = 0.0
@@ -56,7 +56,7 @@ class MujocoPlant(EnginePlant, ReactingPlant):
         self._pushed = pushing
 
     def _push(self) -> None:
-        """Apply wrenches and the forces of the world in the coming step."""
+        """Apply wrenches, penalty contact, bushings, and joint efforts of models in the coming step."""
         scene = self.world.scene
         for wrench in self.world.wrenches.active:
             T = scene.link_pose(wrench.body)
@@ -73,11 +73,11 @@ class MujocoPlant(EnginePlant, ReactingPlant):
         return self.world.penalty.last + rigid_contacts(self.world.scene, self.time_step)
 
     def joint_reactions(self) -> list[JointReaction]:
-        """Return the loads of the robot's moving joints in the last step; empty before the first step."""
+        """Return force and torque in each moving joint of the robot in the last step; empty before the first step."""
         return self.robot.reactions()
 
     def link_state(self, body: str) -> tuple[FloatArray, FloatArray]:
-        """Return (T_world_link, (4, 4), twist at the link's origin, world frame, linear then angular, (6,))."""
+        """Return (T_world_link, shape (4, 4); twist of the link's origin, linear then angular, world axes, (6,))."""
         link, scene = self.world.full_name(body), self.world.scene
         scene.update()
         T = scene.link_pose(link)

@@ -1,4 +1,4 @@
-"""Robot in MuJoCo: its joints, their efforts, and one step."""
+"""Robot in MuJoCo: its joints, their efforts, and one step of the simulation."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -17,7 +17,7 @@ from mujoco_ros_control.scene import CompiledScene
 
 @dataclass(frozen=True)
 class MujocoConfig(WindowlessConfig):
-    """Plant parameters: those of all plants, with one more integrator."""
+    """Parameters of the MuJoCo plant: those of all plants, with MuJoCo's choice of integrators."""
 
     integrator: str = choice(
         "auto",
@@ -29,7 +29,7 @@ class MujocoConfig(WindowlessConfig):
 
     @property
     def half_step(self) -> float:
-        """Lead of the engine's positions over the measuring instant, which is that of the speeds [s]."""
+        """Time by which the engine's positions are ahead of its velocities and the measuring instant [s]."""
         return 0.5 * self.time_step if self.integrator == "semi_implicit" and self.half_step_readout else 0.0
 
 
@@ -37,9 +37,9 @@ class MujocoRobot(EngineRobot):
     """Robot in MuJoCo, the first model of a scene; vectors are in the description's order of the moving joints.
 
     Args:
-        tree: the description.
+        tree: robot description.
         joint_names: names of the actuated joints.
-        config: the plant's parameters.
+        config: parameters of the plant.
 
     Attributes:
         names: names of all moving joints in the scene, "model::joint".
@@ -59,7 +59,7 @@ class MujocoRobot(EngineRobot):
     # -- the scene -----------------------------------------------------------------------------------------------------
 
     def bind(self, scene: CompiledScene) -> None:
-        """Bind to another scene, which already has the robot's present state."""
+        """Use a newly compiled scene, in which the robot already has its present state."""
         self._scene, self._m, self._d = scene, scene.m, scene.d
         self._stepped = False
         self._dofs = scene.dofs(self.names)
@@ -74,7 +74,7 @@ class MujocoRobot(EngineRobot):
         self.q, self.dq, self.at = self._engine.read()
 
     def put(self, q: Sequence[float], dq: Sequence[float]) -> None:
-        """Put the actuated joints at q, dq; the others keep their positions, at rest."""
+        """Set positions and velocities of the actuated joints; other joints keep their positions, at rest."""
         self._engine.put(*self.joints.start(q, dq, self.q))
         self._d.qacc_warmstart[:] = 0.0
         self._read()
@@ -87,7 +87,7 @@ class MujocoRobot(EngineRobot):
     # -- modes and brakes ----------------------------------------------------------------------------------------------
 
     def _send_modes(self) -> None:
-        """Apply the modes of all moving joints; a closing brake stops its joint at once."""
+        """Apply the mode of each moving joint in the engine; a brake that closes stops its joint at once."""
         modes = self._all_modes = self._modes()
         self._held = [i for i, mode in enumerate(modes) if mode is not Mode.EFFORT]
         self._driven = [i for i in self._held if modes[i] is not Mode.BRAKE]
@@ -108,8 +108,9 @@ class MujocoRobot(EngineRobot):
         """Apply the commands, advance the engine, and read the new state.
 
         Args:
-            values: commands of all moving joints; the mode of each joint gives the quantity.
-            push: function that applies forces to bodies, once their positions and velocities are known; None for none.
+            values: commands of all moving joints; the mode of each joint decides on the quantity.
+            push: function that applies forces to bodies, called when their positions and velocities are known; None:
+                no forces.
         """
         self.motor_effort = values
         if self._held:
@@ -124,7 +125,7 @@ class MujocoRobot(EngineRobot):
         self._check_state(quiet=quiet)
 
     def _in_stages(self, values: list[float], push: Callable[[], None] | None) -> None:
-        """Do a step with held joints, whose efforts follow from all other forces."""
+        """Advance by a step in which some joints are braked or driven; their efforts follow from all other forces."""
         d = self._d
         self._engine.prepare()
         self._engine.write(values)
@@ -144,7 +145,7 @@ class MujocoRobot(EngineRobot):
         self.effort = self._engine.passed(self.motor_effort)
 
     def _acceleration(self, i: int, value: float) -> float:
-        """Return the acceleration of a held joint [rad/s^2]: a drive reaches its target by the end of the step."""
+        """Return the acceleration of a braked or driven joint [rad/s^2]; a drive reaches its target in one step."""
         if self._all_modes[i] is Mode.BRAKE:
             return 0.0
         step = self._config.time_step
@@ -154,7 +155,7 @@ class MujocoRobot(EngineRobot):
         return (value - self.dq[i]) / step
 
     def _cut_drives(self) -> dict[int, float]:
-        """Limit drives above their largest effort to it; return joint and effort [N m]."""
+        """Limit drives to their maximum effort; return the efforts [N m] of the limited ones by joint index."""
         beyond: dict[int, float] = {}
         while self._driven:
             efforts = self._held_efforts()
@@ -174,7 +175,10 @@ class MujocoRobot(EngineRobot):
         return beyond
 
     def _held_efforts(self) -> list[float]:
-        """Return the joints' efforts for their accelerations besides other forces, by inverse dynamics [N m]."""
+        """Return the motor efforts that the joints' accelerations need beside all other forces [N m].
+
+        Computed by inverse dynamics.
+        """
         m, d = self._m, self._d
         needed = np.empty(m.nv)
         mujoco.mj_rne(m, d, 1, needed)
@@ -199,9 +203,9 @@ class MujocoRobot(EngineRobot):
     # -- loads in the joints -------------------------------------------------------------------------------------------
 
     def reactions(self) -> list[JointReaction]:
-        """Return the loads that parents exert on children through the moving joints in the last step.
+        """Return the loads that parent links exert on child links through the moving joints in the last step.
 
-        At its start (semi-implicit) or end; empty before the first step.
+        They belong to the start (semi-implicit integrator) or the end of the step; empty before the first step.
         """
         if not self._stepped:
             return []

@@ -1,4 +1,4 @@
-"""Compiled scene with its state: indices by name, and continuation of the state after a new compilation."""
+"""Compiled MuJoCo scene with its state: lookup by name, and transfer of the state to a newly compiled scene."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 
@@ -16,12 +16,15 @@ INTEGRATORS = {
     "semi_implicit": mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
 }
 HARD = [0.99, 0.999, 0.001, 0.5, 2.0]
-"""Impedance of rigid constraints: contact and stops (project default, unconfirmed)."""
+"""MuJoCo's constraint impedance (solimp) of rigid contact and joint stops (project default, unconfirmed)."""
 STICKING = [0.9999, 0.9999, 0.001, 0.5, 2.0]
-"""Impedance of Coulomb friction and mimic joints, MuJoCo's largest: held joints creep 5e-6 rad in 60 s with it."""
+"""MuJoCo's constraint impedance (solimp) of Coulomb friction and mimic joints; the maximum that MuJoCo allows.
+
+With it, joints that are held by friction creep by 5e-6 rad in 60 s.
+"""
 
 JointState = tuple[FloatArray, FloatArray]
-"""Positions and speeds of one joint in MuJoCo's layout."""
+"""Positions and velocities of one joint, in MuJoCo's layout."""
 
 
 def _be_silent(_: str) -> None:
@@ -32,24 +35,25 @@ mujoco.set_mju_user_warning(_be_silent)
 
 
 class CompiledScene:
-    """Compiled scene, initially in its start state.
+    """Compiled MuJoCo scene, initially in its start state.
 
     Args:
-        built: the scene.
-        time_step: [s].
+        built: specification of the scene.
+        time_step: duration of a step [s].
         gravity: gravity in the world frame, 3 floats [m/s^2].
         integrator: key of INTEGRATORS.
 
     Attributes:
         m, d: MuJoCo's model and data.
         bodies: MuJoCo's number of each body by name.
-        links: "model::link" of each geom, by its number.
-        springs: (a, b, law, True if a is the first) of the pairs with penalty contact, by MuJoCo's numbers of their
-            geoms.
-        semi_implicit: True if positions are half a step later than velocities.
+        links: "model::link" of each geom, by MuJoCo's number of the geom.
+        springs: pairs of shapes with penalty contact, by MuJoCo's numbers of the two geoms in either order: (a, b, law,
+            True if a is the first of the two numbers).
+        apart: pairs of geoms, by their numbers in either order, that must not touch.
+        semi_implicit: True if positions belong to an instant half a step later than velocities.
 
     Raises:
-        HricError: MuJoCo cannot compile it.
+        HricError: MuJoCo cannot compile the scene.
     """
 
     def __init__(self, built: SceneSpec, time_step: float, gravity: Sequence[float], integrator: str) -> None:
@@ -84,7 +88,7 @@ class CompiledScene:
             install_laws()
 
     def _rows_of_laws(self) -> FloatArray:
-        """Return G with G v = 0 for all mimic joints, shape (laws, nv)."""
+        """Return the matrix G of all mimic laws, G v = 0 for the velocities v, shape (laws, nv)."""
         m = self.m
         G = np.zeros((m.neq, m.nv))
         for row, ends in enumerate(zip(m.eq_obj1id, m.eq_obj2id, strict=True)):
@@ -92,14 +96,14 @@ class CompiledScene:
         return G
 
     def _set_constraints(self, time_constant: float) -> None:
-        """Make all constraints as hard as the step allows [s]."""
+        """Make all constraints as hard as the step allows; time_constant: of their errors' decay [s]."""
         m, hard = self.m, [time_constant, 1.0]
         m.pair_solref[:] = m.jnt_solref[:] = m.eq_solref[:] = m.dof_solref[:] = hard
         m.pair_solimp[:] = m.jnt_solimp[:] = HARD
         m.dof_solimp[:] = m.eq_solimp[:] = STICKING
 
     def _numbered_springs(self) -> dict[tuple[int, int], tuple[Geom, Geom, Law, bool]]:
-        """Return the springs by both orders of geoms: contacts have the simpler shape first, regardless of the pair."""
+        """Return the springs by both orders of geom numbers: MuJoCo reports contacts with the simpler shape first."""
         springs = {}
         for a, b, law in self.built.springs:
             first, second = (self.m.geom(geom.name).id for geom in (a, b))
@@ -107,7 +111,7 @@ class CompiledScene:
         return springs
 
     def _between_pairs(self) -> list[frozenset[int]]:
-        """Return, for each pair, the speeds that move its shapes relative to each other."""
+        """Return, for each pair of shapes, the indices of the velocities that move them relative to each other."""
         m = self.m
         moved: list[frozenset[int]] = []
         for body in range(m.nbody):
@@ -117,20 +121,21 @@ class CompiledScene:
         return [moved[m.geom_bodyid[a]] ^ moved[m.geom_bodyid[b]] for a, b in pairs]
 
     def set_still(self, dofs: Collection[int]) -> None:
-        """Set the speeds that brakes hold; contact that only they could part is reported, not solved.
+        """Set the velocities (by index) that brakes hold at zero.
 
-        Its force would be indeterminate.
+        A contact between shapes that only these could separate has an indeterminate force; MuJoCo then reports it but
+        does not solve it.
         """
         self._still = frozenset(dofs)
         self._send_pairs()
 
     def set_connected(self, pairs: Iterable[tuple[str, str]]) -> None:
-        """Set the pairs of links by "model::link" that do not touch each other."""
+        """Set the pairs of links, by "model::link", that must not touch, since bushings connect them."""
         self._connected = frozenset(map(frozenset, pairs))
         self._send_pairs()
 
     def _send_pairs(self) -> None:
-        """Set the contact margin of each pair in MuJoCo: normal, none, or only reported."""
+        """Set the contact margin of each pair in MuJoCo, which decides if contact is solved, only reported, or off."""
         m = self.m
         m.pair_margin[:], m.pair_gap[:] = self._reaches
         pairs = zip(m.pair_geom1.tolist(), m.pair_geom2.tolist(), strict=True)
@@ -148,15 +153,15 @@ class CompiledScene:
         return slice(q, q + (7 if free else 1)), slice(v, v + (6 if free else 1))
 
     def dofs(self, joints: Sequence[str]) -> list[int]:
-        """Return the indices of joints with one coordinate among the speeds."""
+        """Return the indices of joints with one coordinate in MuJoCo's velocities (qvel)."""
         return [self._joints[name][1].start for name in joints]
 
     def positions(self, joints: Sequence[str]) -> list[int]:
-        """Return the indices of joints with one coordinate among the positions."""
+        """Return the indices of joints with one coordinate in MuJoCo's positions (qpos)."""
         return [self._joints[name][0].start for name in joints]
 
     def joint_ids(self, joints: Sequence[str]) -> list[int]:
-        """Return MuJoCo's ids of joints."""
+        """Return MuJoCo's numbers of joints."""
         return [self.m.joint(name).id for name in joints]
 
     def states(self) -> dict[str, JointState]:
@@ -171,23 +176,28 @@ class CompiledScene:
                 self.d.qpos[at], self.d.qvel[of] = q, v
 
     def put_free(self, joint: str, linear: Sequence[float], angular: Sequence[float]) -> None:
-        """Set a free body's origin speeds, world frame [m/s], [rad/s]; MuJoCo's angular ones are in body axes."""
+        """Set the velocity of a free body's origin, world axes [m/s], [rad/s].
+
+        MuJoCo itself expects the angular velocity in body axes.
+        """
         at, of = self._joints[joint]
         R = np.empty(9)
         mujoco.mju_quat2Mat(R, self.d.qpos[at][3:])
         self.d.qvel[of] = [*linear, *(R.reshape(3, 3).T @ np.array(angular))]
 
     def update(self) -> None:
-        """Update positions and velocities of all bodies to the present state; a step leaves the previous ones."""
+        """Update positions and velocities of all bodies to the present joint state, which a step does not do."""
         mujoco.mj_kinematics(self.m, self.d)
         mujoco.mj_comPos(self.m, self.d)
         mujoco.mj_comVel(self.m, self.d)
 
     def response(self, efforts: FloatArray) -> FloatArray:
-        """Return the accelerations by efforts, at the last update of the step, mimic joints included.
+        """Return the accelerations that efforts alone would cause, with mimic laws, shape (n, nv).
+
+        The mass matrix is that of the last update within a step.
 
         Args:
-            efforts: efforts on all speeds, a row each, shape (n, nv) [N m or N].
+            efforts: n sets of generalised efforts, shape (n, nv) [N m or N].
         """
         solved = np.empty_like(efforts)
         mujoco.mj_solveM(self.m, self.d, solved, efforts)
@@ -199,22 +209,22 @@ class CompiledScene:
         return solved
 
     def inertias(self, dofs: Sequence[int]) -> list[float]:
-        """Return 1 / (M^-1)_ii for each of these speeds at the step's last update [kg m^2 or kg]; 0 if immobile."""
+        """Return the effective inertia 1 / (M^-1)_ii of each of these velocities [kg m^2 or kg]; 0 if immobile."""
         rows = np.zeros((len(dofs), self.m.nv))
         rows[range(len(dofs)), dofs] = 1.0
         return reciprocals((rows * self.response(rows)).sum(axis=1))
 
     def pose(self, body: int) -> FloatArray:
-        """Return T_world_body at the last update, shape (4, 4)."""
+        """Return the pose of a body in the world at the last update, shape (4, 4); body: MuJoCo's number."""
         return homogeneous(self.d.xmat[body].reshape(3, 3), self.d.xpos[body])
 
     def link_pose(self, link: str) -> FloatArray:
-        """Return T_world_link of "model::link" at the last update, shape (4, 4)."""
+        """Return the pose of a link ("model::link") in the world at the last update, shape (4, 4)."""
         frame = self.built.frames[link]
         return self.pose(self.bodies[frame.body]) @ frame.T_body_link
 
     def twist(self, body: int, point: FloatArray) -> FloatArray:
-        """Return linear and angular velocity in the world frame of a body's material at a point [m], shape (6,)."""
+        """Return the twist of a body's material at a point [m], linear then angular, world axes, shape (6,)."""
         result = np.empty(6)  # angular, linear, about the origin of the body
         mujoco.mj_objectVelocity(self.m, self.d, mujoco.mjtObj.mjOBJ_XBODY, body, result, 0)
         return np.concatenate([result[3:] + np.cross(result[:3], point - self.d.xpos[body]), result[:3]])

@@ -1,8 +1,8 @@
-"""Scene for MuJoCo's compiler: the robot, the models around it and the loads.
+"""Specification of a scene for MuJoCo's compiler: the robot, the models around it and the payloads.
 
-Each cluster of rigidly joined links becomes one body with the exact sum of their masses. The shapes that may touch are
-given pair by pair: MuJoCo uses the larger friction of two surfaces, not their product, and does not exclude a neighbour
-that is fixed to the world.
+Each cluster of rigidly connected links becomes one body with the sum of their masses. The pairs of shapes that may
+touch are listed explicitly, since MuJoCo's own rules do not fit: they use the larger friction coefficient of two
+surfaces, not the product, and do not exclude a neighbour link that is fixed to the world.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -30,22 +30,22 @@ _HALF_LENGTHS: dict[str, Callable[[Sequence[float]], list[float]]] = {
     "capsule": lambda size: [size[0], 0.5 * size[1], 0.0],
     "plane": lambda size: [0.0, 0.0, 0.05],
 }
-"""MuJoCo's dimensions of a shape [m]; a plane is infinite, and has only a spacing of drawn lines."""
+"""Functions from URDF dimensions to MuJoCo's dimensions of a shape [m]; for a plane, the spacing of drawn lines."""
 Law = tuple[float, float, float]
-"""Stiffness [N/m], damping [N s/m] and friction of penalty contact."""
+"""Stiffness [N/m], damping [N s/m] and friction coefficient [1] of penalty contact."""
 MIMIC = 1.0
-"""Last number in the data of an equality constraint that marks a mimic joint's law for mimic.h; unused by MuJoCo."""
+"""Value by which mimic.h recognises an equality constraint as a mimic law; MuJoCo does not use that entry."""
 UNSOLVED = 1.0
-"""Negative margin of a pair that MuJoCo reports within its gap, but does not solve [m]: larger than any overlap."""
+"""Negative contact margin of a pair whose contacts MuJoCo reports but does not solve [m]; deeper than any overlap."""
 SHORTEST = 1e-9
-"""Smallest range of a joint, since MuJoCo has no empty range [rad or m] (project default, unconfirmed)."""
+"""Minimum range of a joint with equal limits [rad or m]: MuJoCo refuses empty ranges (project default, unconfirmed)."""
 LOOK_AHEAD = 5.0
-"""Approach speed for which links are checked before they touch within a step [m/s] (project default, unconfirmed)."""
+"""Maximum approach speed at which links are found before they touch [m/s] (project default, unconfirmed)."""
 
 
 @dataclass(frozen=True)
 class SceneFrame:
-    """Link of a description in the scene: the body that carries it, and the pose in that body, shape (4, 4)."""
+    """Position of a described link in the scene: the body to which it belongs, and the pose in it, shape (4, 4)."""
 
     body: str
     T_body_link: FloatArray
@@ -53,14 +53,14 @@ class SceneFrame:
 
 @dataclass(frozen=True)
 class Geom:
-    """Collision shape.
+    """Collision shape in the scene.
 
     Attributes:
-        name: name of the geom.
-        link: "model::link".
-        model: name of its model.
-        body: body that carries it.
-        solid: the same shape in that body. (MuJoCo moves the frame of a mesh.)
+        name: name of MuJoCo's geom.
+        link: "model::link" to which the shape belongs.
+        model: name of the model.
+        body: name of the body to which the shape belongs.
+        solid: shape in the body's frame, for penalty contact. (MuJoCo moves the frame of a mesh.)
     """
 
     name: str
@@ -72,11 +72,11 @@ class Geom:
 
 @dataclass
 class SceneSpec:
-    """Result of `build`.
+    """Specification of a scene, with the information about it that MuJoCo's compiler does not need.
 
     Attributes:
-        spec: specification for the compiler.
-        frames: frames by "model::link".
+        spec: specification for MuJoCo's compiler.
+        frames: position of each link in the scene, by "model::link".
         geoms: all collision shapes, by name.
         moments: principal moments of the bodies with a physically impossible tensor, shape (3,) each [kg m^2]; to be
             set in the compiled model.
@@ -91,17 +91,17 @@ class SceneSpec:
 
 
 def quaternion(R: FloatArray) -> list[float]:
-    """Return MuJoCo's quaternion w, x, y, z of a rotation, shape (3, 3)."""
+    """Return a rotation matrix, shape (3, 3), as a quaternion in MuJoCo's order w, x, y, z."""
     x, y, z, w = quaternion_from_rotation(R)
     return [w, x, y, z]
 
 
 class Building:
-    """Builder that adds models to a scene.
+    """Builder that adds models to the specification of a scene.
 
     Args:
-        losses: see `build`.
-        loads: see `build`.
+        losses: rotor inertia, damping and friction of moving joints, by "model::joint".
+        loads: payloads by "model::link", in the link's frame.
 
     Attributes:
         result: the scene so far.
@@ -115,10 +115,10 @@ class Building:
         compiler.balanceinertia = compiler.fusestatic = False
 
     def add(self, model: Model, *, stops: bool = False) -> None:
-        """Add a model with its root link at its start pose.
+        """Add a model to the scene, with its root link at its start pose.
 
         Args:
-            model: the model.
+            model: model to add.
             stops: True if MuJoCo stops the joints at the ends of their ranges.
         """
         tree, bodies = model.tree, {}
@@ -179,14 +179,14 @@ class Building:
     def fill(
         self, body: mujoco.MjsBody, model: Model, top: str, cluster: Mapping[str, FloatArray], *, moving: bool
     ) -> None:
-        """Give a body the mass and the shapes of the links of a cluster.
+        """Set mass and shapes of a body, which represents a cluster of rigidly connected links.
 
         Args:
-            body: body of the cluster, named after its topmost link.
-            model: model of the links.
-            top: the topmost link.
+            body: body of the cluster.
+            model: model with the links.
+            top: topmost link of the cluster, whose name the body has.
             cluster: poses of the links in the body, shape (4, 4) each.
-            moving: True if it has a mass.
+            moving: True if the body can move, so that it needs a mass.
         """
         if moving:
             self._set_mass(body, model, top, cluster)
@@ -209,14 +209,22 @@ class Building:
         low, middle, high = sorted(moments)
         body.explicitinertial = True
         body.mass, body.ipos, body.iquat, body.inertia = mass.mass, mass.com, quaternion(R), moments
-        if low <= 0.0 or low + middle < high:  # a sphere's, until the true ones are set in the compiled model
+        if low <= 0.0 or low + middle < high:  # replaced by a sphere's until the compiled model gets the exact ones
             body.inertia = np.full(3, max(abs(high), abs(low)))
             self.result.moments[body.name] = moments
 
     def add_shape(
         self, body: mujoco.MjsBody, name: str, shape: Shape, T_body_geom: FloatArray, mesh: str = ""
     ) -> mujoco.MjsGeom:
-        """Add a geom without mass and contact; mesh: name of an added mesh, for a shape that is one."""
+        """Add a shape to a body as a MuJoCo geom without mass and contact, and return it.
+
+        Args:
+            body: body that gets the shape.
+            name: name of the geom.
+            shape: shape; its dimensions are not used if `mesh` is set.
+            T_body_geom: pose in the body, shape (4, 4).
+            mesh: name of a mesh that was added to the scene; empty: the shape is no mesh.
+        """
         geom = body.add_geom(
             name=name,
             type=getattr(_GEOMS, f"mjGEOM_{shape.kind.upper()}"),
@@ -251,8 +259,15 @@ def _may_touch(
 ) -> Iterator[tuple[Geom, Geom]]:
     """Yield the pairs of shapes that may touch.
 
-    Shapes of different models, unless both are fixed; of the robot's links those that are neither neighbours nor
-    masked.
+    These are shapes of different models, unless both are fixed, and shapes of two links of the robot, unless these have
+    a common joint or are masked.
+
+    Args:
+        models: models by name.
+        robot: model of the robot.
+        geoms: all collision shapes.
+        masks: pairs of patterns of the robot's links that do not collide.
+        itself: True if links of the robot may touch each other.
     """
     groups = {name: model.tree.rigid_groups() for name, model in models.items()}
     neighbours = robot.tree.neighbours()
@@ -280,15 +295,16 @@ def build(
     *,
     self_collision: bool,
 ) -> SceneSpec:
-    """Return the scene for the compiler.
+    """Build the specification of a scene for MuJoCo's compiler.
 
     Args:
         models: models, the robot first.
         surfaces: surfaces by "model::link".
-        losses: losses of moving joints by "model::joint"; joints without an entry have none.
+        losses: rotor inertia, damping and friction of moving joints by "model::joint"; joints without an entry have
+            none.
         loads: payloads by "model::link", in the link's frame.
         masks: pairs of patterns of the robot's links that do not collide.
-        time_step: [s].
+        time_step: duration of a step [s].
         self_collision: True if links of the robot may touch.
 
     Raises:

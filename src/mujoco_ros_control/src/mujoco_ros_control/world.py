@@ -1,4 +1,4 @@
-"""Models of one scene: the robot, the objects of the world file and the models spawned later."""
+"""World in MuJoCo: the robot, the objects of the world file and the models that are spawned later, in one scene."""
 
 from collections.abc import Collection, Sequence
 
@@ -16,15 +16,15 @@ class MujocoWorld(Models[MujocoModelJoints]):
     """Robot and models around it in one scene, which is compiled again for each addition or removal.
 
     Args:
-        itself: the robot's model.
-        robot: joints of the robot.
+        itself: model of the robot.
+        robot: robot in the scene.
         objects: objects of the world file.
-        rules: surfaces of single links.
-        masks: pairs of link patterns of the robot that do not collide.
-        config: the plant's parameters.
+        rules: configured surfaces of single links.
+        masks: pairs of patterns of the robot's links that do not collide.
+        config: parameters of the plant.
 
     Attributes:
-        scene: present scene.
+        scene: present compiled scene.
         penalty: penalty contact.
         bushings: bushings between links.
     """
@@ -71,11 +71,11 @@ class MujocoWorld(Models[MujocoModelJoints]):
         self._begin_scene(built)
 
     def _begin_scene(self, built: SceneSpec) -> None:
-        """Create the scene; if that raises HricError, the previous scene stays."""
+        """Compile a scene and use it from now on; if that raises a HricError, the previous scene stays."""
         self.scene = CompiledScene(built, self._config.time_step, self._config.gravity, self._config.integrator)
 
     def _begin(self, models: Collection[Model]) -> None:
-        """Bind everything to a newly compiled scene, with these models in their initial states."""
+        """Let robot, joints, contact and bushings use a new scene; set these models to their start states."""
         for model in models:
             if not model.fixed:
                 self.scene.put_free(model.free_joint, model.linear, model.angular)
@@ -95,9 +95,9 @@ class MujocoWorld(Models[MujocoModelJoints]):
         self._begin(begin)
 
     def reset(self) -> None:
-        """Reset the models to their start by a new compilation; the robot's joints stay.
+        """Reset the models to their start states by a new compilation; the robot's joints stay.
 
-        So no contact memory or warm start reaches the next run.
+        The new compilation makes sure that nothing in the engine's memory affects the next run.
         """
         self.wrenches.clear()
         states = self.scene.states()
@@ -115,7 +115,7 @@ class MujocoWorld(Models[MujocoModelJoints]):
         self.bushings.restart()
 
     def set_load(self, load: tuple[str, MassProperties] | None) -> None:
-        """Set the payload on a link of the robot, which replaces the previous one."""
+        """Replace the payload of the robot: (link, mass properties in the link's frame), or None to remove it."""
         before = self._loads
         self._loads = {} if load is None else {f"{self._itself.name}::{load[0]}": load[1]}
         try:
@@ -127,12 +127,12 @@ class MujocoWorld(Models[MujocoModelJoints]):
     # -- joints of models, and bushings between links ------------------------------------------------------------------
 
     def forget_contacts(self) -> None:
-        """Forget contacts and spring memory, after bodies were put elsewhere."""
+        """Clear contacts and the state of contact springs, after bodies were repositioned."""
         self.penalty.forget()
 
     @property
     def acts(self) -> bool:
-        """True if `act` has any effect."""
+        """True if the world applies any forces: drives of models, penalty contact or bushings."""
         return bool(self._acting) or self.penalty.any or self.bushings.any
 
     def act(self) -> None:
@@ -144,5 +144,5 @@ class MujocoWorld(Models[MujocoModelJoints]):
         self.bushings.push()
 
     def bind_connected(self) -> None:
-        """Bind the bushings after a change of the connections."""
+        """Find the links of the bushings again, after bushings were added or removed."""
         self.bushings.bind(self.scene)

@@ -1,8 +1,8 @@
-"""Poses and Jacobians of a model's bodies, computed at most once per state, and the loads of the robot's joints.
+"""Poses and Jacobians of a model's bodies, computed at most once per state, and the loads in the robot's joints.
 
-The loads follow from Newton and Euler: a joint transmits the inertial forces of the outboard links minus the external
-forces on them. OpenSim's own reactions are unsuitable: they know neither rotors nor the forces that the plant applies
-outside the model.
+The joint loads follow from the Newton-Euler equations: a joint transmits the inertial forces of the outboard links
+minus the external forces on them. OpenSim's own joint reactions are unsuitable, since they do not include rotors and
+the forces that the plant applies outside the OpenSim model.
 """
 
 from collections.abc import Sequence
@@ -19,10 +19,10 @@ from urdf_to_osim.transforms import matrix
 
 
 class Kinematics:
-    """Poses and Jacobians of one engine's bodies by OpenSim's body numbers; ground is 0. All in the ground frame.
+    """Poses and Jacobians of all bodies of an OpenSim model, by OpenSim's body numbers (ground is 0), in ground.
 
     Args:
-        engine: the model; positions must be realized at each call.
+        engine: engine with the model; its positions must be realized at each call.
     """
 
     def __init__(self, engine: OpenSimEngine) -> None:
@@ -36,13 +36,13 @@ class Kinematics:
         self._jacobians: FloatArray | None = None
 
     def carrier(self, frame: opensim.Frame) -> tuple[int, FloatArray]:
-        """Return (number of the body that carries a frame, the frame's pose in it, shape (4, 4))."""
+        """Return (number of the body to which a frame is fixed, pose of the frame in that body, shape (4, 4))."""
         base = opensim.PhysicalFrame.safeDownCast(frame.findBaseFrame())
         number = int(base.getMobilizedBodyIndex())
         return number, matrix(frame.findTransformInBaseFrame())
 
     def body(self, number: int) -> opensim.PhysicalFrame:
-        """Return the frame of a body."""
+        """Return OpenSim's frame of a body, by its number."""
         return self._bodies.get(number, self._engine.model.getGround())
 
     def count(self) -> int:
@@ -55,16 +55,16 @@ class Kinematics:
         self._jacobians = None
 
     def pose(self, number: int) -> FloatArray:
-        """Return T_ground_body, shape (4, 4)."""
+        """Return the pose of a body in ground, shape (4, 4), by its number."""
         if number not in self._poses:
             state = self._engine.system_state
             self._poses[number] = np.eye(4) if number == 0 else matrix(self._bodies[number].getTransformInGround(state))
         return self._poses[number]
 
     def system_jacobian(self) -> FloatArray:
-        """Return the (angular, linear) velocity Jacobian of all bodies' origins, shape (6 bodies, nu).
+        """Return the Jacobian of the velocities of all bodies' origins, six rows per body (angular, linear).
 
-        All bodies together cost less than one alone.
+        Shape (6 bodies, nu). OpenSim computes all bodies together faster than one alone.
         """
         if self._jacobians is None:
             self._engine.matter.calcSystemJacobian(self._engine.system_state, self._matrix)
@@ -88,12 +88,12 @@ class Kinematics:
 
 @dataclass(frozen=True)
 class BodyForce:
-    """External force on a body in a step, ground frame.
+    """External load on a body in a step, in the ground frame.
 
     Attributes:
         number: number of the body.
         position: point of application, shape (3,) [m].
-        force, torque: shape (3,) each [N], [N m].
+        force, torque: force and torque at that point, shape (3,) each [N], [N m].
     """
 
     number: int
@@ -103,10 +103,10 @@ class BodyForce:
 
 
 class Reactions:
-    """Joint loads of one build of the model.
+    """Computation of the loads in the robot's joints, for one build of the model.
 
     Args:
-        engine: the model.
+        engine: engine with the model.
         joints: (joint, child link) of the robot's moving joints.
         kinematics: kinematics of the same engine.
     """
@@ -130,14 +130,17 @@ class Reactions:
         self._gravity = np.array([gravity.get(i) for i in range(3)])
 
     def _carriers(self, link: str, children: dict[str, list[str]]) -> list[int]:
-        """Return the bodies of a link and of all links outboard of it."""
+        """Return the numbers of the bodies of a link and of all links outboard of it."""
         links = [link]
         for name in links:
             links += children[name]
         return sorted({self._kinematics.carrier(self._engine.frames[name])[0] for name in links})
 
     def _inertial(self, u: FloatArray, du: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return (forces, torques about ground's origin) that move the bodies against gravity, ground frame, by row."""
+        """Return (forces, torques about ground's origin) that each body's motion needs, with gravity deducted.
+
+        Shape (bodies, 3) each [N], [N m], ground frame; u, du: speeds and their time derivatives, shape (nu,).
+        """
         bias = opensim.Vector()
         self._engine.matter.calcBiasForSystemJacobian(self._engine.system_state, bias)
         J = self._kinematics.system_jacobian()
@@ -154,7 +157,14 @@ class Reactions:
     def loads(
         self, y: FloatArray, du: FloatArray, outside: Sequence[BodyForce], R_ground_world: FloatArray
     ) -> list[JointReaction]:
-        """Return the joint loads in a state y with du/dt, under external forces."""
+        """Return the loads in all moving joints of the robot, in the world frame.
+
+        Args:
+            y: state (positions and speeds) in the engine's order.
+            du: time derivatives of the speeds, shape (nu,).
+            outside: external loads on the bodies.
+            R_ground_world: rotation of the world in OpenSim's ground, shape (3, 3).
+        """
         engine, n = self._engine, self._engine.nu
         engine.put_y(y)
         engine.model.realizeVelocity(engine.system_state)
@@ -175,12 +185,12 @@ class Reactions:
 
 
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return a x b of each row, shape (..., 3)."""
+    """Return the cross products a x b, row by row, shape (..., 3)."""
     return np.asarray(a[..., [1, 2, 0]] * b[..., [2, 0, 1]] - a[..., [2, 0, 1]] * b[..., [1, 2, 0]])
 
 
 def _times(matrices: FloatArray, vectors: FloatArray) -> FloatArray:
-    """Return the product of matrix and vector of each row, shapes (k, 3, 3) and (k, 3)."""
+    """Return k products of a matrix and a vector, shapes (k, 3, 3) and (k, 3), result (k, 3)."""
     return np.asarray((matrices @ vectors[:, :, None])[:, :, 0])
 
 

@@ -1,7 +1,7 @@
-"""Bushings between links of one build of the model.
+"""Bushings: springs and dampers that hold two links of an OpenSim model together.
 
-Link motions and bushing forces are exchanged with OpenSim's memory as plain floats, in C (links.c); Simbody converts
-the forces of all bodies into efforts at once.
+Link motions and bushing loads are exchanged with OpenSim's memory as plain floats by C code (links.c); Simbody then
+converts the loads on all bodies into joint efforts in one call.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,18 +21,19 @@ _built = load("hric_opensim_links")
 
 
 class OpenSimBushingLinks(Protocol):
-    """Interface of the link pairs in C, one pair after the other."""
+    """Interface of the compiled object that has the two links of each bushing."""
 
     def motions(self) -> list[tuple[Vector, Quaternion, Vector, Vector]]:
-        """Return the motion of each link's frame, world frame; also set all forces to zero.
+        """Return the motion of each link's frame in the world frame, and set all loads to zero.
 
-        Position [m], orientation (x, y, z, w), linear velocity [m/s], angular velocity [rad/s].
+        Position [m], orientation (x, y, z, w), linear velocity [m/s], angular velocity [rad/s]; the two links of the
+        first bushing, then those of the second, and so on.
         """
 
     def push(self, pair: int, force: Vector, torque: Vector, point: Vector, /) -> None:
-        """Add a force [N] at a point [m] and a torque [N m] to the first link of a pair, the opposite to the second.
+        """Add a force [N] at a point [m] and a torque [N m] to a bushing's first link, the opposite to its second.
 
-        All in the world frame.
+        pair: index of the bushing; all vectors in the world frame.
         """
 
 
@@ -41,11 +42,11 @@ def _zero() -> opensim.SpatialVec:
 
 
 class OpenSimBushings(Bushings):
-    """Connected bushings and their forces in OpenSim.
+    """All bushings of an OpenSim plant, and their loads as joint efforts.
 
     Args:
-        full_name: as in `Bushings`.
-        near: as in `Bushings`.
+        full_name: function that completes the name of a link to "model::link", as in `Bushings`.
+        near: function that returns the links next to a link, as in `Bushings`.
         R_ground_world: rotation of the world in OpenSim's ground, shape (3, 3).
 
     Attributes:
@@ -59,12 +60,12 @@ class OpenSimBushings(Bushings):
         self._R, self.any = R_ground_world, False
 
     def bind(self, engine: OpenSimEngine, kinematics: Kinematics, frame: Callable[[str], str]) -> None:
-        """Bind the bushings to another build of the model, or after a change of the connections.
+        """Find the links of all bushings in a new build of the model, or after bushings were added or removed.
 
         Args:
-            engine: the model.
+            engine: engine with the model.
             kinematics: kinematics of the same engine.
-            frame: function from "model::link" to the engine's frame name.
+            frame: function that returns the engine's frame name of "model::link".
         """
         carriers = [kinematics.carrier(engine.frame(frame(link))) for pair in self.pairs() for link in pair]
         self.any = bool(carriers)
@@ -89,12 +90,12 @@ class OpenSimBushings(Bushings):
         return made
 
     def _motion(self, body: opensim.PhysicalFrame) -> tuple[Any, Any]:
-        """Return pose and velocity of a body in OpenSim's own memory, valid until the state changes."""
+        """Return pose and velocity of a body as references to OpenSim's memory, valid until the state changes."""
         state = self._engine.system_state
         return body.getTransformInGround(state), body.getVelocityInGround(state)
 
     def efforts(self, y: FloatArray) -> FloatArray:
-        """Return the bushings' efforts on the coordinates in a step from the state y, shape (nu,) [N m or N]."""
+        """Return the joint efforts of all bushings in a step that starts in the state y, shape (nu,) [N m or N]."""
         engine = self._engine
         engine.put_y(y)
         engine.model.realizeVelocity(engine.system_state)
@@ -110,7 +111,7 @@ class OpenSimBushings(Bushings):
         return self._efforts_view.copy()
 
     def loads(self) -> list[BodyForce]:
-        """Return the loads on the bodies in the last step."""
+        """Return the loads of all bushings on the bodies in the last step."""
         loads = []
         for i, law in enumerate(self.laws.values()):
             force, torque, point = (self._R @ vector for vector in law.load[:3])

@@ -1,6 +1,6 @@
-"""Colliders of a model, the pairs of them that may touch, and the pairs that touch.
+"""Collision detection for an OpenSim model: collision shapes, the pairs that may touch, and those that do.
 
-Far pairs cost almost nothing: a pair is checked again only when the motion since could have closed its gap.
+A pair that is far apart is checked again only when the motion since the last check could have closed its gap.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -18,23 +18,27 @@ from opensim_ros_control.engine import OpenSimEngine
 from opensim_ros_control.shapes import LinkShape, Pairing, Touch, pose
 
 MARGIN = 2e-3
-"""Distance below which shapes are checked in every step [m] (project default, unconfirmed)."""
+"""Distance below which two shapes are checked in every step [m] (project default, unconfirmed)."""
 FLANK = 1e-6
-"""Depth below which a corner on the sides of both shapes shows no overlap [m] (project default, unconfirmed)."""
+"""Depth below which a corner of the contact area counts as not overlapping [m] (project default, unconfirmed)."""
 AT_ONCE = 20.0
-"""Steps ahead for which pairs are checked with a due one: poses cost more (project default, unconfirmed)."""
+"""Number of steps: if any pair must be checked, pairs due within this many steps are checked together with it.
+
+This saves computing poses several times (project default, unconfirmed).
+"""
 
 
 @dataclass
 class Collider:
-    """One shape of one link in the model.
+    """Collision shape of a link in the model.
 
     Attributes:
-        link: "model::link".
-        model: name of its model.
-        mobile: OpenSim's number of the moving body that carries it, 0 for ground.
+        link: "model::link" to which the shape belongs.
+        model: name of the model.
+        shape: collision shape in the link.
+        mobile: OpenSim's number of the body to which the shape is fixed, 0 for ground.
         T_body_shape: pose in that body, shape (4, 4).
-        moved_by: largest travel of a point of the shape per change of each coordinate, shape (nq,) [m/rad or 1].
+        moved_by: maximum travel of a point of the shape per change of each coordinate, shape (nq,) [m/rad or 1].
     """
 
     link: str
@@ -47,7 +51,7 @@ class Collider:
 
 @dataclass
 class Meeting:
-    """Two colliders that touch or nearly touch, in the ground frame."""
+    """Two colliders that touch or nearly touch, with their contact and contact points in the ground frame."""
 
     a: Collider
     b: Collider
@@ -56,16 +60,19 @@ class Meeting:
 
 
 def _path_per_change(a: Collider, b: Collider) -> FloatArray:
-    """Return the largest relative travel per coordinate; coordinates that move both colliders do not count."""
+    """Return the maximum relative travel of two colliders per change of each coordinate, shape (nq,).
+
+    A coordinate that moves both colliders does not move them relative to each other, and has 0.
+    """
     apart = (a.moved_by > 0.0) != (b.moved_by > 0.0)
     return np.where(apart, a.moved_by + b.moved_by, 0.0)
 
 
 class Collisions:
-    """Pairs of colliders that may touch.
+    """Detector of contact between the pairs of colliders that may touch.
 
     Args:
-        pairs: pairs of colliders.
+        pairs: pairs of colliders that may touch.
         nq: number of coordinates.
     """
 
@@ -78,7 +85,7 @@ class Collisions:
         self._poses: dict[int, Any] = {}
 
     def near(self, q: FloatArray) -> list[int]:
-        """Return the pairs that must be checked now or soon, given all coordinates, shape (nq,)."""
+        """Return the indices of the pairs that must be checked now or soon; q: all coordinates, shape (nq,)."""
         if not self.pairs:
             return []
         spent = np.zeros(1) if self._last is None else self._path @ np.abs(q - self._last)
@@ -94,9 +101,9 @@ class Collisions:
         """Yield the pairs that touch or nearly touch.
 
         Args:
-            near: result of `near`.
-            body_pose: function from OpenSim's number of a moving body to T_ground_body, shape (4, 4).
-            areas: function that returns True if the complete contact area of a pair is needed.
+            near: indices of the pairs to check, from `near`.
+            body_pose: function that returns a body's pose in ground, shape (4, 4), by OpenSim's number.
+            areas: function that returns True if the corners of a pair's contact area are needed.
         """
         self._poses.clear()
         for i in near:
@@ -112,7 +119,7 @@ class Collisions:
                 yield Meeting(a, b, touch, corners or touch.points)
 
     def depths(self, meeting: Meeting) -> list[tuple[FloatArray, float]]:
-        """Return (point, depth [m]) of each point of the last yielded meeting, or of an earlier one of the step."""
+        """Return (point, depth [m]) of each contact point of a meeting that was yielded in this step."""
         if len(meeting.points) == 1:
             return [(meeting.points[0], meeting.touch.depth)]
         sides = [(c.shape.geometry, self._poses[id(c)]) for c in (meeting.a, meeting.b)]
@@ -122,7 +129,10 @@ class Collisions:
         return depths
 
     def corners(self, meeting: Meeting, body_pose: Callable[[int], FloatArray]) -> list[faces.Corner]:
-        """Return the intersections of the two shapes' sides; without any, their deepest point."""
+        """Return the corners of the overlap of two shapes, or their deepest point if there are none.
+
+        body_pose: function that returns a body's pose in ground, shape (4, 4), by OpenSim's number.
+        """
         a, b, touch = meeting.a, meeting.b, meeting.touch
         T_a, T_b = body_pose(a.mobile) @ a.T_body_shape, body_pose(b.mobile) @ b.T_body_shape
         return faces.corners(a.shape.solid, T_a, b.shape.solid, T_b, touch.normal, touch.points[0], touch.depth)
@@ -135,11 +145,11 @@ class Collisions:
 
 
 def moved_by(description: Robot, link: str, reach: float, indices: Mapping[str, Sequence[int]], nq: int) -> FloatArray:
-    """Return the largest travel of a point of a link per change of each coordinate, shape (nq,).
+    """Return the maximum travel of a point of a link per change of each coordinate, shape (nq,) [m/rad or 1].
 
     Args:
-        description: the description.
-        link: link of the description.
+        description: description of the complete model.
+        link: name of the link.
         reach: distance of the point from the link's origin [m].
         indices: indices of each moving joint's coordinates in q; a floating joint has three angles first, a planar one
             an angle.
@@ -168,14 +178,14 @@ def make_colliders(
     indices: Mapping[str, Sequence[int]],
     robot: str,
 ) -> list[Collider]:
-    """Return the colliders of all links that have shapes.
+    """Return the colliders of all links that have collision shapes.
 
     Args:
         description: description of the complete model.
-        shapes: shapes by link of the description.
-        engine: the model.
+        shapes: collision shapes by link of the description.
+        engine: engine with the model.
         kinematics: kinematics of the same engine.
-        indices: see `moved_by`.
+        indices: indices of each moving joint's coordinates in q, as for `moved_by`.
         robot: name of the robot's model, to which links without "model::" belong.
     """
     result = []
@@ -198,10 +208,18 @@ def colliding_pairs(
     self_collision: bool,
     connected: Iterable[tuple[str, str]],
 ) -> list[tuple[Collider, Collider]]:
-    """Return the pairs that may touch, by "model::link".
+    """Return the pairs of colliders that may touch.
 
-    Links of different models, unless both are fixed; of the robot those that are neither neighbours nor masked.
-    Connected links do not touch.
+    These are colliders of different models, unless both are fixed, and of two links of the robot, unless these have a
+    common joint or are masked. Links that a bushing connects do not touch.
+
+    Args:
+        description: description of the complete model.
+        colliders: all colliders.
+        robot: name of the robot's model.
+        masks: pairs of patterns of the robot's links that do not collide.
+        self_collision: True if links of the robot may touch each other.
+        connected: pairs of links, by "model::link", that bushings connect.
     """
     top = {link: name for link, (name, _) in description.rigid_groups().items()}
     name = {link if "::" in link else f"{robot}::{link}": link for link in description.links}

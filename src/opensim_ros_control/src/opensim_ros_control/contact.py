@@ -1,9 +1,9 @@
-"""Contact forces from the touching pairs of one step.
+"""Contact forces in one step of an OpenSim plant: penalty contact (spring and damper) and rigid contact.
 
-Penalty contact is one spring per pair of links, at the centre of the overlap area, with the mean force of its motion
-through the step (`hric_control.plants.spring_step`), which is constant over the step and transfers the same energy.
-Rigid contact is solved for the speeds at the end of the step, as in common robotics engines: no approach that would
-leave a point inside, no pulling forces, friction within its cone (projected Gauss-Seidel).
+Penalty contact is one spring per pair of links, at the centre of the overlap area. Its force is constant over the step:
+the mean force of the spring's motion through the step, which transfers the same energy
+(`hric_control.plants.spring_step`). Rigid contact is solved for the speeds at the end of the step, as in common
+robotics engines: bodies do not penetrate, forces do not pull, friction stays within its cone (projected Gauss-Seidel).
 """
 
 import functools
@@ -20,33 +20,33 @@ from hric_core.geometry import FloatArray
 RETURN = 0.2
 """Fraction of an overlap corrected per step, as in common engines [1] (project default, unconfirmed)."""
 RETURN_SPEED = 0.5
-"""Largest speed of the overlap correction [m/s] (project default, unconfirmed)."""
+"""Maximum speed of the overlap correction [m/s] (project default, unconfirmed)."""
 _SWEEPS = 100
 _ROUNDS = 10
-"""Maximum number of iterations of the sliding directions."""
+"""Maximum number of iterations for the sliding directions of all contact points."""
 _SPEED = 1e-9
 """Speed that counts as zero [m/s]."""
 _TOLERANCE = 1e-6
-"""Relative change of the forces at which the iteration ends [1]."""
+"""Relative change of the contact forces at which an iteration ends [1]."""
 _SINGULAR = 1e-10
 """Fraction of the largest eigenvalue below which an eigenvalue counts as zero [1]."""
 
 
 @dataclass
 class ContactPoint:
-    """One contact point, all in one frame.
+    """Contact point between two links; all vectors in the ground frame.
 
     Attributes:
         a, b: names of the links.
-        bodies: OpenSim's numbers of the bodies that carry them.
-        position: shape (3,) [m].
+        bodies: OpenSim's numbers of the bodies of a and b.
+        position: position of the point, shape (3,) [m].
         normal: unit vector from b to a.
         depth: penetration depth, negative for a gap [m].
         J: Jacobian of the velocity of a relative to b at the point, shape (3, nu).
-        law: (stiffness [N/m], damping [N s/m], friction) of penalty contact; stiffness None for rigid contact.
+        law: (stiffness [N/m], damping [N s/m], friction coefficient [1]); stiffness None for rigid contact.
         key: key that identifies the same point in the previous step.
         force: force on a, constant over the last step, shape (3,) [N].
-        reading: sensor reading along the normal, if it differs from the force [N].
+        reading: normal force as a sensor reads it [N]; None: that of `force`.
         closing: approach speed of penalty contact at the start of the step [m/s].
     """
 
@@ -72,14 +72,15 @@ class ContactPoint:
 def push_apart(
     points: Sequence[ContactPoint], u: FloatArray, before: FloatArray, response: FloatArray, springs: Springs
 ) -> FloatArray:
-    """Return the efforts of all penalty contacts, shape (nu,).
+    """Compute the forces of all penalty contacts in a step; return their joint efforts, shape (nu,) [N m or N].
 
     Args:
-        points: points with stiffness, one per pair of links; their depths are those at the middle of the step.
+        points: points with stiffness, one per pair of links, with the depth at the middle of the step; their forces
+            are set.
         u: present speeds, shape (nu,).
         before: speeds one step before, shape (nu,).
         response: change of du/dt per effort, shape (nu, nu).
-        springs: springs between the links.
+        springs: contact springs of the link pairs, with their state.
     """
     efforts = np.zeros_like(u)
     for point in points:
@@ -107,13 +108,19 @@ def push_apart(
 
 
 def _inverse_mass(J: FloatArray, response: FloatArray, along: FloatArray) -> float:
-    """Return the inverse effective mass along a unit vector [1/kg]; see Point and push_apart."""
+    """Return the inverse effective mass of a contact point along a unit vector [1/kg].
+
+    Args:
+        J: Jacobian of the relative velocity at the point, shape (3, nu).
+        response: change of du/dt per effort, shape (nu, nu).
+        along: unit vector, shape (3,).
+    """
     row = along @ J
     return float(row @ response @ row)
 
 
 def _axes(normal: FloatArray) -> FloatArray:
-    """Return a unit vector and two directions normal to it, shape (3, 3); plain floats are faster here."""
+    """Return the rows of an orthonormal frame whose first row is the given unit vector, shape (3, 3)."""
     x, y, z = normal.tolist()
     if abs(x) <= min(abs(y), abs(z)):
         a, b, c = 0.0, z, -y
@@ -127,18 +134,21 @@ def _axes(normal: FloatArray) -> FloatArray:
 
 
 class RigidContact:
-    """Solver of rigid contact, warm-started with the forces of the previous step."""
+    """Solver of rigid contact, which starts its iteration with the forces of the previous step.
+
+    time_step: duration of a step [s].
+    """
 
     def __init__(self, time_step: float) -> None:
         self._dt = time_step
         self._before: dict[tuple[object, ...], tuple[float, float, float]] = {}
 
     def forget(self) -> None:
-        """Forget the previous forces, after bodies were repositioned."""
+        """Clear the forces of the previous step, after bodies were repositioned."""
         self._before.clear()
 
     def solve(self, points: Sequence[ContactPoint], v: FloatArray, gain: FloatArray) -> FloatArray:
-        """Return the efforts of all points together, shape (nu,).
+        """Compute the forces at all points; return their joint efforts, shape (nu,) [N m or N].
 
         Args:
             points: points in rigid contact.
@@ -159,7 +169,7 @@ class RigidContact:
         return np.asarray(rows.T @ f)
 
     def _min_speed(self, depth: float) -> float:
-        """Return the minimum speed of the point along the normal [m/s]."""
+        """Return the speed along the normal [m/s] that a point of this depth [m] must at least have after the step."""
         if depth <= 0.0:
             return depth / self._dt
         return min(RETURN * depth / self._dt, RETURN_SPEED)
@@ -173,7 +183,7 @@ class _Problem:
         A: change of the speeds along the rows per force, shape (3 n, 3 n).
         free: speeds without force, shape (3 n,).
         min_speeds: minimum speeds along the normals, shape (n,).
-        friction: coefficients, shape (n,).
+        friction: friction coefficients, shape (n,) [1].
     """
 
     A: FloatArray
@@ -182,7 +192,7 @@ class _Problem:
     friction: FloatArray
 
     def part(self, points: npt.NDArray[np.bool_]) -> "_Problem":
-        """Return the problem of some of the points."""
+        """Return the problem that has only some of the points; points: True for these, shape (n,)."""
         if points.all():
             return self
         rows = np.repeat(points, 3)
@@ -192,12 +202,12 @@ class _Problem:
 def _forces(problem: _Problem, before: FloatArray) -> FloatArray:
     """Return the contact forces, shape (3 n,) [N].
 
-    Usually no point acts, or all pressing points stick, or all slide: these cases are solved directly first, others by
-    sweeps.
+    Usually no point has a force, or all points with a force stick, or all of them slide. These cases are tried first,
+    by direct solution; other cases are solved iteratively.
 
     Args:
-        problem: the points.
-        before: initial forces of the sweeps, shape (3 n,).
+        problem: contact problem of all points.
+        before: initial forces of the iteration, shape (3 n,).
     """
     if (problem.free[::3] >= problem.min_speeds).all():
         return np.zeros_like(problem.free)
@@ -217,7 +227,10 @@ def _forces(problem: _Problem, before: FloatArray) -> FloatArray:
 
 
 def _pressing(problem: _Problem, law: Callable[[_Problem], FloatArray | None]) -> FloatArray | None:
-    """Return forces by a law, without the points that would pull; None if that is no solution."""
+    """Return forces that a law (sticking or sliding) gives, leaving out points that would pull; None if invalid.
+
+    Invalid forces leave a penetration, or exceed the friction cone.
+    """
     active = np.ones(len(problem.min_speeds), dtype=bool)
     for _ in range(len(active)):
         f = law(problem.part(active)) if active.any() else None
@@ -238,7 +251,7 @@ def _pressing(problem: _Problem, law: Callable[[_Problem], FloatArray | None]) -
 
 
 def _sticking(problem: _Problem) -> FloatArray:
-    """Return the smallest forces for which no point slides."""
+    """Return the forces with minimum norm for which no point slides, shape (3 n,) [N]."""
     aim = -problem.free
     aim[::3] += problem.min_speeds
     if problem.friction.all():
@@ -251,7 +264,7 @@ def _sticking(problem: _Problem) -> FloatArray:
 
 
 def _sliding(problem: _Problem) -> FloatArray | None:
-    """Return the smallest forces with all points sliding, friction against the motion; None without convergence."""
+    """Return the forces with minimum norm if all points slide, shape (3 n,) [N]; None if that does not converge."""
     A, speeds = problem.A, problem.free
     old = np.zeros((len(problem.min_speeds), 2))
     for _ in range(_ROUNDS):
@@ -271,7 +284,7 @@ def _sliding(problem: _Problem) -> FloatArray | None:
 
 
 def _min_norm(A: FloatArray, aim: FloatArray) -> FloatArray:
-    """Return the smallest f with A f = aim; A is symmetric, and singular where several points support one body."""
+    """Return f with minimum norm and A f = aim; A is symmetric, and singular if several points support one body."""
     values, vectors = np.linalg.eigh(A)
     regular = values > _SINGULAR * max(values[-1], 0.0)
     V = vectors[:, regular]
@@ -281,7 +294,10 @@ def _min_norm(A: FloatArray, aim: FloatArray) -> FloatArray:
 def _sweeps(
     A: list[list[float]], free: list[float], min_speeds: list[float], friction: list[float], f: list[float]
 ) -> list[float]:
-    """Return forces by projected Gauss-Seidel: normal force >= 0, friction within its cone; plain floats."""
+    """Return contact forces by projected Gauss-Seidel iteration: normal force >= 0, friction within its cone.
+
+    Arguments as in `_Problem`, as lists of floats; f: initial forces, which are changed in place.
+    """
     n = len(f)
     for _ in range(_SWEEPS):
         change, largest = 0.0, 0.0
@@ -303,7 +319,7 @@ def _sweeps(
 
 
 def _rub(A: list[list[float]], free: list[float], f: list[float], i: int, bound: float) -> float:
-    """Apply friction towards rest, at most `bound` [N], to the point with normal row i; return the change."""
+    """Update the friction force of the point whose normal row is i, at most `bound` [N]; return the change [N]."""
     before = f[i + 1], f[i + 2]
     for j in (i + 1, i + 2):
         if A[j][j] > 1e-12:

@@ -1,10 +1,11 @@
 """Forward dynamics with rotor inertia, brakes and constraints, from OpenSim's own acceleration and mass matrix.
 
-OpenSim knows only the links: its acceleration a solves  M a = f + G' lambda,  with all forces of the model in f
-(gravity, velocity terms, damping). Rotors add B = diag(b), and tau acts in the joints in addition. x is such that
-    (M + B) x = f + tau + G' mu,   G x = G a,
-in which f need not be known: M a differs from it by a G' lambda, which mu absorbs. So (M + B) x = M a + tau + G' nu.
-Braked joints have x = 0 and leave the equations; the residual of their rows is the effort of the brake.
+The OpenSim model has only the links: its acceleration a solves  M a = f + G' lambda,  with all forces of the model in f
+(gravity, velocity terms, damping) and the constraint Jacobian G. Rotors add the inertia B = diag(b), and the efforts
+tau act in the joints in addition. So the acceleration x of the plant solves
+    (M + B) x = f + tau + G' mu,   G x = G a.
+f need not be known: M a differs from it by G' lambda, which can be included in mu, so (M + B) x = M a + tau + G' nu.
+Braked joints have x = 0 and are removed from the equations; the residual of their rows is the effort of the brake.
 """
 
 from collections.abc import Sequence
@@ -20,13 +21,14 @@ class EquationsOfMotion:
     """Equations of motion (du/dt) of one model.
 
     Args:
-        engine: the model.
+        engine: engine with the model.
         inertia: rotor inertias, shape (nu,) [kg m^2].
-        friction: a row per coordinate besides the model's own forces, see `stages.rubbed`; None for none.
+        friction: parameters of the sigmoid friction of each coordinate, as rows for `stages.rubbed`; None: no friction.
 
     Attributes:
-        rotors: rotor inertias of the constructor.
-        inertia: inertia that acts in the joints instead of the rotors', shape (nu,) [kg m^2].
+        rotors: rotor inertias, shape (nu,) [kg m^2].
+        inertia: inertia that is added to the mass matrix in a step, shape (nu,) [kg m^2]: that of the rotors, or more
+            if friction at rest acts.
     """
 
     def __init__(self, engine: OpenSimEngine, inertia: FloatArray, friction: FloatArray | None) -> None:
@@ -38,12 +40,12 @@ class EquationsOfMotion:
         self.brake(())
 
     def brake(self, braked: Sequence[int]) -> None:
-        """Brake these coordinates and free the others."""
+        """Close the brakes of these coordinates, by index, and open all others."""
         self._braked = sorted(braked)
         self._free = np.setdiff1d(self._all, np.array(self._braked, dtype=np.intp)) if self._braked else self._all
 
     def evaluate(self, y: FloatArray, tau: FloatArray) -> FloatArray:
-        """Return du/dt, shape (nu,), in the state y in the engine's order, under the efforts tau, shape (nu,)."""
+        """Return du/dt in the state y under the joint efforts tau, shape (nu,), all in the engine's order."""
         engine = self.engine
         engine.put_y(y)
         self._a = a = engine.acceleration()
@@ -80,7 +82,7 @@ class EquationsOfMotion:
         return x
 
     def response(self) -> FloatArray:
-        """Return the change of du/dt per effort in the last evaluated state, (nu, nu); zeros for braked joints."""
+        """Return the change of du/dt per effort in the last evaluated state, shape (nu, nu); 0 for braked joints."""
         n, free = self.engine.nu, self._free
         K = np.zeros((n, n))
         A = (self.engine.mass_matrix() + np.diag(self.inertia))[np.ix_(free, free)]
@@ -93,13 +95,19 @@ class EquationsOfMotion:
         return K
 
     def brake_efforts(self, x: FloatArray) -> FloatArray:
-        """Return the brake efforts for du/dt = x in the last evaluated state, (nu,), zero for free joints [N m]."""
+        """Return the efforts of the brakes in the last evaluated state, shape (nu,), 0 for free joints [N m].
+
+        x: result of the last `evaluate`.
+        """
         efforts = np.zeros_like(x)
         efforts[self._braked] = (self._A @ x - self._drive - self._pull)[self._braked]
         return efforts
 
     def stopped(self, y: FloatArray) -> FloatArray:
-        """Return the state after the brakes closed in y: their joints stop at once, with an impulse on the others."""
+        """Return the state right after the brakes closed in the state y: braked joints are at rest.
+
+        The impulse of the stop also changes the speeds of the other joints.
+        """
         n, braked = self.engine.nu, self._braked
         u = y[n : 2 * n]
         if not braked or not u[braked].any():

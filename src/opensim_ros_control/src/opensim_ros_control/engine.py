@@ -1,7 +1,7 @@
-"""One OpenSim model with one state, read and written as arrays.
+"""Access to one OpenSim model and its state by numpy arrays.
 
-All vectors are in the order of the multibody tree, which differs from that of the description: `index` has the index of
-each coordinate.
+All vectors are in the order of OpenSim's multibody tree, which differs from the order of the joints in the robot
+description; `OpenSimEngine.index` has the index of each coordinate.
 """
 
 import numpy as np
@@ -18,18 +18,18 @@ to_vector = opensim.Vector.createFromMat
 
 
 class OpenSimEngine:
-    """Initialised model.
+    """OpenSim model after `initSystem`, with its state. nu: number of coordinates; nz: number of other state variables.
 
     Attributes:
-        built: model and its sources.
-        model, system_state: OpenSim's objects; the state belongs to the engine.
+        built: model before `initSystem`, with its description.
+        model, system_state: OpenSim's model and state objects.
         index: index of each coordinate in q and u, by its path.
         state_names: paths of OpenSim's state variables, in its order.
         straight: True if dq/dt = u for all coordinates.
-        constraints: number of constraint equations (mimic joints and the like).
-        frames: frames by "link" or "model::link".
-        actuators: coordinate actuators with their indices. They are off in `system_state`: it is cheaper to apply the
-            efforts outside the model.
+        constraints: number of constraint equations, e.g. of mimic joints.
+        frames: OpenSim's frames of the links, by "link" (robot) or "model::link".
+        actuators: (index, actuator) of the coordinate actuators. They are switched off in `system_state`, since it is
+            faster to apply the efforts outside the model.
     """
 
     def __init__(self, built: Built) -> None:
@@ -38,7 +38,7 @@ class OpenSimEngine:
         try:
             self.system_state = opensim.State(self.model.initSystem())
         except RuntimeError as error:
-            raise HricError(f"OpenSim refuses the model: {str(error).strip().splitlines()[0]}") from error
+            raise HricError(f"OpenSim cannot use the model: {str(error).strip().splitlines()[0]}") from error
         self.matter = self.model.getMatterSubsystem()
         state = self.system_state
         self.nu, self.nz = state.getNU(), state.getNZ()
@@ -88,7 +88,10 @@ class OpenSimEngine:
         return slots
 
     def set_controls(self, efforts: FloatArray) -> None:
-        """Set the default controls: efforts, shape (nu,), on actuated coordinates; cached states keep old ones."""
+        """Set the model's default controls to efforts, shape (nu,) [N m or N]; only actuated coordinates get theirs.
+
+        States with cached values still have the old ones until their cache is invalidated.
+        """
         if self._direct:
             self._controls[:] = efforts
         else:
@@ -101,7 +104,7 @@ class OpenSimEngine:
         return int(np.argmax(state.getU().to_numpy()))
 
     def _position_slots(self) -> list[int]:
-        """Return the index of each coordinate in OpenSim's positions: a free joint has one more than it uses."""
+        """Return the index of each coordinate in OpenSim's position vector, which free joints make longer."""
         slots = [0] * self.nu
         for path, coordinate in self.coordinates.items():
             state = opensim.State(self.system_state)
@@ -120,7 +123,7 @@ class OpenSimEngine:
         return bool(np.array_equal(self.positions(state.getQDot()), u))
 
     def _slotted(self, q: FloatArray) -> FloatArray:
-        """Return positions as OpenSim stores them."""
+        """Return positions, shape (nu,), in the layout of OpenSim's position vector."""
         if self._slots is None:
             return q
         full = np.zeros(self.system_state.getNQ())
@@ -128,23 +131,23 @@ class OpenSimEngine:
         return full
 
     def positions(self, vector: opensim.Vector) -> FloatArray:
-        """Return OpenSim's positions, or their rates, as one number per coordinate, shape (nu,)."""
+        """Return OpenSim's position vector, or its time derivative, as one number per coordinate, shape (nu,)."""
         values = vector.to_numpy()
         return np.asarray(values if self._slots is None else values[self._slots])
 
     # -- the state -----------------------------------------------------------------------------------------------------
 
     def put(self, q: FloatArray, u: FloatArray) -> None:
-        """Set positions and speeds, both of shape (nu,)."""
+        """Set positions q and speeds u, shape (nu,) each."""
         self._present = None
         self.system_state.setQ(to_vector(self._slotted(q)))
         self.system_state.setU(to_vector(u))
 
     def put_y(self, y: FloatArray) -> None:
-        """Set all integrated states: positions q, speeds u, other states z, shape (2 nu + nz,).
+        """Set all integrated variables: positions q, speeds u, other states z, shape (2 nu + nz,).
 
-        Realized values of the identical array object stay valid, so the caller must not write into an array after this
-        call.
+        If y is the same array object as in the last call, nothing is set and OpenSim's cached results stay valid; so
+        the caller must not write into an array after passing it.
         """
         if y is self._present:
             return
@@ -171,7 +174,7 @@ class OpenSimEngine:
         return view(state.getY()) if self._slots is None else None
 
     def y_of(self, state: opensim.State) -> FloatArray:
-        """Return all integrated variables of a state of this model, as for `put_y`."""
+        """Return a copy of all integrated variables of a state of this model, in the layout of `put_y`."""
         held = self.y_view(state)
         if held is not None:
             return held.copy()
@@ -195,35 +198,44 @@ class OpenSimEngine:
     # -- results of the model ------------------------------------------------------------------------------------------
 
     def acceleration(self) -> FloatArray:
-        """Return du/dt of the model, without rotors and external efforts, shape (nu,), valid until the next call."""
+        """Return du/dt of the OpenSim model alone, without rotors and external efforts, shape (nu,).
+
+        The next call overwrites the array.
+        """
         self.model.realizeAcceleration(self.system_state)
         return self._acceleration
 
     def mass_matrix(self) -> FloatArray:
-        """Return the mass matrix, shape (nu, nu) [kg m^2], valid until the next call; positions must be realized."""
+        """Return the mass matrix without rotors, shape (nu, nu) [kg m^2]; positions must be realized.
+
+        The next call overwrites the array.
+        """
         self.matter.calcM(self.system_state, self._M)
         return self._M_view
 
     def divided_by_mass(self, efforts: FloatArray) -> FloatArray:
-        """Return M^-1 times efforts, shape (nu,), valid until the next call; the acceleration must be realized."""
+        """Return the inverse mass matrix times efforts, shape (nu,); the acceleration must be realized.
+
+        The next call overwrites the array.
+        """
         self._efforts_view[:] = efforts
         self.matter.multiplyByMInv(self.system_state, self._efforts, self._result)
         return self._result_view
 
     def constraint_jacobian(self) -> FloatArray:
-        """Return the constraint Jacobian G, shape (constraints, nu), for G du/dt; velocities must be realized."""
+        """Return the Jacobian G of the constraints, shape (constraints, nu); velocities must be realized."""
         matrix = opensim.Matrix()
         self.matter.calcG(self.system_state, matrix)
         return np.asarray(matrix.to_numpy())
 
     def velocity_at(self, q: FloatArray, u: FloatArray) -> FloatArray:
-        """Return dq/dt for other speeds, shape (nu,)."""
+        """Set positions q and speeds u, and return dq/dt for them, shape (nu,)."""
         self.put(q, u)
         self.model.realizeVelocity(self.system_state)
         return self.positions(self.system_state.getQDot())
 
     def rate(self, y: FloatArray, acceleration: FloatArray) -> FloatArray:
-        """Return dy/dt for this du/dt in the last realized state, shape (2 nu + nz,)."""
+        """Return dy/dt, shape (2 nu + nz,), for a given du/dt in the last realized state y."""
         result = rate(y, acceleration)
         if not self.straight:
             result[: self.nu] = self.positions(self.system_state.getQDot())
@@ -232,14 +244,14 @@ class OpenSimEngine:
         return result
 
     def z_rate(self) -> FloatArray:
-        """Return dz/dt, shape (nz,); the acceleration must be realized."""
+        """Return the time derivative of the other states z, shape (nz,); the acceleration must be realized."""
         return np.asarray(self.system_state.getZDot().to_numpy())
 
     def frame(self, name: str) -> opensim.Frame:
-        """Return a frame by "link" or "model::link".
+        """Return OpenSim's frame of a link, by "link" (robot) or "model::link".
 
         Raises:
-            UnknownNameError: no such frame.
+            UnknownNameError: there is no such link.
         """
         if name not in self.frames:
             raise UnknownNameError("link", name, self.frames, self.model.getName())

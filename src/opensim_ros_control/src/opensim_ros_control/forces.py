@@ -1,4 +1,4 @@
-"""Contact and wrenches in a step as efforts on the coordinates, and the resulting joint loads."""
+"""External forces of a step (contact, wrenches) as joint efforts of an OpenSim robot, and the loads in its joints."""
 
 from collections.abc import Callable, Mapping, Sequence
 from itertools import groupby
@@ -17,13 +17,15 @@ from opensim_ros_control.robot import OpenSimRobot
 
 
 class Forces:
-    """External efforts, computed at the start of each step and constant over it.
+    """Contact and wrenches of each step, computed at its start and constant over it.
+
+    Call `bind` before the first step and after each new build of the robot's model.
 
     Args:
-        robot: receives the efforts; call `bind` before the first step and after each new build of its model.
+        robot: robot that gets the joint efforts of these forces.
         R_ground_world: rotation of the world in OpenSim's ground, shape (3, 3).
-        wrenches: external wrenches.
-        springs: springs of penalty contact.
+        wrenches: wrenches that users of the plant apply.
+        springs: contact springs of penalty contact, with their state.
     """
 
     def __init__(self, robot: OpenSimRobot, R_ground_world: FloatArray, wrenches: Wrenches, springs: Springs) -> None:
@@ -37,7 +39,7 @@ class Forces:
         self.forget()
 
     def forget(self) -> None:
-        """Forget contacts, the previous step and spring memory, after bodies were repositioned."""
+        """Clear contacts, the state of contact springs and the previous step, after bodies were repositioned."""
         self._rigid.forget()
         self._springs.forget()
         self._points: list[ContactPoint] = []
@@ -47,22 +49,29 @@ class Forces:
     def bind(
         self, kinematics: Kinematics, collisions: Collisions, surfaces: Mapping[str, Surface], reactions: Reactions
     ) -> None:
-        """Bind to one build of the model; surfaces by "model::link"."""
+        """Use a new build of the model.
+
+        Args:
+            kinematics: kinematics of the build.
+            collisions: detector of contact.
+            surfaces: surfaces by "model::link".
+            reactions: computation of joint loads.
+        """
         self._kinematics, self._reactions, self._surfaces = kinematics, reactions, surfaces
         self.look_at(collisions)
         self._laws: dict[tuple[str, str], tuple[float | None, float, float]] = {}
         self._points, self._pushed, self._before = [], [], None
 
     def look_at(self, collisions: Collisions) -> None:
-        """Use other pairs that may touch."""
+        """Use another contact detector, after the pairs of links that may touch have changed."""
         self._collisions = collisions
 
     def act(self, frame: Callable[[str], str], held: FloatArray | None) -> None:
-        """Compute the external efforts of the coming step, and set them in the robot.
+        """Compute contact and wrenches of the coming step, and set their joint efforts in the robot.
 
         Args:
-            frame: function from "model::link" to the engine's frame name.
-            held: additional efforts on the coordinates, shape (nu,); None for none.
+            frame: function that returns the engine's frame name of "model::link".
+            held: joint efforts to add, of bushings and models' joints, shape (nu,) [N m or N]; None: no efforts.
         """
         robot = self._robot
         before, self._before = self._before, robot.y
@@ -104,7 +113,10 @@ class Forces:
         return efforts
 
     def _law(self, a: Collider, b: Collider) -> tuple[float | None, float, float]:
-        """Return the contact law of two colliders; see Point."""
+        """Return the contact law of two colliders: (stiffness [N/m], damping [N s/m], friction coefficient [1]).
+
+        A stiffness of None means rigid contact.
+        """
         pair = (a.link, b.link)
         if pair not in self._laws:
             first, second = self._surfaces[a.link], self._surfaces[b.link]
@@ -113,7 +125,7 @@ class Forces:
         return self._laws[pair]
 
     def _meet(self, near: Sequence[int]) -> None:
-        """Compute all contact points of this step."""
+        """Compute all contact points of this step; near: indices of the pairs of colliders to check."""
         unsorted = self._collisions.meetings(near, self._kinematics.pose, lambda a, b: self._law(a, b)[0] is None)
         meetings = sorted(unsorted, key=lambda m: (m.a.link, m.b.link))
         for _, group in groupby(meetings, key=lambda m: (m.a.link, m.b.link)):
@@ -152,12 +164,20 @@ class Forces:
         law: tuple[float | None, float, float],
         key: tuple[int, ...],
     ) -> None:
-        """Add a contact point; where: position, normal, depth; key: the point among those of the two links."""
+        """Add a contact point between two colliders.
+
+        Args:
+            a: first collider.
+            b: second collider.
+            where: (position [m], normal from b to a, depth [m]).
+            law: contact law.
+            key: identifies the point among those of the two links.
+        """
         J, bodies = self._relative(a, b, where[0]), (a.mobile, b.mobile)
         self._points.append(ContactPoint(a.link, b.link, bodies, *where, J, law, (a.link, b.link, *key), np.zeros(3)))
 
     def _relative(self, a: Collider, b: Collider, point: FloatArray) -> FloatArray:
-        """Return the Jacobian of the velocity of a relative to b at a point, shape (3, nu); ground is number 0."""
+        """Return the Jacobian of the velocity of collider a relative to b at a point [m], shape (3, nu)."""
         if b.mobile == 0:
             return self._kinematics.jacobian(a.mobile, point)[3:]
         J_b = self._kinematics.jacobian(b.mobile, point)[3:]
@@ -190,10 +210,13 @@ class Forces:
         return result
 
     def reactions(self, held: Sequence[BodyForce]) -> list[JointReaction]:
-        """Return the loads of the robot's moving joints in the last step; empty before the first step of a build.
+        """Return force and torque in each moving joint of the robot in the last step.
 
-        `held` are loads on the bodies besides contact and wrenches. The acceleration is the mean over the step;
-        accurate steps use it at their middle, to second order, semi-implicit ones at their start.
+        Empty before the first step of a build. The acceleration is the mean over the step. It is combined with the
+        state at the middle of the step (accurate integrator, error of second order) or at its start (semi-implicit).
+
+        Args:
+            held: loads on the bodies beside contact and wrenches, i.e. of bushings.
         """
         before, after, n = self._before, self._robot.y, self._robot.engine.nu
         if before is None or before is after:

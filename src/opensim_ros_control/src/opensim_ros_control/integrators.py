@@ -1,7 +1,7 @@
-"""Integrators of one step: OpenSim's third-order one, the plant's on M + B, and semi-implicit Euler as in PyBullet.
+"""Integrators of one step: OpenSim's own of third order, one of third order with rotors, and semi-implicit Euler.
 
-Efforts are constant over a step. A step is never longer than the plant's, so observers see only accepted states, in
-order of time.
+Semi-implicit Euler is PyBullet's method. Efforts are constant over a step. No integrator goes beyond the end of the
+plant's step, so observers see only accepted states, in order of time.
 """
 
 import math
@@ -19,29 +19,32 @@ from opensim_ros_control.joint_efforts import EffortRow, JointEfforts
 from opensim_ros_control.stages import advanced, ralston
 
 Touch = Callable[[FloatArray, FloatArray], FloatArray]
-"""Function (end speeds v, shape (nu,), change of v per effort, (nu, nu)) -> efforts of rigid contact, shape (nu,)."""
+"""Function (v, gain) that returns the joint efforts of rigid contact, shape (nu,).
+
+v: speeds at the end of the step without contact, shape (nu,); gain: change of v per effort, shape (nu, nu).
+"""
 _ROUNDS = 20
-"""Maximum number of iterations between joints and contact in a step."""
+"""Maximum number of alternations between joint efforts and contact forces in a step."""
 _AGREED = 1e-9
-"""Relative change of the efforts at which these iterations end [1]."""
+"""Relative change of the efforts at which these alternations end [1]."""
 
 LONGEST_CALL = 1e-3
-"""Longest simulated time of one integrator call, which blocks all threads [s] (project default, unconfirmed)."""
+"""Maximum simulated time of one integrator call, which blocks all threads [s] (project default, unconfirmed)."""
 
 _COMMANDED = opensim.Stage(opensim.Stage.Velocity)
-"""Stage from which the cached values of a state depend on the efforts."""
+"""Stage of OpenSim's realization from which cached values depend on the efforts."""
 
 
 class IntegrationError(FailureError):
-    """Failure of OpenSim's integrator in a step."""
+    """Error that OpenSim's integrator raised in a step."""
 
 
 class IntegrationStep(NamedTuple):
-    """Completed step.
+    """Result of a step.
 
     Attributes:
-        y: state at its end, in the engine's order.
-        acceleration: du/dt at its start, shape (nu,); None if not needed.
+        y: state at the end of the step, in the engine's order.
+        acceleration: du/dt at the start of the step, shape (nu,); None if the integrator does not compute it.
     """
 
     y: FloatArray
@@ -49,7 +52,13 @@ class IntegrationStep(NamedTuple):
 
 
 class OwnSteps:
-    """Steps on (M + B), with friction, stops, drives and brakes."""
+    """Integrators of this plant, which include rotor inertia, friction, joint stops, drives, brakes and rigid contact.
+
+    Args:
+        dynamics: equations of motion.
+        joint_efforts: bounded efforts of friction, stops and drives.
+        time_step: duration of a step [s].
+    """
 
     def __init__(self, dynamics: EquationsOfMotion, joint_efforts: JointEfforts, time_step: float) -> None:
         self._dynamics, self._rows, self._dt = dynamics, joint_efforts, time_step
@@ -58,7 +67,7 @@ class OwnSteps:
         self._q, self._u = slice(0, n), slice(n, 2 * n)
 
     def _begin(self, time: float, y: FloatArray, tau: FloatArray, touch: Touch | None) -> tuple[FloatArray, FloatArray]:
-        """Return (du/dt, efforts with those of all rows and of rigid contact) at the start of a step."""
+        """Return du/dt at the start of a step, and tau plus the efforts of friction, stops, drives and contact."""
         dynamics, dt = self._dynamics, self._dt
         if self._engine.nz:  # components with own states may depend on time
             self._engine.system_state.setTime(time)
@@ -73,7 +82,14 @@ class OwnSteps:
         return x, tau
 
     def _extra(self, rows: Sequence[EffortRow], touch: Touch | None, v: FloatArray, gain: FloatArray) -> FloatArray:
-        """Return the efforts of the joints' rows and of rigid contact together."""
+        """Return the sum of the bounded joint efforts (`rows`) and of rigid contact, shape (nu,), found by iteration.
+
+        Args:
+            rows: bounded efforts that may act.
+            touch: rigid contact; None: no contact.
+            v: speeds at the end of the step without these efforts, shape (nu,).
+            gain: change of v per effort, shape (nu, nu).
+        """
         if touch is None:
             return self._rows.solve(rows, v, gain)
         by_touch = touch(v, gain)
@@ -90,7 +106,14 @@ class OwnSteps:
         return both
 
     def semi_implicit(self, time: float, y: FloatArray, tau: FloatArray, touch: Touch | None = None) -> IntegrationStep:
-        """Advance by u += dt du/dt, then q += dt dq/dt with the new u."""
+        """Advance by semi-implicit Euler: u += dt du/dt, then q += dt dq/dt with the new u.
+
+        Args:
+            time: simulation time at the start of the step [s].
+            y: state at the start of the step.
+            tau: joint efforts, shape (nu,) [N m or N].
+            touch: rigid contact; None: no contact.
+        """
         engine, dt = self._engine, self._dt
         x, _ = self._begin(time, y, tau, touch)
         end = y.copy()
@@ -104,6 +127,12 @@ class OwnSteps:
         """Advance by Ralston's Runge-Kutta method of third order: stages at 0, 1/2, 3/4, weights 2/9, 3/9, 4/9.
 
         A. Ralston, Runge-Kutta methods with minimum error bounds, Mathematics of Computation 16 (1962).
+
+        Args:
+            time: simulation time at the start of the step [s].
+            y: state at the start of the step.
+            tau: joint efforts, shape (nu,) [N m or N].
+            touch: rigid contact; None: no contact.
         """
         dynamics, rate, dt = self._dynamics, self._engine.rate, self._dt
         x1, tau = self._begin(time, y, tau, touch)
@@ -116,11 +145,11 @@ class OwnSteps:
 
 
 class ManagerSteps:
-    """Steps of OpenSim's third-order integrator with error control; without rotors, brakes and rows.
+    """OpenSim's own integrator of third order with error control; it has no rotors, brakes, stops, drives or contact.
 
     Args:
-        engine: the model.
-        time_step: [s].
+        engine: engine with the model.
+        time_step: duration of a step [s].
         accuracy: accuracy of the error control, as OpenSim defines it.
     """
 
@@ -135,13 +164,13 @@ class ManagerSteps:
         engine = self._engine
         engine.put_y(y)
         state = opensim.State(engine.system_state)
-        # From zero, so that equal starts give equal bits at any time; components with own states may depend on
-        # time.
+        # The integrator counts time from zero, so that equal initial states give equal results bit for bit at any
+        # simulation time. If components have states of their own (nz), the forces may depend on time, so it counts on.
         self._origin, self._steps = (time if engine.nz else 0.0), 0
         state.setTime(self._origin)
         for _, actuator in engine.actuators:
             actuator.setAppliesForce(state, True)
-        # A new Manager for each start: a used one stores the end of its last step.
+        # Each start needs a new Manager, since a used one continues from the end of its last step.
         self._manager = manager = opensim.Manager(engine.model)
         manager.setIntegratorMethod(opensim.Manager.IntegratorMethod_RungeKutta3)
         manager.setIntegratorAccuracy(self._accuracy)
@@ -154,7 +183,13 @@ class ManagerSteps:
         return manager
 
     def step(self, time: float, y: FloatArray, tau: FloatArray) -> IntegrationStep:
-        """Advance; y is the end of the last step, or was set from outside."""
+        """Advance by a step.
+
+        Args:
+            time: simulation time at the start of the step [s].
+            y: state at the start: the end of the last step, or set from outside.
+            tau: joint efforts, shape (nu,) [N m or N].
+        """
         manager = self._manager
         if manager is None or y is not self._last:
             manager = self._start(time, y)
@@ -166,7 +201,9 @@ class ManagerSteps:
                 self._steps += 1
                 running = manager.integrate(self._origin + self._steps * self._part)
         except RuntimeError as error:
-            raise IntegrationError(f"OpenSim could not integrate: {str(error).strip().splitlines()[0]}") from error
+            raise IntegrationError(
+                f"OpenSim's integrator failed in a step: {str(error).strip().splitlines()[0]}"
+            ) from error
         self._running = running
         self._last = end = self._engine.y_of(running) if self._end is None else self._end.copy()
         return IntegrationStep(end, None)

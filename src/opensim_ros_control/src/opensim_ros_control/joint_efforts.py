@@ -1,11 +1,11 @@
-"""Bounded efforts that bring joints to a target speed in one step: Coulomb friction, stops, and drives.
+"""Bounded efforts that bring joints to a target speed in one step: Coulomb friction, joint stops, and drives.
 
-Each is a row: joint i, effort e_i within [low, high], target speed w. With the speeds v at the end of the step without
-rows, and the response K dt of the speeds to efforts, e is such that each joint reaches its w, or its effort is at the
-bound that prevents it (projected Gauss-Seidel). The efforts are constant over the step, as commands are; so friction
-holds exactly up to its value, and a stop is rigid and absorbs the joint's energy at any step and any inertia. A stop
-limits the speed so that the joint just reaches it at the end of the step; a joint beyond it returns by a fifth of the
-way in each step.
+Each is described by a row: joint i, effort e_i within [low, high], target speed w. Given the speeds at the end of the
+step without these efforts, and the response of the speeds to efforts, each e_i is chosen so that the joint reaches its
+target speed, or so that e_i is at the bound that prevents it (projected Gauss-Seidel). The efforts are constant over
+the step, as commands are. So friction holds exactly up to its value, and a stop is rigid and absorbs the joint's energy
+for any time step and inertia. A stop limits the speed so that the joint just reaches it at the end of the step; a joint
+beyond a stop returns by a fifth of the distance in each step.
 """
 
 import math
@@ -20,7 +20,10 @@ from hric_control.plants import StopMemory
 RETURN = 0.2
 """Fraction of a stop violation that is corrected per step, as in common engines [1] (project default, unconfirmed)."""
 NEAR = 0.01
-"""Distance beyond two steps' travel at which a stop is considered [rad or m] (project default, unconfirmed)."""
+"""Distance to a stop, in addition to the travel in two steps, within which the stop is considered [rad or m].
+
+Project default, unconfirmed.
+"""
 _SWEEPS = 50
 _TOLERANCE = 1e-12
 """Relative change of the efforts at which the iteration ends [1]."""
@@ -28,7 +31,14 @@ _TOLERANCE = 1e-12
 
 @dataclass(frozen=True)
 class EffortRow:
-    """Effort within [low, high] [N m or N] that drives `joint` to `speed` [rad/s or m/s]; drive: it is reported."""
+    """Bounded effort of one joint that brings it to a target speed.
+
+    Attributes:
+        joint: index of the coordinate.
+        low, high: bounds of the effort [N m or N].
+        speed: target speed at the end of the step [rad/s or m/s].
+        drive: True for a velocity or position drive, whose effort is reported.
+    """
 
     joint: int
     low: float
@@ -39,18 +49,21 @@ class EffortRow:
 
 @dataclass
 class JointEfforts:
-    """Rows of one robot; all by indices in the tree.
+    """Bounded joint efforts of one robot: Coulomb friction, joint stops, and drives.
+
+    Joints are identified by the indices of their coordinates in OpenSim's order.
 
     Args:
-        coulomb: joint -> Coulomb friction [N m or N], if any.
-        stops: ranges in the order of `stop_joints`, and the stops that are still inactive.
+        coulomb: Coulomb friction by joint [N m or N]; joints without friction are left out.
+        stops: joint ranges in the order of `stop_joints`, and the stops that are inactive because the joint started
+            beyond them.
         stop_joints: indices of the joints in the order of `stops`.
-        time_step: [s].
+        time_step: duration of a step [s].
 
     Attributes:
         drives: rows of velocity and position drives for the coming step.
-        active: True if there may be rows in the coming step.
-        driven: joint -> effort of its drive in the last step [N m or N].
+        active: True if any bounded effort may act in the coming step.
+        driven: effort of each drive in the last step, by joint [N m or N].
     """
 
     coulomb: dict[int, float]
@@ -68,17 +81,24 @@ class JointEfforts:
         self.forget()
 
     def forget(self) -> None:
-        """Forget the previous efforts and distances to stops, after the state was set from outside."""
+        """Clear the previous efforts and the distances to stops, after the state was set from outside."""
         self._before.clear()
         self._clearance = self._fastest = 0.0
 
     @property
     def always(self) -> bool:
-        """True if there are rows in every step."""
+        """True if a bounded effort acts in every step: there is Coulomb friction or a drive."""
         return bool(self.coulomb or self.drives)
 
     def near_stop(self, q: Sequence[float], u: Sequence[float]) -> bool:
-        """Return True if a stop could act in the coming step; distances are computed again only after enough travel."""
+        """Return True if a joint stop could act in the coming step.
+
+        Distances to the stops are computed again only after enough travel.
+
+        Args:
+            q: positions of all coordinates [rad or m].
+            u: speeds of all coordinates [rad/s or m/s].
+        """
         fastest = max(max(u), -min(u)) * self.time_step
         self._clearance -= max(fastest, self._fastest)
         self._fastest = fastest
@@ -89,7 +109,12 @@ class JointEfforts:
         return self._clearance <= 2.0 * fastest
 
     def rows(self, q: FloatArray, v: FloatArray) -> list[EffortRow]:
-        """Return the rows that may act in a step from positions q with end speeds v."""
+        """Return the rows that may act in a step.
+
+        Args:
+            q: positions of all coordinates at the start of the step [rad or m].
+            v: speeds at the end of the step without these efforts [rad/s or m/s].
+        """
         rows = [EffortRow(i, -F, F, 0.0) for i, F in self.coulomb.items()]
         rows += self.drives
         return rows + self._stop_rows(q, v)
@@ -109,11 +134,11 @@ class JointEfforts:
         return distance / self.time_step if inside else RETURN * distance / self.time_step
 
     def solve(self, rows: Sequence[EffortRow], v: FloatArray, gain: FloatArray) -> FloatArray:
-        """Return the efforts of all rows together, shape (nu,) [N m or N].
+        """Return the sum of the efforts of all rows, shape (nu,) [N m or N].
 
         Args:
             rows: rows that may act.
-            v: speeds at the end of the step without them, shape (nu,).
+            v: speeds at the end of the step without these efforts, shape (nu,).
             gain: change of these speeds per effort, shape (nu, nu).
         """
         efforts = [min(max(self._before.get((row.joint, row.low), 0.0), row.low), row.high) for row in rows]

@@ -1,19 +1,19 @@
-/* Links in OpenSim's memory: how they move, and forces between two of them. What bushings.py explains. */
+/* Compiled part of bushings.py: motion of links in OpenSim's memory, and forces between two of them. */
 #include "hric_core/python_numbers.h"
 
 enum { NUMBERS = 12 }; /* rotation, row-major, and origin of a link in its body */
 
-/* OpenSim's own of the body that carries a link, in the ground frame. */
+/* OpenSim's memory of the body to which a link belongs, in the ground frame, and the pose of the link in the body. */
 typedef struct {
     const double *pose; /* rotation by columns, then the origin */
-    const double *rate; /* angular velocity, then that of the origin */
+    const double *rate; /* angular velocity, then velocity of the origin */
     double *force;      /* moment about the origin, then force */
     double at[NUMBERS];
 } Link;
 
 typedef struct {
     PyObject_HEAD
-    PyObject *owners; /* whose memory this is */
+    PyObject *owners; /* Python objects that own the memory */
     double R_world_ground[9];
     int n;
     Link *links;
@@ -28,11 +28,11 @@ static void transpose(const double A[9], double B[9])
             B[3 * i + j] = A[3 * j + i];
 }
 
-/* Forgets the forces on the link. */
+/* Return the motion of a link in the world, and set the load on its body to zero. */
 static PyObject *motion(const Links *self, const Link *link)
 {
     double R_ground_body[9], R_world_body[9], R[9], lever[3], origin[3], linear[3];
-    double p[3], q[4], v[3], w[3]; /* of the link in the world */
+    double p[3], q[4], v[3], w[3]; /* position, orientation and velocities of the link in the world */
     memset(link->force, 0, sizeof(double) * 6);
     transpose(link->pose, R_ground_body);
     rotate(R_ground_body, link->at + 9, lever);
@@ -50,7 +50,7 @@ static PyObject *motion(const Links *self, const Link *link)
     return pack_motion(p, q, v, w);
 }
 
-/* All in the ground frame. */
+/* Add a load to the body of a link, all in the ground frame. */
 static void push_one(const Link *link, double sign, const double force[3], const double torque[3],
                      const double point[3])
 {
@@ -66,7 +66,7 @@ static void push_one(const Link *link, double sign, const double force[3], const
 
 static void push(Links *self, const Link pair[2], const double force[3], const double torque[3], const double point[3])
 {
-    double R_ground_world[9], f[3], t[3], p[3]; /* in the ground */
+    double R_ground_world[9], f[3], t[3], p[3]; /* force, torque and point in the ground frame */
     transpose(self->R_world_ground, R_ground_world);
     rotate(R_ground_world, force, f);
     rotate(R_ground_world, torque, t);

@@ -1,4 +1,4 @@
-"""Joints of the models around the robot: their positions, drives and stops."""
+"""Joints of the models around the robot (e.g. a human body): their positions, drives and stops in OpenSim."""
 
 from collections.abc import Sequence
 
@@ -12,11 +12,13 @@ from opensim_ros_control.robot import OpenSimRobot
 
 
 class OpenSimModelJoints(DrivenJoints):
-    """Joints of one model with one coordinate each; damping and friction are in the engine and the robot's rows.
+    """Joints with one coordinate of one model around the robot.
+
+    Damping belongs to the OpenSim model, Coulomb friction to the robot's `JointEfforts`.
 
     Args:
-        model: model of the joints.
-        robot: holder of the state of all coordinates.
+        model: model with the joints.
+        robot: robot, whose object has the state of all coordinates of the OpenSim model.
     """
 
     def __init__(self, model: Model, robot: OpenSimRobot) -> None:
@@ -28,11 +30,11 @@ class OpenSimModelJoints(DrivenJoints):
         return [engine.index[engine.built.joints[name][0]] for name in self._full_names]
 
     def bind(self, engine: OpenSimEngine) -> None:
-        """Bind to another build of the model, which already has the joints' present positions."""
+        """Use a new build of the OpenSim model, in which the joints already have their present positions."""
         self._indices = self._indices_in(engine)
 
     def write_start(self, engine: OpenSimEngine, q: FloatArray, u: FloatArray) -> None:
-        """Write the last set positions into all coordinates of a build, both of shape (nu,)."""
+        """Write the stored start positions and velocities into the arrays q and u of all coordinates, shape (nu,)."""
         self._robot.write(self._indices_in(engine), *self._start, q, u)
         self._stops.restart(self._start[0])
 
@@ -43,11 +45,11 @@ class OpenSimModelJoints(DrivenJoints):
         return reciprocals(self._robot.response().diagonal()[self._indices])
 
     def read(self, q: list[float], dq: list[float]) -> None:
-        """Write the state at the measuring instant into the lists in place."""
+        """Write joint positions and velocities at the measuring instant into the lists q and dq."""
         self._robot.read(self._indices, q, dq)
 
     def begin(self) -> None:
-        """Put the joints at the last set positions."""
+        """Set the joints in the engine to the stored start positions and velocities."""
         self._robot.put_coordinates(self._indices, *self._start)
         self._stops.restart(self._start[0])
 
@@ -56,7 +58,14 @@ class OpenSimModelJoints(DrivenJoints):
         self._efforts = self.joints.zeros
 
     def act(self, held: FloatArray | None) -> FloatArray | None:
-        """Return the efforts on all coordinates, shape (nu,), with those of drives and stops; None for none."""
+        """Add the efforts of drives and joint stops in the coming step to those of all coordinates.
+
+        Args:
+            held: efforts so far, shape (nu,) [N m or N]; None: no efforts.
+
+        Returns:
+            The sum, or None if there are no efforts.
+        """
         robot = self._robot
         q, dq = ([values[index] for index in self._indices] for values in (robot.positions, robot.speeds))
         efforts = self._stops.add(q, dq, self._efforts)

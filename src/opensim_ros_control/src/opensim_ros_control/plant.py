@@ -12,10 +12,10 @@ from urdf_to_osim import transforms
 
 
 class OpenSimPlant(EnginePlant, ReactingPlant):
-    """Plant on OpenSim; see `hric_control.plant.Plant`.
+    """Physics plant on OpenSim: a robot, the world around it, and external forces; implements `hric_control.Plant`.
 
-    The robot's base is rotated in OpenSim's ground so that the world's z points along y, as is usual in OpenSim. All
-    public values are in the world frame.
+    The world is rotated in OpenSim's ground frame so that its z axis points along y of ground, which is up in OpenSim.
+    All public values are in the world frame.
 
     Attributes:
         T_ground_world: pose of the world in OpenSim's ground, shape (4, 4).
@@ -34,7 +34,7 @@ class OpenSimPlant(EnginePlant, ReactingPlant):
         self._put([0.0] * len(self.joint_names))
 
     def step(self) -> None:
-        """Advance by `time_step`."""
+        """Advance the simulation by `time_step`."""
         self.world.act()
         self.robot.step(self._values)
 
@@ -52,9 +52,9 @@ class OpenSimPlant(EnginePlant, ReactingPlant):
         return self.world.forces.contacts()
 
     def joint_reactions(self) -> list[JointReaction]:
-        """Return the loads of the robot's moving joints in the last step; empty before the first step."""
+        """Return force and torque in each moving joint of the robot in the last step; empty before the first step."""
         return self.world.reactions()
 
     def link_state(self, body: str) -> tuple[FloatArray, FloatArray]:
-        """Return (T_world_link, (4, 4), twist at the link's origin, world frame, linear then angular, (6,))."""
+        """Return (T_world_link, shape (4, 4); twist of the link's origin, linear then angular, world axes, (6,))."""
         return self.world.state(body)

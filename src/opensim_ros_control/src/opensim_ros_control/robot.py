@@ -1,4 +1,4 @@
-"""Robot in OpenSim: its joints, their efforts, and one step."""
+"""Robot in OpenSim: its joints, their efforts, and one step of the simulation."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -20,7 +20,7 @@ from opensim_ros_control.stages import cut, gripped
 
 @dataclass(frozen=True)
 class OpenSimConfig(WindowlessConfig):
-    """Plant parameters: those of all plants, and OpenSim's own."""
+    """Parameters of the OpenSim plant: those of all plants, and those that only OpenSim needs."""
 
     accuracy: float = number(
         1e-3,
@@ -34,23 +34,23 @@ class OpenSimConfig(WindowlessConfig):
 class OpenSimRobot(EngineRobot):
     """Robot in an OpenSim model, which may contain other models too.
 
-    Vectors are in the description's order of the robot's moving joints, those of all coordinates in the order of
-    OpenSim's tree.
+    Vectors of the robot's joints are in the order of the description; vectors of all coordinates, shape (nu,), are in
+    OpenSim's order.
 
     Args:
-        model: builder of the model.
+        model: builder of the OpenSim model.
         joint_names: names of the actuated joints.
-        config: the plant's parameters.
+        config: parameters of the plant.
 
     Attributes:
-        model: builder of the model.
-        config: the plant's parameters.
-        engine: the present model.
+        model: builder of the OpenSim model.
+        config: parameters of the plant.
+        engine: engine with the present OpenSim model.
         time: simulation time [s].
         y: state at the end of the last step: positions, speeds, and other integrated states.
-        positions, speeds: those of all coordinates in y as floats [rad or m, rad/s or m/s].
-        external: external efforts on the coordinates in the coming steps, shape (nu,); None for none.
-        touch: rigid contact in the coming step; None for none.
+        positions, speeds: positions and speeds of all coordinates in y, as floats [rad or m, rad/s or m/s].
+        external: joint efforts of external forces in the coming steps, shape (nu,) [N m or N]; None: no forces.
+        touch: rigid contact in the coming step; None: no contact.
     """
 
     def __init__(self, model: RobotModel, joint_names: Sequence[str], config: OpenSimConfig) -> None:
@@ -72,7 +72,7 @@ class OpenSimRobot(EngineRobot):
     # -- the model -----------------------------------------------------------------------------------------------------
 
     def _bind(self, engine: OpenSimEngine) -> None:
-        """Bind to a new build of the model."""
+        """Use a new build of the OpenSim model."""
         config = self.config
         self.engine = engine
         self._indices = [engine.index[engine.built.joints[name][0]] for name in self.joints.names]
@@ -102,7 +102,7 @@ class OpenSimRobot(EngineRobot):
         return {index: joint.friction for index, joint in (*of_robot, *of_models) if joint.friction > 0.0}
 
     def _friction(self) -> FloatArray | None:
-        """Return a row of the identified friction per coordinate; None without friction."""
+        """Return the parameters of the identified friction, a row per coordinate; None without such friction."""
         if self.config.friction != "identified":
             return None
         rows = np.zeros((self.engine.nu, len(Losses().sigmoid_row())))
@@ -110,7 +110,7 @@ class OpenSimRobot(EngineRobot):
         return rows
 
     def _bristle_rows(self) -> FloatArray | None:
-        """Return a row of the bristle per coordinate; None without bristles."""
+        """Return the parameters of friction at rest (bristle model), a row per coordinate; None without breakaway."""
         if not any(loss.breakaway for loss in self.losses):
             return None
         rows = np.array([Losses().bristle_row()] * self.engine.nu)
@@ -118,7 +118,10 @@ class OpenSimRobot(EngineRobot):
         return rows
 
     def build_again(self, prepare: Callable[[OpenSimEngine], None] | None = None) -> None:
-        """Build the model again and continue in the present state; `prepare` may set the states of new components."""
+        """Build the OpenSim model again and continue in the present state.
+
+        prepare: function that may set the states of new components in the new engine.
+        """
         self._write_state()
         engine = OpenSimEngine(self.model.build())
         engine.continue_from(self.engine)
@@ -141,15 +144,15 @@ class OpenSimRobot(EngineRobot):
         self.at = [x - half * v for x, v in zip(self.q, self.dq, strict=True)] if half else self.q
 
     def synchronised(self) -> OpenSimEngine:
-        """Return the engine with the present state, velocities realized: for poses and twists."""
+        """Return the engine, set to the present state with velocities realized, for reading poses and twists."""
         self._write_state()
         self.engine.model.realizeVelocity(self.engine.system_state)
         return self.engine
 
-    # -- putting the robot somewhere -----------------------------------------------------------------------------------
+    # -- setting the state ---------------------------------------------------------------------------------------------
 
     def put(self, q: Sequence[float], dq: Sequence[float]) -> None:
-        """Put the actuated joints at q, dq; the others keep their positions, at rest."""
+        """Set positions and velocities of the actuated joints; other joints keep their positions, at rest."""
         self.put_coordinates(self._indices, *self.joints.start(q, dq, self.q))
         self.effort = self.motor_effort = self.joints.zeros
         self.stops.restart(self.q)
@@ -161,7 +164,7 @@ class OpenSimRobot(EngineRobot):
         return self.synchronised().mass_matrix()[np.ix_(self._indices, self._indices)]
 
     def put_coordinates(self, indices: Sequence[int], q: Sequence[float], dq: Sequence[float]) -> None:
-        """Put these coordinates at q, dq."""
+        """Set positions q and velocities dq of some coordinates, by index."""
         y, n = self.y.copy(), self.engine.nu
         self.write(indices, q, dq, y[:n], y[n : 2 * n])
         self._set_y(y)
@@ -170,13 +173,21 @@ class OpenSimRobot(EngineRobot):
     def write(
         self, indices: Sequence[int], q: Sequence[float], dq: Sequence[float], all_q: FloatArray, all_u: FloatArray
     ) -> None:
-        """Write q, dq of these coordinates at the measuring instant into positions and speeds of all, shape (nu,)."""
+        """Write positions and velocities of some coordinates into the arrays of all coordinates, without setting them.
+
+        Args:
+            indices: indices of the coordinates.
+            q: positions at the measuring instant [rad or m].
+            dq: velocities [rad/s or m/s].
+            all_q: positions of all coordinates, shape (nu,), changed in place.
+            all_u: speeds of all coordinates, shape (nu,), changed in place.
+        """
         # The read-out subtracts half a step, so the engine starts half a step ahead.
         for index, x, v in zip(indices, q, dq, strict=True):
             all_q[index], all_u[index] = x + self._half * v, v
 
     def read(self, indices: Sequence[int], q: list[float], dq: list[float]) -> None:
-        """Write the values of these coordinates at the measuring instant into the lists in place."""
+        """Write positions and velocities of some coordinates at the measuring instant into the lists q and dq."""
         dq[:] = [self.speeds[index] for index in indices]
         q[:] = [self.positions[index] - self._half * v for index, v in zip(indices, dq, strict=True)]
 
@@ -193,7 +204,7 @@ class OpenSimRobot(EngineRobot):
     # -- modes and brakes ----------------------------------------------------------------------------------------------
 
     def _send_modes(self) -> None:
-        """Apply modes and brakes; a closing brake stops its joint at once, as a brake that is much stronger would."""
+        """Apply the mode of each moving joint; a brake that closes stops its joint at once, however fast it moves."""
         modes = self._all_modes = self._modes()
         self._braked = [mode is Mode.BRAKE for mode in modes]
         self._driven = [mode in (Mode.VELOCITY, Mode.POSITION) for mode in modes]
@@ -221,10 +232,10 @@ class OpenSimRobot(EngineRobot):
     # -- one step ------------------------------------------------------------------------------------------------------
 
     def step(self, values: list[float]) -> None:
-        """Apply the commands and advance.
+        """Apply the commands and advance by a step.
 
         Args:
-            values: commands of all moving joints; the mode of each joint gives the quantity.
+            values: commands of all moving joints; the mode of each joint decides on the quantity.
         """
         efforts, tau = cut(values, *self._bounds)
         self._divergence.check_efforts(efforts)
@@ -247,7 +258,10 @@ class OpenSimRobot(EngineRobot):
             self._finish(self._own_step(self.time, self.y, tau, self.touch), efforts)
 
     def _grip(self, tau: FloatArray, rows: FloatArray) -> FloatArray:
-        """Return the efforts after the bristles' forces in the coming step, shape (nu,) [N m or N]."""
+        """Return the efforts tau less friction at rest (bristle model) in the coming step, shape (nu,) [N m or N].
+
+        rows: parameters of the bristles, a row per coordinate.
+        """
         n, dynamics, step = self.engine.nu, self._dynamics, self.config.time_step
         tau, dynamics.inertia = gripped(tau, dynamics.rotors, self.y[n : 2 * n], self._bend, rows, self._bent, step)
         self._bent = step
@@ -271,7 +285,7 @@ class OpenSimRobot(EngineRobot):
             self.effort = [effort - b * rate * (v - u) for effort, b, u, v in rows]
 
     def _motor_efforts(self, step: IntegrationStep, efforts: list[float]) -> list[float]:
-        """Return the efforts of the step, with those that brakes and drives needed."""
+        """Return the motor efforts of the last step; for braked and driven joints, those of brakes and drives."""
         if self._any_braked and step.acceleration is not None:
             brakes = self._of_joints(self._dynamics.brake_efforts(step.acceleration).tolist())
             efforts = [b if on else e for e, b, on in zip(efforts, brakes, self._braked, strict=True)]

@@ -1,4 +1,4 @@
-"""Robot as an OpenSim model, built again whenever its payload or the models around it change."""
+"""OpenSim model of the robot and the models around it, built again whenever these or the payload change."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,15 +17,14 @@ from urdf_to_osim.transforms import matrix
 
 @dataclass(frozen=True)
 class Built:
-    """Model before `initSystem`.
+    """OpenSim model that was built, before `initSystem`.
 
     Attributes:
-        model: model with connections finalised, and no system yet.
-        frames: path of each link's frame; "link" for the robot, "model::link" for others.
-        joints: paths of the coordinates of all moving joints, in the joint's order; "joint" for the robot,
-            "model::joint" for others.
+        model: OpenSim model with finalised connections.
+        frames: OpenSim path of each link's frame, by "link" (robot) or "model::link".
+        joints: OpenSim paths of the coordinates of each moving joint, by "joint" (robot) or "model::joint".
         description: description of the complete model.
-        conversion: object that must live as long as OpenSim's objects.
+        conversion: result of the conversion; it owns OpenSim's objects, so it must live as long as they are used.
     """
 
     model: opensim.Model
@@ -36,17 +35,17 @@ class Built:
 
 
 class RobotModel:
-    """Builder of the model of one robot with a fixed base, and of the models around it.
+    """Builder of the OpenSim model of one robot with a fixed base and of the models around it.
 
-    Physically impossible inertia tensors are used as described, as in the plant on PyBullet.
+    Physically impossible inertia tensors are used as they are described, as in the plant on PyBullet.
 
     Args:
-        urdf_xml: pure URDF.
+        urdf_xml: robot description (pure URDF).
         gravity: gravity in the world frame, three numbers [m/s^2].
 
     Attributes:
-        robot: the description.
-        load: payload from the next build on: link, and mass properties in the link's frame.
+        robot: robot description.
+        load: payload (link, mass properties in the link's frame) from the next build on; None: no payload.
         neighbours: models around the robot from the next build on.
     """
 
@@ -66,7 +65,7 @@ class RobotModel:
         self.neighbours: list[Model] = []
 
     def build(self) -> Built:
-        """Build robot, payload, and the models around the robot."""
+        """Build an OpenSim model of the robot with its payload and the models around it."""
         conversion = convert(together(self._urdf, self.neighbours), self._options)
         frames = {link: frame.path for link, frame in conversion.frames.items()}
         joints = {name: joint.paths for name, joint in conversion.joints.items() if joint.coordinates}
@@ -90,7 +89,7 @@ class RobotModel:
 
 
 def mass_properties(body: opensim.Body) -> MassProperties:
-    """Return the mass properties of a body, in its own axes."""
+    """Return mass, centre of mass and inertia of an OpenSim body, in the body's axes."""
     inertia, com = body.getInertia(), body.getMassCenter()
     moments, products = inertia.getMoments(), inertia.getProducts()
     xy, xz, yz = (products.get(i) for i in range(3))

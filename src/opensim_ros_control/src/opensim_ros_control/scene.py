@@ -1,4 +1,4 @@
-"""Joint description of the robot and the models around it."""
+"""Combination of the robot's URDF and those of the models around it into one URDF."""
 
 from collections.abc import Sequence
 from copy import deepcopy
@@ -11,10 +11,10 @@ from hric_core.urdf.elements import VERSIONS, parse
 
 
 def together(robot_xml: str, models: Sequence[Model]) -> str:
-    """Return one URDF of the robot and the models, with links and joints named "model::name".
+    """Return one URDF of the robot and the models; links and joints of the models are named "model::name".
 
-    The robot's root link is the world. A free model is attached by a floating joint "model::free", a fixed one by
-    "model::fixed".
+    All models are attached to the robot's root link, which represents the world: a free model by a floating joint
+    "model::free", a fixed one by a fixed joint "model::fixed".
     """
     if not models:
         return robot_xml
@@ -41,5 +41,5 @@ def _renamed(element: Element, model: str) -> Element:
             part.set(attribute, f"{model}::{part.get(attribute, '')}")
     for visual in copy.findall("visual"):
         for material in visual.findall("material"):
-            visual.remove(material)  # it may refer to one outside the link
+            visual.remove(material)  # it may refer to a material that is defined outside the link
     return copy

@@ -1,4 +1,4 @@
-"""Collision shapes of a description for coal, the collision library that comes with pinocchio."""
+"""Collision shapes of a robot description for coal (the collision library of pinocchio), and contact of two shapes."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -16,18 +16,18 @@ from hric_core.urdf import solids
 from hric_core.urdf.shapes import FAR
 
 _POINT = 1e-6
-"""Radius of the sphere that represents a point [m]; any small value is suitable."""
+"""Radius of the sphere that represents a point in coal [m]; any small value is suitable."""
 
 
 @dataclass(frozen=True)
 class LinkShape:
-    """One shape of a link.
+    """Collision shape of a link.
 
     Attributes:
-        geometry: coal's geometry.
+        geometry: the shape as coal's geometry object.
         T_link_shape: pose in the link, shape (4, 4).
         radius: radius of a sphere about the link's origin that contains the shape [m].
-        solid: the same shape in its own frame, for its sides.
+        solid: the shape in its own frame, for the computation of contact areas.
     """
 
     geometry: Any
@@ -60,10 +60,12 @@ def _geometry(shape: Described) -> Any:
 
 
 def shapes(collisions: Sequence[Described]) -> list[LinkShape]:
-    """Return the shapes of a link; a cylinder with spheres at its ends is one capsule, a mesh is its convex hull.
+    """Return the collision shapes of a link for coal.
+
+    A cylinder with spheres at its ends becomes one capsule, a mesh its convex hull.
 
     Raises:
-        DescriptionError: a shape that cannot be used.
+        DescriptionError: a shape cannot be used.
     """
     result = []
     for shape in solids(collisions):
@@ -77,7 +79,7 @@ def shapes(collisions: Sequence[Described]) -> list[LinkShape]:
 
 
 def _solid(geometry: Any) -> Solid:
-    """Return coal's shape as a solid with sides."""
+    """Return a shape of coal as a solid for the computation of contact areas."""
     if isinstance(geometry, coal.Box):
         return Solid("box", tuple(2.0 * float(half) for half in geometry.halfSide), np.eye(4))
     if isinstance(geometry, coal.Sphere):
@@ -89,21 +91,21 @@ def _solid(geometry: Any) -> Solid:
 
 
 def plane() -> LinkShape:
-    """Return the half-space below z = 0 of the link."""
+    """Return a plane as a collision shape: the half-space below z = 0 of the link."""
     return LinkShape(coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0), np.eye(4), FAR, Solid("plane", (), np.eye(4)))
 
 
 def pose(T: FloatArray) -> Any:
-    """Return a pose of shape (4, 4) for coal."""
+    """Return a pose, shape (4, 4), as coal's transform object."""
     return coal.Transform3s(T[:3, :3], T[:3, 3])
 
 
 @dataclass(frozen=True)
 class Touch:
-    """Contact or near contact of two shapes.
+    """Contact or near contact of two shapes a and b.
 
     Attributes:
-        points: centre of the overlap, shape (3,) each [m].
+        points: centre of the overlap, a list of one point, shape (3,) [m].
         normal: unit vector from b to a.
         depth: depth of the deepest point, negative for a gap [m].
     """
@@ -114,7 +116,13 @@ class Touch:
 
 
 class Pairing:
-    """Distance and contact of two shapes by coal, with reused requests and results."""
+    """Distance and contact of two shapes by coal, whose request and result objects are reused.
+
+    In all methods a, b are coal's geometries and T_a, T_b their transforms.
+
+    Args:
+        margin: distance below which a near contact is reported [m].
+    """
 
     def __init__(self, margin: float) -> None:
         self._margin = margin
@@ -128,12 +136,12 @@ class Pairing:
         self._patch = coal.ContactPatchResult(self._patch_request)
 
     def distance(self, a: Any, T_a: Any, b: Any, T_b: Any) -> float:
-        """Return the signed distance [m]."""
+        """Return the distance of two shapes [m], negative if they overlap."""
         self._distance.clear()
         return float(coal.distance(a, T_a, b, T_b, self._distance_request, self._distance))
 
     def touch(self, a: Any, T_a: Any, b: Any, T_b: Any) -> Touch | None:
-        """Return the contact of two shapes that are nearer than the margin; None if they are not."""
+        """Return the contact of two shapes; None if they are farther apart than the margin."""
         self._result.clear()
         if not coal.collide(a, T_a, b, T_b, self._request, self._result):
             return None
@@ -142,13 +150,13 @@ class Pairing:
         return Touch([np.array(contact.pos)], -np.array(contact.normal), -float(contact.penetration_depth))
 
     def beyond(self, point: FloatArray, shape: Any, T: Any) -> float:
-        """Return the distance of a point outside a shape; negative inside [m]."""
+        """Return the distance of a point from a shape [m], negative inside."""
         self._distance.clear()
         at = coal.Transform3s(np.eye(3), point)
         return float(coal.distance(self._point, at, shape, T, self._distance_request, self._distance)) + _POINT
 
     def patch(self, a: Any, T_a: Any, b: Any, T_b: Any) -> list[FloatArray]:
-        """Return the corners of the contact area of the shapes of the last `touch`; empty if coal finds none."""
+        """Return the corners of the contact area of the two shapes of the last `touch`; empty if there are none."""
         self._patch.clear()
         coal.computeContactPatch(a, T_a, b, T_b, self._result, self._patch_request, self._patch)
         if self._patch.numContactPatches() == 0:

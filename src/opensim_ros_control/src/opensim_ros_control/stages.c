@@ -1,5 +1,5 @@
-/* The arithmetic of a step beside OpenSim, on arrays of numpy: see stages.py. The equations are multiplied and solved
-   by scipy's BLAS and LAPACK, found as scipy hands them to compiled code. */
+/* Compiled part of stages.py: arithmetic of a step on numpy arrays. Matrices are multiplied and solved by scipy's BLAS
+   and LAPACK, through the function pointers that scipy offers to compiled code. */
 #include "hric_core/python_numbers.h"
 #include "hric_dynamics/friction.h"
 
@@ -11,7 +11,7 @@ typedef void Multiply(const char *trans, const int *m, const int *n, const doubl
 typedef void Solve(const char *uplo, const int *n, const int *nrhs, double *A, const int *lda, double *b,
                    const int *ldb, int *info);
 
-/* A function's address as a capsule has it. */
+/* Address of a function from a Python capsule, with the signatures that are needed. */
 typedef union {
     void *data;
     Multiply *multiply;
@@ -21,7 +21,7 @@ typedef union {
 static Multiply *dgemv;
 static Solve *dposv;
 
-/* Numbers of an array whose size is known; NULL with an error set. */
+/* Data of an array that must have a given size; NULL with a Python error set. */
 static double *numbers(PyObject *object, npy_intp size)
 {
     PyArrayObject *array = (PyArrayObject *)object;
@@ -37,7 +37,7 @@ static double *numbers(PyObject *object, npy_intp size)
     return PyArray_DATA(array);
 }
 
-/* Numbers of arrays that have these sizes; 0 with an error set. A size below 0 is that of an error which is set. */
+/* Data of arrays that must have these sizes; 0 with a Python error set. A negative size means that an error is set. */
 static int take_arrays(PyObject *const *given, int count, const npy_intp *sizes, double **values)
 {
     for (int i = 0; i < count; i++)
@@ -46,7 +46,7 @@ static int take_arrays(PyObject *const *given, int count, const npy_intp *sizes,
     return 1;
 }
 
-/* The number of an array's items; -1 with an error set. */
+/* Number of elements of an array; -1 with a Python error set. */
 static npy_intp length(PyObject *object)
 {
     if (PyArray_Check(object))
@@ -55,7 +55,7 @@ static npy_intp length(PyObject *object)
     return -1;
 }
 
-/* A new array and its numbers; NULL with an error set. */
+/* New array of shape (n,) or (n, n), and its data; NULL with a Python error set. */
 static PyObject *make(int dimensions, npy_intp n, double **values)
 {
     npy_intp shape[2] = {n, n};
@@ -64,9 +64,9 @@ static PyObject *make(int dimensions, npy_intp n, double **values)
     return made;
 }
 
-/* ---- what goes in ---- */
+/* ---- input ---- */
 
-/* An array over memory of others from its first number to its last. */
+/* Array over foreign memory, given the addresses of its first and last number. */
 FUNCTION(memory)
 {
     if (!expect(count, 3, "memory(first, last, size)"))
@@ -172,7 +172,7 @@ FUNCTION(balance)
     return Py_BuildValue("NN", inertia, driving);
 }
 
-/* Rows of a matrix as LAPACK counts, by columns. */
+/* Copy a row-major matrix in LAPACK's column-major order. */
 static void turn(const double *from, npy_intp rows, npy_intp columns, double *to)
 {
     for (npy_intp i = 0; i < rows; i++)
@@ -180,7 +180,8 @@ static void turn(const double *from, npy_intp rows, npy_intp columns, double *to
             to[j * rows + i] = from[i * columns + j];
 }
 
-/* x of A x = b with columns b, shape (k, n) in the memory of both; whether A is positive definite. */
+/* Solve A x = b for k columns in place: x has b on entry and the solution on return, shape (k, n). Returns 1 if A is
+   positive definite. */
 static int solved(const double *A, npy_intp n, npy_intp k, double *factor, double *x)
 {
     const int size = (int)n, columns = (int)k;
@@ -286,7 +287,7 @@ static PyMethodDef methods[] = {
 static struct PyModuleDef definition = {
     PyModuleDef_HEAD_INIT, "hric_stages", NULL, -1, methods, NULL, NULL, NULL, NULL};
 
-/* A function that one of scipy's modules hands to compiled code; NULL with an error set. */
+/* Address of a function that a module of scipy offers to compiled code; NULL with a Python error set. */
 static void *function_of(const char *module, const char *name)
 {
     PyObject *imported = PyImport_ImportModule(module);

@@ -1,4 +1,4 @@
-"""Models around the robot: the objects of the world file and the models spawned later."""
+"""World around the robot in OpenSim: the objects of the world file and the models that are spawned later."""
 
 from collections.abc import Sequence
 
@@ -19,22 +19,22 @@ from opensim_ros_control.robot import OpenSimRobot
 from urdf_to_osim.transforms import matrix
 
 _FAR_ROTATED = 1.0
-"""Middle angle beyond which a free body's joint frame is moved to the body [rad] (project default, unconfirmed).
+"""Middle Euler angle of a free body beyond which its joint frame is moved to the body [rad].
 
-At a right angle its three angles are singular.
+The Euler angles are singular at a right angle. Project default, unconfirmed.
 """
 _MIDDLE = 1
 
 
 class OpenSimWorld(Models[OpenSimModelJoints]):
-    """Models around the robot, in one OpenSim model with it, which is built again for each addition or removal.
+    """Models around the robot. Robot and models are one OpenSim model, which each addition or removal builds again.
 
     Args:
-        robot: the robot with the engine.
+        robot: robot with the engine.
         objects: objects of the world file.
-        rules: surfaces of single links.
+        rules: configured surfaces of single links.
         T_ground_world: pose of the world in OpenSim's ground, shape (4, 4).
-        masks: pairs of link patterns of the robot that do not collide.
+        masks: pairs of patterns of the robot's links that do not collide.
 
     Attributes:
         forces: contact and wrenches.
@@ -85,12 +85,15 @@ class OpenSimWorld(Models[OpenSimModelJoints]):
         self._shapes = {link: of_link for link, of_link in self._shapes.items() if not link.startswith(f"{name}::")}
 
     def _build(self, begin: Sequence[Model] = ()) -> None:
-        """Build the model; those in `begin` start at their origins, with their joints where they were set last."""
+        """Build the OpenSim model again.
+
+        begin: models that start in their start pose, with their joints at the stored start positions.
+        """
         self.robot.model.neighbours = list(self.models.values())
         self.robot.build_again(lambda engine: self._put(engine, begin))
 
     def _put(self, engine: OpenSimEngine, models: Sequence[Model]) -> None:
-        """Put models in their initial state: free ones at their origins with their initial velocities."""
+        """Set models in an engine to their initial states: start pose, start velocity, and joint positions."""
         q, u = engine.q(), engine.u()
         for model in models:
             for joint in model.tree.joints:
@@ -103,13 +106,13 @@ class OpenSimWorld(Models[OpenSimModelJoints]):
 
     @staticmethod
     def _put_free(engine: OpenSimEngine, model: Model, q: FloatArray, u: FloatArray, twist: FloatArray) -> None:
-        """Set a free joint to zero; its speeds are the body's (angular, linear) velocity in axes of the joint frame."""
+        """Write a free model's state into q and u: joint at zero, twist (angular, linear) in world axes, shape (6,)."""
         paths, R = engine.built.joints[model.free_joint], model.T_world_origin[:3, :3]
         indices = [engine.index[path] for path in paths]
         q[indices], u[indices] = 0.0, np.concatenate([R.T @ twist[:3], R.T @ twist[3:]])
 
     def reset(self) -> None:
-        """Reset all models to their start, and clear wrenches, drives and the memory of contact and slip."""
+        """Reset all models to their start states, and clear wrenches, drives, and states of contacts and bushings."""
         self.wrenches.clear()
         self.bushings.restart()
         self._restore()
@@ -120,7 +123,7 @@ class OpenSimWorld(Models[OpenSimModelJoints]):
             self._build(list(self.models.values()))
 
     def _relocate_free_joints(self) -> None:
-        """Move the joint frames of free bodies that have rotated far to the bodies."""
+        """Move the joint frames of free bodies to the bodies if their Euler angles come near the singularity."""
         turned = [self.models[name] for name, index in self._middle.items() if abs(self.robot.y[index]) > _FAR_ROTATED]
         if not turned:
             return
@@ -142,12 +145,12 @@ class OpenSimWorld(Models[OpenSimModelJoints]):
     # -- names ---------------------------------------------------------------------------------------------------------
 
     def frame(self, body: str) -> str:
-        """Return the engine's frame name of a body. Raises UnknownNameError."""
+        """Return the engine's frame name of "link" (robot) or "model::link". Raises UnknownNameError."""
         model, link = self.find(body)
         return link if model == self._name else f"{model}::{link}"
 
     def state(self, body: str) -> tuple[FloatArray, FloatArray]:
-        """Return (T_world_link, (4, 4), twist at the link's origin, world frame, linear then angular, (6,))."""
+        """Return (T_world_link, shape (4, 4); twist of the link's origin, linear then angular, world axes, (6,))."""
         engine = self.robot.synchronised()
         frame, R = engine.frame(self.frame(body)), self._R_ground_world.T
         T_ground_link, twist = (
@@ -160,7 +163,7 @@ class OpenSimWorld(Models[OpenSimModelJoints]):
     # -- the step ------------------------------------------------------------------------------------------------------
 
     def _bind(self) -> None:
-        """Bind everything that depends on one build of the model."""
+        """Let contact, joints and bushings use the present build of the OpenSim model."""
         engine = self._bound = self.robot.engine
         description, self._kinematics = engine.built.description, Kinematics(engine)
         indices = {joint: [engine.index[path] for path in paths] for joint, paths in engine.built.joints.items()}
@@ -194,7 +197,7 @@ class OpenSimWorld(Models[OpenSimModelJoints]):
             self._bind()
 
     def act(self) -> None:
-        """Compute the efforts on all bodies in the coming step, and set them in the robot."""
+        """Compute contact, wrenches, bushings and models' joint efforts of the coming step; set them in the robot."""
         self._bind_if_new()
         if self._middle:
             self._relocate_free_joints()
@@ -204,7 +207,7 @@ class OpenSimWorld(Models[OpenSimModelJoints]):
         self.forces.act(self.frame, held)
 
     def reactions(self) -> list[JointReaction]:
-        """Return the loads of the robot's moving joints in the last step; empty before the first step of a build."""
+        """Return force and torque in each moving joint of the robot in the last step; empty before a build's first."""
         self._bind_if_new()
         return self.forces.reactions(self.bushings.loads())
 
@@ -216,16 +219,16 @@ class OpenSimWorld(Models[OpenSimModelJoints]):
         return super().joints_of(model)
 
     def forget_contacts(self) -> None:
-        """Forget contacts and spring memory, after bodies were put elsewhere."""
+        """Clear contacts and the state of contact springs, after bodies were repositioned."""
         self.forces.forget()
 
     def bind_connected(self) -> None:
-        """Bind collisions and bushings after a change of the connections."""
+        """Update the pairs that may touch, and the links of the bushings, after bushings were added or removed."""
         self._bind_if_new()
         self.forces.look_at(self._collisions())
         self.bushings.bind(self.robot.engine, self._kinematics, self.frame)
 
 
 def _spatial(vector: opensim.SpatialVec) -> FloatArray:
-    """Return angular and linear part of an OpenSim velocity, shape (6,)."""
+    """Return an OpenSim velocity as an array, angular then linear, shape (6,)."""
     return np.array([vector.get(i).get(j) for i in (0, 1) for j in range(3)])

@@ -1,4 +1,4 @@
-"""URDF of the Panda from xacro, in process, without a ROS master; and the command `urdf`."""
+"""URDF of the Panda, expanded from xacro within this process without a ROS master; and the command `urdf`."""
 
 import argparse
 import logging
@@ -28,7 +28,7 @@ _XACRO_LOCK = threading.Lock()  # xacro has its state in module variables
 
 
 def _vector(unit: str, description: str) -> Any:
-    """Return a parameter of three numbers, given as a list or as one text, with a text as value."""
+    """Return a parameter of three numbers; a list or a text is accepted, the value is a text such as "0 0 0"."""
 
     def convert(value: Any, where: str, joints: Sequence[str]) -> str:
         parts = value.split() if isinstance(value, str) else value
@@ -54,7 +54,7 @@ def _interfaces(words: str) -> str:
 
 @dataclass(frozen=True)
 class Arguments(Settings):
-    """Arguments of the description."""
+    """Arguments of the Panda's robot description, e.g. for `load` and the command `urdf`."""
 
     arm_id: str = text(
         "panda",
@@ -100,14 +100,14 @@ class Arguments(Settings):
     )
 
     def check(self, where: str) -> None:
-        """Refuse fingers without a hand."""
+        """Raise an error for movable fingers without a hand."""
         if not self.hand and self.fingers == "prismatic":
             raise refused(f"{where}fingers", self.fingers, "fixed, as it needs hand:=true")
 
 
 @dataclass(frozen=True)
 class DescriptionArgument:
-    """Argument of `load`: default, valid values, and meaning."""
+    """Argument of the robot description: default, valid values, and meaning."""
 
     default: str | bool | float
     valid: str
@@ -115,11 +115,11 @@ class DescriptionArgument:
 
 
 def load(**arguments: Any) -> str:
-    """Return the robot as pure URDF; `arguments()` describes the arguments.
+    """Return the Panda as URDF, expanded from xacro; `arguments()` describes the arguments.
 
     Raises:
-        UnknownNameError: an argument that does not exist; lists the existing ones.
-        ParameterError: a value that is not valid; names the argument and the valid values.
+        UnknownNameError: an argument does not exist; the text lists the existing ones.
+        ParameterError: a value is not valid; the text has the argument and its valid values.
     """
     values = Arguments.of(arguments, PACKAGE)
     _warn_unphysical(values.inertials)
@@ -134,7 +134,7 @@ def _described(values: Arguments, mesh_folder: str) -> str:
 
 
 def arguments() -> dict[str, DescriptionArgument]:
-    """Return the arguments of `load` in order."""
+    """Return the arguments of `load` by name, with default, valid values and meaning."""
     return {
         name: DescriptionArgument(item.default, item.valid, item.text) for name, item in declared(Arguments).items()
     }
@@ -156,7 +156,10 @@ def _warn_unphysical(name: str) -> None:
 
 
 def xacro_module() -> Any:
-    """Return xacro 2 with a $(find) that knows this package's folder and ROS 1 packages, instead of ROS 2's index."""
+    """Import xacro 2 so that its $(find PACKAGE) finds ROS 1 packages and this one; return the module.
+
+    xacro 2 is made for ROS 2 and would search the ROS 2 package index.
+    """
     if "ament_index_python.packages" not in sys.modules:
         packages = types.ModuleType("ament_index_python.packages")
         packages.get_package_share_directory = lambda name: str(share()) if name == PACKAGE else find_package(name)  # type: ignore[attr-defined]
@@ -169,14 +172,14 @@ def xacro_module() -> Any:
 
 
 def process_xacro(path: Path, mappings: dict[str, str]) -> minidom.Document:
-    """Return the expanded document of any xacro file, in process; its $(find) knows ROS 1 packages.
+    """Expand a xacro file within this process and return the document; $(find PACKAGE) finds ROS 1 packages.
 
     Args:
-        path: the file.
-        mappings: its arguments.
+        path: xacro file.
+        mappings: values of the file's xacro arguments.
 
     Raises:
-        DescriptionError: the message of xacro, with the name of the file.
+        DescriptionError: xacro cannot expand the file; the text has the file's name and the reason.
     """
     with _XACRO_LOCK:
         xacro = xacro_module()
@@ -206,11 +209,11 @@ def _drop_comments(node: Any) -> None:
 
 
 def parse(words: Sequence[str]) -> dict[str, object]:
-    """Return arguments of `load` from words such as `hand:=false`.
+    """Return arguments for `load`, parsed from command-line words such as `hand:=false`.
 
     Raises:
-        UnknownNameError: an argument that does not exist; lists the existing ones.
-        ParameterError: a word without := or a value that cannot be read.
+        UnknownNameError: an argument does not exist; the text lists the existing ones.
+        ParameterError: a word has no :=, an argument is given twice, or a value is not valid.
     """
     valid = declared(Arguments)
     values: dict[str, object] = {}
@@ -235,7 +238,7 @@ def _value(word: str, kind: str) -> Any:
 
 
 class UrdfCommand(Command):
-    """Print the Panda as pure URDF."""
+    """Print the Panda's robot description as URDF (expanded xacro)."""
 
     epilog = "arguments:\n" + "\n".join(
         f"  {name}:={_text(parameter.default)}\n      {parameter.text}; {parameter.valid}"
@@ -243,11 +246,11 @@ class UrdfCommand(Command):
     )
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments."""
+        """Return the arguments of the command line."""
         names = [f"{name}:=" for name in declared(Arguments)]
-        return [Argument("arguments", nargs="*", metavar="ARG:=VALUE", help="see below", complete=lambda: names)]
+        return [Argument("arguments", nargs="*", metavar="ARG:=VALUE", help="listed below", complete=lambda: names)]
 
     def run(self, arguments: argparse.Namespace) -> None:
-        """Print the description; warnings go to stderr."""
+        """Print the URDF; warnings go to stderr."""
         logging.basicConfig(format="%(levelname)s: %(message)s")
         print(load(**parse(arguments.arguments)))

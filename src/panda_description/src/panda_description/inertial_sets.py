@@ -1,4 +1,4 @@
-"""Inertial sets, Steiner's theorem and physical consistency; command `inertials`."""
+"""Sets of inertial parameters of the Panda, their physical consistency, and the command `inertials`."""
 
 import argparse
 from dataclasses import replace
@@ -12,14 +12,14 @@ from panda_description.parameters import PACKAGE, config
 
 INERTIAL_SETS = ("barycentric", "thesis")
 _STEINER = {"apply": 1.0, "undo": -1.0}
-"""Factor of Steiner's term: apply is eq. 1 of the thesis, undo eq. 2."""
+"""Factor of Steiner's term (parallel-axis theorem): apply is eq. 1 of the thesis, undo eq. 2."""
 
 
 def inertials(name: str = "barycentric") -> dict[str, MassProperties]:
-    """Return the inertial parameters of a set by part: link0 to link7, hand, finger (each).
+    """Return mass, centre of mass and inertia of each part: link0 to link7, hand, finger (one of the two).
 
     Args:
-        name: `barycentric` or `thesis`.
+        name: set of inertial parameters, `barycentric` or `thesis`.
     """
     if name not in INERTIAL_SETS:
         raise UnknownNameError("set of inertials", name, INERTIAL_SETS, PACKAGE)
@@ -28,7 +28,7 @@ def inertials(name: str = "barycentric") -> dict[str, MassProperties]:
 
 
 def unphysical(name: str) -> dict[str, list[str]]:
-    """Return the physically impossible parts of a set, with the reasons."""
+    """Return the parts of an inertial set that are physically impossible, with the reasons."""
     verdicts = {part: judge(link.inertia).reasons() for part, link in inertials(name).items()}
     return {part: reasons for part, reasons in verdicts.items() if reasons}
 
@@ -39,7 +39,7 @@ def _link_inertia(values: dict[str, dict[str, float]]) -> MassProperties:
 
 
 def _thesis(parts: dict[str, MassProperties]) -> dict[str, MassProperties]:
-    """Return the parts that the thesis's set changes, by config/inertials_thesis.yaml."""
+    """Return the parts that differ in the thesis's set, computed from `parts` as config/inertials_thesis.yaml says."""
     rule = config("inertials_thesis")
     changed = {}
     for part in rule["links"]:
@@ -51,7 +51,7 @@ def _thesis(parts: dict[str, MassProperties]) -> dict[str, MassProperties]:
 
 
 def moved(links: dict[str, MassProperties], steiner: str | None) -> dict[str, MassProperties]:
-    """Return the links with Steiner's term added (`apply`), subtracted (`undo`) or unchanged (None)."""
+    """Return the links with Steiner's term added to the inertias (`apply`), subtracted (`undo`) or unchanged (None)."""
     if steiner is None:
         return links
     sign = _STEINER[steiner]
@@ -62,7 +62,10 @@ def moved(links: dict[str, MassProperties], steiner: str | None) -> dict[str, Ma
 
 
 def report(links: dict[str, MassProperties]) -> str:
-    """Return a line per link: mass [kg], tensor, principal moments and triangle margin [kg m^2], definiteness."""
+    """Return a table of the links: mass [kg], inertia tensor, principal moments, triangle margin [kg m^2], verdict.
+
+    Triangle margin: sum of the two smaller principal moments minus the largest; negative values are impossible.
+    """
     columns = ("Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz", "e1", "e2", "e3", "margin")
     rows = [f"{'part':7}{'mass':>10}" + "".join(f"{name:>11}" for name in columns) + "  verdict"]
     for part, link in links.items():
@@ -76,28 +79,29 @@ def report(links: dict[str, MassProperties]) -> str:
 
 
 class InertialsCommand(Command):
-    """Print mass, inertia tensor and principal moments of each link.
+    """Print mass, inertia tensor and principal moments of each link of the Panda.
 
-    Also the triangle margin (the two smaller moments less the largest) and whether the tensor is definite.
+    Also the triangle margin (sum of the two smaller moments minus the largest) and whether the tensor is positive
+    definite; a body for which one of them is negative cannot exist.
     """
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments."""
+        """Return the arguments of the command line."""
         return [
             Argument("--set", choices=INERTIAL_SETS, default="barycentric", help="inertial set (default: %(default)s)"),
             Argument(
                 "--steiner",
                 choices=tuple(_STEINER),
-                help="move each tensor first: apply adds m (q'q E - q q') (centre of mass to link origin, thesis Eq. "
-                "1), undo subtracts it (Eq. 2)",
+                help="change the reference point of each tensor before printing: apply adds Steiner's term "
+                "m (q'q E - q q') (centre of mass to link origin, thesis Eq. 1), undo subtracts it (Eq. 2)",
             ),
         ]
 
     def run(self, arguments: argparse.Namespace) -> None:
         """Print the table."""
-        point = {None: "as the set has them", "apply": "Steiner's term added", "undo": "Steiner's term subtracted"}
+        point = {None: "unchanged", "apply": "Steiner's term added", "undo": "Steiner's term subtracted"}
         print(
-            f"inertials '{arguments.set}', {point[arguments.steiner]}; mass [kg], tensor, principal moments "
-            "e1..e3 and margin e1 + e2 - e3 [kg m^2]"
+            f"inertials '{arguments.set}', {point[arguments.steiner]}; mass [kg], inertia tensor, principal moments "
+            "e1..e3 and triangle margin e1 + e2 - e3 [kg m^2]"
         )
         print(report(moved(inertials(arguments.set), arguments.steiner)))

@@ -1,4 +1,4 @@
-"""Paths of this package's xacro and YAML files, in a source tree or installed, and its limits and friction."""
+"""Joint limits, friction and self-collision exceptions of the Panda from config/, and paths of this package's files."""
 
 import importlib.util
 import logging
@@ -16,7 +16,7 @@ HAND_LINKS = {"hand", "leftfinger", "rightfinger"}
 
 @cache
 def share() -> Path:
-    """Return the folder that contains config/ and urdf/."""
+    """Return the folder of this package that contains config/ and urdf/, in a source tree or installed."""
     source = Path(__file__).resolve().parents[2]
     return source if (source / "urdf").is_dir() else Path(find_package(PACKAGE))
 
@@ -29,22 +29,22 @@ def find_package(name: str) -> str:
 
 
 def config(name: str) -> dict[str, Any]:
-    """Return the content of config/<name>.yaml; it is shared, so do not change it."""
+    """Return the content of config/<name>.yaml; all callers share the object, so do not change it."""
     return package_yaml(__file__, name)
 
 
 @cache
 def folder_uri() -> str:
-    """Return the URI (file:///...) of the meshes' folder; empty, with one warning, if package or mesh is missing."""
+    """Return the URI (file:///...) of the folder with the visual meshes; empty, with one warning, if any is missing."""
     folder, missing = _look()
     if missing:
-        LOG.warning("no visual meshes of the Panda (%s); the collision primitives are drawn instead", missing)
+        LOG.warning("no visual meshes of the Panda (%s); the collision capsules are drawn instead", missing)
         return ""
     return folder.as_uri()
 
 
 def _look() -> tuple[Path, str]:
-    """Return the folder of the meshes, and a text about missing ones (empty if none)."""
+    """Return the folder of the visual meshes, and a text about missing ones (empty if none is missing)."""
     source = config("meshes")
     spec = importlib.util.find_spec(source["package"])
     if spec is None or not spec.submodule_search_locations:
@@ -60,11 +60,11 @@ class JointLimit:
 
     Args:
         lower, upper: position range [rad].
-        velocity: largest velocity [rad/s].
-        acceleration: largest acceleration [rad/s^2].
-        jerk: largest jerk [rad/s^3].
-        effort: largest torque [N m].
-        effort_rate: largest torque rate [N m/s].
+        velocity: maximum velocity [rad/s].
+        acceleration: maximum acceleration [rad/s^2].
+        jerk: maximum jerk [rad/s^3].
+        effort: maximum torque [N m].
+        effort_rate: maximum torque rate [N m/s].
     """
 
     lower: float
@@ -78,7 +78,10 @@ class JointLimit:
 
 @dataclass(frozen=True)
 class CartesianLimit:
-    """Largest velocity, acceleration and jerk in SI: m for translation, rad for rotation and elbow; per s, s^2, s^3."""
+    """Maximum velocity, acceleration and jerk of one Cartesian quantity of the end effector.
+
+    Units: m/s, m/s^2, m/s^3 for translation; rad/s, rad/s^2, rad/s^3 for rotation and elbow.
+    """
 
     velocity: float
     acceleration: float
@@ -86,12 +89,12 @@ class CartesianLimit:
 
 
 def joint_limits(arm_id: str = "panda") -> dict[str, JointLimit]:
-    """Return the limits by full joint name, joints 1 to 7 in order."""
+    """Return the limits of joints 1 to 7 by full joint name, in order."""
     return {f"{arm_id}_{joint}": JointLimit(**values) for joint, values in config("joint_limits")["joints"].items()}
 
 
 def joint_limit_parameters(arm_id: str = "panda") -> dict[str, dict[str, bool | float]]:
-    """Return the content of ros_control's parameters `joint_limits/` by full joint name."""
+    """Return the joint limits in the form of ros_control's parameters `joint_limits/<joint>`, by full joint name."""
     parameters: dict[str, dict[str, bool | float]] = {}
     for joint, limit in joint_limits(arm_id).items():
         parameters[joint] = {"has_position_limits": True, "min_position": limit.lower, "max_position": limit.upper}
@@ -101,17 +104,20 @@ def joint_limit_parameters(arm_id: str = "panda") -> dict[str, dict[str, bool | 
 
 
 def cartesian_limits() -> dict[str, CartesianLimit]:
-    """Return the limits of `translation`, `rotation` and `elbow`."""
+    """Return the limits of the end effector's `translation` and `rotation`, and of the `elbow`, by these names."""
     return {name: CartesianLimit(**values) for name, values in config("cartesian_limits").items()}
 
 
 def friction_parameters(arm_id: str = "panda") -> dict[str, dict[str, float]]:
-    """Return phi1 [N m], phi2 [s/rad], phi3 [rad/s] of the friction sigmoid by full joint name (config/friction)."""
+    """Return phi1 [N m], phi2 [s/rad], phi3 [rad/s] of the friction sigmoid by full joint name (friction.yaml)."""
     return {f"{arm_id}_{joint}": dict(values) for joint, values in config("friction")["sigmoid"].items()}
 
 
 def ignored_pairs(arm_id: str = "panda", hand: bool = True) -> list[tuple[str, str]]:
-    """Return the link pairs not to test for self-collision, besides those with a common joint (config/collision)."""
+    """Return the link pairs to leave out of self-collision tests, in addition to those with a common joint.
+
+    Source: config/collision.yaml. hand: include pairs with links of the hand.
+    """
     pairs = config("collision")["ignored_pairs"]
     return [
         (f"{arm_id}_{first}", f"{arm_id}_{second}")

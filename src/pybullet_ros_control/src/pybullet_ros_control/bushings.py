@@ -1,9 +1,9 @@
-"""Bushings between links of one engine.
+"""Bushings: springs and dampers that hold two links of PyBullet bodies together.
 
-Their law uses positions and velocities at the measuring instant, which is the start of the step, as in the other
-plants. The load is constant over the step: on links of a body with a fixed base as efforts J'F, which need no call of
-the engine and are known to the balance beforehand; on others as a force of the engine. The engine's positions belong to
-the middle of the step. So the point where both forces act is advanced with body b to the middle of the step.
+Their law uses positions and velocities at the start of the step, the measuring instant, as in the other plants. The
+load is constant over the step. On a link of a body with a fixed base it is applied as joint efforts J'F, which need no
+call of the engine and are known to the joint dynamics in advance; on other links as an external force of the engine.
+The engine's positions belong to the middle of the step, so the point of application moves with body b to that instant.
 """
 
 from typing import Protocol
@@ -21,7 +21,7 @@ from pybullet_ros_control.world import PybulletWorld
 
 
 class _End(Protocol):
-    """One end of a bushing."""
+    """Link at one end of a bushing."""
 
     def motion(self) -> LinkMotion:
         """Return the motion of the link at the measuring instant."""
@@ -31,7 +31,7 @@ class _End(Protocol):
 
 
 class _JointedEnd:
-    """Link of a body with a fixed base and joints."""
+    """Link, at an end of a bushing, of a body with a fixed base and joints; loads become joint efforts."""
 
     def __init__(self, joints: PybulletRobot | PybulletModelJoints, link: str) -> None:
         assert joints.body.model is not None
@@ -48,7 +48,7 @@ class _JointedEnd:
 
 
 class _FreeEnd:
-    """Any other link: of a body with a free base, or a fixed one."""
+    """Link, at an end of a bushing, of a body with a free base or without joints; loads become forces of the engine."""
 
     def __init__(self, engine: PhysicsClient, forces: ExternalForces, body: LoadedBody, link: str, half: float) -> None:
         self._engine, self._forces, self._body, self._half = engine, forces, body, half
@@ -75,13 +75,13 @@ class _FreeEnd:
 
 
 class PybulletBushings(Bushings):
-    """Connected bushings, and their forces in the engine.
+    """All bushings of a PyBullet plant, and the application of their loads.
 
     Args:
         engine: engine with the bodies.
-        world: the bodies.
-        robot: the robot among them.
-        config: the plant's parameters.
+        world: bodies by name, the robot included.
+        robot: robot in the world.
+        config: parameters of the plant.
     """
 
     def __init__(self, engine: PhysicsClient, world: PybulletWorld, robot: PybulletRobot, config: PlantConfig) -> None:
@@ -90,7 +90,7 @@ class PybulletBushings(Bushings):
         self._acting: list[tuple[BushingLaw, _End, _End]] = []
 
     def bind(self) -> None:
-        """Bind the bushings after bodies were loaded again or connections changed."""
+        """Find the links of all bushings in the engine, after bodies were loaded again or bushings were added."""
         self._world.keep_apart(self.apart())
         self._robot.mask()
         self._acting = [
@@ -107,7 +107,7 @@ class PybulletBushings(Bushings):
         return _FreeEnd(self._engine, self._world.forces, body, link, self._half)
 
     def act(self) -> None:
-        """Apply the bushing forces to both links of each pair in the coming step."""
+        """Apply the load of each bushing to its two links in the coming step."""
         for law, a, b in self._acting:
             motion = b.motion()
             force, torque, point, *_ = law.step(a.motion(), motion)

@@ -1,9 +1,9 @@
-"""Contacts: rigid ones as read from the engine, and the plant's penalty contact where a true force is needed.
+"""Contacts in PyBullet: the engine's rigid contacts, and penalty contact (spring and damper) with realistic forces.
 
-The transient force of the engine's compliant contact is 9 to 26 % below ISO/TS 15066 at 1 ms. Here one spring per pair
-of links acts instead, as an external force on both: at the centre of the overlap area (`hric_control.plants.faces`),
-with the mean force of its motion through the step (`hric_control.plants.spring_step`). The engine's contact is off for
-these links.
+With a step of 1 ms, the peak force of the engine's own compliant contact is 9 to 26 % below the formula of ISO/TS
+15066. Penalty contact is therefore computed here: one spring per pair of links pushes both by external forces, at the
+centre of the overlap area (`hric_control.plants.faces`), with the mean force of its motion through the step
+(`hric_control.plants.spring_step`). The engine's own contact is switched off for these pairs.
 """
 
 from collections.abc import Callable, Collection, Mapping
@@ -23,17 +23,17 @@ from pybullet_ros_control.model_joints import PybulletModelJoints
 from pybullet_ros_control.robot import PybulletRobot
 
 LOOK_AHEAD = 5.0
-"""Approach speed for which links are checked before they touch within a step [m/s] (project default, unconfirmed)."""
+"""Maximum approach speed at which links are found before they touch [m/s] (project default, unconfirmed)."""
 
 EngineLink = tuple[int, int]
-"""Engine numbers of a body and of one of its links."""
+"""PyBullet's numbers of a body and of one of its links."""
 Laws = dict[tuple[int, int], tuple[float, float, float]]
-"""Contact laws (stiffness [N/m], damping [N s/m], friction) by engine links of two bodies."""
+"""Contact laws (stiffness [N/m], damping [N s/m], friction coefficient [1]) by link indices of two bodies."""
 
 
 @dataclass
 class PenaltyPair:
-    """Two bodies with links that are in penalty contact."""
+    """Two bodies, some of whose links use penalty contact with each other, and the contact laws of these links."""
 
     a: LoadedBody
     b: LoadedBody
@@ -42,12 +42,12 @@ class PenaltyPair:
 
 @dataclass(frozen=True)
 class _Link:
-    """One link in this step.
+    """Motion of one link in the present step, in the world frame.
 
     Attributes:
         body, index: body and engine index of the link.
-        T: pose of the frame at its centre of mass, shape (4, 4).
-        linear, angular: velocity of that frame now and one step before, shape (2, 3) each [m/s], [rad/s].
+        T: pose of the link's centre-of-mass frame, shape (4, 4).
+        linear, angular: velocities of the centre of mass now and one step before, shape (2, 3) each [m/s], [rad/s].
     """
 
     body: LoadedBody
@@ -57,7 +57,7 @@ class _Link:
     angular: FloatArray
 
     def velocities(self, point: FloatArray) -> FloatArray:
-        """Return the velocity of the material at a point, now and one step before, shape (2, 3) [m/s]."""
+        """Return the velocity of the link's material at a point [m], now and one step before, shape (2, 3) [m/s]."""
         # omega x r = - r x omega
         return np.array([v - cross(point - self.T[:3, 3], w) for v, w in zip(self.linear, self.angular, strict=True)])
 
@@ -67,15 +67,15 @@ def _names(body: LoadedBody, index: int) -> str:
 
 
 class PybulletPenaltyContact:
-    """Pairs with penalty contact, and their contacts in the last step.
+    """Penalty contact between all pairs of links whose surfaces request it.
 
     Args:
         engine: engine with the bodies.
-        springs: springs of the pairs.
+        springs: contact springs of the link pairs, with their state.
 
     Attributes:
-        pairs: pairs of bodies.
-        last: contacts of the last step.
+        pairs: pairs of bodies with penalty contact.
+        last: penalty contacts of the last step.
     """
 
     def __init__(self, engine: PhysicsClient, springs: Springs) -> None:
@@ -93,12 +93,12 @@ class PybulletPenaltyContact:
         surface: Callable[[LoadedBody, int], Surface],
         apart: Collection[tuple[EngineLink, EngineLink]],
     ) -> None:
-        """Determine all pairs again, and switch off their rigid contact in the engine.
+        """Determine all pairs with penalty contact again, and switch off their rigid contact in the engine.
 
         Args:
             bodies: bodies by name.
-            surface: function from an engine link to its surface.
-            apart: links that do not touch each other.
+            surface: function that returns the surface of a body's link, by its engine index.
+            apart: link pairs that must not touch, e.g. because a bushing connects them.
         """
         self.forget()
         self.pairs, self._solids = [], {}
@@ -121,7 +121,7 @@ class PybulletPenaltyContact:
                     self.pairs.append(PenaltyPair(a, b, laws))
 
     def forget(self) -> None:
-        """Forget the previous step, after bodies were repositioned."""
+        """Clear the memory of the previous step, after bodies were repositioned."""
         self.springs.forget()
         self.last, self._links = [], {}
 
@@ -129,9 +129,9 @@ class PybulletPenaltyContact:
         """Push each overlapping pair of links apart in the coming step.
 
         Args:
-            forces: external forces of the step.
-            robot: the robot.
-            joints: joints of the other models, by model.
+            forces: external forces of the step, to which the contact forces are added.
+            robot: robot in the engine.
+            joints: joints of the other models, by name of the model.
         """
         self.last = []
         self.springs.begin()
@@ -210,7 +210,7 @@ class PybulletPenaltyContact:
             position, orientation, linear, angular = self._engine.motion(body, index)
             T = homogeneous(rotation_from_quaternion(orientation), position)
             old = self._before.get(key)
-            # Without a previous step, its velocities are assumed to be the same.
+            # Without a previous step, the velocities are assumed to be constant.
             was = (linear, angular) if old is None else (old.linear[0], old.angular[0])
             self._links[key] = _Link(body, index, T, np.array([linear, was[0]]), np.array([angular, was[1]]))
         return self._links[key]
@@ -228,7 +228,7 @@ def rigid_contacts(engine: PhysicsClient, bodies: Mapping[int, LoadedBody]) -> l
 
 
 def solids(body: LoadedBody, index: int, engine: PhysicsClient) -> list[faces.Solid]:
-    """Return the shapes of an engine link, in its centre-of-mass frame; a mesh next to other shapes is left out."""
+    """Return the collision shapes of a link in its centre-of-mass frame; a mesh is left out if there are others."""
     data = pybullet.getCollisionShapeData(body.id, index, physicsClientId=engine.client)
     shapes = []
     for shape in data:

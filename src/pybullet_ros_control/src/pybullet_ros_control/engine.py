@@ -1,4 +1,4 @@
-"""One PyBullet client with all settings that the plant needs, and the loading of prepared models into it."""
+"""Access to one PyBullet physics client: settings, loading of models, reading and setting of states."""
 
 import os
 import tempfile
@@ -17,29 +17,29 @@ from hric_core.urdf import mimic_laws
 from pybullet_ros_control.urdf_model import EngineModel
 
 _MAX_JOINT_VELOCITY = 1e6
-"""Largest joint velocity in the engine, whose default is 100 rad/s [rad/s]."""
+"""Joint velocity at which the engine clips [rad/s]; its default of 100 rad/s is too low."""
 
 
 GEAR_FORCE = 1e9
-"""Largest effort of a gear [N m or N]: a constraint of the engine, so its size does not make it stiff."""
+"""Maximum effort of a gear constraint [N m or N]; practically no limit. The value does not affect the stiffness."""
 NO_RATIO = 1e-300
-"""Ratio of a gear that moves nothing [1]: the engine does not accept zero."""
+"""Ratio of the gear of a mimic joint with multiplier 0 [1]: the engine does not accept zero."""
 SLACK = 1e-12
-"""Largest deviation of a mimic joint from its law [rad or m, rad/s or m/s] (project default, unconfirmed)."""
+"""Deviation of a mimic joint beyond which its state is corrected [rad or m, rad/s or m/s] (unconfirmed default)."""
 
 
 @dataclass
 class LoadedBody:
-    """Loaded model.
+    """Body that is loaded in PyBullet.
 
     Attributes:
         name: name of the model.
-        id: engine number of the body.
+        id: PyBullet's number of the body.
         model: prepared model; None for a plain shape.
         links: engine index by link name; the base is -1.
         joints: engine index by name of the moving joints.
-        parents: engine index of each link's parent, without the base.
-        gears: engine numbers of the gears between mimic joints.
+        parents: engine index of the parent, by engine index of each link except the base.
+        gears: PyBullet's numbers of the gear constraints of mimic joints.
     """
 
     name: str
@@ -54,10 +54,10 @@ class LoadedBody:
         self.link_names = {index: name for name, index in self.links.items()}
 
     def frame(self, link: str) -> tuple[int, transforms.FloatArray]:
-        """Return (engine link index, T_body_frame, shape (4, 4)) of a link of the description.
+        """Return (engine index of the link that carries it, pose in that link, shape (4, 4)) of a described link.
 
         Raises:
-            UnknownNameError: no such link.
+            UnknownNameError: the model has no such link.
         """
         links = self.links if self.model is None else self.model.frames
         if link not in links:
@@ -70,7 +70,13 @@ class LoadedBody:
 
 @dataclass(frozen=True)
 class BodyState:
-    """State of a body in the engine: base by its centre of mass, quaternion (x, y, z, w); (q, dq) of each joint."""
+    """State of a body in PyBullet.
+
+    Attributes:
+        position, orientation: pose of the base's centre of mass in the world [m], quaternion (x, y, z, w).
+        linear, angular: velocity of the base's centre of mass [m/s], [rad/s].
+        joints: (position, velocity) by joint name.
+    """
 
     position: tuple[float, ...]
     orientation: tuple[float, ...]
@@ -80,18 +86,27 @@ class BodyState:
 
 
 def _check_display() -> None:
-    """Raise HricError without a display: the engine would end the complete process."""
+    """Raise a HricError if there is no X display, since PyBullet would then end the complete process."""
     display = os.environ.get("DISPLAY", "")
     local = display.removeprefix("unix").partition(":")
     socket = Path("/tmp/.X11-unix") / f"X{local[2].split('.')[0]}"
     if not display or (local[0] == "" and not socket.exists()):
         raise HricError(
-            f"gui: true needs a display; DISPLAY is {display!r}. Give gui: false, or start a display (for example Xvfb)"
+            f"gui: true needs a display; DISPLAY is {display!r}. Set gui: false, or start a display (for example Xvfb)"
         )
 
 
 class PhysicsClient:
-    """Separate physics client: several can be in one process without interaction."""
+    """PyBullet physics client. Several can exist in one process without affecting each other.
+
+    Args:
+        gui: True to open a window.
+        time_step: duration of a step [s].
+        gravity: gravity in the world frame, 3 floats [m/s^2].
+
+    Raises:
+        HricError: there is no display for the window, or PyBullet refuses another client.
+    """
 
     def __init__(self, gui: bool, time_step: float, gravity: Sequence[float]) -> None:
         self.time_step, self.gravity, self.gui = time_step, tuple(gravity), gui
@@ -103,7 +118,7 @@ class PhysicsClient:
         self.settings()
 
     def settings(self) -> None:
-        """Remove all bodies and set up the world again."""
+        """Remove all bodies, then set gravity, time step and engine parameters again."""
         client = self.client
         pybullet.resetSimulation(physicsClientId=client)
         pybullet.setGravity(*self.gravity, physicsClientId=client)
@@ -130,18 +145,25 @@ class PhysicsClient:
         fixed_base: bool,
         self_collision: bool,
     ) -> LoadedBody:
-        """Load a prepared model with its root link at T_world_root, shape (4, 4).
+        """Load a prepared model into the engine and return the body.
+
+        Args:
+            name: name of the body.
+            model: prepared model.
+            T_world_root: pose of the root link, shape (4, 4).
+            fixed_base: True: the root link is fixed to the world.
+            self_collision: True: links of the body can touch each other.
 
         Raises:
-            HricError: the engine cannot load it.
+            HricError: the engine cannot load the model.
         """
-        # A cylinder would be a hull of 64 corners with a skin of 1 mm.
+        # Without this flag a cylinder would be a hull of 64 corners with a margin of 1 mm.
         flags = pybullet.URDF_USE_INERTIA_FROM_FILE | pybullet.URDF_USE_IMPLICIT_CYLINDER
         if self_collision:  # the plant, not the engine, excludes pairs
             flags |= pybullet.URDF_USE_SELF_COLLISION | pybullet.URDF_USE_SELF_COLLISION_INCLUDE_PARENT
         T = T_world_root @ model.T_root_base
         pose = T[:3, 3].tolist(), transforms.quaternion_from_rotation(T[:3, :3])
-        # Deleted at once: a killed process would leave the folder behind.
+        # Deleted right after loading: otherwise a killed process would leave the folder behind.
         with tempfile.TemporaryDirectory(prefix="hric_plant_") as folder:
             path = Path(folder) / "model.urdf"
             for file, content in model.files.items():
@@ -160,7 +182,7 @@ class PhysicsClient:
         return body
 
     def _add_gears(self, body: LoadedBody) -> None:
-        """Add gears for mimic joints, so that the engine's contact and stops act on both joints."""
+        """Add gear constraints for mimic joints, so that the engine's contacts and joint stops act on both joints."""
         assert body.model is not None
         for name, law in mimic_laws(body.model.joints).items():
             joints, axis, origin = (body.joints[name], body.joints[law.joint]), [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]
@@ -191,7 +213,7 @@ class PhysicsClient:
         return LoadedBody(name, body_id, model, links, joints, parents)
 
     def _set_dynamics(self, body: LoadedBody) -> None:
-        """Switch off the engine's hidden damping, raise its speed limit, and set the true principal moments."""
+        """Switch off the engine's default damping, raise its speed limit, and set the exact principal moments."""
         assert body.model is not None
         for link, index in body.links.items():
             dampings = {"linearDamping": 0.0, "angularDamping": 0.0, "jointDamping": 0.0}
@@ -206,7 +228,8 @@ class PhysicsClient:
             info = pybullet.getDynamicsInfo(body.id, index, physicsClientId=self.client)
             if info[0] != body.model.bodies[link].mass or tuple(info[2]) != moments:
                 raise HricError(
-                    f"PyBullet did not take the mass of {body.name}::{link}: it has {info[0]} kg, {info[2]} kg m^2"
+                    f"PyBullet did not accept the mass of {body.name}::{link}: it uses {info[0]} kg and the principal "
+                    f"moments {info[2]} kg m^2"
                 )
 
     def state(self, body: LoadedBody) -> BodyState:
@@ -219,7 +242,7 @@ class PhysicsClient:
         return BodyState(position, orientation, linear, angular, joints)
 
     def set_state(self, body: LoadedBody, state: BodyState) -> None:
-        """Put a body into the state of another body of the same model."""
+        """Set pose, velocity and joint states of a body, e.g. those of its predecessor of the same model."""
         pybullet.resetBasePositionAndOrientation(
             body.id, state.position, state.orientation, physicsClientId=self.client
         )
@@ -228,7 +251,7 @@ class PhysicsClient:
             pybullet.resetJointState(body.id, body.joints[name], q, dq, physicsClientId=self.client)
 
     def motors_off(self, body: LoadedBody) -> None:
-        """Remove the force of the motors with which the engine holds every joint by default."""
+        """Switch off the motors by which PyBullet brakes every joint by default."""
         indices = list(body.joints.values())
         if indices:
             pybullet.setJointMotorControlArray(
@@ -238,10 +261,10 @@ class PhysicsClient:
     def joint_states(
         self, body: LoadedBody, joints: MovingJoints, indices: Sequence[int]
     ) -> tuple[tuple[Any, ...], ...]:
-        """Return the result of `getJointStates`, after correcting mimic joints to their laws.
+        """Return the result of PyBullet's `getJointStates`, after mimic joints were set exactly to their law.
 
         Args:
-            body: the body.
+            body: body with these joints.
             joints: moving joints, in the order of `indices`.
             indices: engine indices of the joints.
         """
@@ -263,7 +286,7 @@ class PhysicsClient:
         pybullet.removeBody(body.id, physicsClientId=self.client)
 
     def pose(self, body: LoadedBody, index: int) -> transforms.FloatArray:
-        """Return T_world_link of an engine link's frame (not of its centre of mass), shape (4, 4)."""
+        """Return the pose of a link's frame (not of its centre of mass) in the world, shape (4, 4)."""
         if index < 0:
             position, orientation = pybullet.getBasePositionAndOrientation(body.id, physicsClientId=self.client)
             return transforms.homogeneous(
@@ -273,7 +296,7 @@ class PhysicsClient:
         return transforms.homogeneous(transforms.rotation_from_quaternion(state[5]), state[4])
 
     def inertial_frame(self, body: LoadedBody, index: int) -> transforms.FloatArray:
-        """Return T_link_inertial of an engine link, shape (4, 4): the engine's base pose is at the centre of mass."""
+        """Return the pose of a link's centre-of-mass frame in the link frame, shape (4, 4)."""
         info = pybullet.getDynamicsInfo(body.id, index, physicsClientId=self.client)
         return transforms.homogeneous(transforms.rotation_from_quaternion(info[4]), info[3])
 

@@ -1,4 +1,4 @@
-"""Forces on bodies in one step, wrenches and penalty contact, with their joint efforts J'F; mobility of points."""
+"""External forces on bodies in one step, their joint efforts J'F, and the effective mass of bodies at a point."""
 
 from collections.abc import Iterable, Mapping, Sequence
 
@@ -12,16 +12,16 @@ from pybullet_ros_control.robot import PybulletRobot
 
 
 class JointRows:
-    """Rows of the transposed Jacobian of any point of a body, in the engine's order of its moving joints.
+    """Joint efforts J'F of forces at any point of a body, in the engine's order of its moving joints.
 
-    The engine's own Jacobian is not that of the point.
+    J is computed here, since PyBullet's own function does not return the Jacobian of the given point.
 
     Args:
         body: body with a model.
-        client: the engine's client.
+        client: PyBullet's number of the physics client.
 
     Attributes:
-        joints: engine indices.
+        joints: engine indices of the moving joints.
     """
 
     def __init__(self, body: LoadedBody, client: int) -> None:
@@ -40,7 +40,7 @@ class JointRows:
         self._frames: tuple[FloatArray, FloatArray] | None = None
 
     def _joint_frames(self) -> tuple[FloatArray, FloatArray]:
-        """Return (axes, origins) of all moving joints in the world, shape (n, 3) each; read once per step."""
+        """Return (axes, origins [m]) of all moving joints in the world frame, shape (n, 3) each; read once per step."""
         if self._frames is None:
             states = pybullet.getLinkStates(
                 self._body.id, self.joints, computeForwardKinematics=1, physicsClientId=self._client
@@ -50,7 +50,7 @@ class JointRows:
         return self._frames
 
     def _carried_by(self, index: int) -> FloatArray:
-        """Return 1 for each moving joint between the base and a link, else 0."""
+        """Return 1 for each moving joint between the base and a link (engine index), else 0; shape (n,)."""
         if index not in self._carries:
             chain, link = set(), index
             while link >= 0:
@@ -60,7 +60,16 @@ class JointRows:
         return self._carries[index]
 
     def efforts(self, index: int, force: FloatArray, torque: Sequence[float] | None, point: FloatArray) -> FloatArray:
-        """Return tau_i = a_i . ((p - o_i) x F + T) of a revolute joint, a_i . F of a prismatic one, shape (n,)."""
+        """Return the joint efforts of a force F and torque T that act on a link at point p, shape (n,) [N m or N].
+
+        Revolute joint i with axis a_i through o_i: a_i . ((p - o_i) x F + T); prismatic joint: a_i . F.
+
+        Args:
+            index: engine index of the link.
+            force: F in the world frame, shape (3,) [N].
+            torque: T in the world frame, 3 floats [N m]; None: zero.
+            point: p in the world frame, shape (3,) [m].
+        """
         axes, origins = self._joint_frames()
         moments = (point - origins) @ skew(force)
         if torque is not None:
@@ -70,10 +79,10 @@ class JointRows:
 
 
 class Mobility:
-    """Mobility of points of bodies: the inverse effective mass, with joints, brakes and rotors.
+    """Mobility (inverse effective mass) of points of bodies, with joints, brakes and rotor inertias considered.
 
     Args:
-        engine: engine with the bodies, the robot among them.
+        engine: engine with the bodies.
     """
 
     def __init__(self, engine: PhysicsClient) -> None:
@@ -86,14 +95,26 @@ class Mobility:
         self._inertias: dict[int, FloatArray] = {}
 
     def begin(self, robot: PybulletRobot, joints: Mapping[str, PybulletModelJoints], forces: "ExternalForces") -> None:
-        """Start a step with these external forces; joints: of the other models."""
+        """Start a step; cached mass matrices are discarded.
+
+        Args:
+            robot: robot in the engine.
+            joints: joints of the other models, by name of the model.
+            forces: external forces of the step.
+        """
         self._robot, self._joints, self._forces = robot, joints, forces
         self._inertias.clear()
 
     def inverse_mass(self, body: LoadedBody, index: int, point: FloatArray, normal: FloatArray) -> float:
-        """Return n' J (M + B)^-1 J' n of a point of a link, shape (3,) [m], along a unit vector, shape (3,) [1/kg].
+        """Return the inverse effective mass n' J (M + B)^-1 J' n of a link at a point, along a direction n [1/kg].
 
-        A free body with joints counts as one mass at the point.
+        A free body with joints counts as one point mass.
+
+        Args:
+            body: body with the link.
+            index: engine index of the link.
+            point: point in the world frame, shape (3,) [m].
+            normal: unit vector n in the world frame, shape (3,).
         """
         mass, moments = self._mass(body)
         if mass > 0.0 and not body.joints:
@@ -124,7 +145,7 @@ class Mobility:
         return float(1.0 / mass + (lever * lever) @ (1.0 / moments))
 
     def _inverse_inertia(self, body: LoadedBody) -> FloatArray:
-        """Return (M + B)^-1 of the joints, shape (n, n); held joints have zeros."""
+        """Return (M + B)^-1 of the joints, shape (n, n); braked and driven joints have zeros."""
         if body.id not in self._inertias:
             robot = self._robot
             self._inertias[body.id] = (
@@ -141,7 +162,7 @@ def _inverse_inertia(robot: PybulletRobot) -> FloatArray:
 
 
 class ExternalForces:
-    """External forces of the next step, sent to the engine and summed as joint efforts.
+    """External forces of the next step: they are sent to the engine, and their joint efforts are summed.
 
     Args:
         engine: engine with the bodies.
@@ -157,19 +178,19 @@ class ExternalForces:
         self._sums: dict[int, FloatArray | None] = {}
 
     def begin(self, summed: Iterable[LoadedBody]) -> None:
-        """Start a step; `summed`: bodies with a fixed base and joints whose efforts are summed."""
+        """Start a step; `summed`: bodies with fixed base and joints, for which joint efforts are summed."""
         self._sums = {body.id: None for body in summed}
         for rows in self._rows.values():
             rows.forget()
 
     def rows(self, body: LoadedBody) -> JointRows:
-        """Return the transposed Jacobian rows of a body in this step."""
+        """Return the object that computes joint efforts of forces on a body in this step."""
         if body.id not in self._rows:
             self._rows[body.id] = JointRows(body, self._engine.client)
         return self._rows[body.id]
 
     def efforts(self, body: LoadedBody) -> list[float] | None:
-        """Return J'F of this step's forces for all moving joints of a body [N m or N]; None without a force."""
+        """Return the sum of the joint efforts J'F of this step's forces on a body [N m or N]; None without a force."""
         efforts = self._sums.get(body.id)
         return None if efforts is None else efforts.tolist()
 

@@ -1,4 +1,4 @@
-"""Convex hulls of meshes, reduced by the margin that the engine adds around each."""
+"""Convex hulls of meshes, reduced by the collision margin that PyBullet adds around each hull."""
 
 import numpy as np
 from scipy.optimize import linprog
@@ -8,16 +8,16 @@ from hric_core.geometry import FloatArray
 from hric_core.meshes.canonical import MeshSurface
 
 SKIN = 1e-3
-"""Margin that the engine gives each hull [m]. Source: gUrdfDefaultCollisionMargin of PyBullet 3.2.7."""
+"""Collision margin that PyBullet adds around each hull [m]. Source: gUrdfDefaultCollisionMargin of PyBullet 3.2.7."""
 _THINNEST = 0.5
-"""Largest part of its largest inner sphere's radius that a hull loses [1] (project default, unconfirmed)."""
+"""Maximum reduction of a hull as a fraction of its inscribed sphere's radius [1] (project default, unconfirmed)."""
 
 
 def without_skin(hull: MeshSurface) -> MeshSurface:
-    """Return a hull whose sides are moved inwards by the margin, so that the engine's sides are those of the mesh.
+    """Return a hull whose sides are moved inwards by the engine's margin, so that with the margin they fit the mesh.
 
-    Its corners are then round: a body touches a corner of a box 0.7 mm late. A hull thinner than four margins is
-    reduced by less.
+    The margin rounds the corners: another body touches a corner of a box 0.7 mm late. A hull thinner than four margins
+    is reduced by less.
 
     Args:
         hull: convex hull of the mesh, which encloses a volume.

@@ -1,19 +1,19 @@
-/* Forward dynamics of one robot with a fixed base, on Python's own lists: what joint_dynamics.py explains. */
+/* Compiled part of joint_dynamics.py, which explains the equations: forward dynamics of one robot, on Python lists. */
 #include "hric_dynamics/factors.h"
 #include "hric_dynamics/friction.h"
 #include "hric_dynamics/tree.h"
 
 #define LOCKED 1e9      /* added to the inertia of a joint whose acceleration is prescribed [kg m^2] */
-#define NOTICEABLE 1e-9 /* below this a difference between predicted and engine velocity is rounding [rad/s] */
-#define NEGLIGIBLE 1e-7 /* below this, with no difference left, the engine is taken to add nothing [N m] */
+#define NOTICEABLE 1e-9 /* smaller differences between predicted and engine velocity are rounding errors [rad/s] */
+#define NEGLIGIBLE 1e-7 /* smaller efforts that the engine adds are set to zero if velocities agree [N m] */
 #define FRICTION_SWEEPS 50
 #define FRICTION_TOLERANCE 1e-12 /* relative change of the friction at which its iteration ends */
 
 typedef struct {
-    /* constants, in the order of a row that Python gives */
+    /* constants of a joint, in the order of a row from Python */
     Link link;
     double rotor, coulomb, damping, sigmoid[FRICTION_ROW], bristle[BRISTLE_ROW];
-    double leader, multiplier; /* of a joint that mimics another; else -1 and anything */
+    double leader, multiplier; /* mimic joint: index of the joint that it follows, and ratio; other joints: leader -1 */
 } Constants;
 
 enum { ROW = sizeof(Constants) / sizeof(double) };
@@ -23,7 +23,7 @@ typedef struct {
     int n;
     double dt, gravity[3];
     double half,
-        quiet; /* what engine positions are ahead of velocities [s]; no joint is this fast before it diverges */
+        quiet; /* lead of engine positions over velocities [s]; speed that no joint reaches unless it diverges */
     int passes, predicting, adding, sticking, lossy, coupled;
     Constants *constants;
     Tree tree;
@@ -31,7 +31,7 @@ typedef struct {
     /* n numbers each */
     double *q, *dq, *tau, *external, *prescribed, *bias, *bias0, *w;
     double *x, *loss, *slope, *predicted, *engine, *friction, *velocity, *inertia, *keep;
-    double *bend, *grip; /* of the bristles, and what they take per speed at the end of the step */
+    double *bend, *grip; /* deflection of the friction bristles, and their effort per speed at the end of the step */
     int *driven, *leader;
     /* n x n numbers each */
     double *M, *A, *gain;
@@ -59,7 +59,8 @@ static void fold_matrix(const Dynamics *self, double *A)
     }
 }
 
-/* x on the laws with A x = what stood in x, but for what keeps it there; A is folded and factored. */
+/* Solve A x = b on the mimic laws, apart from the efforts that keep joints on these laws. x: b on entry, solution on
+ * return; A: from fold_matrix, factored. */
 static void solve_on_laws(const Dynamics *self, const double *A, double *x)
 {
     const int n = self->n;
@@ -74,7 +75,7 @@ static void solve_on_laws(const Dynamics *self, const double *A, double *x)
             x[i] = self->constants[i].multiplier * x[self->leader[i]];
 }
 
-/* What damping and the sigmoid take away at velocity u, and its slope. */
+/* Efforts of damping and sigmoid friction at velocity u, and their derivatives by velocity. */
 static void losses(Dynamics *self, const double *u)
 {
     for (int i = 0; i < self->n; i++) {
@@ -89,8 +90,8 @@ static void losses(Dynamics *self, const double *u)
     }
 }
 
-/* Add what the bristles take, as far as it does not follow from the acceleration x of this pass; its part that does is
-   their grip. The end of the step is expected where the pass before has it. */
+/* Add the efforts of the friction bristles, without the part that is proportional to the acceleration x of this pass;
+   that part goes into self->grip. The velocity at the end of the step is the one of the previous pass. */
 static void grip(Dynamics *self, int first)
 {
     for (int i = 0; i < self->n; i++) {
@@ -105,8 +106,8 @@ static void grip(Dynamics *self, int first)
     }
 }
 
-/* Coulomb friction f with |f_i| <= F_i that brings v + dt x to zero where it can (projected Gauss-Seidel); x is changed
- * by what it does. */
+/* Coulomb friction f with |f_i| <= F_i that brings v + dt x to zero, or as near to it as possible (projected
+ * Gauss-Seidel); its effect is added to x. */
 static void stick(Dynamics *self)
 {
     const int n = self->n;
@@ -130,7 +131,7 @@ static void stick(Dynamics *self)
         for (int i = 0; i < n; i++) {
             double F = self->driven[i] ? 0.0 : self->constants[i].coulomb;
             if (self->gain[i * n + i] <= 0.0)
-                continue; /* its law keeps it where it is */
+                continue; /* a mimic joint that its law keeps at rest */
             double new = fmin(fmax(f[i] - end[i] / self->gain[i * n + i], -F), F);
             for (int k = 0; k < n; k++)
                 end[k] += (new - f[i]) * self->gain[i * n + k];
@@ -144,8 +145,8 @@ static void stick(Dynamics *self)
         self->x[i] = (end[i] - self->dq[i]) / self->dt;
 }
 
-/* What the engine added by itself in the last step, from the velocity that it ended with and the one that was
- * predicted. */
+/* Update the efforts that the engine itself added in the last step (contact, stops), from the difference between its
+ * final velocity and the predicted one. */
 static void update_engine_effort(Dynamics *self)
 {
     const int n = self->n;
@@ -159,14 +160,14 @@ static void update_engine_effort(Dynamics *self)
         double effort = self->adding ? self->engine[i] : 0.0;
         for (int k = 0; k < n; k++)
             effort += self->M[i * n + k] * (self->dq[k] - self->predicted[k]) / self->dt;
-        self->engine[i] = self->driven[i] ? 0.0 : effort; /* what it added there was its motor */
+        self->engine[i] = self->driven[i] ? 0.0 : effort; /* at a driven joint it is the effort of the motor */
         gone = gone && fabs(self->engine[i]) < NEGLIGIBLE;
     }
     self->adding = !gone;
 }
 
-/* Efforts that keep joints on their laws, out of the efforts that drive them otherwise, in self->keep: what those that
- * mimic need, and what this takes from their leaders. */
+/* Efforts that keep mimic joints on their laws: those of the mimic joints and the reactions on the joints that they
+ * follow. self->keep: all other efforts on entry, result on return. */
 static void find_keep(Dynamics *self, double lean)
 {
     const int n = self->n;
@@ -188,14 +189,14 @@ static void find_keep(Dynamics *self, double lean)
             keep[self->leader[i]] -= self->constants[i].multiplier * keep[i];
 }
 
-/* One evaluation: acceleration x with bias and losses at self->w, which is v in the first pass and v + dt/2 x in those
- * that follow. */
+/* One pass: acceleration x with bias, damping and friction at velocity self->w, which is v in the first pass and
+ * v + dt/2 x in the following ones. */
 static void accelerate(Dynamics *self, int first)
 {
     const int n = self->n;
     double half = first ? 0.0 : 0.5 * self->dt;
     double lean = self->passes > 0 ? 0.5 * self->dt : 0.0; /* losses follow the velocity in the middle of the step */
-    int fresh = first || self->lossy; /* the matrix of the first pass serves all, unless a slope is in it */
+    int fresh = first || self->lossy; /* without damping and friction all passes have the same matrix */
     tree_efforts(&self->tree, self->gravity, self->w, NULL, self->bias);
     if (self->lossy) {
         losses(self, self->w);
@@ -295,7 +296,7 @@ static PyObject *dynamics_torque(Dynamics *self, PyObject *const *given, Py_ssiz
         if (self->sticking)
             effort[i] += self->friction[i];
         if (self->driven[i])
-            effort[i] = 0.0; /* its motor's */
+            effort[i] = 0.0; /* the engine's motor supplies it */
         if (self->coupled)
             effort[i] += self->keep[i];
     }
@@ -313,7 +314,7 @@ static PyObject *dynamics_forget(Dynamics *self, PyObject *Py_UNUSED(none))
     Py_RETURN_NONE;
 }
 
-/* Positions and velocities in what getJointStates returns. */
+/* Read positions and velocities from the result of PyBullet's getJointStates. */
 static int take_states(Dynamics *self, PyObject *states, double *q, double *dq)
 {
     if (!PyTuple_Check(states) || PyTuple_GET_SIZE(states) != self->n) {
@@ -369,7 +370,7 @@ static PyObject *dynamics_mass_matrix(Dynamics *self, PyObject *q)
 {
     if (!take(q, self->n, self->q))
         return NULL;
-    double M[self->n > 0 ? self->n * self->n : 1]; /* that of the last step stays */
+    double M[self->n > 0 ? self->n * self->n : 1]; /* local, since self->M must keep the matrix of the last step */
     place_tree(&self->tree, self->q);
     tree_mass_matrix(&self->tree, M);
     return list(M, (Py_ssize_t)self->n * self->n);
@@ -404,7 +405,7 @@ static PyObject *dynamics_bias(Dynamics *self, PyObject *const *given, Py_ssize_
     return list(result, self->n);
 }
 
-/* The number of a joint, or -1 for the base; -2 with an error set. */
+/* Index of a joint, or -1 for the base; -2 with a Python error set. */
 static int take_joint(const Dynamics *self, PyObject *given)
 {
     const long joint = PyLong_AsLong(given);
@@ -436,7 +437,7 @@ static PyObject *dynamics_motion(Dynamics *self, PyObject *const *given, Py_ssiz
             v.w[k] += self->tree.S[i].w[k] * dq[i];
             v.v[k] += self->tree.S[i].v[k] * dq[i];
         }
-    add_cross(v.w, link.p, v.v); /* from the point at the world's origin to the frame's own */
+    add_cross(v.w, link.p, v.v); /* from the velocity at the world's origin to that at the frame's origin */
     quaternion(link.R, o);
     return Py_BuildValue("(ddd)(dddd)(ddd)(ddd)", link.p[0], link.p[1], link.p[2], o[0], o[1], o[2], o[3], v.v[0],
                          v.v[1], v.v[2], v.w[0], v.w[1], v.w[2]);
@@ -472,7 +473,7 @@ static int take_rows(Dynamics *self, PyObject *rows)
         if (!set_link(&self->tree, i, &self->constants[i].link))
             return -1;
         if (!(self->constants[i].leader < (double)self->n)) {
-            PyErr_Format(PyExc_ValueError, "the leader of joint %d is not among %d", i, self->n);
+            PyErr_Format(PyExc_ValueError, "mimic joint %d follows a joint that is not among the %d", i, self->n);
             return -1;
         }
         self->leader[i] = self->constants[i].leader < 0.0 ? -1 : (int)self->constants[i].leader;
@@ -525,18 +526,18 @@ static void dynamics_clear(Dynamics *self)
 static PyMethodDef dynamics_methods[] = {
     {"torque", FAST(dynamics_torque), "(q, dq, tau, external or None, prescribed or None) -> efforts for the engine"},
     {"read", FAST(dynamics_read),
-     "(states of getJointStates, tau) -> q, dq, q at the measuring instant, tau behind the rotors, whether all is "
-     "quiet"},
-    {"forget", (PyCFunction)dynamics_forget, METH_NOARGS, "the state was set from outside"},
+     "(states of getJointStates, tau) -> q, dq, q at the measuring instant, link-side tau, True if all is finite and "
+     "slow"},
+    {"forget", (PyCFunction)dynamics_forget, METH_NOARGS, "clear the memory of the previous step"},
     {"rotor_efforts", (PyCFunction)dynamics_rotor_efforts, METH_O,
-     "(dq at the end of the step) -> what the rotors took up in it"},
-    {"mass_matrix", (PyCFunction)dynamics_mass_matrix, METH_O, "(q) -> M of the links, row-major"},
-    {"mobility", (PyCFunction)dynamics_mobility, METH_O, "(q) -> M^-1 of the links, row-major"},
-    {"bias", FAST(dynamics_bias), "(q, dq) -> h"},
+     "(dq at the end of the step) -> efforts that accelerated the rotors in it"},
+    {"mass_matrix", (PyCFunction)dynamics_mass_matrix, METH_O, "(q) -> mass matrix of the links, row-major"},
+    {"mobility", (PyCFunction)dynamics_mobility, METH_O, "(q) -> inverse mass matrix of the links, row-major"},
+    {"bias", FAST(dynamics_bias), "(q, dq) -> Coriolis, centrifugal and gravity efforts"},
     {"motion", FAST(dynamics_motion),
      "(q, dq, joint, frame) -> position, quaternion, linear, angular velocity of a frame on the link behind a joint"},
     {"efforts", FAST(dynamics_efforts),
-     "(q, joint, force, torque, point) -> J' (force, torque) of a point of the link behind a joint"},
+     "(q, joint, force, torque, point) -> joint efforts of a force and torque on the link behind a joint"},
     {0}};
 
 TYPE_MODULE(hric_joint_dynamics, Dynamics, dynamics, NULL)

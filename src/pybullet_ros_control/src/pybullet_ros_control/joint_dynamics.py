@@ -1,22 +1,23 @@
-"""Joint efforts that make the engine's step second-order accurate, with the rotor inertia and friction that it lacks.
+"""Joint efforts that make PyBullet's step second-order accurate and add the rotor inertia and friction that it lacks.
 
-The engine solves  M x = tau' + tau_ext + tau_eng - h(q, v)  and steps by v += dt x, q += dt v (semi-implicit Euler).
-Its position belongs to the middle of the coming step, its velocity to the start; so the bias h, and the friction, must
-be those of the velocity in the middle:
+With the joint acceleration x, PyBullet solves  M x = tau' + tau_ext + tau_eng - h(q, v)  and steps by v += dt x,
+q += dt v (semi-implicit Euler). Its position belongs to the middle of the coming step, its velocity to the start; so
+the bias h (Coriolis and gravity) and the friction f must be evaluated at the velocity u in the middle:
     (M + B) x = tau + tau_ext + tau_eng - h(q, u) - f(u),   u = v + dt/2 x   (implicit midpoint rule, two passes for u)
+The efforts that are sent to the engine lead to this x:
     tau' = tau - B x - f(u) + h(q, v) - h(q, u)
-makes the engine's x this one. B = diag(b): rotor inertia; f: damping and the identified sigmoid, linearised in x in
-each pass, so that damping of any size is stable; Coulomb friction is the effort within its bounds that comes nearest to
-stopping each joint in this step. Here tau_ext are the efforts of forces that the plant applies itself (known
-beforehand), and tau_eng those that the engine adds (rigid contact, joint stops). The latter are known only afterwards,
-from a velocity that differs from the predicted one:
+B = diag(b): rotor inertia. f: damping and the identified sigmoid, linearised in x in each pass, so that damping of any
+size is stable. Coulomb friction is the effort within its bounds that comes nearest to stopping each joint in this
+step. tau_ext: efforts of forces that the plant applies itself, known in advance. tau_eng: efforts that the engine adds
+(rigid contact, joint stops). They are known only after the step, from the difference to the predicted velocity:
     tau_eng(k) = tau_eng(k-1) + M (v - v_predicted) / dt.
-Joints whose acceleration is prescribed (brakes, drives) leave the equations: the engine's motor supplies their effort.
-Mimic joints, x = J z, leave them as well: J'(M + B) J z = J'(...), and tau' has the efforts that keep their x on the
-law; an engine gear distributes the effects of the engine's contact and stops to both joints.
-So a static press is exact, and at a joint stop or a fixed rigid object the impulse converges to that of M + B
-within a few steps. Against a free rigid object it does not: the engine separates them after the impulse of the bare
-links. Penalty contact is known beforehand and exact in both cases.
+Joints whose acceleration is prescribed (brakes, drives) are removed from the equations: the engine's motor supplies
+their effort. So are mimic joints, x = J z: J'(M + B) J z = J'(...); tau' contains the efforts that keep their x on the
+mimic law, and a gear constraint of the engine distributes contact and stop forces to both joints.
+
+Consequences: a static press is exact. At a joint stop or a fixed rigid object, the impulse converges to that of M + B
+within a few steps. Against a free rigid object it does not, since the engine separates the two after the impulse of
+the links without rotors. Penalty contact is known in advance and exact in both cases.
 """
 
 import math
@@ -37,8 +38,8 @@ _built = load("hric_joint_dynamics")
 PASSES = 2
 """Number of evaluations of bias and friction in the middle of a step.
 
-A third one changes the thesis's raw setpoint (Kp 50, 4 s) by at most 1.5e-7 rad, and 1e-9 with rotor inertia; a single
-one leaves 5e-6.
+In the thesis's experiment with a step setpoint (Kp 50, 4 s), a third one changes the joint positions by at most
+1.5e-7 rad, and by 1e-9 rad with rotor inertia; a single one leaves an error of 5e-6 rad.
 """
 
 Triple = tuple[float, float, float]
@@ -47,82 +48,85 @@ LinkMotion = tuple[Triple, tuple[float, float, float, float], Triple, Triple]
 
 
 class CompiledDynamics(Protocol):
-    """Compiled dynamics of one robot with memory of one step; vectors are n floats in the engine's joint order."""
+    """Compiled joint dynamics of one robot, which remembers the previous step.
+
+    Vectors are n floats in the engine's order of the moving joints.
+    """
 
     def torque(
         self, q: Vector, dq: Vector, tau: Vector, external: Vector | None, prescribed: Sequence[float | None] | None, /
     ) -> list[float]:
-        """Return the efforts tau' for the engine in the coming step [N m].
+        """Return the joint efforts to send to the engine for the coming step [N m].
 
         Args:
             q: the engine's present position [rad].
             dq: the engine's present velocity [rad/s].
             tau: efforts of the motors [N m].
-            external: efforts of the forces that the plant applies in this step [N m]; None for none.
-            prescribed: acceleration that a motor of the engine enforces, None for the other joints [rad/s^2]. Their
-                efforts are those of their mimic joints.
+            external: efforts of the forces that the plant applies in this step [N m]; None: no forces.
+            prescribed: acceleration of each joint that a motor of the engine enforces [rad/s^2], None for other
+                joints; None: no such joint. The result for an enforced joint has only the efforts that its mimic
+                joints need.
         """
 
     def read(
         self, states: Sequence[Sequence[Any]], tau: Vector, /
     ) -> tuple[list[float], list[float], list[float], list[float], bool]:
-        """Return the state after the step, from the result of `getJointStates`.
+        """Return the state after the step, from the result of PyBullet's `getJointStates`.
 
         Args:
             states: result of `getJointStates`.
             tau: efforts of the motors in the step [N m].
 
         Returns:
-            Positions and velocities of the engine, positions at the measuring instant, efforts behind the rotors, and
-            True
-            if all are finite and no joint is faster than `quiet`.
+            Positions and velocities of the engine, positions at the measuring instant, efforts on the link side of the
+            rotors, and True if all are finite and no joint is faster than `quiet`.
         """
 
     def rotor_efforts(self, dq: Vector, /) -> list[float]:
-        """Return B (dq - dq before) / dt, the efforts of the rotors in the step that ended with dq [N m]."""
+        """Return the efforts that accelerated the rotors in the step that ended with the velocities dq [N m]."""
 
     def forget(self) -> None:
-        """Forget the previous step, after the state was set from outside."""
+        """Clear the memory of the previous step, after the state was set from outside."""
 
     def mass_matrix(self, q: Vector, /) -> list[float]:
-        """Return M of the links at q, n x n floats row-major [kg m^2]."""
+        """Return the mass matrix of the links at q without rotors, n x n floats, row-major [kg m^2]."""
 
     def mobility(self, q: Vector, /) -> list[float]:
-        """Return M^-1 of the links at q, mimic joints included, n x n floats row-major [1/(kg m^2)]."""
+        """Return the inverse mass matrix of the links at q, with mimic laws, n x n floats, row-major [1/(kg m^2)]."""
 
     def bias(self, q: Vector, dq: Vector, /) -> list[float]:
-        """Return h(q, dq): Coriolis, centrifugal and gravity efforts [N m]."""
+        """Return the Coriolis, centrifugal and gravity efforts h(q, dq) [N m]."""
 
     def motion(self, q: Vector, dq: Vector, joint: int, frame: Vector, /) -> LinkMotion:
-        """Return the motion of a frame on a link.
+        """Return pose and velocity of a frame on a link, in the world frame.
 
         Args:
             q: joint positions [rad].
             dq: joint velocities [rad/s].
-            joint: last joint that moves the link; -1: none.
-            frame: pose in that joint's link, or in the world if no joint moves it: rotation row-major and position, 12
-                floats.
+            joint: index of the last joint that moves the link; -1: none.
+            frame: pose of the frame in the link that this joint moves, or in the world if there is none: rotation
+                row-major, then position, 12 floats.
         """
 
     def efforts(self, q: Vector, joint: int, force: Vector, torque: Vector, point: Vector, /) -> list[float]:
-        """Return J' (force, torque), the joint efforts for a point of the link that `joint` moves last [N m or N].
+        """Return the joint efforts J'F of a force and torque on a link [N m or N].
 
         Args:
             q: joint positions [rad].
-            joint: last joint that moves the link.
-            force: world frame, 3 floats [N].
-            torque: world frame, 3 floats [N m].
-            point: point of application, world frame [m].
+            joint: index of the last joint that moves the link.
+            force: force in the world frame, 3 floats [N].
+            torque: torque in the world frame, 3 floats [N m].
+            point: point of application in the world frame, 3 floats [m].
         """
 
 
 def half_step(config: PlantConfig) -> float:
-    """Return the lead of the engine's positions over the measuring instant [s]."""
+    """Return the time by which the engine's positions are ahead of the measuring instant: half a step, or 0 [s]."""
     return 0.5 * config.time_step if config.half_step_readout else 0.0
 
 
 def added(a: Vector | None, b: Vector) -> Vector:
-    """Return a + b; a None counts as zero."""
+    """Return the sum a + b of two vectors; a: None counts as zero."""
     return b if a is None else [x + y for x, y in zip(a, b, strict=True)]
 
 
@@ -139,20 +143,20 @@ def make_dynamics(
     T_world_base: FloatArray | None = None,
     free: bool = False,
 ) -> CompiledDynamics:
-    """Return the dynamics of a robot.
+    """Return the compiled joint dynamics of a robot or model.
 
     Args:
-        model: model of the engine.
+        model: model that is loaded in the engine.
         joints: names of the moving joints in the engine's order, parents before children.
-        losses: losses of these joints.
+        losses: rotor inertia, damping and friction of these joints.
         gravity: gravity in the world frame, 3 floats [m/s^2].
-        time_step: [s].
+        time_step: duration of a step [s].
         second_order: True: bias and friction at the middle of the step; False: at its start, as in the engine.
-        half: lead of the engine's positions over the measuring instant [s].
-        quiet: speed that no joint reaches before it diverges [rad/s or m/s].
+        half: time by which the engine's positions are ahead of the measuring instant [s].
+        quiet: speed that no joint reaches unless the simulation diverges [rad/s or m/s].
         T_world_base: pose of the engine's base link, shape (4, 4); None: the description's root link is at the world's
             origin.
-        free: True if the base moves: six joints along and about its axes at zero are then the first.
+        free: True if the base moves; it is then modelled by six additional joints, which come first.
     """
     base = model.T_root_base if T_world_base is None else T_world_base
     rows = _free_rows(model.bodies[model.base]) if free else []
@@ -195,13 +199,13 @@ def _free_rows(base: MassProperties) -> list[list[float]]:
 
 
 def frame_of(model: EngineModel, joints: Sequence[str], T_world_base: FloatArray, link: str) -> tuple[int, list[float]]:
-    """Return (joint, frame) of a link of the description, for `CompiledDynamics.motion`.
+    """Return the arguments `joint` and `frame` of `CompiledDynamics.motion` for a link of the description.
 
     Args:
-        model: model of the engine.
-        joints: joint names as for `make_dynamics`.
+        model: model that is loaded in the engine.
+        joints: names of the moving joints in the engine's order.
         T_world_base: pose of the engine's base link, shape (4, 4).
-        link: link of the description.
+        link: name of the link in the description.
     """
     top = model.tops[link]
     if top.body_link == model.base:

@@ -1,4 +1,4 @@
-"""Joints of the models around the robot: their positions, drives and stops."""
+"""Joints of the models around the robot (e.g. a human body): their positions, drives and stops in PyBullet."""
 
 from collections.abc import Sequence
 
@@ -15,28 +15,28 @@ from pybullet_ros_control.joint_dynamics import Vector, added, half_step, make_d
 class PybulletModelJoints(DrivenJoints):
     """Moving joints of one model with a fixed base, in the engine's order.
 
-    They have the robot's balance, without rotors: their motion is of second order, and forces on the links may be given
-    as efforts.
+    They use the same joint dynamics as the robot's, without rotors: the step is second-order accurate, and forces on
+    links can be passed as joint efforts.
 
     Args:
-        engine: the engine.
+        engine: engine with the body.
         body: loaded body, with its joints at zero.
         tree: description of the model.
-        T_world_root: pose of its root link, shape (4, 4).
-        config: the plant's parameters.
+        T_world_root: pose of the root link, shape (4, 4).
+        config: parameters of the plant.
 
     Attributes:
         fixed: True if the base is fixed.
         body: present body in the engine.
         T_world_base: pose of the engine's base link, shape (4, 4).
-        dynamics: dynamics of the model.
-        q, dq: the engine's state after the last step.
-        at: positions at the measuring instant, which is that of the velocities.
+        dynamics: compiled joint dynamics of the model.
+        q, dq: the engine's joint positions and velocities after the last step.
+        at: positions at the measuring instant, to which the velocities also belong.
     """
 
     fixed = True
     _base: tuple[float, ...] = ()
-    """Coordinates of the base in the dynamics; their values have no effect."""
+    """Placeholder for the coordinates of a free base, whose values have no effect on the result."""
 
     def __init__(
         self, engine: PhysicsClient, body: LoadedBody, tree: urdf.Robot, T_world_root: FloatArray, config: PlantConfig
@@ -61,7 +61,7 @@ class PybulletModelJoints(DrivenJoints):
         self.reset()
 
     def bind(self, body: LoadedBody) -> None:
-        """Bind to the body after it was loaded again; the state of its joints stays."""
+        """Connect to the body after it was loaded again; the stored joint states stay."""
         self.body = body
         self._indices = [body.joints[name] for name in self.joints.names]
 
@@ -69,7 +69,7 @@ class PybulletModelJoints(DrivenJoints):
         return reciprocals(self.mobility().diagonal())
 
     def begin(self) -> None:
-        """Put the joints at the last set positions."""
+        """Set the joints in the engine to the stored start positions and velocities."""
         # The read-out subtracts half a step, so the engine starts half a step ahead.
         for joint, x, v in zip(self._indices, *self._start, strict=True):
             pybullet.resetJointState(self.body.id, joint, x + self._half * v, v, physicsClientId=self._engine.client)
@@ -79,11 +79,14 @@ class PybulletModelJoints(DrivenJoints):
         self._held: Vector | None = None
 
     def hold(self, efforts: Vector) -> None:
-        """Add efforts of link forces in the coming step that the engine does not know otherwise [N m or N]."""
+        """Add joint efforts [N m or N] for the coming step that are equivalent to forces on links, e.g. of bushings."""
         self._held = added(self._held, efforts)
 
     def act(self, external: Vector | None) -> None:
-        """Send drives, stops and losses of the coming step; external: efforts of forces that the engine knows."""
+        """Send the joint efforts of the coming step to the engine: drives, stops, damping and friction.
+
+        external: joint efforts of forces that the engine already has [N m or N]; None: no forces.
+        """
         tau = self._balanced(self._stops.add(self.at, self.dq, self._efforts), external)
         pybullet.setJointMotorControlArray(
             self.body.id, self._indices, pybullet.TORQUE_CONTROL, forces=tau, physicsClientId=self._engine.client
@@ -98,29 +101,29 @@ class PybulletModelJoints(DrivenJoints):
     def mobility(self) -> FloatArray:
         """Return the joints' part of the inverse mass matrix, shape (n, n) [1/(kg m^2)].
 
-        The engine's matrix may be that of an old body whose memory address the model has.
+        PyBullet's own mass matrix is not used: after a body was deleted, it may be that of the old body.
         """
         q, first = [*self._base, *self.q], len(self._base)
         return np.array(self.dynamics.mobility(q)).reshape(len(q), -1)[first:, first:]
 
     def read(self, q: list[float], dq: list[float]) -> None:
-        """Write the state at the measuring instant into the lists in place."""
+        """Write joint positions and velocities at the measuring instant into the lists q and dq."""
         q[:], dq[:] = self.at, self.dq
 
     def refresh(self) -> None:
-        """Read the state after a step."""
+        """Read the joint states from the engine after a step."""
         states = self._engine.joint_states(self.body, self.joints, self._indices)
         self.q, self.dq, self.at, _, _ = self.dynamics.read(states, self.joints.zeros)
 
 
 class FreeModelJoints(PybulletModelJoints):
-    """Joints of a model with a free base, of first order as in the engine."""
+    """Moving joints of a model with a free base; the step is first-order accurate, as PyBullet's own."""
 
     fixed = False
     _base = (0.0,) * 6
 
     def bind(self, body: LoadedBody) -> None:
-        """Bind to the body after it was loaded again, with the engine's motors at zero speed as Coulomb friction."""
+        """Connect to the body after it was loaded again; motors of the engine at zero speed model Coulomb friction."""
         super().bind(body)
         pybullet.setJointMotorControlArray(
             body.id,
@@ -131,9 +134,9 @@ class FreeModelJoints(PybulletModelJoints):
         )
 
     def _balanced(self, tau: list[float], external: Vector | None) -> Vector:
-        """Return the efforts with damping at the resulting velocity w, so that damping of any size is stable.
+        """Return the efforts less the damping D w at the end of the step, so that damping of any size is stable.
 
-        w = dq - dt A D w with A the joints' part of the inverse mass matrix.
+        w = dq - dt A D w, with A the joints' part of the inverse mass matrix.
         """
         damping = np.array([loss.damping for loss in self.losses])
         if not damping.any():
@@ -143,7 +146,7 @@ class FreeModelJoints(PybulletModelJoints):
         return left
 
     def refresh(self) -> None:
-        """Read the state after a step."""
+        """Read the joint states from the engine after a step."""
         states = self._engine.joint_states(self.body, self.joints, self._indices)
         self.q, self.dq = [state[0] for state in states], [state[1] for state in states]
         self.at = [x - self._half * v for x, v in zip(self.q, self.dq, strict=True)]

@@ -1,4 +1,4 @@
-"""Joint motors of the engine: velocity and position drives, and brakes."""
+"""Joint motors of PyBullet: velocity and position drives, and brakes."""
 
 import math
 from collections.abc import Sequence
@@ -9,18 +9,18 @@ from hric_control.plant import Mode
 from pybullet_ros_control.engine import LoadedBody, PhysicsClient
 
 BRAKE_FORCE = 1e6
-"""Largest effort of a brake or an unlimited drive [N m]: a constraint, so its size does not make it stiff."""
+"""Maximum effort of a brake, or of a drive without a limit [N m]; practically unlimited, no effect on stiffness."""
 
 
 class JointMotors:
-    """Motors of all joints of a body, by their modes.
+    """Motors of all moving joints of a body; each joint's mode is effort, velocity, position or brake.
 
     Args:
-        engine: the engine.
-        body: the body.
-        joints: engine indices.
-        max_effort: largest effort of a drive, n floats [N m or N].
-        max_velocity: largest speed of a position drive, n floats [rad/s or m/s].
+        engine: engine with the body.
+        body: body with the joints.
+        joints: engine indices of the joints.
+        max_effort: maximum effort of a drive, n floats [N m or N].
+        max_velocity: maximum speed of a position drive, n floats [rad/s or m/s].
     """
 
     def __init__(
@@ -48,7 +48,7 @@ class JointMotors:
         self._driven_joints = [self._joints[i] for i in self._driven]
 
     def set_modes(self, modes: Sequence[Mode], q: Sequence[float]) -> None:
-        """Set new modes; a joint that is newly braked locks at q."""
+        """Set the mode of each joint; a joint whose brake closes is locked at its position in q [rad or m]."""
         for i, (new, old) in enumerate(zip(modes, self.modes, strict=True)):
             if new is Mode.BRAKE and old is not Mode.BRAKE:
                 self._lock[i] = q[i]
@@ -57,12 +57,12 @@ class JointMotors:
         self.restore(self._body)
 
     def lock_at(self, q: Sequence[float]) -> None:
-        """Lock braked joints at q, after the robot was put there from outside."""
+        """Lock braked joints at new positions q [rad or m], after the state was set from outside."""
         self._lock = list(q)
         self.restore(self._body)
 
     def restore(self, body: LoadedBody) -> None:
-        """Send all motors to the engine, for example for a body that was loaded again."""
+        """Send the settings of all motors to the engine, e.g. after the body was loaded again."""
         self._body = body
         for i, joint in enumerate(self._joints):
             common = {"physicsClientId": self._engine.client}
@@ -86,9 +86,13 @@ class JointMotors:
                 )
 
     def target_velocities(self, q: Sequence[float], values: Sequence[float]) -> list[float]:
-        """Return the target velocity of each drive in the next step, 0 for effort joints, n floats.
+        """Return the target velocity of each drive in the next step, 0 for effort joints, n floats [rad/s or m/s].
 
-        A position drive is to arrive by the end of the step.
+        A position drive gets the velocity that leads to its target within the step, up to its limit.
+
+        Args:
+            q: present joint positions, n floats [rad or m].
+            values: commands by the mode of each joint, n floats.
         """
         dt = self._engine.time_step
         target = [0.0] * len(self._joints)
@@ -102,7 +106,7 @@ class JointMotors:
         return target
 
     def drive(self, target_velocities: Sequence[float]) -> None:
-        """Send the drives' targets for the next step."""
+        """Send the target velocities of the drives for the next step to the engine."""
         if self._driven:
             pybullet.setJointMotorControlArray(
                 self._body.id,

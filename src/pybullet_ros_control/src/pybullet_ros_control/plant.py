@@ -17,7 +17,7 @@ from pybullet_ros_control.world import PybulletWorld
 
 
 class PyBulletPlant(EnginePlant):
-    """Plant on PyBullet; see `hric_control.plant.Plant`."""
+    """Physics plant on PyBullet: a robot, the world around it, and external forces; implements `hric_control.Plant`."""
 
     robot: PybulletRobot
     world: PybulletWorld
@@ -39,7 +39,7 @@ class PyBulletPlant(EnginePlant):
         self._engine.close()
 
     def step(self) -> None:
-        """Advance by `time_step`."""
+        """Advance the simulation by `time_step`."""
         world = self.world
         pushing = world.wrenches.active or world.penalty.pairs or world.joints or world.bushings.laws
         try:
@@ -49,13 +49,14 @@ class PyBulletPlant(EnginePlant):
                     joints.refresh()
         except pybullet.error as error:
             raise FailureError(
-                f"PyBullet stopped ({error})" + ("; was its window closed?" if self.config.gui else "")
+                f"PyBullet cannot simulate any further: {error}"
+                + ("; was its window closed?" if self.config.gui else "")
             ) from error
 
     def _push(self) -> list[float] | None:
-        """Apply wrenches, penalty contact, bushings and models' joint efforts.
+        """Apply wrenches, penalty contact, bushings, and the joint efforts of models in the coming step.
 
-        Returns the efforts of the first two in the robot's joints.
+        Returns the efforts of wrenches and penalty contact in the robot's joints [N m or N], None without a force.
         """
         world, robot = self.world, self.robot
         summed = [joints.body for joints in world.joints.values() if joints.fixed]
@@ -75,8 +76,8 @@ class PyBulletPlant(EnginePlant):
         return world.forces.efforts(robot.body)
 
     def _set_load(self, load: tuple[str, MassProperties] | None) -> None:
-        # The engine's inverse dynamics ignores a changed mass, and may confuse a new body with an old one at the same
-        # address.
+        # PyBullet's inverse dynamics ignores a changed mass, and may mistake a new body for a deleted one whose memory
+        # address it has.
         self.robot.set_load(load)
         self.world.rebuild()
 
@@ -85,7 +86,7 @@ class PyBulletPlant(EnginePlant):
         return self.world.penalty.last + rigid_contacts(self._engine, self.world.by_id)
 
     def link_state(self, body: str) -> tuple[FloatArray, FloatArray]:
-        """Return (T_world_link, (4, 4), twist at the link's origin, world frame, linear then angular, (6,))."""
+        """Return (T_world_link, shape (4, 4); twist of the link's origin, linear then angular, world axes, (6,))."""
         model, link = self.world.body_of(body)
         index, T_body_frame = model.frame(link)
         T_world_link = self._engine.pose(model, index) @ T_body_frame

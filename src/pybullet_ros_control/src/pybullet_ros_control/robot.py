@@ -1,4 +1,4 @@
-"""Robot in the engine: its joints, their efforts, and one step."""
+"""Robot in PyBullet: its joints, their efforts, and one step of the simulation."""
 
 from collections.abc import Collection, Sequence
 from itertools import combinations
@@ -20,16 +20,16 @@ class PybulletRobot(EngineRobot):
     """Robot in PyBullet; vectors are in the engine's order of the moving joints.
 
     Args:
-        engine: the engine.
-        tree: the description.
+        engine: engine to load the robot into.
+        tree: robot description.
         joint_names: names of the actuated joints.
-        config: the plant's parameters.
-        masks: pairs of link patterns whose collision is not tested.
+        config: parameters of the plant.
+        masks: pairs of patterns of link names whose collision is not tested.
 
     Attributes:
-        dynamics: dynamics of the present model.
-        balanced: True if each step needs the efforts of applied forces, since the engine's own step is not requested
-            or not sufficient.
+        dynamics: compiled joint dynamics of the present model.
+        balanced: True if the joint dynamics correct PyBullet's own step, for which they need the efforts of all applied
+            forces.
         T_world_base: pose of the engine's base link, shape (4, 4): the description's root is at the world's origin.
     """
 
@@ -74,12 +74,12 @@ class PybulletRobot(EngineRobot):
         self.mask()
 
     def mask(self) -> None:
-        """Switch self-collision off for neighbours and for links that match the masks."""
+        """Switch self-collision off for links with a common joint and for pairs that match the masks."""
         if self._config.self_collision:
             apply_masks(self.engine, self.body, self._neighbours, self._masks)
 
     def _bind(self) -> None:
-        """Bind to the dynamics of the present model."""
+        """Create the compiled joint dynamics of the present model."""
         config = self._config
         self.dynamics: CompiledDynamics = make_dynamics(
             self._model,
@@ -101,10 +101,10 @@ class PybulletRobot(EngineRobot):
         """Return the engine's mass matrix of all moving joints without rotors, shape (m, m) [kg m^2]."""
         return np.array(pybullet.calculateMassMatrix(self.body.id, self.q, physicsClientId=self.engine.client))
 
-    # -- putting the robot somewhere -----------------------------------------------------------------------------------
+    # -- setting the state ---------------------------------------------------------------------------------------------
 
     def put(self, q: Sequence[float], dq: Sequence[float]) -> None:
-        """Put the actuated joints at q, dq; the others keep their positions, at rest."""
+        """Set positions and velocities of the actuated joints; other joints keep their positions, at rest."""
         full_q, full_dq = self.joints.start(q, dq, self.q)
         # The read-out subtracts half a step, so the engine starts half a step ahead.
         self._set_state([x + self._half * v for x, v in zip(full_q, full_dq, strict=True)], full_dq)
@@ -115,7 +115,7 @@ class PybulletRobot(EngineRobot):
         self._held = None
 
     def hold(self, efforts: Vector) -> None:
-        """Add efforts of link forces in the coming step that the engine does not know otherwise [N m or N]."""
+        """Add joint efforts [N m or N] for the coming step that are equivalent to forces on links, e.g. of bushings."""
         self._held = added(self._held, efforts)
 
     def _set_state(self, q: Vector, dq: Vector) -> None:
@@ -133,7 +133,7 @@ class PybulletRobot(EngineRobot):
         self._bind()
 
     def set_load(self, load: tuple[str, MassProperties] | None) -> None:
-        """Set the payload on a link, from the next `load_again` on."""
+        """Set the payload, as (link, mass properties) or None; it takes effect at the next `load_again`."""
         self._model = self._prepare(load)
 
     # -- modes and brakes ----------------------------------------------------------------------------------------------
@@ -157,11 +157,11 @@ class PybulletRobot(EngineRobot):
     def step(self, values: list[float], external: Vector | None) -> None:
         """Apply the commands, advance the engine, and read the new state.
 
-        Only bare positional engine calls: this runs every millisecond.
+        Engine functions get positional arguments here to save time, since this runs every millisecond.
 
         Args:
-            values: commands of all moving joints; the mode of each joint gives the quantity.
-            external: joint efforts of the forces that the plant applies in this step [N m]; None for none.
+            values: commands of all moving joints; the mode of each joint decides on the quantity.
+            external: joint efforts of the forces that the plant applies in this step [N m]; None: no forces.
         """
         client, body, joints, motors = self._client, self.body.id, self._joints, self._motors
         held = self._held
@@ -187,7 +187,7 @@ class PybulletRobot(EngineRobot):
             self._add_drives([state[3] for state in states])
 
     def _add_drives(self, engine_efforts: list[float]) -> None:
-        """Set the efforts of braked and driven joints from the engine's motors, which act on the links."""
+        """Set the efforts of braked and driven joints to those of the engine's motors, which act on the links."""
         taken = self.dynamics.rotor_efforts(self.dq)
         for i, mode in enumerate(self._motors.modes):
             if mode is not Mode.EFFORT:
@@ -222,7 +222,14 @@ class PybulletRobot(EngineRobot):
 def apply_masks(
     engine: PhysicsClient, body: LoadedBody, neighbours: Collection[frozenset[str]], masks: list[tuple[str, str]]
 ) -> list[tuple[str, str]]:
-    """Switch self-collision off for neighbours and for link pairs that match the masks; return the pairs."""
+    """Switch self-collision off for links with a common joint and pairs that match the masks; return these pairs.
+
+    Args:
+        engine: engine with the body.
+        body: loaded body.
+        neighbours: pairs of links with a common joint.
+        masks: pairs of patterns of link names.
+    """
     names = sorted(body.links, key=body.links.__getitem__)
     off = [(a, b) for a, b in combinations(names, 2) if frozenset((a, b)) in neighbours or masked(a, b, masks)]
     for a, b in off:

@@ -1,10 +1,10 @@
-"""Preparation of a URDF for the engine: rigid clusters become one link, and masses are given so that they stay exact.
+"""Preparation of a URDF for PyBullet: rigidly connected links become one link, with exact masses.
 
-The description cannot be loaded directly: the engine gives a link without mass 1 kg, replaces a physically impossible
-tensor by zero, and computes every fixed joint in every step. Here each cluster of rigidly joined links becomes one
-engine link with the exact sum of their masses; the tensor is written along its principal axes, so that its moments can
-be set afterwards by the engine's own call, whatever their sign. Members with a collision shape stay (massless) engine
-links, so that contacts have their names.
+The description cannot be loaded directly: PyBullet gives a link without mass 1 kg, replaces a physically impossible
+inertia tensor by zero, and computes every fixed joint in every step. Here each cluster of rigidly connected links
+becomes one engine link with the sum of their masses. The tensor is written along its principal axes, so that its exact
+moments, whatever their sign, can be set after loading. Links with a collision shape remain as massless engine links, so
+that contacts are reported with their names.
 """
 
 import hashlib
@@ -28,19 +28,19 @@ from hric_core.urdf.writing import text
 from pybullet_ros_control.hulls import without_skin
 
 PIECE = 8191
-"""Longest line that the engine reads as one, line break included [bytes].
+"""Maximum length of a line that PyBullet reads correctly, line break included [bytes].
 
-It splits a longer line after each such piece, even inside a number. Source: measured with PyBullet 3.2.7.
+It splits a longer line into pieces of this length, even inside a number. Source: measured with PyBullet 3.2.7.
 """
 
 
 @dataclass(frozen=True)
 class LinkFrame:
-    """Link of the description in the engine's model.
+    """Position of a link of the description in the engine's model.
 
     Attributes:
-        body_link: engine link that carries it.
-        T_body_frame: pose in that link's frame, shape (4, 4).
+        body_link: name of the engine link to which the described link belongs.
+        T_body_frame: pose of the described link in the engine link's frame, shape (4, 4).
     """
 
     body_link: str
@@ -49,23 +49,23 @@ class LinkFrame:
 
 @dataclass(frozen=True)
 class EngineModel:
-    """Model for the engine.
+    """Model that is prepared for PyBullet.
 
     Attributes:
-        name: name of the robot element.
+        name: name of the robot in the description.
         xml: URDF for the engine, with lines of at most `PIECE` bytes.
         base: name of the base link.
         T_root_base: pose of the base in the description's root link, shape (4, 4).
         frames: frames of all links of the description.
         moments: principal moments of each engine link with mass, 3 floats [kg m^2]; to be set after loading.
-        bodies: mass, centre of mass and tensor of the same links, in their frames.
+        bodies: mass, centre of mass and inertia tensor of each engine link with mass, in the link frame.
         joints: moving joints by name.
-        placements: by moving joint, the engine link that carries it, and its frame at q = 0 in that link, shape (4, 4).
-        tops: by link of the description, the link that names its rigid cluster, and the pose in that link.
+        placements: parent engine link of each moving joint, and the joint frame at q = 0 in it, shape (4, 4).
+        tops: link that names the rigid cluster of each link of the description, and the pose in it.
         root: root link of the description.
-        description: source of the model.
-        files: contents of the meshes by their names in the xml; they must be in the same folder.
-        hulls: by engine link, corners of the hull of its last mesh, in its frame, shape (n, 3) [m].
+        description: robot description from which the model was made.
+        files: mesh files that the xml refers to, by file name; they must be in the same folder.
+        hulls: corners of the convex hull of each engine link's last mesh, in the link frame, shape (n, 3) [m].
     """
 
     name: str
@@ -86,7 +86,7 @@ class EngineModel:
 
 @dataclass
 class _Cluster:
-    """Links without relative motion: the link that names the cluster, and the poses of all members in it."""
+    """Rigidly connected links: `top`, the link that names the cluster, and the poses of all members in its frame."""
 
     top: str
     poses: dict[str, FloatArray]
@@ -98,7 +98,7 @@ class _Cluster:
 
 
 def _clusters(robot: Robot) -> dict[str, _Cluster]:
-    """Return the cluster of each link, named by its topmost link."""
+    """Return the rigid cluster of each link; clusters are named after their topmost link."""
     of: dict[str, _Cluster] = {}
     for name, (top, T_top_link) in robot.rigid_groups().items():
         of[name] = of.setdefault(top, _Cluster(top, {}))
@@ -107,7 +107,7 @@ def _clusters(robot: Robot) -> dict[str, _Cluster]:
 
 
 def _write_inertial(link: Element, mass: MassProperties, moments: FloatArray, R: FloatArray) -> None:
-    """Write the tensor along its axes, or a sphere's if it is impossible, until the true moments are set."""
+    """Write the inertia along its principal axes, or a sphere's if it is impossible; exact moments are set later."""
     low, middle, high = sorted(moments)
     written = moments if low > 0.0 and low + middle >= high else np.full(3, max(abs(high), abs(low)))
     write_inertial(link, mass.mass, homogeneous(R, mass.com), np.diag(written))
@@ -117,7 +117,7 @@ def _lines(element: Element) -> Iterator[str]:
     """Yield the lines of an element, with each attribute on a separate line.
 
     Raises:
-        DescriptionError: an attribute that does not fit in a piece.
+        DescriptionError: an attribute is longer than PyBullet can read.
     """
     yield f"<{element.tag}"
     for name, value in element.attrib.items():
@@ -135,7 +135,7 @@ def _lines(element: Element) -> Iterator[str]:
 
 
 class _Preparation:
-    """Single run of `prepare`."""
+    """State of the preparation of one model by `prepare`."""
 
     def __init__(
         self, robot: Robot, loads: Mapping[str, MassProperties], fixed_base: bool, visual: bool, stops: bool
@@ -161,9 +161,10 @@ class _Preparation:
         return moving_body(self.robot, cluster.top, reduce(add, parts) if parts else MassProperties())
 
     def choose_base(self) -> FloatArray:
-        """Choose a root member with a shape as fixed base, and return its pose in the root link, shape (4, 4).
+        """Choose the base link of a fixed model, and return its pose in the root link, shape (4, 4).
 
-        It is then a static body, which the engine does not test against others.
+        A link of the root cluster with a collision shape is preferred: the engine then treats it as a static body and
+        does not test it against other static bodies.
         """
         cluster = self.of[self.robot.root]
         shaped = [name for name in cluster.poses if self.robot.links[name].collisions]
@@ -182,7 +183,7 @@ class _Preparation:
         return element
 
     def write_shapes(self, parent: Element, shapes: Iterable[Shape], T: FloatArray, purpose: str) -> None:
-        """Write the shapes of a member at its pose in `parent`: a mesh is drawn unchanged, and collides as its hull."""
+        """Write shapes, at a pose in the link `parent`; a mesh is drawn as it is, but collides as its convex hull."""
         for shape in shapes:
             T_parent_shape = T @ shape.T_link_shape
             if shape.kind == "mesh":
@@ -194,7 +195,7 @@ class _Preparation:
                 write_shape(parent, purpose, shape, T_parent_shape)
 
     def hull_text(self, parent: Element, shape: Shape, T_parent_shape: FloatArray) -> bytes:
-        """Return the hull of a mesh for the engine, and store its corners."""
+        """Return the convex hull of a mesh as an OBJ file for the engine, and store its corners."""
         hull = hull_of(shape)
         self.hulls[parent.get("name", "")] = hull.vertices @ T_parent_shape[:3, :3].T + T_parent_shape[:3, 3]
         return obj_text(without_skin(hull), "a hull").encode()
@@ -272,10 +273,10 @@ def prepare(
     visual: bool = False,
     stops: bool = True,
 ) -> EngineModel:
-    """Return the model for the engine.
+    """Prepare a robot description for PyBullet.
 
     Args:
-        robot: the description; not changed.
+        robot: robot description; it is not changed.
         loads: payloads by link, in the link's frame.
         fixed_base: True if the root is fixed to the world.
         collision: True to keep collision shapes.

@@ -1,4 +1,4 @@
-"""Models around the robot in one engine: the objects of the world file and the models spawned later."""
+"""World around the robot in PyBullet: the objects of the world file and the models that are spawned later."""
 
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
@@ -31,16 +31,16 @@ class PybulletWorld(Models[PybulletModelJoints]):
     """Bodies by name, the robot first, with their surfaces and the penalty contact between them.
 
     Args:
-        engine: the engine.
-        robot: the robot in it.
-        tree: its description.
+        engine: engine with the bodies.
+        robot: robot in the engine.
+        tree: description of the robot.
         objects: objects of the world file.
-        rules: surfaces of single links.
-        config: the plant's parameters.
+        rules: configured surfaces of single links.
+        config: parameters of the plant.
 
     Attributes:
         bodies: bodies by the name of their model.
-        by_id: bodies by the engine's number.
+        by_id: bodies by PyBullet's number.
         forces: external forces on bodies.
         penalty: penalty contact.
         bushings: bushings between links; the plant adds them.
@@ -77,7 +77,7 @@ class PybulletWorld(Models[PybulletModelJoints]):
         super()._admit(model)
 
     def _dismiss(self, name: str) -> None:
-        # The links of its bushings may touch again, while the engine still has the body.
+        # Links that its bushings kept from touching get their contact back while the engine still has the body.
         self.bushings.forget_model(name)
         self.bushings.bind()
         super()._dismiss(name)
@@ -90,25 +90,25 @@ class PybulletWorld(Models[PybulletModelJoints]):
         self._changed()
 
     def reset(self) -> None:
-        """Build everything again, so that no contact memory or warm start reaches the next run."""
+        """Load all bodies again in their start state, so that nothing in the engine's memory affects the next run."""
         self.wrenches.clear()
         self._restore()
         self._build_again(None)
         self.bushings.restart()
 
     def rebuild(self) -> None:
-        """Build everything again in its present state."""
+        """Load all bodies again in their present state."""
         self._build_again({name: self._engine.state(self.bodies[name]) for name in self.models})
 
     def _build_again(self, states: dict[str, BodyState] | None) -> None:
-        """Build everything again in these states of the models; None: at their start."""
+        """Load all bodies again; states: states of the models by name, None: their start states."""
         self._engine.settings()
         self._robot.load_again()
         self._fill(states)
         self.bushings.bind()
 
     def _fill(self, states: dict[str, BodyState] | None = None) -> None:
-        """Fill an engine that contains only the robot with the models, in these states; None: at their start."""
+        """Load all models into an engine with only the robot; states: states by name, None: their start states."""
         self.bodies = {}
         self._add(self._robot.body)
         for model in self.models.values():
@@ -173,7 +173,7 @@ class PybulletWorld(Models[PybulletModelJoints]):
         )
 
     def keep_apart(self, pairs: Iterable[tuple[str, str]]) -> bool:
-        """Separate link pairs, by "model::link", that must not touch; return True if others may touch again."""
+        """Set the link pairs ("model::link") that must not touch; return True if a former pair may touch again."""
         before, self._apart = self._apart, set(pairs)
         free = before - self._apart
         for a, b in free:
@@ -183,14 +183,14 @@ class PybulletWorld(Models[PybulletModelJoints]):
         return bool(free)
 
     def forget_contacts(self) -> None:
-        """Forget contacts and spring memory, after bodies were put elsewhere."""
+        """Clear contacts and the state of contact springs, after bodies were repositioned."""
         self.penalty.forget()
 
     def bind_connected(self) -> None:
-        """Bind the bushings after a change of the connections."""
+        """Find the links of the bushings again, after bushings were added or removed."""
         self.bushings.bind()
 
     def body_of(self, name: str) -> tuple[LoadedBody, str]:
-        """Return (body, link) of "link" (of the robot) or "model::link". Raises UnknownNameError."""
+        """Return (body, link name) for "link" (of the robot) or "model::link". Raises UnknownNameError."""
         model, link = self.find(name)
         return self.bodies[model], link

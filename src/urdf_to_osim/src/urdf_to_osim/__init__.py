@@ -1,4 +1,4 @@
-"""Conversion of robot descriptions (URDF) to OpenSim models, proved with a rigid-body library."""
+"""Conversion of robot descriptions (URDF) to OpenSim models, verified by comparison with a rigid-body library."""
 
 # ruff: noqa: E402  (the libraries must be loaded before the first module that imports them)
 
@@ -20,7 +20,7 @@ __all__ = ["Conversion", "FrameMap", "JointMap", "Options", "Proof", "Written", 
 
 
 def __getattr__(name: str) -> Any:
-    """Import the proof on first use: its rigid-body library takes half as long to load as OpenSim."""
+    """Import `Proof` and `prove` at their first use, since their rigid-body library (pinocchio) is slow to load."""
     if name in ("Proof", "prove"):
         return getattr(import_module("urdf_to_osim.proof.proof"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,4 +1,4 @@
-"""Command `convert`."""
+"""Command `convert`: converts a robot description to an OpenSim model and verifies it."""
 
 import argparse
 import sys
@@ -22,27 +22,28 @@ if TYPE_CHECKING:
     from urdf_to_osim.proof.proof import Proof
 
 FORWARD = 0.1
-"""Simulated time of the forward run [s]."""
+"""Simulated time of the forward simulation that ends the verification [s]."""
 
 
 class ConvertCommand(Command):
-    """Convert a robot description to an OpenSim 4 model, and prove it."""
+    """Convert a robot description to an OpenSim 4 model, and verify it."""
 
     epilog = (
-        "The model is written only if the file, read back, agrees with the description: frames, mass matrix, "
-        "gravity and inverse dynamics with a rigid-body library, damping, friction, stops and couplers with closed "
-        "forms. Exit code 0: written; else nothing is written: 2: refused, 1: the proof failed."
+        "Before the model is written, the file is read back and compared with the description (the proof): frames, "
+        "mass matrix, gravity and inverse dynamics with a rigid-body library; damping, friction, stops and couplers "
+        "with closed-form equations. Exit code 0: written; 1: the comparison failed, nothing is written; 2: the "
+        "description or an argument is refused, nothing is written."
     )
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments."""
+        """Return the arguments of the command line."""
         return [
-            Argument("input", help="description: .urdf, .xacro (expanded here), or - for URDF from standard input"),
+            Argument("input", help="robot description: .urdf, .xacro (is expanded), or - for URDF from standard input"),
             Argument(
                 "-o",
                 "--output",
-                help=f"the {SUFFIX} file; meshes go to Geometry/ beside it (default: name of the input, in the working "
-                "folder)",
+                help=f"{SUFFIX} file to write; meshes go to the folder Geometry/ beside it (default: name of the "
+                "input, in the working folder)",
             ),
             Argument(
                 "--xacro-arg",
@@ -54,11 +55,11 @@ class ConvertCommand(Command):
             Argument("--name", default="", help="name of the model (default: the robot's)"),
             *_options_arguments(),
             Argument("--states", type=_count, default=100, help="random states of the proof (default: 100)"),
-            Argument("--seed", type=int, default=0, help="of the proof's random numbers (default: 0)"),
+            Argument("--seed", type=int, default=0, help="seed of the proof's random numbers (default: 0)"),
         ]
 
     def run(self, arguments: argparse.Namespace) -> None:
-        """Convert, prove, write and report. Raises HricError: the conversion is refused."""
+        """Convert the description, verify and write the model, and print the errors found by the verification."""
         opensim.Logger.setLevelString("Error")
         started = time.perf_counter()
         options = _options(arguments)
@@ -80,22 +81,22 @@ class ConvertCommand(Command):
 
 
 def _options_arguments() -> list[Argument]:
-    """Return the options of the conversion; see `Options`."""
+    """Return the command-line arguments for the options of the conversion (`Options`)."""
     return [
-        _choice("up", "y", "OpenSim axis along the description's z (default: y)"),
-        _choice("inertia", "refuse", "inertias that no body has (default: refuse)"),
-        _choice("names", "refuse", "names that OpenSim forbids (default: refuse)"),
-        _choice("friction", "coulomb", "joint friction (default: coulomb, of <dynamics friction>)"),
+        _choice("up", "y", "axis of OpenSim's ground that points along z of the description (default: y)"),
+        _choice("inertia", "refuse", "what to do with physically impossible inertias (default: refuse)"),
+        _choice("names", "refuse", "what to do with names that OpenSim forbids (default: refuse)"),
+        _choice("friction", "coulomb", "joint friction (default: coulomb, from <dynamics friction>)"),
         Argument(
             "--friction-parameters",
             metavar="YAML",
-            help="file: joint -> {phi1 [N m], phi2 [s/rad], phi3 [rad/s]}, for sigmoid",
+            help="file with {phi1 [N m], phi2 [s/rad], phi3 [rad/s]} by joint, for --friction sigmoid",
         ),
         *(
             Argument(f"--no-{part}", action="store_true", help=f"leave {part} out")
             for part in ("stops", "damping", "actuators", "meshes")
         ),
-        Argument("--contact", action="store_true", help="make contact geometry of the collision elements"),
+        Argument("--contact", action="store_true", help="add contact geometry, from the collision elements"),
         _stop("stiffness", "N m/rad"),
         _stop("damping", "N m s/rad"),
         _stop("transition", "rad"),
@@ -108,7 +109,7 @@ def _choice(name: str, default: str, text: str) -> Argument:
 
 def _stop(name: str, unit: str) -> Argument:
     default = declared(Options)[f"stop_{name}"].default
-    text = f"of a rotation's stop [{unit}] (default: {default:g})"
+    text = f"{name} of the stops of revolute joints [{unit}] (default: {default:g})"
     return Argument(f"--stop-{name}", type=float, default=default, help=text)
 
 
@@ -144,11 +145,11 @@ def _demand(path: Path, urdf_xml: str, conversion: Conversion, arguments: argpar
 
 
 def read_description(source: str, xacro_arguments: Sequence[str] = ()) -> str:
-    """Return the URDF of a file, of a xacro file, or of standard input ("-").
+    """Return the URDF text from a URDF file, an expanded xacro file, or the standard input ("-").
 
     Raises:
-        ParameterError: no such file, or arguments that do not fit.
-        DescriptionError: the file cannot be read as a description.
+        ParameterError: the file does not exist, or xacro arguments are given in a wrong form or without a xacro file.
+        DescriptionError: the file cannot be read as a robot description.
     """
     if source != "-" and not Path(source).is_file():
         raise ParameterError(f"no file {source}")
@@ -196,5 +197,7 @@ def _friction_parameters(source: str | None) -> dict[str, dict[str, float]]:
         return {}
     content = read_yaml(Path(source))
     if not isinstance(content, dict):
-        raise ParameterError(f"--friction-parameters {source} must hold joint -> {{phi1: .., phi2: .., phi3: ..}}")
+        raise ParameterError(
+            f"--friction-parameters {source}: the file must map each joint to {{phi1: .., phi2: .., phi3: ..}}"
+        )
     return {str(joint): phi for joint, phi in content.items()}

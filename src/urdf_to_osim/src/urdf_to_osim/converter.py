@@ -1,4 +1,4 @@
-"""Conversion of a description to a model in memory."""
+"""Conversion of a robot description to an OpenSim model in memory."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -16,12 +16,12 @@ from urdf_to_osim.prepare import ILLEGAL, ConversionPlan, prepare
 
 @dataclass(frozen=True)
 class JointMap:
-    """Joint of the description in the model.
+    """Counterpart of a joint of the description in the OpenSim model.
 
     Attributes:
         kind: URDF type of the joint.
-        path: path of the joint, e.g. "/jointset/panda_joint1"; empty where a fixed joint became an offset frame.
-        coordinates: names of its coordinates, in the joint's order (`joints.coordinate_names`).
+        path: path of the OpenSim joint, e.g. "/jointset/panda_joint1"; empty if a fixed joint became an offset frame.
+        coordinates: names of the joint's coordinates, in the order of `joints.coordinate_names`.
     """
 
     kind: str
@@ -30,29 +30,29 @@ class JointMap:
 
     @property
     def paths(self) -> tuple[str, ...]:
-        """Paths of the coordinates, which are unique even where names are not."""
+        """Paths of the coordinates in the model; unlike names they are always unique."""
         return tuple(f"{self.path}/{name}" for name in self.coordinates)
 
 
 @dataclass(frozen=True)
 class FrameMap:
-    """Link of the description in the model: `path` of a frame with the link's origin and axes."""
+    """Counterpart of a link of the description in the OpenSim model: `path` of a frame with its origin and axes."""
 
     path: str
 
 
 @dataclass
 class Conversion:
-    """Converted robot.
+    """Result of a conversion: the OpenSim model in memory.
 
     Attributes:
-        model: model with finalised connections; the caller calls `initSystem`.
-        joints, frames: joints and frames in the model, for each joint and link of the description.
-        notes: repairs, renamings and omissions.
-        plan, options: decisions made before the model was built.
-        meshes: visual and contact geometry whose files are not written yet.
-        geometry: after `geometry.lay`: name of each such shape -> bare name of its file.
-        attached: name of each such shape -> function that sets its file, and component; for `geometry`.
+        model: OpenSim model with finalised connections; the caller must call `initSystem`.
+        joints, frames: place in the model of each joint and link of the description, by name.
+        notes: texts about repairs, renamings and omissions.
+        plan, options: decisions and options of the conversion.
+        meshes: visual and contact shapes that need a mesh file.
+        geometry: bare name of the mesh file of each of these shapes, by the shape's name; filled by `geometry.lay`.
+        attached: (function that sets the mesh file, OpenSim component) of each of these shapes, by the shape's name.
     """
 
     model: opensim.Model
@@ -67,11 +67,11 @@ class Conversion:
 
 
 def convert(urdf_xml: str, options: Options | None = None) -> Conversion:
-    """Return the model of a pure URDF text.
+    """Convert a URDF text to an OpenSim model.
 
     Raises:
-        DescriptionError: an unusable description, or one that OpenSim cannot represent; names the element and a remedy.
-        UnknownNameError: options name a joint that does not exist.
+        DescriptionError: the description is unusable, or OpenSim cannot represent it; the text says what to change.
+        UnknownNameError: the options name a joint that does not exist.
     """
     options = options or Options()
     plan = prepare(read(urdf_xml), options)
@@ -82,19 +82,21 @@ def convert(urdf_xml: str, options: Options | None = None) -> Conversion:
         waiting = shapes.add(builder.model, plan, options, builder.carriers, builder.notes)
         builder.model.finalizeConnections()
     except RuntimeError as error:
-        raise DescriptionError(f"OpenSim refuses robot {plan.robot.name}: {transforms.message_of(error)}") from error
+        raise DescriptionError(
+            f"OpenSim cannot build a model of robot {plan.robot.name}: {transforms.message_of(error)}"
+        ) from error
     return Conversion(builder.model, builder.joints, builder.frames, builder.notes, plan, options, waiting)
 
 
 class _Builder:
-    """Builder of a model's bodies and joints, from the root outwards."""
+    """Builder of the OpenSim model's bodies and joints, from the root link outwards."""
 
     def __init__(self, plan: ConversionPlan, options: Options) -> None:
         self.plan = plan
         self.notes = list(plan.notes)
         self.joints: dict[str, JointMap] = {}
         self.frames: dict[str, FrameMap] = {}
-        # Link -> the body or ground that carries it, and the link's pose in it.
+        # For each link: the body (or ground) to which it belongs, and the link's pose in it.
         self.carriers: dict[str, tuple[opensim.PhysicalFrame, FloatArray]] = {}
         self._pose = transforms.base_pose(options.up)
         self.model = opensim.Model()
@@ -103,7 +105,7 @@ class _Builder:
         self.model.setGravity(transforms.vec3(self._pose[:3, :3] @ np.asarray(options.gravity, dtype=float)))
 
     def bodies(self) -> None:
-        """Add all links and joints."""
+        """Add all links and joints to the model."""
         self._root()
         for joint in self.plan.robot.joints.values():
             if joint.child in self.plan.bodies:

@@ -1,6 +1,6 @@
-"""Geometry that an OpenSim model shows at a pose, in ground.
+"""Visible geometry of an OpenSim model at a pose, in the ground frame, for drawing it without a display.
 
-OpenSim's decorations, without its visualizer and without a display.
+It is read from OpenSim's decorations; OpenSim's own visualizer is not used.
 """
 
 from collections.abc import Mapping
@@ -22,13 +22,13 @@ WIREFRAME = 2
 
 @dataclass(frozen=True)
 class Decoration:
-    """Primitive to draw.
+    """Geometric primitive to draw.
 
     Attributes:
         kind: "mesh", "sphere", "ellipsoid", "brick", "cylinder" (about y) or "line".
-        size: dimensions [m]: half lengths, radii (of a cylinder: radius, half height, radius), scale factors of a mesh,
-            both ends of a line (6).
-        T_ground: pose, shape (4, 4).
+        size: dimensions [m]: half lengths of a brick, radii of a sphere or ellipsoid; radius, half height, radius of a
+            cylinder; scale factors of a mesh; coordinates of both ends of a line (6 numbers).
+        T_ground: pose in ground, shape (4, 4).
         colour: red, green, blue from 0 to 1.
         opacity: from 0 to 1.
         wireframe: True to draw only edges.
@@ -46,7 +46,7 @@ class Decoration:
 
 @dataclass(frozen=True)
 class Look(Settings):
-    """Settings of a picture."""
+    """Settings of a picture: size, direction of view, and what is drawn beside the model."""
 
     width: int = whole(900, minimum=16, maximum=8192, unit="pixel", text="of the picture")
     height: int = whole(900, minimum=16, maximum=8192, unit="pixel", text="of the picture")
@@ -58,13 +58,14 @@ class Look(Settings):
 
 @dataclass(frozen=True)
 class DecoratedModel:
-    """Model at a pose.
+    """Visible geometry, body frames and centres of mass of a model at a pose, all in ground.
 
     Attributes:
-        decorations: geometry of its components.
-        centres: body -> pose of its axes at its centre of mass, shape (4, 4); bodies without mass have none.
-        frames: body -> pose of its frame, shape (4, 4).
-        up: unit vector in ground against gravity, shape (3,).
+        decorations: geometry of the model's components.
+        centres: pose of each body's axes at its centre of mass, shape (4, 4), by body; bodies without mass are left
+            out.
+        frames: pose of each body's frame, shape (4, 4), by body.
+        up: unit vector against gravity, shape (3,).
         missing: mesh files that were not found.
     """
 
@@ -76,11 +77,11 @@ class DecoratedModel:
 
 
 def load_scene(path: Path, pose: Mapping[str, float] | None = None) -> DecoratedModel:
-    """Return the scene of a model at a pose.
+    """Load a model, set its pose, and return its visible geometry.
 
     Args:
-        path: an .osim; its meshes are searched as OpenSim does, so in Geometry/ next to it.
-        pose: coordinate -> value [rad or m]; the others have the model's defaults.
+        path: .osim file; OpenSim searches its meshes in the folder Geometry/ beside it, among others.
+        pose: values of coordinates by name [rad or m]; other coordinates have the model's default values.
 
     Raises:
         DescriptionError: OpenSim cannot read the file or build the model.
@@ -121,12 +122,12 @@ def _set_pose(model: Any, state: Any, pose: Mapping[str, float]) -> None:
             model.assemble(state)
         except RuntimeError as error:
             raise ParameterError(
-                f"the model's constraints cannot be met at this pose: {str(error).splitlines()[0]}"
+                f"the model's constraints cannot be satisfied at this pose: {str(error).splitlines()[0]}"
             ) from error
 
 
 def _bodies(model: Any, state: Any) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
-    """Return the poses of centres of mass and of frames, by body."""
+    """Return the poses in ground of the centres of mass and of the body frames, both by body."""
     centres, frames = {}, {}
     bodies = model.getBodySet()
     for i in range(bodies.getSize()):
@@ -139,7 +140,7 @@ def _bodies(model: Any, state: Any) -> tuple[dict[str, FloatArray], dict[str, Fl
 
 
 def _decorations(model: Any, state: Any) -> tuple[list[Decoration], list[str]]:
-    """Return the geometry that components draw, and the meshes that were not found."""
+    """Return the visible geometry of all components, and the mesh files that were not found."""
     visitor = _Visitor(model, state)
     missing = []
     hints = model.getDisplayHints()
@@ -156,7 +157,7 @@ def _decorations(model: Any, state: Any) -> tuple[list[Decoration], list[str]]:
 
 
 class _Visitor(opensim.DecorativeGeometryImplementation):
-    """Visitor that stores each decoration; text, points, frames and other marks are left out."""
+    """Visitor that stores each decoration of a model as a `Decoration`; text, points and frames are left out."""
 
     def __init__(self, model: Any, state: Any) -> None:
         super().__init__()
@@ -202,7 +203,7 @@ class _Visitor(opensim.DecorativeGeometryImplementation):
         self._add(geometry, "cylinder", (geometry.getRadius(), geometry.getHalfHeight(), geometry.getRadius()))
 
     def implementLineGeometry(self, geometry: Any) -> None:
-        """Store a segment of a muscle's path."""
+        """Store a line, e.g. a segment of a muscle's path."""
         self._add(geometry, "line", (*geometry.getPoint1().to_numpy(), *geometry.getPoint2().to_numpy()))
 
     def _leave_out(self, geometry: Any) -> None:

@@ -1,4 +1,4 @@
-"""Forces at the joints (damping, friction, stops, actuators), and mimic joints as couplers."""
+"""OpenSim forces at the joints (damping, friction, stops, actuators), and mimic joints as coupler constraints."""
 
 import math
 
@@ -14,7 +14,7 @@ PRISMATIC = "prismatic"
 
 
 def add(model: opensim.Model, plan: ConversionPlan, options: Options) -> None:
-    """Add the selected forces to a model that has its joints."""
+    """Add the forces that the options select, and couplers, to a model that already has its joints."""
     # Model.addForce would traverse the complete model each time: with a hundred joints it took most of the
     # conversion.
     acting = model.updForceSet()
@@ -46,9 +46,9 @@ def _add_losses(acting: opensim.ForceSet, joint: Joint, name: str, options: Opti
 
 
 def friction_expression(joint: Joint, options: Options, velocity: float | None) -> str | None:
-    """Return a joint's friction [N m or N] as OpenSim expression of its velocity `qdot` [rad/s or m/s]; None: none.
+    """Return a joint's friction effort [N m or N] as an OpenSim expression of its velocity `qdot` [rad/s or m/s].
 
-    Coulomb: -f tanh(dq/v) with v = `velocity`, which is None for a joint without Coulomb friction.
+    None if the joint has no friction. Coulomb: -f tanh(dq/v) with v = `velocity`, which is None without it.
     Sigmoid (C. Gaz et al., Dynamic identification of the Franka Emika Panda robot, IEEE RA-L 4(4), 2019):
 
     -(phi1 / (1 + exp(-phi2 (dq + phi3))) - phi1 / (1 + exp(-phi2 phi3))),
@@ -64,7 +64,7 @@ def friction_expression(joint: Joint, options: Options, velocity: float | None) 
 
 
 def _stop(joint: Joint, name: str, options: Options) -> opensim.Force:
-    """Return the CoordinateLimitForce of a joint; for a rotation it takes degrees, N m/deg and N m s/deg."""
+    """Return the stop of a joint as a CoordinateLimitForce, which for rotations expects degrees, N m/deg, N m s/deg."""
     degree = 1.0 if joint.type == PRISMATIC else math.pi / 180.0
     stiffness, damping, transition = stop_parameters(joint, options)
     force = opensim.CoordinateLimitForce(
@@ -81,14 +81,20 @@ def _stop(joint: Joint, name: str, options: Options) -> opensim.Force:
 
 
 def stop_parameters(joint: Joint, options: Options) -> tuple[float, float, float]:
-    """Return (stiffness, damping, transition) of a stop [N m/rad, N m s/rad, rad], prismatic [N/m, N s/m, m]."""
+    """Return (stiffness, damping, transition length) of a joint's stop.
+
+    Units: N m/rad, N m s/rad, rad; for a prismatic joint N/m, N s/m, m.
+    """
     if joint.type == PRISMATIC:
         return options.stop_stiffness_linear, options.stop_damping_linear, options.stop_transition_linear
     return options.stop_stiffness, options.stop_damping, options.stop_transition
 
 
 def _actuator(joint: Joint, name: str) -> opensim.Force:
-    """Return an actuator (control 1 is 1 N m or N); the caller must clamp controls, OpenSim enforces no limits."""
+    """Return an actuator of a joint, whose control is the effort [N m or N].
+
+    Its limits are in the model, but OpenSim does not enforce them; whoever sets controls must clamp them.
+    """
     actuator = opensim.CoordinateActuator(name)
     actuator.setName(f"{name}_actuator")
     actuator.setOptimalForce(1.0)
@@ -113,7 +119,7 @@ def _coupler(joint: Joint, name: str, source: str) -> opensim.Constraint:
 
 
 def _set_mimic_defaults(model: opensim.Model, plan: ConversionPlan) -> None:
-    """Start each mimic joint at its coupler's value, so that opening the model moves no other joint."""
+    """Set the default value of each mimic joint to its law, so that OpenSim need not move other joints at the start."""
     described = plan.robot.joints
 
     def start(joint: Joint) -> float:

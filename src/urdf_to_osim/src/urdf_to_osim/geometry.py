@@ -1,4 +1,4 @@
-"""Mesh files in a Geometry folder, and the model's geometry that refers to them."""
+"""Mesh files in the folder Geometry/, and the geometry in the model that refers to them."""
 
 import hashlib
 import re
@@ -16,19 +16,29 @@ from urdf_to_osim.meshes import MeshRequest, convert_meshes
 from urdf_to_osim.shapes import OsimShape, attach
 
 FACETS = 64
-"""Facets of a cylinder or capsule as contact mesh: radius 0.12 % short between edges (project default, unconfirmed)."""
+"""Number of facets of a cylinder or capsule that becomes a contact mesh (project default, unconfirmed).
+
+Between the edges its radius is then 0.12 % too small.
+"""
 
 
 @dataclass(frozen=True)
 class MeshFiles:
-    """Result of `lay`: bare names of the files, and the time for them [s]."""
+    """Mesh files that were written: bare names, and the time that it took [s]."""
 
     files: tuple[str, ...]
     seconds: float
 
 
 def lay(conversion: Conversion, folder: Path, cache: Path | None = None) -> MeshFiles:
-    """Convert the meshes into a folder and let the model in memory refer to them; repeatable for another folder.
+    """Convert the meshes of a conversion into a folder, and let the model in memory refer to these files.
+
+    May be called again for another folder.
+
+    Args:
+        conversion: result of the conversion.
+        folder: folder for the mesh files.
+        cache: folder of converted meshes; None: the default of `convert_meshes`.
 
     Raises:
         DescriptionError: a mesh is missing, cannot be read, or has no closed surface for contact; names the link.
@@ -46,7 +56,9 @@ def lay(conversion: Conversion, folder: Path, cache: Path | None = None) -> Mesh
 
 
 def refer(conversion: Conversion, folder: Path | None) -> None:
-    """Let the model refer to mesh files in a folder, or by bare name, which OpenSim searches in Geometry/.
+    """Let the model refer to mesh files by their path in a folder, or by their bare name if `folder` is None.
+
+    OpenSim searches files with a bare name in the folder Geometry/ beside the model.
 
     Raises:
         DescriptionError: a surface for contact is not closed; names the link.
@@ -67,7 +79,10 @@ def _file(conversion: Conversion, shape: OsimShape, folder: Path | None) -> str:
 
 
 def _request(shape: OsimShape, source: Path | None) -> MeshRequest:
-    """Return the request for a mesh; its file name, from mesh and source, is shared by links but not by robots."""
+    """Return the request to convert a mesh.
+
+    The file name depends on mesh, scale and source folder, so that links share a file but different robots do not.
+    """
     x, y, z = shape.size
     key = hashlib.sha256(f"{source}|{shape.address}|{shape.size}".encode()).hexdigest()[:8]
     stem = re.sub(r"[^A-Za-z0-9_.-]+", "_", Path(shape.address).stem)
@@ -89,19 +104,22 @@ def _add(model: opensim.Model, shape: OsimShape, file: str) -> tuple[Callable[[s
 
 
 def _check_closed(shape: OsimShape, path: Path) -> None:
-    """Refuse a surface that is not closed: OpenSim takes only closed surfaces as contact geometry."""
+    """Raise an error if a mesh is no closed surface, since OpenSim accepts only closed ones as contact geometry."""
     import trimesh
 
     mesh = trimesh.load_mesh(path, process=False)
     if not (mesh.is_watertight and mesh.is_winding_consistent):
         raise DescriptionError(
-            f"link {shape.link}: collision mesh {shape.address!r} is no closed surface; close it, use its convex "
-            "hull, or leave contact out"
+            f"link {shape.link}: collision mesh {shape.address!r} is no closed surface, which OpenSim needs for "
+            "contact; close it, use its convex hull, or convert without contact"
         )
 
 
 def _write_primitive(shape: OsimShape, folder: Path) -> str:
-    """Write a box, cylinder or capsule as a mesh: OpenSim's own contact primitives do not contact all other shapes."""
+    """Write a box, cylinder or capsule as a mesh file and return its name.
+
+    A mesh is used because OpenSim's own contact primitives cannot be in contact with all other shapes.
+    """
     import trimesh
 
     if shape.kind == "box":

@@ -1,4 +1,4 @@
-"""Physically impossible inertias: reported, repaired or kept.
+"""Detection and repair of physically impossible inertias of links.
 
 A tensor J about the centre of mass belongs to a body if its second moments S = tr(J)/2 E - J have no negative
 eigenvalue, which is the triangle inequality of the principal moments (P. Wensing, S. Kim, J.-J. Slotine, Linear matrix
@@ -20,14 +20,14 @@ ROUNDING = 1e-6
 # default, unconfirmed.
 MIN_MASS, MIN_INERTIA = 1e-5, 1e-6
 MINIMUM = MassProperties(MIN_MASS, np.zeros(3), MIN_INERTIA * np.eye(3))
-# Impossible radius of gyration, a hundredth of an atom's: a smaller tensor is a rounded zero [m].
+# Impossibly small radius of gyration, a hundredth of an atom's radius [m]: a tensor below it is a rounded zero.
 MIN_RADIUS = 1e-12
 # A body without an inertia is repaired to a sphere of water [kg/m^3].
 DENSITY = 1000.0
 
 
 def fault(body: MassProperties) -> str:
-    """Return why the inertia is physically impossible, or an empty text; without mass and inertia it is a frame."""
+    """Return why a link's inertia is physically impossible; empty if it is possible, or if there is no mass at all."""
     if body.mass == 0.0:
         return "it has an inertia but no mass" if body.inertia.any() else ""
     if _has_none(body):
@@ -47,7 +47,7 @@ def fault(body: MassProperties) -> str:
 
 
 def says_nothing(body: MassProperties) -> bool:
-    """Return True if a body has no mass or no inertia, so that a repair must invent them."""
+    """Return True if a body lacks mass or inertia in the description, so that a repair has to invent them."""
     return body.mass == 0.0 or _has_none(body)
 
 
@@ -56,33 +56,33 @@ def _has_none(body: MassProperties) -> bool:
 
 
 def repaired(body: MassProperties) -> tuple[MassProperties, str]:
-    """Return the nearest physical body, and a description of the repair."""
+    """Return the nearest physically possible mass properties, and a text about what was changed."""
     if body.mass == 0.0:
         return MassProperties(), "its inertia was dropped, since it has no mass"
     if _has_none(body):
         radius = (0.75 * body.mass / (math.pi * DENSITY)) ** (1.0 / 3.0)
         return MassProperties(
             body.mass, body.com, 0.4 * body.mass * radius**2 * np.eye(3)
-        ), f"it got the inertia of a ball of water, {radius:.3g} m"
+        ), f"it got the inertia of a ball of water with a radius of {radius:.3g} m"
     moments, axes = np.linalg.eigh(0.5 * np.trace(body.inertia) * np.eye(3) - body.inertia)
     moments = np.maximum(moments, ROUNDING * float(np.max(np.abs(moments))))
     inertia = axes @ np.diag(np.sum(moments) - moments) @ axes.T
     change = float(np.max(np.abs(inertia - body.inertia)))
     return MassProperties(
         body.mass, body.com, 0.5 * (inertia + inertia.T)
-    ), f"its inertia was moved to the nearest of a body, by up to {change:.3g} kg m^2"
+    ), f"its inertia was changed to the nearest possible one, by up to {change:.3g} kg m^2"
 
 
 def settled(name: str, body: MassProperties, choice: str) -> tuple[MassProperties, str]:
-    """Return the mass properties with which to build a link, and a note (empty if nothing was changed).
+    """Return the mass properties to use for a link, and a note about changes (empty if nothing was changed).
 
     Args:
         name: name of the link.
-        body: mass properties of the description.
-        choice: as in `Options.inertia`.
+        body: mass properties in the description.
+        choice: treatment of impossible inertias: "refuse", "repair", "invent" or "keep".
 
     Raises:
-        DescriptionError: a fault that must be corrected; says how.
+        DescriptionError: the inertia is impossible and must be corrected by the user; the text says how.
     """
     reason = fault(body)
     if not reason:

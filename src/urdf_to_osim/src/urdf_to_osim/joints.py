@@ -1,4 +1,4 @@
-"""OpenSim joints for URDF joints: the joint frames are rotated so that OpenSim's fixed axes match the description's."""
+"""OpenSim joints for URDF joints; joint frames are rotated so that OpenSim's fixed axes lie along the URDF's axes."""
 
 import math
 
@@ -12,7 +12,7 @@ from urdf_to_osim import transforms
 
 PLANAR = ("theta", "x", "y")
 FLOATING = ("rx", "ry", "rz", "tx", "ty", "tz")
-# Range of a slider in OpenSim's GUI if the description sets no limit: angle [rad], and length [m].
+# Range of the coordinate sliders in OpenSim's GUI if the description sets no limit: angle [rad], and length [m].
 # Project default, unconfirmed.
 FREE_ANGLE, FREE_LENGTH = 2.0 * math.pi, 10.0
 _CLASSES = {
@@ -26,9 +26,10 @@ _CLASSES = {
 
 
 def joint_rotation(joint: Joint) -> FloatArray:
-    """Return R_joint_osim, shape (3, 3), which rotates the axis of OpenSim's joint onto the joint's axis.
+    """Return the rotation of OpenSim's joint frame in the URDF joint frame, shape (3, 3), which aligns the axes.
 
-    PinJoint rotates about z, SliderJoint moves along x, PlanarJoint moves in x and y and rotates about z: its normal.
+    OpenSim's PinJoint rotates about z, its SliderJoint moves along x, its PlanarJoint moves along x and y and rotates
+    about z.
     """
     if joint.type in ("revolute", "continuous", "planar"):
         return rotation_onto(2, joint.axis)
@@ -38,10 +39,11 @@ def joint_rotation(joint: Joint) -> FloatArray:
 
 
 def coordinate_names(joint: Joint, name: str) -> tuple[str, ...]:
-    """Return the names of the coordinates that OpenSim gives the joint with its name `name`, in the joint's order.
+    """Return the names of a joint's coordinates in the OpenSim model, in order; name: name of the OpenSim joint.
 
-    A planar joint has <name>_theta [rad], _x, _y [m] in the plane; a floating one <name>_rx, _ry, _rz (body-fixed x-y-z
-    angles [rad]), _tx, _ty, _tz (position in the joint frame [m]).
+    A joint with one coordinate: <name>. A planar joint: <name>_theta [rad], <name>_x, <name>_y [m] in the plane. A
+    floating joint: <name>_rx, _ry, _rz (body-fixed x-y-z angles [rad]), _tx, _ty, _tz (position in the joint frame
+    [m]). A fixed joint has none.
     """
     if joint.type == "fixed":
         return ()
@@ -52,14 +54,14 @@ def coordinate_names(joint: Joint, name: str) -> tuple[str, ...]:
 def build(
     joint: Joint, name: str, parent: opensim.PhysicalFrame, T_frame_parent: FloatArray, child: opensim.Body
 ) -> opensim.Joint:
-    """Return the joint in OpenSim.
+    """Return an OpenSim joint for a joint of the description.
 
     Args:
         joint: joint of the description.
-        name: name in OpenSim.
-        parent: body (or ground) with the parent link.
-        T_frame_parent: pose of the parent link in it, shape (4, 4) [m].
-        child: body that moves.
+        name: name of the OpenSim joint.
+        parent: OpenSim body (or ground) to which the parent link belongs.
+        T_frame_parent: pose of the parent link in that body, shape (4, 4) [m].
+        child: OpenSim body of the child link.
     """
     A = homogeneous(joint_rotation(joint))
     made = _CLASSES[joint.type](
@@ -71,7 +73,7 @@ def build(
 
 
 def default_value(joint: Joint) -> float:
-    """Return the coordinate of the joint when the model is opened: zero, or the nearer end of its range [rad or m]."""
+    """Return the default value of a joint's coordinate [rad or m]: zero, or the end of its range nearest to zero."""
     return min(max(0.0, joint.lower), joint.upper)
 
 

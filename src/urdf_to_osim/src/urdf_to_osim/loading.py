@@ -1,9 +1,9 @@
-"""Loading of OpenSim's libraries in an order that gives full speed.
+"""Loading of OpenSim's libraries in an order that makes OpenSim fast.
 
-OpenSim's Python modules contain slow copies of Simbody's small functions (products of 3 x 3 matrices and the like),
-compiled without inlining. The dynamic linker binds a library that is first loaded as part of such a module to these
-copies, because it searches the module before the library. If the libraries are loaded before the modules, each uses its
-own optimised functions: a step of OpenSim then takes little more than half the time, with the same results.
+OpenSim's Python modules contain slow copies of Simbody's small functions (e.g. products of 3 x 3 matrices), compiled
+without inlining. If Simbody's libraries are loaded as dependencies of such a module, the dynamic linker searches the
+module first and binds the libraries to the slow copies. If they are loaded before the module, they use their own
+optimised functions: a step of OpenSim then takes little more than half the time, with the same results.
 """
 
 import contextlib
@@ -24,7 +24,7 @@ def load_opensim() -> None:
 
 
 def load_simbody_first() -> bool:
-    """Load Simbody's libraries before OpenSim's modules, an optimisation; return True if that was possible."""
+    """Load Simbody's libraries before OpenSim's Python modules, to make OpenSim faster; return False if too late."""
     spec = find_spec("opensim")
     if "opensim" in sys.modules or spec is None or spec.origin is None:
         return False

@@ -1,4 +1,4 @@
-"""Meshes of a description as files for OpenSim, converted once and cached by the hash of their content."""
+"""Conversion of a description's meshes to files for OpenSim; results are cached by the hash of their content."""
 
 import time
 from collections.abc import Sequence
@@ -12,14 +12,13 @@ from hric_core.meshes.canonical import WRITTEN_SUFFIX, canonical, find
 
 @dataclass(frozen=True)
 class MeshRequest:
-    """Mesh file of the description to convert.
+    """Request to convert a mesh file of the description.
 
     Attributes:
-        link: link that shows it, for errors.
+        link: link that has the mesh, for error messages.
         address: address in the description: package://, file:// or a path.
-        scale: factors along x, y, z, applied to the vertices.
-        file: name of the result in Geometry/ in the model, without folder or ending; the same for the same address and
-            scale.
+        scale: factors along x, y, z, applied to the vertices [1].
+        file: name of the resulting file without folder and ending; requests with equal address and scale share it.
     """
 
     link: str
@@ -30,10 +29,10 @@ class MeshRequest:
 
 @dataclass(frozen=True)
 class MeshResult:
-    """Converted mesh in the folder, in metres, with the request's scale applied.
+    """Converted mesh file, in metres, with the scale of the request applied.
 
     Attributes:
-        request: the request.
+        request: request that led to this file.
         file: bare file name with its ending, for `Mesh` and `ContactMesh`.
         seconds: time of the conversion [s].
         cached: True if an earlier conversion was used.
@@ -48,13 +47,14 @@ class MeshResult:
 def convert_meshes(
     requests: Sequence[MeshRequest], folder: Path, cache: Path | None = None, relative_to: Path | None = None
 ) -> list[MeshResult]:
-    """Write `<file>.obj` for each request into a folder, each file completely or not at all.
+    """Convert meshes and write `<file>.obj` for each request into a folder, each file completely or not at all.
 
     Args:
-        requests: meshes in any order; the same address may occur more than once.
-        folder: the Geometry folder; created if missing, other files in it are not touched.
-        cache: folder of cached conversions; `cache_folder("meshes")` by default. A read-only cache only costs time.
-        relative_to: base folder of relative addresses, the description's own.
+        requests: meshes in any order; an address may occur more than once.
+        folder: folder Geometry/; created if missing, other files in it are not changed.
+        cache: folder of cached conversions; None: `cache_folder("meshes")`. If it cannot be written, meshes are
+            converted each time.
+        relative_to: base folder of relative addresses, usually that of the description.
 
     Raises:
         DescriptionError: a mesh is missing, has an unknown ending or a bad scale, or cannot be read; nothing is written
@@ -66,7 +66,7 @@ def convert_meshes(
 
 
 def _find_all(requests: Sequence[MeshRequest], relative_to: Path | None) -> list[Path]:
-    """Return the file of each request; the error names the first missing one and the number of others."""
+    """Return the mesh file of each request; the error names the first missing file and counts the others."""
     paths: list[Path] = []
     errors: list[str] = []
     for request in requests:
@@ -76,7 +76,8 @@ def _find_all(requests: Sequence[MeshRequest], relative_to: Path | None) -> list
             if str(error) not in errors:
                 errors.append(str(error))
     if errors:
-        raise DescriptionError(errors[0] + (f" ({len(errors) - 1} more meshes likewise)" if len(errors) > 1 else ""))
+        more = f" ({len(errors) - 1} more meshes have such errors)" if len(errors) > 1 else ""
+        raise DescriptionError(f"{errors[0]}{more}")
     return paths
 
 

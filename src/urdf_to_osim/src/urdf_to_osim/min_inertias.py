@@ -1,4 +1,4 @@
-"""Inertia of each joint of a description, for decisions before a model exists; the proof uses another library."""
+"""Minimum effective inertia of each joint of a robot description, for decisions before the OpenSim model exists."""
 
 import math
 
@@ -10,11 +10,14 @@ from hric_dynamics.tree import Tree
 POSES = 8
 """Number of poses at which a robot is evaluated (project default, unconfirmed)."""
 SINGULAR = 1e-13
-"""Smallest eigenvalue of a mass matrix scaled to a unit diagonal, below which a pose is ignored as singular."""
+"""Minimum eigenvalue of a mass matrix that is scaled to a unit diagonal; poses below it are ignored as singular."""
 
 
 def poses(robot: Robot) -> list[dict[str, float]]:
-    """Return poses within the joints' ranges and half a turn or pi metres; the same for each call."""
+    """Return random poses, as joint positions by name [rad or m], within the joints' ranges and within +-pi.
+
+    All calls return the same poses.
+    """
     random = np.random.default_rng(0)
     single = [joint for joint in robot.joints.values() if joint.type in ONE_COORDINATE]
     lower = np.array([min(max(joint.lower, -math.pi), joint.upper) for joint in single])
@@ -26,7 +29,10 @@ def poses(robot: Robot) -> list[dict[str, float]]:
 
 
 def min_inertias(robot: Robot) -> dict[str, float]:
-    """Return 1 / (M^-1)_ii of each joint, the smallest over `poses` [kg m^2 or kg]; empty if all are singular."""
+    """Return the minimum over random poses of each joint's inertia with all others free [kg m^2 or kg], by joint.
+
+    This inertia is 1 / (M^-1)_ii of the mass matrix M. Empty if M is singular in all poses.
+    """
     smallest: dict[str, float] = {}
     tree = Tree(robot)
     for q in poses(robot):

@@ -1,4 +1,4 @@
-"""Options of a conversion, with defaults, units and sources."""
+"""Options of a conversion to OpenSim, with defaults, units and sources."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ CHOICES = {
 
 @dataclass(frozen=True)
 class Options(Settings):
-    """Options of `convert`."""
+    """Options of the conversion of a robot description to an OpenSim model."""
 
     name: str = text("", text="name of the model; empty takes the robot's")
     up: str = choice(*CHOICES["up"], text="axis of OpenSim's ground that points where z of the description does")
@@ -87,6 +87,6 @@ class Options(Settings):
     )
 
     def check(self, where: str) -> None:
-        """Refuse a sigmoid without its parameters."""
+        """Raise an error if sigmoid friction is selected with incomplete parameters."""
         if self.friction == "sigmoid":
             sigmoid_parameters(self.friction_parameters, list(self.friction_parameters))

@@ -1,4 +1,4 @@
-"""Files of a converted model: all are written, or none."""
+"""Writing of a converted model with its mesh files: all files are written, or none."""
 
 import os
 import shutil
@@ -17,7 +17,7 @@ SUFFIX = ".osim"
 
 @dataclass(frozen=True)
 class Written:
-    """Result of `write`: the model, its mesh files in Geometry/, and the time for the meshes [s]."""
+    """Files that were written: the model, its mesh files in Geometry/, and the time for the meshes [s]."""
 
     path: Path
     meshes: tuple[Path, ...]
@@ -27,16 +27,17 @@ class Written:
 def write(
     conversion: Conversion, path: Path | str, check: Callable[[Path], None] | None = None, cache: Path | None = None
 ) -> Written:
-    """Write a model and its mesh files; files of the same names are replaced, others in Geometry/ not touched.
+    """Write a converted model and its mesh files; files of the same names are replaced, others are not changed.
 
     Args:
-        conversion: the converted robot.
-        path: path of the .osim; its folder must exist.
-        check: callback for the finished file at a temporary path; its exception stops the writing, and no file is left.
-        cache: folder of converted meshes; `hric_core.kept.cache_folder("meshes")` by default.
+        conversion: result of the conversion.
+        path: .osim file to write; its folder must exist.
+        check: function that is called with the finished file at a temporary path; if it raises an exception, no file
+            is written.
+        cache: folder of converted meshes; None: `hric_core.kept.cache_folder("meshes")`.
 
     Raises:
-        ParameterError: the path is not that of a writable file.
+        ParameterError: the path does not end in .osim, is a folder, or its folder does not exist.
         DescriptionError: a mesh is missing or cannot be read; names link and address.
         CommandError: the files cannot be written.
     """
@@ -44,7 +45,7 @@ def write(
     if path.suffix != SUFFIX or path.is_dir():
         raise ParameterError(f"output {path} must be the name of a file that ends in {SUFFIX}")
     if not path.parent.is_dir():
-        raise ParameterError(f"output {path}: there is no folder {path.parent}; make it first")
+        raise ParameterError(f"output {path}: there is no folder {path.parent}; create it first")
     try:
         with tempfile.TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent) as name:
             return _write(conversion, path, Path(name), check, cache)
@@ -60,7 +61,7 @@ def _write(
     staged = stage / path.name
     refer(conversion, None)
     if not conversion.model.printToXML(str(staged)) or not staged.is_file():
-        raise CommandError(f"output {path}: OpenSim wrote no file")
+        raise CommandError(f"output {path}: OpenSim did not write the file")
     os.chmod(staged, 0o644)
     if check is not None:
         check(staged)
@@ -71,7 +72,7 @@ def _write(
 
 
 def _move(stage: Path, folder: Path, files: tuple[str, ...]) -> None:
-    """Move files into a folder one by one; if one fails, remove the new ones."""
+    """Move files into a folder one by one; if that fails for one, remove those that did not exist before."""
     made_folder = bool(files) and not folder.exists()
     made: list[Path] = []
     try:

@@ -1,4 +1,4 @@
-"""Decisions before a model is built: names, inertias, and which links become bodies."""
+"""Decisions before an OpenSim model is built: names, inertias, and which links become bodies."""
 
 import re
 from collections.abc import Iterable, Mapping
@@ -21,23 +21,24 @@ from urdf_to_osim.options import Options
 # Separators and wildcards of component paths in OpenSim, and white space.
 ILLEGAL = re.compile(r"[/\\*+\s]")
 REPAIRING = ("repair", "invent")
-# Components that every body, joint or model has.
+# Names of components that every OpenSim body, joint or model has already.
 RESERVED = ("ground", "frame_geometry", "wrapobjectset", "components", "..", ".")
 
 
 @dataclass(frozen=True)
 class ConversionPlan:
-    """Description ready to be built.
+    """Decisions about a robot description from which the OpenSim model is built.
 
     Attributes:
-        described: the unchanged description.
-        robot: description with settled inertias.
-        links, joints: names of the description -> names in OpenSim.
-        bodies: links that become bodies; the others are frames.
-        masses: mass properties of the bodies, in axes of the link; bodies without mass have none. The sum over links
-            that are fixed to each other is that of `robot`.
-        notes: repairs, kept faults, renamings, and the smoothing of friction.
-        friction_velocities: v of Coulomb friction, -f tanh(dq/v), for each joint that has it [rad/s or m/s].
+        described: unchanged description.
+        robot: description with the inertias to use.
+        links, joints: names in OpenSim, by the names in the description.
+        bodies: links that become bodies; the others become frames.
+        masses: mass properties of the bodies, in axes of the link; bodies without mass are left out. They may be
+            distributed among links that are fixed to each other in another way than in `robot`, with the same sum.
+        notes: texts about repairs, kept faults, renamings, and the smoothing of friction.
+        friction_velocities: transition velocity v of Coulomb friction -f tanh(dq/v) [rad/s or m/s], by joint with
+            friction.
     """
 
     described: Robot
@@ -51,16 +52,17 @@ class ConversionPlan:
 
     @property
     def repaired(self) -> bool:
-        """True if the mass properties of a link differ from the description."""
+        """True if the mass properties of any link differ from the description."""
         return any(link.mass is not self.described.links[name].mass for name, link in self.robot.links.items())
 
 
 def prepare(robot: Robot, options: Options) -> ConversionPlan:
-    """Decide names, inertias and bodies.
+    """Decide on the names, inertias and bodies of the OpenSim model.
 
     Raises:
-        DescriptionError: an inertia or a name that must be corrected; names the element and a remedy.
-        UnknownNameError: friction parameters of a joint that does not exist or does not have exactly one coordinate.
+        DescriptionError: the user must correct an inertia or a name; the text says where and how.
+        UnknownNameError: friction parameters are given for a joint that does not exist or does not have exactly one
+            coordinate.
     """
     notes: list[str] = []
     links = legal_names("link", robot.links, options.names, notes)
@@ -79,10 +81,16 @@ def prepare(robot: Robot, options: Options) -> ConversionPlan:
 
 
 def legal_names(kind: str, names: Iterable[str], choice: str, notes: list[str]) -> dict[str, str]:
-    """Return a map from names to unique names that OpenSim allows; `choice` is "refuse" or "rename".
+    """Return unique names that OpenSim allows, by the names of the description.
+
+    Args:
+        kind: "link" or "joint", for messages.
+        names: names in the description.
+        choice: "refuse" or "rename" names that OpenSim forbids.
+        notes: list to which texts about renamings are added.
 
     Raises:
-        DescriptionError: a forbidden name that may not be changed.
+        DescriptionError: a name is forbidden and may not be changed.
     """
     names = list(names)
     taken = {name for name in names if not _illegal(name)}
@@ -109,7 +117,7 @@ def _check_friction(robot: Robot, options: Options) -> None:
 
 
 def _check_coordinates(robot: Robot, names: dict[str, str]) -> None:
-    """Refuse coordinate names that two joints share, since forces find coordinates by name."""
+    """Raise an error if two joints have a coordinate of the same name, since forces find coordinates by name."""
     owner: dict[str, str] = {}
     for joint in robot.joints.values():
         for coordinate in coordinate_names(joint, names[joint.name]):
@@ -123,7 +131,7 @@ def _check_coordinates(robot: Robot, names: dict[str, str]) -> None:
 
 def _illegal(name: str) -> str:
     if name in RESERVED:
-        return "it is one of its own"
+        return "OpenSim uses it itself"
     characters = sorted(set(ILLEGAL.findall(name)))
     return f"it contains {' '.join(map(repr, characters))}" if characters else ""
 
@@ -136,7 +144,10 @@ def _free(wish: str, taken: set[str]) -> str:
 
 
 def _join_faulty(robot: Robot, options: Options, notes: list[str]) -> dict[str, MassProperties | None]:
-    """Return masses joined in the topmost of fixed links, if one is physically impossible alone but not their sum."""
+    """Return masses of rigidly connected links that must be combined, by link; the topmost link gets the sum.
+
+    Links are combined if one of them has a physically impossible inertia, but their sum is possible.
+    """
     clusters: dict[str, dict[str, MassProperties]] = {}
     for name, (top, T_top_link) in robot.rigid_groups().items():
         cluster, mass = clusters.setdefault(top, {}), robot.links[name].mass
@@ -152,7 +163,11 @@ def _join_faulty(robot: Robot, options: Options, notes: list[str]) -> dict[str, 
             continue
         total, note = inertia.settled(top, total, options.inertia)
         joined |= dict.fromkeys(members) | {top: total}
-        notes.append(note or f"link {', '.join(faulty)}: no body, but one with what it is fixed to; {top} has it all")
+        notes.append(
+            note
+            or f"link {', '.join(faulty)}: its inertia is impossible, but possible together with the links fixed to "
+            f"it; link {top} has the sum"
+        )
     return joined
 
 
@@ -191,7 +206,10 @@ def _settle_inertias(
 
 
 def _carries_nothing(joint: Joint, joints: Iterable[Joint], links: dict[str, Link]) -> str:
-    """Return why OpenSim cannot hold a moved link without mass; empty: a link fixed to it or the next one has mass."""
+    """Return why OpenSim cannot simulate the child link of a joint, which has no mass; empty if it can.
+
+    It can if a link fixed to the child, or the next moving link, has mass.
+    """
     joints = list(joints)
     group, followed = [joint.child], False
     for name in group:
@@ -204,7 +222,8 @@ def _carries_nothing(joint: Joint, joints: Iterable[Joint], links: dict[str, Lin
         group += [other.child for other in outboard if other.type == "fixed"]
     if followed:
         return (
-            f"joint {joint.name} moves it, and neither it nor the link that follows has mass, which OpenSim cannot hold"
+            f"joint {joint.name} moves it, and neither it nor the link that follows has mass, which OpenSim cannot "
+            "simulate"
         )
     return f"joint {joint.name} moves it, but it and what is fixed to it have no mass"
 
@@ -216,11 +235,14 @@ def _has_mass(link: Link) -> bool:
 MOSTLY = 0.5
 """Fraction [1] that counts as most of a joint's inertia, or of a robot's joints (project default, unconfirmed)."""
 NAMED = 5
-"""Maximum number of joints that a refusal names."""
+"""Maximum number of joints that an error message names."""
 
 
 def invented_joints(described: Robot, repaired: Robot) -> list[str]:
-    """Return the joints most of whose inertia, by the mass matrix over `poses`, is not in the description."""
+    """Return the names of the joints whose inertia is mostly invented, i.e. added by the repair.
+
+    The inertia of a joint is its diagonal element of the mass matrix, summed over some random poses.
+    """
     trees = Tree(described), Tree(repaired)
     sums = np.sum([[np.diag(tree.mass_matrix(tree.positions(q))) for tree in trees] for q in poses(described)], axis=0)
     rows = zip(trees[0].joints, *sums, strict=True)
@@ -228,10 +250,10 @@ def invented_joints(described: Robot, repaired: Robot) -> list[str]:
 
 
 def check_invented(described: Robot, repaired: Robot) -> None:
-    """Refuse a robot whose motion depends mostly on invented inertia.
+    """Raise an error if the motion of the repaired robot depends mostly on invented inertia.
 
     Raises:
-        DescriptionError: most joints move mostly invented inertia; names some, and a remedy.
+        DescriptionError: the inertia of most joints is mostly invented; the text names some, and says what to do.
     """
     moving = [joint for joint in repaired.joints.values() if joint.type != "fixed"]
     invented = invented_joints(described, repaired) if moving else []
@@ -239,6 +261,6 @@ def check_invented(described: Robot, repaired: Robot) -> None:
         named = ", ".join(invented[:NAMED]) + (", ..." if len(invented) > NAMED else "")
         raise DescriptionError(
             f"the mass of robot {repaired.name} would mostly be invented: {len(invented)} of {len(moving)} joints "
-            f"({named}) move more of it than the "
-            "description has; give the links an <inertial>, or convert with inertia invent"
+            f"({named}) would move more invented inertia than described one; give the links an <inertial>, or convert "
+            "with inertia invent"
         )

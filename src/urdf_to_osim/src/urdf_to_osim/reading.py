@@ -1,4 +1,4 @@
-"""Model read back from its file, in the order of the description's joints."""
+"""OpenSim model that is read back from its file for verification, with arrays in the order of the description."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -13,18 +13,18 @@ from urdf_to_osim import transforms
 
 
 class Reading:
-    """Model of an .osim file.
+    """OpenSim model of an .osim file, with its state.
 
     Args:
-        path: the file.
-        coordinates: paths of coordinates; all arrays follow them.
-        frames: name -> path of a frame.
+        path: .osim file.
+        coordinates: paths of the coordinates; all arrays are in this order, shape (n,).
+        frames: paths of frames by name.
 
     Attributes:
-        start: the model's default state.
+        start: default state of the model.
 
     Raises:
-        DescriptionError: OpenSim cannot load or initialise it.
+        DescriptionError: OpenSim cannot load or initialise the model.
     """
 
     def __init__(self, path: Path, coordinates: Sequence[str], frames: dict[str, str]) -> None:
@@ -57,14 +57,14 @@ class Reading:
         return [values.index(float(number)) for number in range(1, len(self._coordinates) + 1)]
 
     def only(self, names: Iterable[str]) -> None:
-        """Let only these forces and gravity act."""
+        """Switch on the forces of these names, and switch off all others; gravity always acts."""
         acting = set(names)
         for name in (acting ^ self._acting) & self.forces.keys():
             self.forces[name].setAppliesForce(self.state, name in acting)
         self._acting = acting
 
     def move(self, x: FloatArray, xd: FloatArray) -> None:
-        """Set all coordinates and their speeds, shape (n,) each, ignoring couplers."""
+        """Set all coordinates x and speeds xd, shape (n,) each, without enforcing couplers."""
         for coordinate, value, speed in zip(self._coordinates, x, xd, strict=True):
             coordinate.setValue(self.state, float(value), False)
             coordinate.setSpeedValue(self.state, float(speed))
@@ -81,7 +81,10 @@ class Reading:
         return np.array(matrix.to_numpy())[np.ix_(self._indices, self._indices)]
 
     def inverse_dynamics(self, xdd: FloatArray) -> FloatArray:
-        """Return efforts for accelerations xdd, shape (n,), against gravity and active forces, without couplers."""
+        """Return the efforts for accelerations xdd in the present state, shape (n,) [N m or N].
+
+        Gravity and the active forces are considered, couplers are not.
+        """
         acceleration = opensim.Vector(len(self._indices), 0.0)
         for index, value in zip(self._indices, xdd, strict=True):
             acceleration.set(index, float(value))
@@ -94,13 +97,13 @@ class Reading:
         return np.array(self.state.getUDot().to_numpy())[self._indices]
 
     def coupler_errors(self) -> tuple[FloatArray, FloatArray]:
-        """Return the coupler errors of position and speed, in the order of the constraints."""
+        """Return the position and speed errors of the couplers, each in the order of the constraints."""
         self.model.realizeVelocity(self.state)
         return np.array(self.state.getQErr().to_numpy()), np.array(self.state.getUErr().to_numpy())
 
     @contextmanager
     def acting(self, names: Iterable[str]) -> Iterator[None]:
-        """Let these forces and gravity act inside the context."""
+        """Switch on only these forces inside the context, and switch off all forces at its end."""
         self.only(names)
         try:
             yield
@@ -108,7 +111,7 @@ class Reading:
             self.only(())
 
     def control(self, values: dict[str, float]) -> None:
-        """Set controls of actuators by name [N m or N]."""
+        """Set the controls of actuators, by actuator name [N m or N]."""
         self.model.realizeVelocity(self.state)
         controls = opensim.Vector(self.model.getNumControls(), 0.0)
         for index, name in enumerate(self._drives):
@@ -116,5 +119,5 @@ class Reading:
         self.model.setControls(self.state, controls)
 
     def control_limits(self) -> dict[str, tuple[float, float]]:
-        """Return the smallest and greatest control of each actuator [N m or N]."""
+        """Return (minimum, maximum) of the control of each actuator, by name [N m or N]."""
         return {name: (drive.getMinControl(), drive.getMaxControl()) for name, drive in self._drives.items()}

@@ -1,4 +1,4 @@
-"""Visual and collision shapes of links, and their OpenSim primitives."""
+"""Visual and collision shapes of links as OpenSim geometry."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -13,25 +13,25 @@ from urdf_to_osim.options import Options
 from urdf_to_osim.prepare import ConversionPlan
 
 Carriers = dict[str, tuple[opensim.PhysicalFrame, FloatArray]]
-GREY = (0.7, 0.7, 0.7, 1.0)  # where a visual has no material; project default, unconfirmed
-# z of a URDF cylinder along y, the axis of OpenSim's.
+GREY = (0.7, 0.7, 0.7, 1.0)  # colour of visuals without material; project default, unconfirmed
+# Rotation that aligns the axis of an OpenSim cylinder (y) with that of a URDF cylinder (z).
 Z_TO_Y = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 
 
 @dataclass(frozen=True)
 class OsimShape:
-    """Visual or collision element.
+    """Visual or collision element of a link, to be added to the OpenSim model.
 
     Attributes:
         link: link of the element.
         name: unique name in the model, e.g. "panda_link1_visual_1".
-        visual: True if drawn; False for contact.
+        visual: True: it is drawn; False: it is contact geometry.
         kind: box, sphere, cylinder, capsule or mesh.
         size: box: edges along x, y, z; sphere: radius; cylinder and capsule: radius, length (of the straight part) [m];
             mesh: scale.
         address: address of a mesh in the description.
-        carrier: path of the body or ground with the link.
-        T_carrier_shape: shape (4, 4) [m].
+        carrier: path of the OpenSim body (or ground) to which the link belongs.
+        T_carrier_shape: pose in that body, shape (4, 4) [m].
         colour: red, green, blue, opacity, each from 0 to 1.
     """
 
@@ -49,17 +49,17 @@ class OsimShape:
 def add(
     model: opensim.Model, plan: ConversionPlan, options: Options, carriers: Carriers, notes: list[str]
 ) -> list[OsimShape]:
-    """Attach the selected shapes; return those that wait for a mesh file (`geometry.lay`).
+    """Add the shapes that the options select to the model; return those that still need a mesh file.
 
     Args:
-        model: the model.
-        plan: the description ready to be built.
+        model: OpenSim model with its bodies.
+        plan: decisions of the conversion.
         options: options of the conversion.
-        carriers: link -> body or ground with it, and the link's pose in it.
-        notes: list to which omissions are added.
+        carriers: OpenSim body (or ground) to which each link belongs, and the link's pose in it.
+        notes: list to which texts about omissions are added.
 
     Raises:
-        DescriptionError: a collision shape without extent; names the link.
+        DescriptionError: a collision shape has no extent; names the link.
     """
     waiting = []
     for shape in _included(plan, options, carriers, notes):
@@ -78,7 +78,7 @@ def add(
 def attach(
     carrier: opensim.PhysicalFrame, shape: OsimShape, geometry: opensim.Geometry, T_carrier_geometry: FloatArray
 ) -> None:
-    """Draw a geometry at a pose on a body or ground, in the shape's colour."""
+    """Attach a visible geometry to a body (or ground) at a pose, with the colour of a shape."""
     frame = opensim.PhysicalOffsetFrame()
     frame.setName(geometry.getName())
     frame.setParentFrame(carrier)
@@ -90,7 +90,7 @@ def attach(
 
 
 def _drawn(shape: OsimShape) -> Iterator[tuple[opensim.Geometry, FloatArray]]:
-    """Yield the OpenSim primitives of a shape, with poses in the carrier."""
+    """Yield the OpenSim primitives that make up a shape, with their poses in the body."""
     if shape.kind == "box":
         pieces = [(opensim.Brick(transforms.vec3(0.5 * np.array(shape.size))), np.eye(4))]
     elif shape.kind == "sphere":

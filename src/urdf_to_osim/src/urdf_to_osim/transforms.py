@@ -1,4 +1,4 @@
-"""Rotations and transforms in OpenSim's terms."""
+"""Conversion of rotations and poses between numpy arrays and OpenSim's types, and handling of OpenSim's messages."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -11,15 +11,19 @@ from hric_core.geometry.transforms import R_YUP_ZUP, FloatArray, homogeneous
 
 
 def base_pose(up: str) -> FloatArray:
-    """Return T_ground_base, pose of the root link, shape (4, 4); up: axis of ground along its z, "y" or "z"."""
+    """Return the pose of the root link in OpenSim's ground, shape (4, 4).
+
+    up: axis of ground, "y" or "z", that points along z of the root link.
+    """
     return homogeneous(R_YUP_ZUP) if up == "y" else np.eye(4)
 
 
 def body_xyz(R: FloatArray) -> tuple[float, float, float]:
-    """Return the body-fixed x-y-z angles (a, b, c) [rad] of R = Rx(a) Ry(b) Rz(c), OpenSim's `orientation`.
+    """Return the body-fixed x-y-z angles (a, b, c) [rad] of R = Rx(a) Ry(b) Rz(c), as OpenSim's `orientation` has them.
 
-    b is computed by atan2, since asin loses half of the digits near a right angle. a is taken from R Rz(-c) = Rx(a)
-    Ry(b), whose y axis is (0, cos a, sin a), so that if only a + c or a - c is determined the error of c goes into a.
+    b is computed by atan2, since asin loses half of the digits near a right angle. a is computed from R Rz(-c) = Rx(a)
+    Ry(b), whose y axis is (0, cos a, sin a): near the singularity, where only a + c or a - c is determined, a then
+    compensates the error of c.
     """
     c = math.atan2(-R[0, 1], R[0, 0])
     y_axis = math.sin(c) * R[:, 0] + math.cos(c) * R[:, 1]
@@ -27,12 +31,12 @@ def body_xyz(R: FloatArray) -> tuple[float, float, float]:
 
 
 def vec3(values: Sequence[float] | FloatArray) -> opensim.Vec3:
-    """Return three numbers as OpenSim vector."""
+    """Return three numbers as an OpenSim vector."""
     return opensim.Vec3(*(float(value) for value in values))
 
 
 def offset(T: FloatArray) -> tuple[opensim.Vec3, opensim.Vec3]:
-    """Return (translation [m], orientation [rad]) of a pose, shape (4, 4), for joints and offset frames."""
+    """Return a pose, shape (4, 4), as OpenSim's (translation [m], body-fixed x-y-z angles [rad])."""
     return vec3(T[:3, 3]), vec3(body_xyz(T[:3, :3]))
 
 

@@ -1,5 +1,6 @@
-/* The kinematic fields of the state at once, inverse dynamics, and the estimate of the external torque: see
- * compiled_arm.py, and compiled_fields.py, which has the layout of Fields. An arm is a buffer of the doubles of Arm. */
+/* Compiled part of the emulated control box: all kinematic fields of the robot state in one call, inverse dynamics, and
+ * the estimate of the external torque. The Python side is compiled_arm.py and compiled_fields.py; the latter repeats
+ * the layout of the struct Fields. Python passes an arm as a buffer of the doubles of the struct Arm. */
 #include "hric_core/python_numbers.h"
 
 #include "franka_sim/model_library/arm.h"
@@ -7,27 +8,27 @@
 
 #define N 6
 
-/* What one state is made of; members named as in the state. Column-major. */
+/* Inputs and results for one robot state; members are named as in BoxState (state.py). Matrices are column-major. */
 typedef struct {
     /* each cycle */
     double q[7], q_d[7], dq[7], dq_d[7], ddq_d[7], tau_J[7], tau_before[7], tau_J_d[7];
     double tau_ext_hat_filtered[7], joint_collision[7], cartesian_collision[6];
     double generated; /* not 0 with a Cartesian generator */
-    /* configured; thresholds of contact: nominal, and while the desired motion accelerates */
+    /* configured; contact thresholds: nominal ones, and those that apply while the desired motion accelerates */
     double period, least_singular_value, elbow_flip;
     double torques[7], forces[6], torques_acceleration[7], forces_acceleration[6];
     double F_T_EE[16], EE_T_K[16], F_T_NE[16], NE_T_EE[16];
     double m_ee, F_x_Cee[3], I_ee[9], m_load, F_x_Cload[3], I_load[9], O_ddP_O[3];
     /* computed */
     double O_T_EE[16], O_F_ext_hat_K[6], K_F_ext_hat_K[6], joint_contact[7], cartesian_contact[6], dtau_J[7], elbow[2];
-    /* computed, where no Cartesian generator writes them */
+    /* computed unless a Cartesian motion generator commands them */
     double O_T_EE_d[16], O_T_EE_c[16], O_dP_EE_d[6], elbow_d[2], elbow_c[2];
     double O_dP_EE_c[6], O_ddP_EE_c[6], delbow_c[2], ddelbow_c[2];
-    double wrench_noise[6]; /* added to O_F_ext_hat_K; zero where nothing is noisy */
+    double wrench_noise[6]; /* added to O_F_ext_hat_K; zero for noiseless sensors */
 } Fields;
 
-/* A - shift 1 = L L' (Cholesky; Golub and Van Loan, Matrix Computations, 4th ed., sec. 4.2); 0 if that is not positive
- * definite: A has an eigenvalue that is not above the shift. */
+/* Cholesky factor L of A - shift I = L L' (Golub and Van Loan, Matrix Computations, 4th ed., sec. 4.2). Returns 0 if
+ * that matrix is not positive definite, that is, if A has an eigenvalue at or below the shift. */
 static int factor(const double A[N][N], double shift, double L[N][N])
 {
     for (int j = 0; j < N; ++j)
@@ -45,8 +46,8 @@ static int factor(const double A[N][N], double shift, double L[N][N])
     return 1;
 }
 
-/* The wrench F of least squares in tau = J^T F, that is (J J^T) F = J tau; zero, and 0 returned, where J has a singular
- * value below `min_singular`. J: column-major. */
+/* Least-squares solution F of tau = J^T F, from (J J^T) F = J tau. J is column-major. If J has a singular value below
+ * `min_singular`, F is set to zero and 0 is returned. */
 static int wrench(const double J[42], const double tau[JOINTS], double min_singular, double F[N])
 {
     double A[N][N], L[N][N];
@@ -133,11 +134,11 @@ static void fill(const Arm *arm, Fields *f)
         f->cartesian_contact[i] = fabs(f->K_F_ext_hat_K[i]) > forces[i];
 }
 
-/* -- what Python calls --------------------------------------------------------------------------------------------- */
+/* -- functions called from Python ---------------------------------------------------------------------------------- */
 
 static int take_arm(PyObject *buffer, Arm *arm) { return copy_buffer(buffer, sizeof *arm, arm, "an arm"); }
 
-/* What the arm carries, and how it is mounted. */
+/* Payload of the arm, and the gravity vector of its mounting. */
 typedef struct {
     double gravity[3]; /* in the base frame */
     double inertia[9], mass, com[3];
@@ -168,7 +169,8 @@ static int same(const double *a, const double *b, size_t n)
     return 1;
 }
 
-/* The bodies of the arm; those of the last call are kept, since a cycle begins where the one before ended. */
+/* Joint axes and body inertias of the arm in its present pose. The result of the last call is cached, because a cycle
+ * begins in the pose in which the previous one ended. */
 static const Placed *placed(const Where *where)
 {
     static Where last;
@@ -223,13 +225,14 @@ FUNCTION(external_torque)
     return Py_BuildValue("(NN)", list(x[VALUE], JOINTS), list(gravity, JOINTS));
 }
 
-/* Bounds of the measured state, see reflexes.py. */
+/* Bounds of the measured state beyond which reflexes.py checks it in detail. gate: bound of the squared norm of the
+ * external torque [N^2 m^2]. */
 typedef struct {
     double velocity[JOINTS], lower[JOINTS], upper[JOINTS], reach[JOINTS], gate;
 } Bounds;
 
-/* Speed that no point of the arm exceeds, sum |dq_i| reach_i; -1 where a joint is too fast or beyond its range, the
- * torque from outside is above the gate, or something is not finite. */
+/* Upper bound of the speed of any point of the arm, sum |dq_i| reach_i [m/s]; -1 if a joint is too fast or out of its
+ * range, the external torque is above the gate, or a value is not finite. */
 FUNCTION(quiet_speed)
 {
     Bounds bounds;
@@ -247,7 +250,7 @@ FUNCTION(quiet_speed)
     return PyFloat_FromDouble(quiet && square <= bounds.gate ? speed : -1.0);
 }
 
-/* The view of a buffer of Fields, filled; 0 with an error set. */
+/* Open a view of a buffer of Fields and compute the results in it. On failure, return 0 with a Python error set. */
 static int filled(PyObject *arm_buffer, PyObject *buffer, Py_buffer *view)
 {
     Arm arm;
@@ -271,8 +274,8 @@ FUNCTION(fields)
     Py_RETURN_NONE;
 }
 
-/* Numbers as they stand in a datagram: each from its place among the fields, in 64 bits, or in 32, where what is too
- * large becomes the largest number. */
+/* Bytes of a datagram: the fields with the indices `places`, as doubles if `wide`, else as floats; a value beyond the
+ * range of a float becomes the largest float. */
 static PyObject *packed(const double *fields, const int *places, Py_ssize_t n, int wide)
 {
     const size_t size = wide ? sizeof(double) : sizeof(float);
@@ -280,7 +283,7 @@ static PyObject *packed(const double *fields, const int *places, Py_ssize_t n, i
     char *out = made == NULL ? NULL : PyBytes_AS_STRING(made);
     for (Py_ssize_t i = 0; made != NULL && i < n; i++, out += size) {
         if (places[i] < 0 || (size_t)places[i] >= sizeof(Fields) / sizeof(double)) {
-            PyErr_SetString(PyExc_IndexError, "a place beyond the fields");
+            PyErr_SetString(PyExc_IndexError, "an index is outside the struct Fields");
             Py_CLEAR(made);
             break;
         }
@@ -294,7 +297,7 @@ static PyObject *packed(const double *fields, const int *places, Py_ssize_t n, i
     return made;
 }
 
-/* Compute the fields, then pack some. places: a buffer of ints. */
+/* Compute all fields, then pack those with the indices `places`, a buffer of ints. */
 FUNCTION(numbers)
 {
     Py_buffer view, places;
@@ -314,9 +317,9 @@ static PyMethodDef methods[] = {
     METHOD(inverse_dynamics, "(arm, mounting, q, dq, ddq): joint torques"),
     METHOD(external_torque,
            "(arm, mounting, q, (rate, gain), value, dq, q_now, dq_now, tau, friction): (value, gravity at q_now)"),
-    METHOD(quiet_speed, "(bounds, q, dq, tau): speed that no point exceeds, -1 where something is beyond its bound"),
-    METHOD(fields, "(arm, values): computes the fields in place"),
-    METHOD(numbers, "(arm, values, places, bits): computes the fields, gives those at the places as bytes"),
+    METHOD(quiet_speed, "(bounds, q, dq, tau): upper bound of any point's speed [m/s]; -1 if a value is out of bounds"),
+    METHOD(fields, "(arm, values): compute the fields in place"),
+    METHOD(numbers, "(arm, values, places, bits): compute the fields, return those with these indices as bytes"),
     {0},
 };
 

@@ -19,11 +19,11 @@ class CompiledArm:
 
     Args:
         urdf_xml: robot description.
-        arm_id: prefix of its links.
-        min_singular_value: see `CompiledFields`.
+        arm_id: prefix of the arm's link names.
+        min_singular_value: singular value of the stiffness frame's Jacobian below which the estimated wrench is zero.
 
     Attributes:
-        fields: kinematics of the state.
+        fields: compiled kinematic fields of the robot state.
 
     Raises:
         DescriptionError, UnknownNameError: the URDF has no such arm.
@@ -49,14 +49,15 @@ class CompiledArm:
     def external_torque(
         self, q: Vector, constants: tuple[float, float], *cycle: Vector
     ) -> tuple[list[float], list[float]]:
-        """Compute one cycle of `estimates.ExternalTorque`. After `take_model`.
+        """Update the filtered estimate of the external joint torque by one cycle. After `take_model`.
 
         Args:
             q: position at the start of the cycle, 7 floats [rad].
             constants: cycles per second [1/s], and coefficient of the low-pass filter per cycle [1].
-            cycle: previous value, dq, q_now, dq_now, tau, friction, see there; 7 floats each.
+            cycle: previous estimate, dq, q_now, dq_now, tau, friction as in `estimates.ExternalTorque.update`;
+                7 floats each.
 
         Returns:
-            (new value, g(q_now)), 7 floats each [N m].
+            (new estimate, gravity torque at q_now), 7 floats each [N m].
         """
         return _external_torque(self._arm, self._mounting, q, constants, *cycle)

@@ -1,7 +1,7 @@
-"""Compiled kinematic fields of the state, computed together for the state or for a datagram.
+"""Compiled kinematic fields of the robot state (poses, twists, wrenches), all computed in one call.
 
-The state itself computes them one by one on demand. A client on the network gets all of them in every state, which
-that way would take longer than the rest of the cycle.
+`BoxState` computes each field in Python when it is first read. A network client gets all fields in every state; one by
+one they would take longer than the rest of the cycle.
 """
 
 import struct
@@ -61,7 +61,7 @@ _SLICES = {
 
 
 class CompiledFields:
-    """Compiled O_T_EE, desired pose and twist, elbows, external wrench, contacts and dtau_J of a state.
+    """Compiled computation of O_T_EE, desired pose and twist, elbows, external wrench, contacts and dtau_J of a state.
 
     Args:
         arm: arm parameters (`model_library.parameters`).
@@ -82,7 +82,7 @@ class CompiledFields:
         return _RESULT_BLOCK.unpack_from(self._values, _RESULT_AT)
 
     def fill(self, state: BoxState) -> None:
-        """Set the fields of the state for its present tick."""
+        """Compute the kinematic fields of the state's present cycle and store them in the state."""
         values = self._computed(state)
         names = _COMPUTED if state.generator_mode in CARTESIAN else _RESULTS
         for name in names:
@@ -98,8 +98,8 @@ class CompiledFields:
         """Return a function that packs the numbers of a state for a datagram.
 
         Args:
-            names: fields in their order.
-            real: struct's letter of a number, "d" or "f".
+            names: fields, in the order of the datagram.
+            real: format character of one number in `struct`: "d" (64 bits) or "f" (32 bits).
         """
         members = [_SAME.get(name, name) for name in names]
         offsets = array(
@@ -116,9 +116,9 @@ class CompiledFields:
         return pack
 
     def _take(self, state: BoxState) -> None:
-        """Copy the input values of the fields.
+        """Copy the inputs of the computation from the state into the buffer of the C code.
 
-        Configuration values are lists and objects that are replaced as a whole, so identity shows if they are new.
+        Configuration values are lists and objects that are replaced as a whole, so their identity shows a change.
         """
         if self._configuration[0] is not state.F_T_EE or self._configuration[1] is not state.thresholds:
             self._take_configuration(state)

@@ -38,7 +38,7 @@ class CollisionBehavior(Settings):
 
 @dataclass(frozen=True)
 class BoxConfig(Settings):
-    """Parameters of the control box; config/control_box.yaml explains its parameters.
+    """Parameters of the emulated control box; those not listed here are explained in config/control_box.yaml.
 
     Attributes:
         limits: limits of joints and end effector.
@@ -46,11 +46,11 @@ class BoxConfig(Settings):
             returns them: the friction that the box compensates and expects; None: no friction.
         rotor_inertia: 7 floats [kg m^2].
         time_step: control period [s].
-        reflexes: True: the arm protects itself; False: commands are limited if possible, and only NaN ends a motion.
+        reflexes: True: collisions and violated limits end a motion; False: commands are limited if possible, and only
+            NaN ends a motion.
         max_lost_packets: maximum number of consecutive lost packets; None: no limit.
-        settings_while_moving: True if load, frames and impedances may be set during a motion; the Franka Control
-            Interface refuses it.
-        The others: see the YAML.
+        settings_while_moving: True if load, frames and impedances may be set during a motion; a real arm refuses
+            this.
     """
 
     limits: FrankaLimits = field(default_factory=franka_limits)
@@ -73,22 +73,24 @@ class BoxConfig(Settings):
 
     @classmethod
     def defaults(cls) -> Mapping[str, object]:
-        """Return the values of the YAML."""
+        """Return the default values from config/control_box.yaml."""
         return read_config("control_box")
 
 
 @dataclass(frozen=True)
 class MotionParameters(Settings):
-    """Parameters of config/motion_generators.yaml, which gives their reasons.
+    """Parameters of the motion generators; config/motion_generators.yaml has the values and their reasons.
 
     Attributes:
-        velocity_tolerance, acceleration_tolerance, jerk_tolerance: factors on the limits.
-        position_tolerance: [rad].
+        velocity_tolerance, acceleration_tolerance, jerk_tolerance: factors; a command above limit times factor is
+            refused.
+        position_tolerance: allowed excess over the position limits [rad].
         orthonormal_tolerance: tolerance of a commanded rotation matrix.
         singular_value: minimum singular value of the Jacobian at the start of a Cartesian motion.
         ik_tolerance: remaining error of the inverse kinematics [m, rad].
         ik_steps: maximum number of Newton steps per millisecond.
-        elbow_return_rate [1/s], elbow_min, elbow_damping: parameters for an elbow that is not commanded.
+        elbow_return_rate, elbow_min, elbow_damping: gain [1/s], threshold and damping for an elbow that is not
+            commanded.
     """
 
     velocity_tolerance: float = number()
@@ -106,9 +108,9 @@ class MotionParameters(Settings):
 
 @cache
 def motion_parameters() -> MotionParameters:
-    """Return the parameters.
+    """Return the parameters of the motion generators from config/motion_generators.yaml.
 
     Raises:
-        ParameterError: the file does not have exactly these parameters.
+        ParameterError: the file lacks a parameter or has one that is unknown.
     """
     return MotionParameters.of(read_config("motion_generators"), "franka_sim/config/motion_generators.yaml:")

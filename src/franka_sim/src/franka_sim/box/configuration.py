@@ -49,7 +49,7 @@ def friction_law(parameters: Mapping[str, Mapping[str, float]], joint_names: Seq
 
 
 class ConfiguredBox:
-    """State, model, control laws and estimates of the box, and the requests that change them.
+    """Base of `ControlBox`: robot state, arm model, control laws and estimates, and the requests that change settings.
 
     Each request returns SUCCESS, INVALID_ARGUMENT (with a report of the reason; the old values remain), or NOT_POSSIBLE
     in a mode that forbids it.
@@ -92,7 +92,7 @@ class ConfiguredBox:
 
         Args:
             noise: 3 forces [N] and 3 moments [N m], base axes; the sensor changes them in place each cycle.
-            peak: upper bound of its values, in these and other axes [N], [N m].
+            peak: upper bound of the noise along any axis, also of other frames [N], [N m].
         """
         self.state.wrench_noise = noise
         self._reflexes.take_wrench_noise(peak)
@@ -129,7 +129,7 @@ class ConfiguredBox:
         return RequestOutcome.SUCCESS
 
     def _take_model(self) -> None:
-        """Use the present values of the model."""
+        """Pass the model's present payload and mounting to the compiled dynamics."""
         self._compiled.take_model(self.model)
         self._gravity_torque: list[float] | None = None
 
@@ -164,7 +164,7 @@ class ConfiguredBox:
         return self._set("set_cartesian_impedance", lambda: self.cartesian_impedance.set_stiffness(K_x))
 
     def set_collision_behavior(self, *thresholds: Floats) -> RequestOutcome:
-        """Set eight lists in the order of `CollisionBehavior`; torques [N m], forces [N], moments [N m]."""
+        """Set the contact and collision thresholds: eight lists in the order of `CollisionBehavior` [N m], [N]."""
 
         def change() -> None:
             if len(thresholds) != 8:
@@ -175,7 +175,7 @@ class ConfiguredBox:
         return self._set("set_collision_behavior", change)
 
     def set_guiding_mode(self, axes: Sequence[bool], elbow: bool) -> RequestOutcome:
-        """Store which of the six axes, and if the elbow, may be guided by hand; without effect on the simulated arm."""
+        """Store which of the six axes, and whether the elbow, may be guided by hand; no effect on the simulated arm."""
 
         def change() -> None:
             if len(axes) != 6:
@@ -198,6 +198,6 @@ class ConfiguredBox:
         return self._set("set_filters", change)
 
     def torque_filter_gain(self) -> float:
-        """Return the coefficient of a new torque in one cycle of the controller's low-pass filter, 0 to 1."""
+        """Return the weight of the newest torque command in the controller's low-pass filter, 0 to 1."""
         cutoff = self.cutoffs[-1]
         return 1.0 if cutoff >= HIGHEST_CUTOFF else 1.0 - exp(-2.0 * pi * cutoff * self.config.time_step)

@@ -41,7 +41,7 @@ class ControlBox(ConfiguredBox):
         model, compiled, config, report: see `ConfiguredBox`.
 
     Attributes:
-        state: BoxState, always the same object.
+        state: robot state, one object that every cycle updates.
         finished: outcome of the last motion; None while one runs, and after `take_finished`.
     """
 
@@ -129,7 +129,7 @@ class ControlBox(ConfiguredBox):
         return outcome
 
     def set_guiding(self, on: bool) -> RequestOutcome:
-        """Press or release the guiding buttons: the arm is then free, with gravity and friction compensated."""
+        """Press or release the guiding buttons; while pressed, only gravity and friction are compensated."""
         if on == (self.mode is RobotMode.GUIDING):
             return RequestOutcome.SUCCESS
         outcome = self._change(BoxEvent.GUIDING_ON if on else BoxEvent.GUIDING_OFF)
@@ -138,7 +138,7 @@ class ControlBox(ConfiguredBox):
         return outcome
 
     def reset(self, q: Sequence[float]) -> None:
-        """Adopt q (7 floats [rad]) at rest, set by the simulation: idle mode, no errors, any motion aborted."""
+        """Reset to joint positions q (7 floats [rad]) at rest: a running motion is aborted, errors are cleared."""
         if len(q) != 7:
             raise CommandError(f"a pose is 7 numbers [rad]; got {len(q)}")
         self._end_motion(RequestOutcome.ABORTED, NO_ERRORS)
@@ -147,7 +147,10 @@ class ControlBox(ConfiguredBox):
         self.state.robot_mode = RobotMode.IDLE
 
     def break_down(self, q: Sequence[float]) -> None:
-        """Adopt q (7 floats [rad]) at rest after the simulation became unstable: a reflex in modes that have it."""
+        """Reset to joint positions q (7 floats [rad]) at rest after the simulation diverged.
+
+        A mode that allows reflexes ends in one, with the error instability_detected.
+        """
         self._put(q)
         if next_mode(self.mode, BoxEvent.REFLEX) is not None:
             self._protect(_UNSTABLE)
@@ -167,8 +170,7 @@ class ControlBox(ConfiguredBox):
         state.joint_collision[:], state.cartesian_collision[:] = _ZEROS, _ZEROS[:6]
         state.control_command_success_rate = 0.0
 
-    # -- transitions
-    # -----------------------------------------------------------------------------------------------------
+    # -- transitions ---------------------------------------------------------------------------------------------------
 
     def _change(self, event: BoxEvent, why: Errors = NO_ERRORS) -> RequestOutcome:
         """Apply the transition of an event and return SUCCESS, or NOT_POSSIBLE if there is none."""
@@ -206,7 +208,7 @@ class ControlBox(ConfiguredBox):
         self._change(BoxEvent.REFLEX, errors(names))
 
     def _reflex(self, names: Errors, reason: str = "") -> None:
-        """Enter the reflex mode and report the cause; reason: text in addition to the errors' names."""
+        """Enter the reflex mode and report the cause; reason: text that follows the errors' names."""
         self._protect(names)
         self.report(
             f"{self.model.arm_id}: motion aborted by reflex: {describe(names, self.state, self.config, reason)}"
@@ -243,9 +245,10 @@ class ControlBox(ConfiguredBox):
             self.state.q_d[:] = q
 
     def write(self, command: MotionCommand | None) -> list[float]:
-        """Return the torques until the next cycle, 7 floats [N m]: command or hold, plus compensation.
+        """Return the joint torques to apply until the next cycle, 7 floats [N m].
 
-        Gravity and friction are compensated.
+        The running motion's torques, or without a motion those that hold the arm, plus compensation of gravity and of
+        the known friction.
 
         Args:
             command: command of the running motion; None: no packet came. Ignored without a motion.

@@ -18,13 +18,14 @@ class ExternalTorque:
     In continuous time this is the momentum observer of De Luca et al. (IROS 2006), r = w (integral of (tau_J + C^T dq -
     g - tau_f - r) dt - p): both give the external torque after one first-order low-pass. Here the acceleration is the
     difference of two measured velocities, the mean over the cycle, so the observer's transpose of C is not needed.
-    tau_f: friction as far as the box knows it. Rotor inertia is excluded: tau_J is measured on the link side.
+    tau_f: friction torque by the box's own friction model. Rotor inertia is excluded: tau_J is measured on the link
+    side.
 
     Sign as in libfranka, whose RobotState calls it the error between tau_J and the torques that the model expects: a
     torque that the arm exerts on its environment is positive, and a force F that pushes the arm appears as -J^T F.
 
     Attributes:
-        value: 7 floats [N m].
+        value: estimated external torque per joint, 7 floats [N m].
     """
 
     def __init__(self, arm: CompiledArm, config: BoxConfig) -> None:
@@ -50,10 +51,10 @@ class ExternalTorque:
             q_now: joint positions at the end of the cycle, 7 floats [rad].
             dq_now: joint velocities at the end of the cycle, 7 floats [rad/s].
             tau: joint torques during the cycle, 7 floats [N m].
-            friction: friction torques at dq, 7 floats [N m]; None: unknown.
+            friction: friction torques at dq, 7 floats [N m]; None: the box has no friction model.
 
         Returns:
-            g(q_now), 7 floats [N m]: a by-product that the box needs next.
+            Gravity torque at q_now, 7 floats [N m]: a by-product, which the box compensates next.
         """
         self.value[:], gravity = self._arm.external_torque(
             q, self._constants, self.value, dq, q_now, dq_now, tau, friction or _NONE

@@ -1,6 +1,7 @@
-"""Internal impedance laws: torques without gravity with which the arm follows its desired joint motion.
+"""Internal joint and Cartesian impedance of the control box: torques that move the arm along its desired motion.
 
-Gains are lowered to values that are stable with this time step, see config/internal_impedance.yaml.
+Gravity is compensated elsewhere. Gains too high for a stable loop at the control period are lowered; the bounds are in
+config/internal_impedance.yaml.
 """
 
 import math
@@ -20,7 +21,7 @@ from hric_core.geometry import FloatArray
 
 
 def defaults() -> dict[str, Any]:
-    """Return the contents of config/internal_impedance.yaml."""
+    """Return the default gains and their bounds from config/internal_impedance.yaml."""
     return read_config("internal_impedance")
 
 
@@ -39,12 +40,12 @@ def _checked(values: Sequence[float], range_name: str, what: str) -> list[float]
 
 @dataclass(frozen=True)
 class JointImpedance:
-    """Joint impedance law tau = K (q_d - q) + D (dq_d - dq), each torque within its limit.
+    """Joint impedance law tau = K (q_d - q) + D (dq_d - dq), with each torque clipped to its limit.
 
     Attributes:
         stiffness: K, n floats [N m/rad].
         damping: D, n floats [N m s/rad].
-        max_torque: n floats [N m].
+        max_torque: torque limits, n floats [N m].
     """
 
     stiffness: tuple[float, ...]
@@ -73,7 +74,7 @@ def joint_inertia(mass_matrices: FloatArray, rotor_inertia: Sequence[float]) -> 
 class JointImpedanceLaw:
     """Joint impedance with adjustable stiffness: tau = K (q_d - q) + D (dq_d - dq), within torque limits.
 
-    The damping ratio is that of the default stiffness K0: D = D0 sqrt(K / K0).
+    The damping follows the stiffness so that the damping ratio of the default gains K0, D0 stays: D = D0 sqrt(K / K0).
 
     Attributes:
         stiffness, damping: present gains, 7 floats each [N m/rad], [N m s/rad].
@@ -121,7 +122,7 @@ class Inertia:
     median: float
 
     def damping(self, stiffness: float) -> float:
-        """Return the damping for a stiffness from the damping ratio, 2 ratio sqrt(K m)."""
+        """Return the damping 2 ratio sqrt(K m) for a stiffness K, with the configured damping ratio."""
         return float(2.0 * defaults()["damping_ratio"] * (stiffness * self.median) ** 0.5)
 
     def sustained(self, stiffness: float, time_step: float) -> tuple[float, float]:
@@ -134,10 +135,17 @@ class Inertia:
 def space_inertia(
     model: KdlFrankaModel, kinematics: ArmKinematics, poses: FloatArray, rotor_inertia: Sequence[float]
 ) -> tuple[Inertia, ...]:
-    """Return the inertia of translation, rotation (stiffness frame) and self-motion, in the direction of its minimum.
+    """Return the effective inertias of translation and rotation of the stiffness frame and of the arm's self-motion.
 
-    For a Jacobian A: 1 / (largest eigenvalue of A (M+B)^-1 A'); for the self-motion A = n', with n the unit null vector
-    of the complete Jacobian.
+    In each pose the value for the direction with the smallest inertia counts: 1 / (largest eigenvalue of
+    A (M+B)^-1 A') with the Jacobian A of the motion; for the self-motion A = n', the unit null vector of the full
+    Jacobian.
+
+    Args:
+        model: model of the arm; its mass matrix M.
+        kinematics: kinematics with the stiffness frame.
+        poses: joint positions over which minimum and median are taken, shape (poses, 7) [rad].
+        rotor_inertia: diagonal of B, 7 floats [kg m^2].
     """
     inertias = []
     for q in poses:
@@ -150,7 +158,7 @@ def space_inertia(
 
 
 class CartesianImpedanceLaw:
-    """Cartesian impedance: spring and damper from measured to desired stiffness frame, and along the self-motion.
+    """Cartesian impedance: a spring and damper between measured and desired stiffness frame, and along the self-motion.
 
     In the axes of the measured stiffness frame: F = K e + D J (dq_d - dq), e the position and rotation vector from the
     measured to the desired frame. tau = J' F + n (k_n n'(q_d - q) + d_n n'(dq_d - dq)), n the unit null vector of J,
@@ -177,7 +185,7 @@ class CartesianImpedanceLaw:
         self.update_frames()
 
     def update_frames(self) -> None:
-        """Take the model's end effector and stiffness frame, and recompute the gains (some milliseconds)."""
+        """Read the end effector and stiffness frame from the model and recompute the gains (some milliseconds)."""
         self._kinematics.update()
         self._inertia = space_inertia(self._model, self._kinematics, _legal_poses(self._limits), self._rotor_inertia)
         self.set_stiffness(self._requested)
@@ -218,7 +226,7 @@ class CartesianImpedanceLaw:
         return [min(max(x, -limit), limit) for x, limit in zip(tau, self._effort, strict=True)]
 
     def _null_vector(self, J: FloatArray) -> FloatArray:
-        """Return the unit null vector of J, shape (7,), updated from the last one, or by an SVD if that fails."""
+        """Return the unit null vector of J, shape (7,), by one step from the last one, or by an SVD if that fails."""
         self._matrix[:6], self._matrix[6] = J, self._null
         try:
             null = np.linalg.solve(self._matrix, _LAST)

@@ -1,4 +1,4 @@
-"""Inverse kinematics of the arm by Newton's method, from the end-effector pose and libfranka's elbow (joint 3)."""
+"""Inverse kinematics of the arm by Newton's method, for an end-effector pose and a position of joint 3 (the elbow)."""
 
 from collections.abc import Callable, Sequence
 
@@ -16,7 +16,7 @@ ELBOW_JOINT = 2
 """Index of the joint that libfranka reports as the elbow's position."""
 ELBOW_ROW = [0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0]
 _LARGEST_STEP = 0.5
-"""Maximum step of a joint [rad]; a larger step leaves the branch of the start: there is no solution nearby."""
+"""Maximum Newton step of a joint [rad]; if a larger one is needed, there is no solution near the initial guess."""
 
 
 class Newton:
@@ -40,8 +40,8 @@ class Newton:
 
         Args:
             T: O_T_EE, 16 floats, column-major.
-            row: seventh row, 7 floats; that of the elbow if q3 is specified.
-            q3: position of joint 3 [rad]; None: free.
+            row: seventh row of the equations, 7 floats; ELBOW_ROW if q3 is specified.
+            q3: desired position of joint 3 [rad]; None: unconstrained.
             guess: start of the iteration, 7 floats [rad].
 
         Returns:
@@ -53,16 +53,16 @@ class Newton:
     def first_step(
         self, T: Sequence[float], row: Sequence[float], guess: Sequence[float]
     ) -> tuple[list[float], list[float]] | None:
-        """Compute one step whose product with the row is zero.
+        """Compute one Newton step towards a pose, orthogonal to the seventh row, and the null vector of the Jacobian J.
 
         Args:
-            T: O_T_EE, 16 floats, column-major.
-            row: seventh row, 7 floats.
+            T: desired O_T_EE, 16 floats, column-major.
+            row: seventh row of the equations, 7 floats.
             guess: start of the step, 7 floats [rad].
 
         Returns:
-            (q after the step, unit vector x with J x = 0 and a positive product with the row), 7 floats each; None as
-            in `solve`.
+            (q after the step [rad], unit vector x with J x = 0 and row x > 0), 7 floats each; None if the pose is
+            singular or the step too large.
         """
         return _first_step(self._kinematics.arm, T, row, self._free, guess)
 
@@ -73,11 +73,11 @@ def elbow_side(q: Sequence[float]) -> float:
 
 
 class ElbowInverseKinematics:
-    """Newton's method from a guess nearby, which selects the branch of the solution.
+    """Inverse kinematics of a Cartesian motion: the solution nearest to the previous one, with or without an elbow.
 
     Args:
-        model: model of the arm; `begin` reads a changed end effector.
-        parameters: remaining error, number of steps, and parameters of an elbow that is not commanded.
+        model: model of the arm; `begin` reads its end effector again.
+        parameters: remaining error, number of steps, and parameters for an elbow that is not commanded.
         time_step: control period [s].
     """
 
@@ -95,10 +95,10 @@ class ElbowInverseKinematics:
         return float(singular_values[-1])
 
     def solve(self, T: Sequence[float], q3: float, guess: Sequence[float]) -> list[float] | None:
-        """Return the joint positions near the guess, 7 floats [rad], None if there are none (out of reach, singular).
+        """Return the joint positions for a pose and elbow, 7 floats [rad]; None if out of reach or singular.
 
-        Seven equations: position, rotation and elbow. Per millisecond the guess is within about 1e-6 rad, so one step
-        is enough.
+        Seven equations: position, rotation and elbow. With one call per millisecond the guess is about 1e-6 rad from
+        the solution, so one Newton step is enough.
 
         Args:
             T: O_T_EE, 16 floats, column-major.
@@ -110,7 +110,9 @@ class ElbowInverseKinematics:
     def follow(
         self, T: Sequence[float], hold: float, q_d: Sequence[float], guess: Sequence[float]
     ) -> list[float] | None:
-        """Return the joint positions without a commanded elbow: joint 3 is held if that needs no fast joint motion.
+        """Return the joint positions for a pose, 7 floats [rad]; joint 3 is held unless that needs fast joint motion.
+
+        None if the pose is out of reach or singular.
 
         The unit null vector n of the Jacobian, updated in each step, is the seventh row; [J; n'] x = (0, 1) rotates it
         to this pose. The first step adds the self-motion n beta that would move joint 3 from q_d by return_rate dt
@@ -131,13 +133,13 @@ class ElbowInverseKinematics:
         return self._newton.solve(T, null, None, [x + n * beta for x, n in zip(q, null, strict=True)])
 
     def _self_motion(self, n3: float, iterate: float, hold: float, last: float) -> float:
-        """Return the step along the null vector, with element n3 for joint 3.
+        """Return the length of the step along the unit null vector that brings joint 3 back to its desired position.
 
         Args:
-            n3: element of the null vector.
+            n3: element of the null vector for joint 3.
             iterate: position of joint 3 after the first Newton step [rad].
-            hold: its desired position [rad].
-            last: its position in the previous cycle [rad].
+            hold: desired position of joint 3 [rad].
+            last: position of joint 3 in the previous cycle [rad].
         """
         parameters = self._parameters
         damping = parameters.elbow_damping**2 * max(0.0, 1.0 - (n3 / parameters.elbow_min) ** 2)

@@ -1,6 +1,7 @@
-/* Kinematics of the arm for what happens each millisecond: see kinematics.py and inverse_kinematics.py.
- * Poses come and go as lists of 16 floats, column-major. An Arm is a buffer of doubles: for each of the seven joints,
- * then for the frame at the tip, the columns of the rotation and the translation from the frame before. */
+/* Forward and inverse kinematics of the arm, fast enough for every millisecond; Python side: kinematics.py and
+ * inverse_kinematics.py. Poses are lists of 16 floats, column-major, as arguments and results. An arm is a buffer of
+ * doubles: for each of the seven joint frames, then for the frame at the tip, the three columns of its rotation and its
+ * translation relative to the previous frame. */
 #include "hric_core/python_numbers.h"
 #include <math.h>
 #include <string.h>
@@ -16,7 +17,7 @@ typedef struct {
 
 /* -- forward ------------------------------------------------------------------------------------------------------- */
 
-/* The frame `fixed` behind `at`. */
+/* Replace the frame `at` by at * fixed. */
 static void carry(Frame *at, const Frame *fixed)
 {
     Frame next;
@@ -53,7 +54,7 @@ static void forward(const Frame arm[JOINTS + 1], const double q[JOINTS], Placeme
     out->T[15] = 1.0;
 }
 
-/* Column of the Jacobian of the tip, linear above angular, in the base frame. */
+/* One joint's column of the Jacobian of the tip, linear above angular, in the base frame. */
 static void column(const Placement *at, int joint, double out[6])
 {
     const double *a = at->axes[joint], *o = at->origins[joint], u = at->T[12] - o[0], v = at->T[13] - o[1],
@@ -64,7 +65,7 @@ static void column(const Placement *at, int joint, double out[6])
     memcpy(out + 3, a, 3 * sizeof(double));
 }
 
-/* Constant twist from one pose to the other in a time. */
+/* Constant twist that leads from pose a to pose b within `time` [s]. */
 static void between(const double *a, const double *b, double time, double twist[6])
 {
     double s[3] = {0.0, 0.0, 0.0}, trace = 0.0;
@@ -94,8 +95,8 @@ typedef struct {
     int steps, elbow;
 } Newton;
 
-/* Solve [J; row] x = right for `columns` right sides by elimination with partial pivoting; 0 where there is no
- * solution, or none whose first column is a small step. */
+/* Solve [J; row] x = right for `columns` right-hand sides by elimination with partial pivoting. Returns 0 if the matrix
+ * is singular or an element of the first solution exceeds `largest`. */
 static int solve(const Placement *at, const double row[JOINTS], double right[JOINTS][2], int columns, double largest)
 {
     double A[JOINTS][JOINTS];
@@ -143,8 +144,8 @@ static int solve(const Placement *at, const double row[JOINTS], double right[JOI
     return 1;
 }
 
-/* Newton steps from q until pose and elbow are met; 0 if they are not. q3 is looked at with options->elbow >= 0, the
- * index of that joint. */
+/* Newton steps from q until the errors of pose and elbow are within the tolerance; 0 if that fails. options->elbow is
+ * the index of the joint whose desired position is q3; if it is negative, q3 is ignored. */
 static int newton(const Frame *arm, const double T[16], const double row[JOINTS], double q3, const Newton *options,
                   double q[JOINTS])
 {
@@ -168,7 +169,7 @@ static int newton(const Frame *arm, const double T[16], const double row[JOINTS]
     return 0;
 }
 
-/* -- what Python calls --------------------------------------------------------------------------------------------- */
+/* -- functions called from Python ---------------------------------------------------------------------------------- */
 
 static int take_arm(PyObject *buffer, Frame arm[JOINTS + 1])
 {
@@ -223,7 +224,7 @@ static int take_options(PyObject *sequence, Newton *options)
     options->elbow = (int)values[3];
     if (options->elbow < JOINTS)
         return 1;
-    PyErr_SetString(PyExc_ValueError, "the elbow's joint is one of seven, or -1");
+    PyErr_SetString(PyExc_ValueError, "the index of the elbow joint must be below 7; -1: none");
     return 0;
 }
 

@@ -1,6 +1,6 @@
 """Compiled forward kinematics of the arm (pose and Jacobian together), and twists between poses.
 
-The containers of KDL alone would take longer to read.
+KDL is not used here: reading the results from its Python containers alone takes longer than this computation.
 """
 
 import math
@@ -25,7 +25,7 @@ class Placement:
 
     Attributes:
         T: pose, 16 floats, column-major.
-        columns: columns of the Jacobian of its origin, linear above angular, 7 x 6 floats.
+        columns: columns of the Jacobian of the frame's origin, linear above angular, 7 x 6 floats.
     """
 
     T: list[float]
@@ -37,10 +37,10 @@ class Placement:
 
 
 class ArmKinematics:
-    """Kinematics of the model's arm, with the model's end effector at the last call of `update`.
+    """Kinematics of the model's arm, with the end effector and stiffness frame that `update` last read from the model.
 
     Attributes:
-        arm: frames of the joints and the end effector, in the layout of kinematics.c.
+        arm: frames of the joints and the end effector, as the buffer that kinematics.c expects.
 
     Raises:
         DescriptionError: a joint does not rotate about the z axis of its frame.
@@ -51,13 +51,13 @@ class ArmKinematics:
         for segment in model.chain.description.segments:
             if segment.kind != "revolute" or np.abs(np.asarray(segment.axis) - (0.0, 0.0, 1.0)).max() > 1e-12:
                 raise DescriptionError(
-                    f"the robot description: {segment.joint} must turn about the z axis of its frame"
+                    f"the robot description: {segment.joint} must rotate about the z axis of its frame"
                 )
         self._joints = [_numbers(segment.T_parent_joint) for segment in model.chain.description.segments]
         self.update()
 
     def update(self) -> None:
-        """Take the model's end effector and stiffness frame."""
+        """Read the end effector and stiffness frame from the model."""
         T_last_ee = np.asarray(self._model.chain.description.T_last_tip, dtype=float) @ self._model.F_T_EE
         self.arm, self._stiffness = self._with_tip(T_last_ee), self._with_tip(T_last_ee @ self._model.EE_T_K)
 
@@ -78,21 +78,24 @@ class ArmKinematics:
 
 
 def _numbers(T: FloatArray) -> tuple[float, ...]:
-    """Return the three columns of the rotation, then the translation: 12 floats."""
+    """Return the three columns of the rotation, then the translation, of a 4x4 transform: 12 floats."""
     return tuple(np.asarray(T, dtype=float)[:3, :].T.ravel().tolist())
 
 
 twist_between: Callable[[Sequence[float], Sequence[float], float], list[float]] = load("hric_kinematics").twist_between
-"""Constant twist from one pose to the other in one step, 6 floats, linear then angular in the base [m/s], [rad/s].
+"""Constant twist from one pose to another in one step: 6 floats, linear then angular, base axes [m/s], [rad/s].
 
-Arguments: (T_from, T_to, time_step), both poses 16 floats, column-major. The rotation vector is that of
+Arguments: (T_from, T_to, time_step [s]), both poses 16 floats, column-major. The rotation vector is that of
 R = R_to R_from': sin(angle) axis is half the sum of the cross products of the columns, 1 + 2 cos(angle) its trace.
-Rotations above 90 degrees, which no step of a motion makes, get the correct angle but the axis x.
+For rotations above 90 degrees, which no step of a motion makes, the angle is correct but the axis is x.
 """
 
 
 def moved(T: Sequence[float], twist: Sequence[float], time_step: float) -> list[float]:
-    """Return the pose after one step of a constant twist, 16 floats (Rodrigues' formula on each column)."""
+    """Return the pose T, moved for one time step [s] with a constant twist: 16 floats, column-major.
+
+    Rodrigues' formula rotates each column. twist: 6 floats, linear then angular, base axes [m/s], [rad/s].
+    """
     rx, ry, rz = twist[3] * time_step, twist[4] * time_step, twist[5] * time_step
     angle = math.sqrt(rx * rx + ry * ry + rz * rz)
     first = math.sin(angle) / angle if angle > 1e-12 else 1.0

@@ -1,12 +1,12 @@
-"""Limits and discontinuities of a commanded motion, by libfranka's names.
+"""Checks of a commanded motion against its position, velocity, acceleration and jerk limits, by libfranka's names.
 
 Derivatives are backward differences over one time step, as in libfranka's rate limiter (rate_limiting.h): commands
 that the limiter accepts are accepted here.
 
-Lost packets: while the box bridges them with constant acceleration, the velocity can exceed the one that the limiter
-allows (limit minus 3 ms times the acceleration limit). The limiter's next command then brakes at once, by up to
-twice the acceleration limit in one step. So the jerk of the first command after a loss counts only if it speeds the
-motion up.
+Lost packets: the box bridges them with constant acceleration, which can lead to a velocity above the one that
+libfranka's limiter allows (limit minus 3 ms times the acceleration limit). The limiter's next command then brakes at
+once, by up to twice the acceleration limit in one step. So the jerk of the first command after a loss is checked only
+if that command speeds the motion up.
 
 Not reproduced: libfranka's Cartesian limiter takes the root of a negative number if the last twist is a rounding error
 above its maximum speed and the next one has another direction. It then lets the acceleration grow without bound (seen
@@ -64,7 +64,7 @@ _Row = tuple[Sequence[float], Sequence[float], str, float]
 
 
 def _passed(what: str, value: float, limit: float, unit: str, tolerance: float = 1.0) -> str:
-    """Return a text with the value and the limit that it exceeds; tolerance: factor on the limit."""
+    """Return a text with the value and the exceeded limit; tolerance: factor by which the limit may be exceeded."""
     more = f" and {100.0 * (tolerance - 1.0):.0f} % more" if tolerance > 1.0 else ""
     return f"{what} at {value:.5g} {unit}, limit {limit:g} {unit}{more}"
 
@@ -75,7 +75,7 @@ def _worst(shares: Sequence[float]) -> int:
 
 
 class JointRates:
-    """Check of a desired joint motion. Values that are not finite violate every limit that they enter.
+    """Check of a desired joint motion against the limits of the joints; NaN and infinity violate them.
 
     Attributes:
         reason: joints, values and limits of the last violations, as a text.
@@ -185,12 +185,14 @@ class JointRates:
 
 
 class SpaceRates:
-    """Check of Euclidean norms of one quantity: translation, rotation (3 floats each) or elbow (1 float).
+    """Check of the rates of one Cartesian quantity: translation, rotation (3 floats each) or elbow (1 float).
+
+    The Euclidean norms of velocity, acceleration and jerk are compared with their limits.
 
     Args:
-        what: its name.
-        unit: unit of its position.
-        limit: velocity, acceleration, jerk.
+        what: name of the quantity, for messages.
+        unit: unit of its position, m or rad.
+        limit: maximum velocity, acceleration and jerk.
         parameters: tolerances.
         time_step: control period [s].
     """
@@ -205,17 +207,24 @@ class SpaceRates:
         self._velocity_step = self.acceleration * time_step
 
     def reachable(self, v: Sequence[float]) -> bool:
-        """Return True if this velocity is within its limit; a first command beyond it does not fit the start."""
+        """Return True if the velocity v, 1 or 3 floats [m/s] or [rad/s], is within its limit."""
         return math.hypot(*v) <= self.velocity
 
     def can_stop(self, v: Sequence[float]) -> bool:
-        """Return True if the acceleration limit allows rest one step later."""
+        """Return True if the acceleration limit allows the motion to stop within one step from the velocity v."""
         return math.hypot(*v) <= self._velocity_step
 
     def violated(
         self, v: Sequence[float], a: Sequence[float], last_a: Sequence[float], after_loss: bool
     ) -> tuple[bool, bool, bool]:
-        """Return True for each violated limit: velocity, acceleration, jerk; see `JointRates.violations`."""
+        """Return (velocity, acceleration, jerk), each True if its limit is violated.
+
+        Args:
+            v: velocity of this step, 1 or 3 floats.
+            a: acceleration of this step, 1 or 3 floats.
+            last_a: acceleration of the previous step, 1 or 3 floats.
+            after_loss: True if the previous step bridged a lost packet; a jerk that brakes is then allowed.
+        """
         change = [x - x_last for x, x_last in zip(a, last_a, strict=True)]
         jerk = not math.hypot(*change) <= self._acceleration_step
         if jerk and after_loss and sum(j * x for j, x in zip(change, v, strict=True)) < 0.0:
@@ -225,7 +234,7 @@ class SpaceRates:
     def reasons(
         self, violated: Sequence[bool], v: Sequence[float], a: Sequence[float], last_a: Sequence[float]
     ) -> list[str]:
-        """Return the result of `violated` as texts, one per exceeded limit."""
+        """Return a text with value and limit for each True in `violated` (velocity, acceleration, jerk)."""
         jerk = [(x - x_last) / self._dt for x, x_last in zip(a, last_a, strict=True)]
         limit, tolerances, unit = self._limit, self._parameters, self._unit
         rows: tuple[_Row, ...] = (

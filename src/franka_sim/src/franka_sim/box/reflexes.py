@@ -1,4 +1,4 @@
-"""Limits of the measured state, checked each cycle, that trigger a reflex, and the text of a reflex."""
+"""Checks of the measured state in each cycle that abort a motion by a reflex, and the log text of a reflex."""
 
 import math
 from array import array
@@ -24,14 +24,14 @@ _quiet_speed: "Callable[[array[float], Vector, Vector, Vector], float]" = load("
 
 
 class Reflexes:
-    """Checks of the measured state while the arm moves.
+    """Checks of the measured state while the arm moves: joint limits, speed, collision and self-collision.
 
-    Expensive checks (self-collision, end-effector speed, wrench) are screened by a cheap, conservative bound, so that
-    every cycle is checked.
+    A cheap, conservative bound shows in most cycles that the expensive checks (self-collision, end-effector speed,
+    wrench) cannot fail, so that every cycle is covered.
 
     Args:
         config: thresholds.
-        self_collision: distance between the links.
+        self_collision: check of the distance between the links.
     """
 
     def __init__(self, config: BoxConfig, self_collision: SelfCollision) -> None:
@@ -53,7 +53,7 @@ class Reflexes:
         self._packed = array("d", [x for row in rows for x in row])
 
     def start(self, state: BoxState) -> None:
-        """Start a motion: values beyond a limit may return, but not move farther out."""
+        """Start a motion: a joint that is beyond its limit already may move back, but not farther out."""
         far = self._config.start_tolerance
         self._lower[:] = [min(low, q - far) for low, q in zip(self._range[0], state.q, strict=True)]
         self._upper[:] = [max(high, q + far) for high, q in zip(self._range[1], state.q, strict=True)]
@@ -61,11 +61,11 @@ class Reflexes:
         self.take_thresholds(state)
 
     def take_wrench_noise(self, peak: float) -> None:
-        """Set the upper bound of the noise in forces and moments of the wrench [N], [N m]; before `start`."""
+        """Set the upper bound of the noise in each force [N] and moment [N m] of the wrench; call before `start`."""
         self._wrench_noise = peak
 
     def take_thresholds(self, state: BoxState) -> None:
-        """Take changed thresholds of the collision behaviour."""
+        """Read the collision thresholds from the state."""
         t = state.thresholds
         lowest = min(*t.upper_force_acceleration, *t.upper_force_nominal)
         force = self._config.min_singular_value * max(lowest - self._wrench_noise, 0.0)
@@ -73,12 +73,12 @@ class Reflexes:
         self._pack()
 
     def errors(self, state: BoxState) -> Errors:
-        """Return the errors of the measured state, by libfranka's names, and mark collisions in it."""
+        """Return the errors of the measured state, by libfranka's names; collisions are also marked in the state."""
         speed = _quiet_speed(self._packed, state.q, state.dq, state.tau_ext_hat_filtered)
         return self._moving_parts(state, speed) if speed >= 0.0 else self._look(state)
 
     def _look(self, state: BoxState) -> Errors:
-        """Check each value: at least one is beyond its bound."""
+        """Check each value after the screening: at least one is beyond its conservative bound."""
         q, tau = state.q, state.tau_ext_hat_filtered
         if not smaller(state.dq, self._velocity):  # comparisons with NaN are False
             return JOINT_VELOCITY
@@ -118,7 +118,7 @@ def _worst(values: Sequence[float], limits: Sequence[float], names: Sequence[str
 
 
 def describe(names: Errors, state: BoxState, config: BoxConfig, reason: str = "") -> str:
-    """Return the errors' names with the worst value behind them if known; reason: text of the motion generator."""
+    """Return the errors' names, with the value that exceeds its limit most; reason: text of the motion generator."""
     joints, limits, text = state.model.joint_names, config.limits, ", ".join(sorted(names))
     if "joint_velocity_violation" in names:
         return f"{text} ({_worst(state.dq, limits.velocity, joints, ['rad/s'] * 7)})"

@@ -1,4 +1,4 @@
-"""Requests to the control box and their outcomes, with libfranka's names, independent of a protocol's numbers."""
+"""Requests to the control box and their outcomes, by libfranka's names and independent of the protocol version."""
 
 from dataclasses import dataclass
 from enum import Enum, IntEnum
@@ -7,7 +7,7 @@ from franka_hw_interface.command_set import ArmCommand
 
 
 class ControllerMode(IntEnum):
-    """Source of the torques; values of the state message."""
+    """Controller of a motion: where its joint torques come from. Numbers as in the Franka state message."""
 
     JOINT_IMPEDANCE = 0
     CARTESIAN_IMPEDANCE = 1
@@ -16,7 +16,7 @@ class ControllerMode(IntEnum):
 
 
 class GeneratorMode(IntEnum):
-    """Commanded quantity in addition to torques; values of the state message."""
+    """Motion generator: the quantity that the client commands. Numbers as in the Franka state message."""
 
     IDLE = 0
     JOINT_POSITION = 1
@@ -31,8 +31,9 @@ class MoveRequest:
     """Request to start a motion.
 
     Attributes:
-        controller, generator: modes.
-        max_path_deviation, max_goal_deviation: translation [m], rotation [rad], elbow [rad]; libfranka's defaults.
+        controller, generator: requested modes.
+        max_path_deviation, max_goal_deviation: allowed deviation of the end effector from path and goal: translation
+            [m], rotation [rad], elbow [rad]; libfranka's defaults.
     """
 
     controller: ControllerMode
@@ -42,7 +43,7 @@ class MoveRequest:
 
 
 class RequestOutcome(Enum):
-    """Response to a request, and end of a motion. A protocol without a number for it uses its nearest one."""
+    """Response to a request, or the way a motion ended; a protocol that lacks one sends its nearest equivalent."""
 
     SUCCESS = "success"
     STARTED = "motion started"

@@ -1,4 +1,4 @@
-"""Distance between the links of the arm, modelled by capsules, and a bound that avoids needless computation."""
+"""Self-collision check: distance between the links of the arm, modelled by capsules, computed only when necessary."""
 
 from collections.abc import Sequence
 
@@ -13,16 +13,16 @@ from panda_description.parameters import config as description_file
 
 _Rows = list[dict[str, list[float]]]
 _FINGERS = {"from": [0.0, -0.0525, 0.1034], "to": [0.0, 0.0525, 0.1034], "radius": 0.0125}
-"""Capsule around the fingertips in all positions, in the hand's frame [m]; from the finger's capsule and its range."""
+"""Capsule around the fingertips in all their positions, in the hand's frame [m]; from a finger's capsule and range."""
 _R_FLANGE_HAND = np.array([[1.0, 1.0, 0.0], [-1.0, 1.0, 0.0], [0.0, 0.0, 2.0**0.5]]) / 2.0**0.5
 """Rotation of the hand, mounted at -45 degrees about z on the flange (panda_description, hand.xacro)."""
 
 
 def segment_distances(a: FloatArray, u: FloatArray, b: FloatArray, v: FloatArray) -> FloatArray:
-    """Return the distances between segments a + s u and b + t v, s and t in 0..1; shapes (n, 3), result (n,) [m].
+    """Return the distances of n pairs of segments a + s u and b + t v, s and t in 0..1; shapes (n, 3), result (n,) [m].
 
-    Least squares over the square by projection: the free optimum of s, then t for it clamped, then s for that t clamped
-    (Ericson, Real-Time Collision Detection, 5.1.9). Segments of zero length are points.
+    Method of Ericson, Real-Time Collision Detection, 5.1.9: the optimum of s on the infinite line, clamped to 0..1, the
+    best t for it, clamped, then the best s for that t, clamped. Segments of zero length are points.
     """
     tiny = 1e-12
     r = a - b
@@ -40,11 +40,11 @@ class SelfCollision:
     """Clearance between the links, computed only when it could have fallen below the margin.
 
     No point of the arm moves faster than sum |dq_i| reach_i. After the clearance d was computed, it cannot fall below
-    the margin before the arm has moved d - margin by that bound. (Only the joints between two links change their
-    distance, so the bound holds for their relative motion.)
+    the margin before the integral of this speed has reached d - margin. (Only the joints between two links change
+    their distance, so the bound holds for their relative motion.)
 
     Args:
-        model: model of the arm; includes the shape of the hand if the model has one.
+        model: model of the arm; the shape of the hand is included if the model has one.
         config: margin [m] and reach [m].
     """
 
@@ -67,7 +67,7 @@ class SelfCollision:
         return float(self._distances(q).min())
 
     def nearest(self, q: Sequence[float]) -> tuple[str, str]:
-        """Return the two links that are nearest to each other."""
+        """Return the names of the two links that are nearest to each other; q: 7 floats [rad]."""
         k = int(self._distances(q).argmin())
         return self._names[self._first[k]], self._names[self._second[k]]
 
@@ -89,7 +89,7 @@ class SelfCollision:
         self._free = clearance - self._min_clearance
 
     def too_near(self, q: Sequence[float], moved: float) -> bool:
-        """Return True if the links are too near; moved: bound of any point's motion since the last call [m]."""
+        """Return True if two links are nearer than the margin; moved: maximum path of any point since last call [m]."""
         self._free -= moved
         if self._free > 0.0:
             return False
@@ -98,7 +98,7 @@ class SelfCollision:
 
 
 def _shapes(hand: bool) -> dict[str, tuple[FrankaFrame | None, _Rows]]:
-    """Return frame and capsules of each link, in frames of the model."""
+    """Return for each link the model's frame and the capsules in it; frame None: the base. hand: include the hand."""
     rows = description_file("collision")["links"]
     shapes: dict[str, tuple[FrankaFrame | None, _Rows]] = {"link0": (None, rows["link0"])}
     for i in range(1, 8):
@@ -117,7 +117,7 @@ def _shapes(hand: bool) -> dict[str, tuple[FrankaFrame | None, _Rows]]:
 
 
 def _pairs(owners: Sequence[str]) -> list[tuple[int, int]]:
-    """Return the capsules to compare: of links that neither share a joint nor are masked in the description.
+    """Return the index pairs of capsules to compare; links with a common joint and ignored pairs are left out.
 
     Link 6 and the hand are 5 cm apart at any position of joint 7 and are left out.
     """

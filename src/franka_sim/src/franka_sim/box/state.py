@@ -1,4 +1,4 @@
-"""State of the control box: fields of the cycle are written, all others are computed on demand."""
+"""Robot state of the control box: measured fields are written each cycle, derived ones are computed when read."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ ELBOW_FLIP = -0.467002423653011
 """Position of joint 4 at which the elbow changes its side (libfranka, RobotState::elbow) [rad]."""
 
 CARTESIAN = frozenset((GeneratorMode.CARTESIAN_POSITION, GeneratorMode.CARTESIAN_VELOCITY))
-"""Generators that write the Cartesian fields themselves."""
+"""Motion generators that write the desired Cartesian fields of the state themselves."""
 _DESIRED = ("O_T_EE_d", "O_T_EE_c", "O_dP_EE_d", "elbow_d", "elbow_c")
 
 
@@ -46,7 +46,7 @@ def _desired_twist(state: BoxState) -> list[float]:
 
 
 def _written_by_generator(name: str, otherwise: Callable[[BoxState], list[float]]) -> Any:
-    """Return a field that a Cartesian generator writes; without one it is computed on demand."""
+    """Return a field that a Cartesian motion generator writes while it runs; otherwise it is computed when read."""
     slot = RobotState.__dict__[name]
 
     def compute(state: BoxState) -> list[float]:
@@ -61,18 +61,18 @@ def _levels(values: list[float], thresholds: tuple[float, ...]) -> list[float]:
 
 
 class BoxState(RobotState):
-    """State of the arm as the control box sends it. theta and dtheta are q and dq: the joints are rigid.
+    """Robot state as the control box sends it. theta and dtheta equal q and dq, since the joints are rigid.
 
     Attributes:
         controller_mode, generator_mode: modes of the running motion; OTHER and IDLE without one.
         model: model of the arm, with the load and frames that were set.
         kinematics: kinematics of the arm with the end effector that was set.
-        fields: estimator of the external wrench; computes all lazy fields together, faster than one by one.
+        fields: compiled computation of the external wrench, and of all derived fields at once.
         thresholds: thresholds of contact and collision.
         wrench_noise: noise of the estimated external wrench, 3 forces [N] and 3 moments [N m], base axes; None: none.
         last_motion_errors: errors that ended the last motion (on the wire: reflex_reason).
 
-    Lazy (computed when read, at most once per tick): poses, elbows, desired twist, dtau_J, external wrench, contacts.
+    Computed when read, at most once per cycle: poses, elbows, desired twist, dtau_J, external wrench, contacts.
     """
 
     __slots__ = (
@@ -137,7 +137,7 @@ class BoxState(RobotState):
 
     @property
     def accelerating(self) -> bool:
-        """True if the desired motion accelerates, so that the thresholds of acceleration apply."""
+        """True if the desired motion accelerates; the `_acceleration` thresholds then replace the `_nominal` ones."""
         return any(self.ddq_d)
 
     def lower(self) -> tuple[tuple[float, ...], tuple[float, ...]]:

@@ -7,7 +7,7 @@ from franka_hw_interface.robot_state import RobotMode
 
 
 class BoxEvent(Enum):
-    """Events of the box."""
+    """Events that change the mode of the control box."""
 
     START = "the first state of the arm arrives"
     MOVE = "a motion is requested"
@@ -59,7 +59,7 @@ TRANSITIONS: Mapping[RobotMode, Mapping[BoxEvent, RobotMode]] = {
         BoxEvent.USER_STOP_RELEASED: RobotMode.IDLE,
     },
 }
-"""Mapping (mode, event) -> mode. Without a transition, the event changes nothing and a request is refused.
+"""Next mode of the control box by mode and event. An event that is missing changes nothing; such a request is refused.
 
 libfranka documents the modes and which of them refuse a motion; the rest is a project default, unconfirmed: recovery
 and stop in idle mode succeed without effect; releasing the user stop leads to idle, also after a reflex; in idle mode

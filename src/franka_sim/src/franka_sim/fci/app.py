@@ -1,4 +1,4 @@
-"""Command `control_box`: runs the server that its arguments describe."""
+"""Command `control_box`: emulates a Franka arm and its control box as a server for libfranka."""
 
 import argparse
 import gc
@@ -37,12 +37,12 @@ def _take_priority(priority: int) -> None:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
     except PermissionError:
         raise FailureError(
-            f"real-time priority {priority} is not permitted: raise the limit (ulimit -r), or leave --priority out"
+            f"real-time priority {priority} is not permitted: raise the limit (ulimit -r), or omit --priority"
         ) from None
 
 
 def make_device(options: argparse.Namespace, robot: RobotKind) -> tuple[Device, Callable[[], None]]:
-    """Return the robot, and a function that releases it. Raises HricError."""
+    """Return the emulated robot, and a function that releases its resources. Raises HricError."""
     if options.constant:
         return ConstantDevice(robot.served_urdf(), None if options.no_hand else Gripper()), lambda: None
     from franka_sim.fci.arm_building import make_arm  # engine and models are slow to import, and --help needs neither
@@ -57,7 +57,7 @@ def _attach_console(server: FciServer, device: Device) -> None:
 
 
 def serve(options: argparse.Namespace) -> None:
-    """Run until SIGINT or SIGTERM. Raises HricError."""
+    """Run the server until SIGINT or SIGTERM. Raises HricError."""
     _check(options)
     robot = ROBOTS[options.robot]
     faults = NetworkFaults(options.latency, options.jitter, options.loss, options.seed, where="--")
@@ -88,10 +88,10 @@ class ControlBoxCommand(Command):
     Needs no ROS master.
     """
 
-    epilog = f"With --console the standard input takes:\n{HELP}"
+    epilog = f"With --console, these commands are read from the standard input:\n{HELP}"
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments."""
+        """Return the arguments of the command line."""
         return [*robot_arguments(), *physics_arguments(), *network_arguments(), *care_arguments()]
 
     def run(self, arguments: argparse.Namespace) -> int:

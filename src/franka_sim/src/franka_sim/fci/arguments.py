@@ -18,7 +18,7 @@ CARE = "protection, operation, measurement"
 
 
 def yaml_value(text: str) -> Any:
-    """Return a word of the command line, parsed as YAML."""
+    """Return an argument of the command line, parsed as YAML."""
     try:
         return yaml_text.parse(text, repr(text))
     except ParameterError as error:
@@ -44,24 +44,25 @@ def robot_arguments() -> list[Argument]:
             "--clock",
             choices=("lock_step", "wall"),
             default="lock_step",
-            help="lock_step: robot time waits for the client; wall: it does not (default: %(default)s)",
+            help="lock_step: robot time stops until the client's command has come; wall: it goes on (default: "
+            "%(default)s)",
         ),
         Argument(
             "--real-time-factor",
             type=float,
             default=1.0,
             metavar="X",
-            help="robot time per wall time; 0, lock_step only: as fast as the client (default: %(default)s)",
+            help="robot time per wall time; 0, with lock_step only: as fast as the client (default: %(default)s)",
         ),
-        Argument("--no-hand", action="store_true", help="an arm without the hand"),
+        Argument("--no-hand", action="store_true", help="emulate the arm without a hand"),
         Argument(
-            "--q-start", type=float, nargs=7, default=list(Q_START), metavar="RAD", help="pose at the start [rad]"
+            "--q-start", type=float, nargs=7, default=list(Q_START), metavar="RAD", help="initial joint positions [rad]"
         ),
     ]
 
 
 def physics_arguments() -> list[Argument]:
-    """Return the arguments of the plant."""
+    """Return the arguments of the physics simulation."""
     return [
         Argument(
             "--plant",
@@ -76,14 +77,13 @@ def physics_arguments() -> list[Argument]:
             type=float,
             default=0.1,
             metavar="KGM2",
-            help="rotor inertia of each joint, in the plant and in the control box (default: %(default)s)",
+            help="rotor inertia of each joint [kg m^2], in the physics and in the control box (default: %(default)s)",
         ),
         Argument(
             "--friction",
             group=PHYSICS,
             choices=("none", "identified"),
-            help="joint friction of the plant, which the box compensates as far as --realism says (default: as "
-            "--realism says, else none)",
+            help="joint friction in the physics; --realism sets the default and the share that the box compensates",
         ),
         Argument(
             "--realism",
@@ -91,28 +91,36 @@ def physics_arguments() -> list[Argument]:
             type=yaml_value,
             default=IDEAL,
             metavar="PRESET",
-            help="difference of the arm from its model in the box: ideal, measured, or {preset: measured, dq_noise: 0}",
+            help="sensor noise, and differences between the arm and the control box's model: ideal, measured, or e.g. "
+            "{preset: measured, dq_noise: 0} (default: %(default)s)",
         ),
         Argument(
-            "--no-collision", group=PHYSICS, action="store_true", help="no contact of the arm with itself or the world"
+            "--no-collision", group=PHYSICS, action="store_true", help="let the arm pass through itself and objects"
         ),
         Argument(
             "--world",
             group=PHYSICS,
             default="",
             metavar="FILE",
-            help="objects around the arm, path or package://PACKAGE/FILE (plants that know worlds)",
+            help="file of objects around the arm, path or package://PACKAGE/FILE (if the physics plugin has worlds)",
         ),
-        Argument("--gui", group=PHYSICS, action="store_true", help="show the plant"),
+        Argument("--gui", group=PHYSICS, action="store_true", help="open the window of the physics engine"),
     ]
 
 
 def network_arguments() -> list[Argument]:
-    """Return the arguments of the network."""
+    """Return the arguments of the emulated network faults."""
     return [
-        Argument("--latency", group=NETWORK, type=float, default=0.0, metavar="S", help="[s]"),
         Argument(
-            "--jitter", group=NETWORK, type=float, default=0.0, metavar="S", help="added to it, from 0 to this [s]"
+            "--latency", group=NETWORK, type=float, default=0.0, metavar="S", help="constant delay of datagrams [s]"
+        ),
+        Argument(
+            "--jitter",
+            group=NETWORK,
+            type=float,
+            default=0.0,
+            metavar="S",
+            help="maximum random delay in addition to the latency [s]",
         ),
         Argument(
             "--loss", group=NETWORK, type=float, default=0.0, metavar="SHARE", help="share of datagrams lost, 0 to 1"
@@ -123,7 +131,7 @@ def network_arguments() -> list[Argument]:
             type=int,
             default=0,
             metavar="N",
-            help="of the faults, and of the noise of the sensors",
+            help="random seed of the network faults and of the sensor noise",
         ),
     ]
 
@@ -131,16 +139,21 @@ def network_arguments() -> list[Argument]:
 def care_arguments() -> list[Argument]:
     """Return the arguments of the protection and operation of the robot."""
     return [
-        Argument("--no-reflexes", group=CARE, action="store_true", help="the arm does not protect itself"),
+        Argument(
+            "--no-reflexes",
+            group=CARE,
+            action="store_true",
+            help="do not end motions at collisions and violated limits",
+        ),
         Argument(
             "--max-lost-packets",
             group=CARE,
             type=int,
             default=MAX_LOST_PACKETS,
             metavar="N",
-            help="commands lost in a row that end a motion; 0: any number (default: %(default)s)",
+            help="number of consecutive lost commands that ends a motion; 0: no limit (default: %(default)s)",
         ),
-        Argument("--console", group=CARE, action="store_true", help="take commands from the standard input"),
+        Argument("--console", group=CARE, action="store_true", help="read commands from the standard input"),
         Argument(
             "--priority",
             group=CARE,
@@ -150,6 +163,9 @@ def care_arguments() -> list[Argument]:
             help="real-time priority 1 to 99 (SCHED_FIFO); needs permission (default: none)",
         ),
         Argument(
-            "--constant", group=CARE, action="store_true", help="no arm: a constant state, to measure the server alone"
+            "--constant",
+            group=CARE,
+            action="store_true",
+            help="send a constant state without any physics, to measure the server alone",
         ),
     ]

@@ -30,14 +30,14 @@ def build_arm(
     node: Node,
     max_lost_packets: int | None = MAX_LOST_PACKETS,
 ) -> ArmDevice:
-    """Build the plant, its participants, the box, and the hand if the description has one.
+    """Build the emulated arm: plant, participants, control box, and a hand if the robot description has one.
 
     Args:
-        settings: parameters.
-        realism: differences between the arm and the box's model of it.
+        settings: parameters of plant and box.
+        realism: sensor noise, and differences between the arm and the box's model of it.
         robot: kind of arm.
         urdf_xml: robot description.
-        node: robot's private namespace, for the participants of the plant.
+        node: private namespace of the robot node, where the plant's participants read their parameters.
         max_lost_packets: number of consecutive lost packets that ends a motion; None: no limit.
 
     Raises:
@@ -73,7 +73,7 @@ def _has_hand(urdf_xml: str, arm_id: str) -> bool:
 
 
 def make_arm(options: argparse.Namespace, robot: RobotKind) -> ArmDevice:
-    """Build the arm from the command's arguments. Raises HricError."""
+    """Build the emulated arm from the arguments of the command line. Raises HricError."""
     plant_config = {name: getattr(options, name) for name in ("world", "gui", "friction") if getattr(options, name)}
     plant_config |= {"rotor_inertia": options.rotor_inertia, "seed": options.seed}
     if options.no_collision:

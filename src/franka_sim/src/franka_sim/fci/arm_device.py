@@ -1,4 +1,4 @@
-"""Emulated arm of the server: a plant, its participants, and the control box."""
+"""Emulated arm behind the network server: a physics plant with everything that acts in it, and the control box."""
 
 from collections.abc import Callable, Sequence
 
@@ -13,30 +13,30 @@ from hric_control.sim.participants import Participants
 from hric_core.errors import CommandError, HricError
 
 MAX_LOAD, MAX_LOAD_DISTANCE, MAX_LOAD_INERTIA = 20.0, 1.0, 20.0
-"""Maximum payload of a client [kg], [m from the flange], [kg m^2]: project default, unconfirmed.
+"""Maximum payload that a client may set: mass [kg], distance from the flange [m], inertia [kg m^2].
 
-The values are far above the arm's payload of 3 kg.
+Project defaults, unconfirmed; far above the arm's rated payload of 3 kg.
 """
 
 
 class ArmDevice:
-    """Plant and control box, advanced one millisecond at a time.
+    """Arm that consists of a physics plant and a control box, advanced one millisecond at a time.
 
     Args:
         plant: physics engine.
-        participants: other participants of the plant.
+        participants: others that act in the plant, e.g. an emulated human.
         box: control box.
         urdf: function that returns the arm's description for clients.
         model_library: compiled model of protocol 5.
         q: pose at the start and after `reset`, 7 floats [rad].
         hand: True if there is a hand at the flange.
-        read_state: function that reads the plant through the sensors; None: without noise.
+        read_state: function that reads the plant's joint state with sensor noise; None: without noise.
 
     Attributes:
-        state: state of the box.
+        state: robot state, as the control box sends it.
         plant, participants, box: as in Args.
         hand: hand at the flange, or None.
-        on_cycle: callback at the end of each cycle, with robot time, before the state is sent.
+        on_cycle: callback at the end of each cycle with the robot time [s], before the state is sent.
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class ArmDevice:
         self.reset()
 
     def reset(self) -> None:
-        """Put the arm at its start pose at rest and the world in its start state; time goes on."""
+        """Reset the arm to its start pose at rest, and the world to its initial state; robot time continues."""
         self._reset_plant()
         self.box.reset(self._q_start)
         self._read()
@@ -90,7 +90,7 @@ class ArmDevice:
             self.plant.apply(self.box.write(command))
             self.participants.step(self._time)
         except HricError as error:
-            LOG.error("%s; the arm is put back to its start", error)
+            LOG.error("the simulated arm is reset to its start pose after an error of the physics: %s", error)
             self._reset_plant()
             self.box.break_down(self._q_start)
         self._cycles += 1
@@ -100,11 +100,18 @@ class ArmDevice:
             self.on_cycle(self._time)
 
     def set_load(self, mass: float, com: Sequence[float], inertia: Sequence[float]) -> RequestOutcome:
-        """Set the payload of the box, within bounds that keep its torques finite."""
+        """Set the payload of the box, up to MAX_LOAD and the other bounds, which keep its torques finite.
+
+        Args:
+            mass: mass [kg].
+            com: centre of mass in the flange frame, 3 floats [m].
+            inertia: inertia about the centre of mass, 9 floats [kg m^2].
+        """
         if mass > MAX_LOAD or max(map(abs, com)) > MAX_LOAD_DISTANCE or max(map(abs, inertia)) > MAX_LOAD_INERTIA:
             bounds = f"{MAX_LOAD:g} kg, {MAX_LOAD_DISTANCE:g} m, {MAX_LOAD_INERTIA:g} kg m^2"
             raise CommandError(
-                f"a load of {mass:g} kg at {list(com)} m with inertia {list(inertia)} kg m^2 is beyond {bounds}"
+                f"a load of {mass:g} kg at {list(com)} m with inertia {list(inertia)} kg m^2 exceeds the maximum of "
+                f"{bounds}"
             )
         return self.box.set_load(mass, com, inertia)
 
@@ -113,7 +120,7 @@ class ArmDevice:
         self.box.read(self._q, self._dq, self._tau, self._time)
 
     def encode(self, codec: StateCodec, message_id: int) -> bytes:
-        """Return the state as a datagram."""
+        """Return the robot state as a datagram of the codec's protocol."""
         if codec is not self._codec:
             self._codec, self._pack = codec, self.state.fields.packer(codec.names, codec.real)
         return codec.join(message_id, self._pack(self.state), self.state)
@@ -123,6 +130,6 @@ class ArmDevice:
         self.plant.apply_wrench(link, force, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), duration)
 
     def close(self) -> None:
-        """Release the plant and its participants."""
+        """Release the plant and all that act in it."""
         self.participants.close()
         self.plant.close()

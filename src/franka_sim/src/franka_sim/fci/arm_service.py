@@ -1,4 +1,4 @@
-"""Network service of the arm: requests, states to the client, commands to the control box."""
+"""Network service of the arm: executes a client's requests, sends it states and passes its commands to the box."""
 
 import math
 import platform
@@ -20,10 +20,10 @@ from hric_core.errors import HricError
 
 PORT = 1337
 NO_CARTESIAN_LIMIT = bytes(153)
-"""GetCartesianLimit: size, frame and "active" of a virtual wall; the emulated arm has none."""
+"""Response to GetCartesianLimit: size, frame and "active" of a virtual wall, all zero, as none is emulated."""
 
 ARCHITECTURES = {"x86_64": 0, "i686": 1, "armv7l": 2, "aarch64": 3}
-"""Numbers of LoadModelLibrary."""
+"""Processor architectures by platform name, with their numbers in LoadModelLibrary."""
 LINUX = 0
 
 Vectors = list[tuple[float, ...]]
@@ -33,8 +33,8 @@ _MESSAGE_ID = struct.Struct("<Q")
 class ArmService(Service):
     """Service at the arm's port.
 
-    A command is valid for the last state sent; later or repeated ones are dropped (libfranka, "the command is dropped
-    if it is late").
+    A command must refer to the last state sent; commands for older states and repeated ones are dropped (libfranka,
+    "the command is dropped if it is late").
 
     Args:
         selector: selector of the server.
@@ -45,7 +45,7 @@ class ArmService(Service):
 
     Attributes:
         message_id: milliseconds of robot time.
-        late: number of commands dropped since the start.
+        late: number of commands dropped since the start as late or repeated.
     """
 
     def __init__(
@@ -86,7 +86,7 @@ class ArmService(Service):
 
     @property
     def phase(self) -> MotionPhase:
-        """Event that the clock waits for."""
+        """Present phase of the motion, by which the clock decides what to wait for."""
         if self._moving is None:
             return MotionPhase.IDLE
         if self._command is not None:
@@ -94,20 +94,22 @@ class ArmService(Service):
         return MotionPhase.AWAITING if self._started else MotionPhase.STARTING
 
     def size_of(self, command: int) -> int | None:
-        """Return the payload size of a command [bytes], None if it does not exist."""
+        """Return the payload size of a request [bytes], None if there is no request with this id."""
         row = self._protocol.requests.get(command)
         return None if row is None else row.payload.size
 
     # -- the millisecond -----------------------------------------------------------------------------------------------
 
     def on_datagrams(self) -> None:
-        """Store the command for the last state."""
+        """Receive commands and store the one for the last state sent."""
         if self.client is None:
             return
         codec = self._protocol.command
         for datagram in self.client.link.receive():
             if len(datagram) != codec.size:
-                self.complaints.warn("size", f"a command of {len(datagram)} bytes is dropped; expected {codec.size}")
+                self.complaints.warn(
+                    "size", f"a command datagram of {len(datagram)} bytes is dropped; expected {codec.size} bytes"
+                )
             elif self._moving is not None and _MESSAGE_ID.unpack_from(datagram)[0] == self.message_id:
                 _, self._command = codec.decode(datagram)
             else:
@@ -124,7 +126,7 @@ class ArmService(Service):
         self._report()
 
     def _report(self) -> None:
-        """Respond to requests that have ended."""
+        """Send the responses of requests whose motion, stop or recovery has ended."""
         outcome = self._device.take_finished()
         if outcome is not None and self._moving is not None:
             message, self._moving, self._command = self._moving, None, None
@@ -144,7 +146,7 @@ class ArmService(Service):
             if not all(math.isfinite(x) for vector in vectors for x in vector):
                 raise HricError("a number is not finite")
             outcome = self._handlers[row.request](message, vectors)
-        except (HricError, ArithmeticError, ValueError) as error:  # beyond the range of the arithmetic: wrong as well
+        except (HricError, ArithmeticError, ValueError) as error:  # e.g. numbers so large that the arithmetic overflows
             self.complaints.warn(row.request.value, f"{row.request.value} refused: {error}")
             outcome = RequestOutcome.INVALID_ARGUMENT
         if outcome is not None:
@@ -165,7 +167,9 @@ class ArmService(Service):
             # The request counts generators from 0, the state from 1 (0 is idle).
             controller, generator = ControllerMode(int(vectors[0][0])), GeneratorMode(int(vectors[1][0]) + 1)
         except ValueError:
-            raise HricError(f"there is no controller {vectors[0][0]} with motion generator {vectors[1][0]}") from None
+            raise HricError(
+                f"unknown mode: controller number {vectors[0][0]}, motion generator number {vectors[1][0]}"
+            ) from None
         if controller is ControllerMode.OTHER or (generator is GeneratorMode.NONE and self._protocol.version < 7):
             raise HricError(f"a motion cannot have controller {controller.name} with motion generator {generator.name}")
         if len(vectors) > 4 and vectors[4][0]:
@@ -181,7 +185,7 @@ class ArmService(Service):
     def _when_done(
         self, waiting: list[FciMessage], message: FciMessage, outcome: RequestOutcome
     ) -> RequestOutcome | None:
-        """Delay the response to an accepted request until it has ended; the response to Move precedes it."""
+        """Delay the response to a stop or recovery until it has ended; an aborted Move gets its response first."""
         if outcome is not RequestOutcome.SUCCESS:
             return outcome
         waiting.append(message)
@@ -191,13 +195,13 @@ class ArmService(Service):
     def _load_model_library(self, message: FciMessage, vectors: Vectors) -> RequestOutcome | None:
         library, machine = self._device.model_library, platform.machine()
         if (int(vectors[0][0]), int(vectors[1][0])) != (ARCHITECTURES.get(machine), LINUX):
-            refusal = f"there is one for this machine ({machine} Linux) only"
+            refusal = f"it exists for this machine ({machine} Linux) only"
         elif library is None:
             refusal = "this robot has none"
         else:
             self._respond(message, RequestOutcome.SUCCESS, library)
             return None
-        LOG.error("%s %s: no model library: %s", self.name, self._address[0], refusal)
+        LOG.error("%s %s: model library refused: %s", self.name, self._address[0], refusal)
         return RequestOutcome.NOT_POSSIBLE
 
     def _robot_model(self, message: FciMessage, _: Vectors) -> RequestOutcome | None:
@@ -207,10 +211,10 @@ class ArmService(Service):
     # -- clients -------------------------------------------------------------------------------------------------------
 
     def on_client(self) -> None:
-        """Do nothing: states start with the next cycle."""
+        """Do nothing when a client connects: states are sent from the next cycle on."""
 
     def on_client_lost(self) -> None:
-        """End the client's motion and drop its pending requests."""
+        """Abort the motion of a client whose connection ended, and drop its pending requests."""
         for messages in (self._stopping, self._recovering):
             messages.clear()
         self._moving = self._command = None

@@ -1,4 +1,4 @@
-"""Clock of the robot's cycles: in lock-step with the client, or by wall time."""
+"""Clocks that time the robot's 1 ms cycles: in lock-step with the client, or by wall time."""
 
 from abc import ABC, abstractmethod
 from enum import Enum
@@ -9,26 +9,29 @@ from hric_core.parameters import number
 PERIOD = 1e-3
 """Cycle time of the robot [s]."""
 PATIENCE = 0.5
-"""Maximum wait of the lock-step clock for a command, then it is lost [s].
+"""Maximum wait of the lock-step clock for a command [s]; then the command counts as lost.
 
 It is longer than a busy machine suspends a process, and shorter than libfranka waits for a state (1 s).
 """
 TIME_OUT = 0.05
-"""Maximum wait after a lost command, and on a lossy network [s]: project default, unconfirmed, 1 s for 20 losses."""
-FIRST_WAIT = 0.05
-"""Pause to the next state before the first command of a motion, doubled each time up to PATIENCE [s].
+"""Maximum wait for a command after a lost one, and on a lossy network [s]; 20 losses then take 1 s.
 
-The pause follows the two states that the client needs. A client that computes its first command sends it for the
-newest state, and so each motion starts in the same way.
+Project default, unconfirmed.
+"""
+FIRST_WAIT = 0.05
+"""Wall time between states before the first command of a motion [s], doubled each time up to PATIENCE.
+
+The waits begin after the two states that the client needs. The client's first command then always refers to the newest
+state, however long it takes to compute, and every motion starts in the same way.
 """
 STATES_BEFORE_FIRST = 2
-"""States that libfranka reads before it computes its first command: up to the requested modes, and one more."""
+"""Number of states that libfranka reads before its first command: the one with the requested modes and one more."""
 CATCH_UP = 0.02
-"""Delay that a paced lock-step clock makes up for afterwards [s]."""
+"""Maximum delay that a lock-step clock with a real-time factor makes up for by faster cycles [s]."""
 
 
 class MotionPhase(Enum):
-    """Phases of a motion, by the command that the robot waits for."""
+    """Phase of a motion: whether a command is awaited, and which."""
 
     IDLE = "no motion"
     STARTING = "no command of this motion has come yet"
@@ -37,7 +40,7 @@ class MotionPhase(Enum):
 
 
 class CycleClock(ABC):
-    """Interface that determines the wait before the next cycle."""
+    """Interface of a clock that determines when the next cycle of the robot starts."""
 
     @abstractmethod
     def left(self, now: float, phase: MotionPhase) -> float:
@@ -49,9 +52,9 @@ class CycleClock(ABC):
 
 
 class PeriodicClock(CycleClock):
-    """Clock with one state per period, independent of the client.
+    """Clock that starts a cycle in each period of wall time, whether or not the client keeps up.
 
-    After a delay of its process there is no burst of states: robot time does not advance during the delay.
+    If this process is delayed, robot time stops meanwhile, so no burst of states follows.
 
     Args:
         real_time_factor: robot time per wall time, above 0.
@@ -71,9 +74,9 @@ class PeriodicClock(CycleClock):
 
 
 class LockStepClock(CycleClock):
-    """Clock that waits in a motion for the command for the last state.
+    """Clock that waits, during a motion, for the client's command to the last state.
 
-    A command that does not come within PATIENCE, or within TIME_OUT after a lost one, is lost.
+    A command that does not come within PATIENCE counts as lost; after a lost command the limit is TIME_OUT.
 
     Args:
         real_time_factor: maximum robot time per wall time; 0: as fast as the client sends (in idle mode: real time).

@@ -1,4 +1,4 @@
-"""Rate-limited log for bad input."""
+"""Rate-limited log of bad input from the network."""
 
 import logging
 import math
@@ -7,17 +7,17 @@ from collections.abc import Callable
 
 LOG = logging.getLogger("hric.franka_sim.fci")
 QUIET = 1.0
-"""Minimum time between two lines of the same kind [s] (project default, unconfirmed)."""
+"""Minimum time between two log lines of the same kind [s] (project default, unconfirmed)."""
 PEER_QUIET = 10.0
 """Quiet time of an address after which its next attack is logged again [s] (project default, unconfirmed)."""
 MAX_PEERS = 256
-"""Maximum number of tracked addresses; more of them are logged as one kind (project default, unconfirmed)."""
+"""Maximum number of addresses logged separately; further ones share one log line (project default, unconfirmed)."""
 
 
 class Complaints:
     """Log of warnings: the first is logged at once, repetitions are counted and reported with the next line.
 
-    A kind of warning is logged once in QUIET, an address once for as long as it continues.
+    A kind of warning is logged at most once per QUIET; an address is logged again after PEER_QUIET without a message.
 
     Args:
         who: prefix of each text.
@@ -45,14 +45,14 @@ class Complaints:
         self._write(text, held)
 
     def counts(self, host: str) -> bool:
-        """Return True if messages about an address are counted at present, and not written."""
+        """Return True if messages about an address are only counted at present, since one was logged recently."""
         return self._clock() - self._peers.get(host, (-math.inf, 0))[0] < PEER_QUIET
 
     def warn_of(self, host: str, text: str, level: int = logging.WARNING) -> None:
         """Log a message about a peer.
 
         Args:
-            host: its address, without port.
+            host: address of the peer, without port.
             text: text to log.
             level: level of the message.
         """
@@ -64,7 +64,7 @@ class Complaints:
             self._peers[host] = now, 0
             self._write(text, held, level)
         else:
-            self.warn("many addresses", f"{text}; there are too many addresses to write each")
+            self.warn("many addresses", f"{text}; too many other addresses to log each of them")
 
     def _has_room(self, now: float) -> bool:
         """Drop addresses that have been quiet, the longest first; return True if there is room for one more."""

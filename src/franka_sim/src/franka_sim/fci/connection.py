@@ -1,4 +1,4 @@
-"""Non-blocking TCP connection of a service: complete messages in, responses out."""
+"""Non-blocking TCP connection of a network service: receives complete requests and sends responses."""
 
 import socket
 from collections.abc import Callable
@@ -9,7 +9,7 @@ from franka_sim.fci.wire import Framing
 RECEIVE = 4096
 """Bytes read from a connection at a time, so that no client delays the others or the robot."""
 MAX_UNSENT = 1 << 20
-"""Maximum number of unread response bytes of a client before it is disconnected.
+"""Maximum number of response bytes that a client leaves unread before it is disconnected.
 
 Project default, unconfirmed: thirty times the largest response.
 """
@@ -18,7 +18,7 @@ KEEP_ALIVE = ((socket.TCP_KEEPIDLE, 1), (socket.TCP_KEEPINTVL, 1), (socket.TCP_K
 
 
 class BadMessageError(Exception):
-    """Error of a client: not a message of this protocol, or unread responses.
+    """Error of a client: data that is no message of this protocol, or too many unread responses.
 
     The connection is closed; the text gives the reason.
     """
@@ -30,7 +30,7 @@ class PeerClosedError(Exception):
 
 @dataclass(frozen=True)
 class FciMessage:
-    """Request: id of the command, the client's sequence number, payload of the correct size."""
+    """Request of a client: id of the command, the client's sequence number, and the payload."""
 
     command: int
     command_id: int
@@ -38,11 +38,11 @@ class FciMessage:
 
 
 class FciConnection:
-    """Messages over a connected socket.
+    """Connection of one client: requests and responses over a connected TCP socket.
 
     Args:
         connected: the socket; made non-blocking.
-        framing: header and status.
+        framing: layout of header and status.
         size_of: function that returns the payload size of a command [bytes], None if it does not exist.
     """
 
@@ -64,8 +64,8 @@ class FciConnection:
         """Return the complete messages that have been received.
 
         Raises:
-            BadMessageError: an unknown command or a wrong size.
-            ConnectionLostError: closed by the other side.
+            BadMessageError: a request has an unknown id or a wrong size.
+            PeerClosedError: the client has closed the connection.
         """
         try:
             received = self.socket.recv(RECEIVE)
@@ -88,9 +88,9 @@ class FciConnection:
         command, command_id, size = header.unpack_from(self._in)
         expected = self._size_of(command)
         if expected is None:
-            raise BadMessageError(f"there is no command {command}")
+            raise BadMessageError(f"unknown request id {command}")
         if size != header.size + expected:
-            raise BadMessageError(f"command {command} has {size} bytes; expected {header.size + expected}")
+            raise BadMessageError(f"request {command} has {size} bytes; expected {header.size + expected}")
         if len(self._in) < size:
             return None
         payload = bytes(self._in[header.size : size])
@@ -101,16 +101,16 @@ class FciConnection:
         """Queue and send a response; unsent bytes wait for `flush`.
 
         Raises:
-            BadMessageError: the client leaves too much unread.
-            ConnectionLostError: the client has closed the connection.
+            BadMessageError: the client has left more than MAX_UNSENT bytes unread.
+            PeerClosedError: the client has closed the connection.
         """
         self._out += self._framing.frame(command, command_id, self._framing.status.pack(status) + tail)
         if len(self._out) > MAX_UNSENT:
-            raise BadMessageError(f"{len(self._out)} bytes of responses are unread")
+            raise BadMessageError(f"it has not read {len(self._out)} bytes of responses")
         self.flush()
 
     def flush(self) -> None:
-        """Send the waiting bytes. Raises ConnectionLostError."""
+        """Send the bytes that wait. Raises PeerClosedError."""
         try:
             while self._out:
                 del self._out[: self.socket.send(self._out)]

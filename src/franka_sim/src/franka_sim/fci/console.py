@@ -1,4 +1,4 @@
-"""Text console for the arm's physical controls: user stop, guiding, a push, an object for the hand."""
+"""Text console for what a person does to a real arm by hand: user stop, guiding, a push, an object in the hand."""
 
 import os
 from collections.abc import Callable
@@ -14,14 +14,14 @@ MAX_LINE = 4096
 """Maximum number of characters in a line."""
 HELP = """user_stop on|off             press or release the user stop
 guiding on|off               press or release the guiding buttons
-push LINK FX FY FZ SECONDS   act on a link, force in the world frame [N]
-object WIDTH                 put something between the fingers [m]; 0: take it away
-reset                        the arm at its start pose
-help"""
+push LINK FX FY FZ SECONDS   push a link with a force in the world frame [N]
+object WIDTH                 put an object of this width between the fingers [m]; 0: remove it
+reset                        put the arm back to its start pose
+help                         print these commands"""
 
 
 class Console:
-    """Console that reads lines from a file descriptor and acts on the arm between two cycles.
+    """Console that reads commands from a file descriptor and executes them between two cycles of the arm.
 
     Args:
         device: the arm.
@@ -60,7 +60,7 @@ class Console:
                 raise UnknownNameError("console command", words[0], self._actions)
             count, action = self._actions[words[0]]
             if len(words) != count + 1:
-                raise CommandError(f"{words[0]} takes {count} values; got {len(words) - 1}. {HELP}")
+                raise CommandError(f"{words[0]} needs {count} values; got {len(words) - 1}. Commands:\n{HELP}")
             outcome = action(words[1:])
             text = f": {outcome.value}" if isinstance(outcome, RequestOutcome) else ""
             LOG.info("console: %s%s", " ".join(words), text)
@@ -74,7 +74,7 @@ class Console:
     def _object(self, words: list[str]) -> None:
         hand, width = self._device.hand, _number(words[0])
         if not isinstance(hand, Gripper):
-            raise CommandError("the arm has no hand")
+            raise CommandError("object: the emulated arm has no hand to put it in")
         hand.object_width = width or None
 
 
@@ -87,5 +87,5 @@ def _number(word: str) -> float:
 
 def _switch(word: str) -> bool:
     if word not in ("on", "off"):
-        raise CommandError(f"{word!r}; valid: on, off")
+        raise CommandError(f"invalid value {word!r}; valid: on, off")
     return word == "on"

@@ -1,6 +1,6 @@
-"""Robots behind the server: what they have in common, and the simplest, whose state is constant.
+"""Robots that the network server can serve: their common type, and the simplest, whose state is constant.
 
-All calls come from the server's thread, requests between two cycles. `state` is always the same object."""
+All calls come from the server's thread; requests come between two cycles. `state` is one object that is updated."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, TypeAlias
@@ -19,7 +19,7 @@ Device: TypeAlias = "ArmDevice | ConstantDevice"
 
 
 class DeviceState(RobotState):
-    """State of the arm with its two modes, as sent to the client."""
+    """Robot state with controller mode and motion generator mode, as sent to the client."""
 
     __slots__ = ("controller_mode", "generator_mode")
 
@@ -35,11 +35,11 @@ def _accept(*_: object) -> RequestOutcome:
 class ConstantDevice:
     """Robot that responds correctly and never moves, to measure the cost of the server alone.
 
-    The setters accept everything. Their arguments are those of `box.control_box.ControlBox`.
+    The setters accept everything; their arguments are those of `box.control_box.ControlBox`.
 
     Args:
-        urdf_xml: response to a client that requests the model.
-        hand: a hand, or None.
+        urdf_xml: robot description for clients that request it.
+        hand: emulated hand; None: no hand.
     """
 
     model_library = None
@@ -62,14 +62,14 @@ class ConstantDevice:
         state.control_command_success_rate = 0.0
 
     def cycle(self, command: MotionCommand | None) -> None:
-        """Advance time; a motion ends with the client's last command."""
+        """Advance robot time by 1 ms; a motion ends with the client's last command."""
         self.state.time += 1e-3
         if command is not None and command.finished and self.state.moving:
             self._end()
             self._finished = RequestOutcome.SUCCESS
 
     def encode(self, codec: StateCodec, message_id: int) -> bytes:
-        """Return the state as a datagram."""
+        """Return the robot state as a datagram of the codec's protocol."""
         return codec.encode(message_id, self.state)
 
     def take_finished(self) -> RequestOutcome | None:
@@ -78,16 +78,16 @@ class ConstantDevice:
         return finished
 
     def connection_lost(self) -> None:
-        """Return to idle mode."""
+        """Return to idle mode after the client's connection ended."""
         self._end()
         self._finished = None
 
     def urdf(self) -> str:
-        """Return the description from the constructor."""
+        """Return the robot description for clients."""
         return self._urdf
 
     def move(self, request: MoveRequest) -> RequestOutcome:
-        """Start a motion."""
+        """Start a motion, in which the robot does not move; NOT_POSSIBLE if one runs."""
         state = self.state
         if not state.idle:
             return RequestOutcome.NOT_POSSIBLE
@@ -100,7 +100,7 @@ class ConstantDevice:
         return RequestOutcome.STARTED
 
     def stop_move(self) -> RequestOutcome:
-        """End the motion."""
+        """End the motion as preempted, if one runs."""
         if self.state.moving:
             self._end()
             self._finished = RequestOutcome.PREEMPTED
@@ -115,7 +115,7 @@ class ConstantDevice:
 
     def push(self, link: str, force: Floats, duration: float) -> None:
         """Raise a CommandError: the robot never moves."""
-        raise CommandError("a constant robot cannot be pushed")
+        raise CommandError("push refused: this robot has a constant state (--constant) and no physics")
 
     set_user_stop = set_guiding = staticmethod(_accept)
     set_collision_behavior = set_joint_impedance = set_cartesian_impedance = set_guiding_mode = staticmethod(_accept)

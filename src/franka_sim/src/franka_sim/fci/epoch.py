@@ -1,15 +1,18 @@
-"""Offset between an emulated arm's time and the time of the run, from its driver's clock pairs."""
+"""Offset between an emulated arm's own time and the time of the ROS run, from the clock pairs of the arm's driver.
+
+The driver is the robot node that is connected to the emulated control box as its client.
+"""
 
 from bisect import bisect_right
 from collections import deque
 from time import monotonic_ns
 
 CYCLES = 2000
-"""Number of stored cycles, more than a pair's delay. All values here: project defaults, unconfirmed."""
+"""Number of stored cycles, longer than the delay of a clock pair. Project default, unconfirmed, as are the others."""
 WINDOW = 1_000_000_000
-"""Time window of the pairs [ns]; a driver that was late for longer has another offset."""
+"""Time over which clock pairs are evaluated [ns]; a driver that is late for longer changes the offset."""
 SAME = 1e-5
-"""Tolerance for equal epochs, so that the rounding of stamps does not change the spacing of cycles [s]."""
+"""Maximum change of the offset that is ignored [s], so that the rounding of stamps does not shift the cycles."""
 
 
 def _sent(cycle: tuple[int, float]) -> int:
@@ -17,14 +20,14 @@ def _sent(cycle: tuple[int, float]) -> int:
 
 
 class Epoch:
-    """Time of the run at which the arm's time was 0, from the pairs of clocks on `hric/clock`.
+    """Epoch of the emulated arm: the time of the run at which the arm's own time was 0.
 
-    A driver stamps the states of its arm evenly, and sends with a pair the stamp of its present state: the newest one
-    sent while a motion waits for each command, or an earlier one if the driver is late. So the largest epoch in the
-    pairs of the last second is exact up to the rounding of stamps, however late they come.
+    It is estimated from the clock pairs (monotonic clock, time of the run) that the driver publishes on `hric/clock`.
+    Each pair has the stamp of the driver's present state: the newest one sent, or an earlier one if the driver is
+    late. So the largest estimate of the last second is exact up to the rounding of stamps.
 
     Args:
-        value: epoch until the first pair [s].
+        value: epoch until the first clock pair [s].
 
     Attributes:
         value: present epoch [s].
@@ -36,15 +39,15 @@ class Epoch:
         self._epochs: deque[tuple[int, float]] = deque()
 
     def on_cycle(self, time: float) -> None:
-        """Register the arm time [s] of the state sent next. In the arm's loop; `on_pair` may use another thread."""
+        """Store the arm's time [s] of the state sent next. Called in the arm's loop; `on_pair` in any thread."""
         self._cycles.append((monotonic_ns(), time))
 
     def on_pair(self, monotonic: int, run: float) -> bool:
-        """Add a pair of clocks and return True if the epoch has changed.
+        """Add a clock pair and return True if the epoch has changed.
 
         Args:
-            monotonic: monotonic clock [ns].
-            run: time of the run at that moment [s].
+            monotonic: monotonic clock of the machine [ns].
+            run: time of the run at the same instant [s].
         """
         cycles = list(self._cycles)
         newest = bisect_right(cycles, monotonic, key=_sent)

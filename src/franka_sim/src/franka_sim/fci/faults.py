@@ -9,11 +9,11 @@ from dataclasses import dataclass
 from hric_core.parameters import Settings, number, whole
 
 MAX_DATAGRAM = 512
-"""Bytes read of a datagram; anything larger than a command is invalid."""
+"""Maximum number of bytes read from a datagram; larger than any valid command."""
 MAX_READ = 64
 """Maximum number of datagrams read at a time, so that a flood does not delay the robot."""
 MAX_UNDERWAY = 10000
-"""Capacity of the emulated network per direction in datagrams; further ones are lost."""
+"""Maximum number of datagrams in transit per direction of the emulated network; further ones are lost."""
 
 
 @dataclass(frozen=True)
@@ -25,10 +25,10 @@ class NetworkFaults(Settings):
         0.0,
         minimum=0.0,
         unit="s",
-        text="added to it, evenly distributed between 0 and this; datagrams may overtake each other",
+        text="maximum random delay in addition to the latency, evenly distributed; datagrams may overtake each other",
     )
     loss: float = number(0.0, minimum=0.0, maximum=1.0, text="share of datagrams that are lost")
-    seed: int = whole(0, text="of the random numbers")
+    seed: int = whole(0, text="seed of the random numbers")
 
     @property
     def any(self) -> bool:
@@ -55,7 +55,7 @@ class DatagramLink:
             raise
 
     def send(self, datagram: bytes) -> None:
-        """Send a datagram; errors count as loss. A client that is gone is noticed by its TCP connection."""
+        """Send a datagram; if that fails, it counts as lost, since the TCP connection shows that a client has left."""
         try:
             self.socket.send(datagram)
         except OSError:
@@ -67,18 +67,18 @@ class DatagramLink:
         for _ in range(MAX_READ):
             try:
                 received.append(self.socket.recv(MAX_DATAGRAM))
-            except ConnectionRefusedError:  # an earlier state met a closed socket
+            except ConnectionRefusedError:  # an earlier state was sent to a socket that the client had closed
                 continue
             except OSError:
                 break
         return received
 
     def next_due(self) -> float | None:
-        """Return the time of the next event of an emulated network (time.monotonic) [s], None without one."""
+        """Return the time (time.monotonic) [s] at which a delayed datagram is due; None: none is delayed."""
         return None
 
     def move(self) -> bool:
-        """Forward datagrams that are due; return True if one has arrived at the server."""
+        """Forward delayed datagrams that are due; return True if one has arrived at the server."""
         return False
 
     def close(self) -> None:
@@ -87,7 +87,7 @@ class DatagramLink:
 
 
 class _Network:
-    """One direction of the network: datagrams in transit, by their time of arrival."""
+    """One direction of the emulated network: datagrams in transit, by their time of arrival."""
 
     def __init__(self, faults: NetworkFaults, seed: str) -> None:
         self._faults, self._random = faults, random.Random(seed)
@@ -109,7 +109,7 @@ class _Network:
 
 
 class FaultyLink(DatagramLink):
-    """Link over a network with faults; the same seed loses the same datagrams.
+    """Link over an emulated network with latency, jitter and loss; the same seed loses the same datagrams.
 
     Args:
         ip: the server's address.
@@ -144,5 +144,5 @@ class FaultyLink(DatagramLink):
 
 
 def make_link(ip: str, client: tuple[str, int], faults: NetworkFaults) -> DatagramLink:
-    """Return a link with these faults. Raises OSError."""
+    """Return a UDP link from the server at `ip` to the client's (address, port) with these faults. Raises OSError."""
     return FaultyLink(ip, client, faults) if faults.any else DatagramLink(ip, client)

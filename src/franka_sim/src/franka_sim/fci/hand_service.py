@@ -1,4 +1,4 @@
-"""Network service of the hand: version 3, the same for both protocols of the arm."""
+"""Network service of the emulated hand: protocol version 3, which Panda and FR3 share."""
 
 import math
 import selectors
@@ -25,7 +25,7 @@ STATUS = {HandOutcome.SUCCESS: 0, HandOutcome.FAIL: 1, HandOutcome.UNSUCCESSFUL:
 STATE = struct.Struct("<IddBH")
 """State datagram: message_id, width [m], max_width [m], is_grasped, temperature [degrees Celsius]."""
 STATE_PERIOD = 0.05
-"""Wall time between two states [s]; users report 10 to 20 Hz for the real hand."""
+"""Wall time between two states sent [s]; users report 10 to 20 Hz for the real hand."""
 STEP = 0.01
 """Robot time between two steps of the hand [s]: project default, unconfirmed, ten cycles of the arm."""
 
@@ -35,7 +35,7 @@ class HandService(Service):
 
     Args:
         selector: selector of the server.
-        hand: the hand.
+        hand: the emulated hand.
         ip: address to listen on.
         faults: faults of the UDP link.
     """
@@ -48,15 +48,15 @@ class HandService(Service):
         super().__init__(selector, "hand", HAND_FRAMING, VERSION, (ip, PORT), faults)
 
     def size_of(self, command: int) -> int | None:
-        """Return the payload size of a command [bytes], None if it does not exist."""
+        """Return the payload size of a request [bytes], None if there is no request with this id."""
         payload = PAYLOADS.get(command)
         return None if payload is None else payload.size
 
     def handle(self, message: FciMessage) -> None:
-        """Start a motion; the response to the previous one, which is aborted, goes first."""
+        """Start the requested motion. A running one is aborted, and its response is sent first."""
         values = PAYLOADS[message.command].unpack(message.payload)
         if not all(map(math.isfinite, values)):
-            self.complaints.warn("not finite", f"request {message.command} refused: not finite {values}")
+            self.complaints.warn("not finite", f"request {message.command} refused: values {values} are not finite")
             self.respond(message, STATUS[HandOutcome.FAIL])
             return
         motion = self._begin(message.command, values)
@@ -74,20 +74,20 @@ class HandService(Service):
         return self._hand.grasp(*values)
 
     def on_client(self) -> None:
-        """Start to send states at once."""
+        """Send the first state to a new client at once."""
         self._next_state = 0.0
 
     def on_client_lost(self) -> None:
-        """Drop pending responses; a running motion continues, since nobody has stopped it."""
+        """Drop pending responses to a client that has left; a running motion continues, since nobody stopped it."""
         self._pending.clear()
 
     def on_datagrams(self) -> None:
-        """Report datagrams as wrong: a client of the hand sends none."""
+        """Log received datagrams as an error: a client of the hand sends none."""
         if self.client is not None and self.client.link.receive():
-            self.complaints.warn("datagram", "a datagram came to the hand, which takes none")
+            self.complaints.warn("datagram", "a UDP datagram is ignored: the hand accepts requests over TCP only")
 
     def tick(self, now: float, dt: float) -> None:
-        """Advance the hand by robot time, and send its state at the rate of wall time.
+        """Advance the hand by robot time, and send its state if a period of wall time has passed.
 
         Args:
             now: time.monotonic [s].

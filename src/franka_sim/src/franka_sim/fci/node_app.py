@@ -1,4 +1,7 @@
-"""Node `emulated_arm`: arm, control box and hand on the network, with all participants of the plant."""
+"""ROS node `emulated_arm`: serves an emulated arm, control box and hand to libfranka clients on the network.
+
+Others can act in the arm's physics plant, e.g. an emulated human (parameter `participants`).
+"""
 
 import gc
 import ipaddress
@@ -23,12 +26,12 @@ from hric_msgs.msg import ClockPair
 PERIOD = 0.2
 """Period of the check that the server still runs [s of wall time]."""
 PATIENCE = 2.0
-"""Maximum duration of the server's last cycle [s of wall time]."""
+"""Maximum wait at shutdown for the server's last cycle [s of wall time]."""
 
 
 @dataclass(frozen=True)
 class EmulatedArmSettings(BoxSettings):
-    """Parameters of the node; plant and box have the parameter names of the simulated arm."""
+    """Parameters of the node emulated_arm: those of the simulated arm's plant and control box, and the network's."""
 
     ip: str = text(
         "127.0.0.1",
@@ -40,9 +43,10 @@ class EmulatedArmSettings(BoxSettings):
 
 
 class EmulatedArm(NodeApp):
-    """Emulated arm that serves from its construction on, in lock-step with its client at real time.
+    """Node with an emulated arm, which serves clients from its construction on: in lock-step, at most in real time.
 
-    It has a hand if the description has one. Messages from its plant have the stamps of the client's robot.
+    The arm has a hand if the robot description has one. ROS messages from the plant are stamped with the time of the
+    run, as the client's driver publishes it.
 
     Raises:
         HricError: a parameter, a name, the description or a port cannot be used.
@@ -69,7 +73,7 @@ class EmulatedArm(NodeApp):
         self._failure: BaseException | None = None
         self._thread = threading.Thread(target=self._serve, name="control box", daemon=True)
         self._thread.start()
-        node.log_info(f"an emulated {settings.robot} listens at {settings.ip}")
+        node.log_info(f"emulated {settings.robot} waits for libfranka clients at {settings.ip}")
 
     def _serve(self) -> None:
         prefer_this_thread()
@@ -86,7 +90,7 @@ class EmulatedArm(NodeApp):
             self._arm.participants.set_epoch(self._epoch.value)
 
     def tick(self) -> None:
-        """Raise the error that ended the server, if any."""
+        """Raise the error that ended the server's thread, if any."""
         if self._failure is not None:
             raise self._failure
 

@@ -1,4 +1,4 @@
-"""Versions of the arm's protocol: requests, status numbers of outcomes, and the two datagrams."""
+"""Franka Control Interface, protocol versions 5 and 10: requests, status numbers of outcomes, and both datagrams."""
 
 import struct
 from collections.abc import Mapping
@@ -31,11 +31,11 @@ class FciRequest(Enum):
 
 @dataclass(frozen=True)
 class RequestFormat:
-    """Layout of a request.
+    """Byte layout of a request.
 
     Attributes:
-        request: its meaning.
-        layout: struct format of the payload.
+        request: request that has this layout.
+        layout: format of the payload in the notation of `struct`.
         parts: lengths of the vectors in the payload; a length of 1 gives a vector of one element.
     """
 
@@ -61,13 +61,13 @@ Statuses = Mapping[RequestOutcome, int]
 
 @dataclass(frozen=True)
 class Protocol:
-    """Version of the arm's protocol.
+    """Version of the Franka Control Interface between client and arm.
 
     Attributes:
-        version: number in Connect.
+        version: version number, exchanged in Connect.
         requests: request formats by id.
         statuses: status numbers of outcomes, per request.
-        state, command: datagrams.
+        state, command: codecs of the state and command datagrams.
     """
 
     version: int
@@ -77,7 +77,7 @@ class Protocol:
     command: CommandCodec
 
     def status(self, request: FciRequest, outcome: RequestOutcome) -> int:
-        """Return the status number of an outcome; without one, the request's last number, its most general failure."""
+        """Return the status number of an outcome; if the request has none for it, its last and most general failure."""
         numbers = self.statuses[request]
         return numbers.get(outcome, max(numbers.values()))
 
@@ -91,7 +91,7 @@ SETTERS = (
     FciRequest.SET_NE_TO_EE,
     FciRequest.SET_LOAD,
 )
-"""Requests with the same responses in both versions."""
+"""Requests whose status numbers are equal in both protocol versions."""
 
 COLLISION_BEHAVIOR = RequestFormat(FciRequest.SET_COLLISION_BEHAVIOR, "52d", (7, 7, 7, 7, 6, 6, 6, 6))
 JOINT_IMPEDANCE = RequestFormat(FciRequest.SET_JOINT_IMPEDANCE, "7d", (7,))

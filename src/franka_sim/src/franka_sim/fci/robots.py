@@ -1,4 +1,4 @@
-"""Robots that the server can emulate: descriptions, limits, protocol versions."""
+"""Robots that the server can emulate, Panda and FR3: descriptions, limits, protocol versions."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -23,9 +23,9 @@ class RobotKind:
     Attributes:
         arm_id: prefix of joints and links.
         version: protocol version of its control box.
-        urdf: function that returns the robot's URDF (arguments: with hand, with collision shapes), for plant and box.
-        limited: function that returns a description of the Panda, with its link prefix, with this robot's limits.
-        served_urdf: function that returns the arm without a hand, for clients.
+        urdf: function that returns the URDF for plant and box; arguments: with hand, with collision shapes.
+        limited: function that replaces the limits in a URDF of the Panda by this robot's; arguments: URDF, arm_id.
+        served_urdf: function that returns the URDF for clients, without a hand.
         limits: function that returns the limits of the arm.
     """
 
@@ -38,7 +38,7 @@ class RobotKind:
 
 
 def fr3_limits() -> FrankaLimits:
-    """Return the FR3's limits."""
+    """Return the limits of the FR3's joints and end effector."""
     values = read_config("fr3")
     names = ("lower", "upper", "velocity", "acceleration", "jerk", "effort", "effort_rate")
     limits: dict[str, Any] = {name: tuple(values[name]) for name in names}
@@ -58,7 +58,7 @@ def fr3_limited(urdf_xml: str, arm_id: str) -> str:
 
     Args:
         urdf_xml: robot description.
-        arm_id: prefix of its joints.
+        arm_id: prefix of the joint names.
     """
     root = ElementTree.fromstring(urdf_xml)
     values = read_config("fr3")
@@ -73,7 +73,7 @@ def fr3_limited(urdf_xml: str, arm_id: str) -> str:
 
 
 def fr3_urdf(hand: bool = True, collision: bool = True) -> str:
-    """Return the complete FR3 as pure URDF."""
+    """Return the URDF of the FR3, with or without hand and collision shapes."""
     urdf_xml = panda_description.load(arm_id="fr3", hand=hand, meshes=False, collision=collision)
     return fr3_limited(urdf_xml, "fr3")
 
@@ -82,7 +82,8 @@ def fr3_served_urdf() -> str:
     """Return the URDF for a client of protocol 10.
 
     It has the joints `joint1` to `joint7` with position-dependent velocity limits, the flange `link8` and inertial
-    parameters, but no hand: its mass is part of the state, and its finger joints would be taken for joints of the arm.
+    parameters, but no hand: the mass of a hand is part of the state, and its finger joints would be mistaken for joints
+    of the arm.
     """
     root = ElementTree.fromstring(fr3_urdf(hand=False, collision=False))
     values = read_config("fr3")
@@ -112,4 +113,4 @@ ROBOTS: Mapping[str, RobotKind] = {
     ),
     "fr3": RobotKind("fr3", 10, fr3_urdf, fr3_limited, fr3_served_urdf, fr3_limits),
 }
-"""Robots by name."""
+"""Robots by the name that `--robot` selects."""

@@ -1,4 +1,4 @@
-"""Server of one robot: one thread, one selector; clients never block it."""
+"""Network server of one emulated robot. One thread with one selector, which no client can block."""
 
 import selectors
 import time
@@ -14,15 +14,15 @@ from franka_sim.fci.session import Service
 from hric_core.errors import UnknownNameError
 
 LONGEST_WAIT = 0.05
-"""Maximum time until a signal takes effect [s]."""
+"""Maximum wait for the sockets [s]; a signal or `stop` takes effect within it."""
 CYCLES_PER_STEP = round(STEP / PERIOD)
 
 
 class FciServer:
-    """Control box on the network.
+    """Server that offers an emulated robot to libfranka clients, as the control box of a real arm does.
 
     Args:
-        device: the robot.
+        device: the emulated robot.
         ip: address to listen on; the ports are libfranka's (1337, with a hand 1338).
         version: protocol version, 5 or 10.
         clock: "lock_step" or "wall".
@@ -65,7 +65,7 @@ class FciServer:
         self._selector.register(file, selectors.EVENT_READ, callback)
 
     def unwatch(self, file: int) -> None:
-        """Stop watching a file descriptor."""
+        """Stop calling back for a file descriptor."""
         self._selector.unregister(file)
 
     def run(self) -> None:
@@ -99,7 +99,7 @@ class FciServer:
             self._move_links()
 
     def _until_link(self) -> float:
-        """Return the maximum wait until the next event of an emulated network [s]."""
+        """Return the time until a delayed datagram of an emulated network is due, at most LONGEST_WAIT [s]."""
         left = LONGEST_WAIT
         for service in self._services:
             due = service.client.link.next_due() if service.client is not None else None

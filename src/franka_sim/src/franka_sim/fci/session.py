@@ -1,6 +1,6 @@
 """Service of the control box: listens on one TCP port, does the handshake, and serves one client.
 
-It survives any other connections and data.
+Further connections and invalid data do not disturb it.
 """
 
 import logging
@@ -27,16 +27,16 @@ MAX_WAITING = 64
 Beyond it, the oldest connection of the address with the most connections is closed.
 """
 ACCEPTED = 16
-"""Maximum number of connections accepted before the others and the clock are served (project default, unconfirmed)."""
+"""Maximum number of connections accepted in a row; then other sockets get a turn (project default, unconfirmed)."""
 INCOMPATIBLE = 1
-"""Status of Connect for a client of another version."""
+"""Status in the response to Connect for a client with another protocol version."""
 
 READ, WRITE = selectors.EVENT_READ, selectors.EVENT_WRITE
 
 
 @dataclass
 class Client:
-    """Client that is served; `since` is time.monotonic at its handshake [s]."""
+    """Client with a completed handshake; `since`: time of the handshake (time.monotonic) [s]."""
 
     connection: FciConnection
     link: DatagramLink
@@ -45,12 +45,12 @@ class Client:
 
 
 class Service(ABC):
-    """Service at one port of the box.
+    """Service at one TCP port of the emulated control box: of the arm or of the hand.
 
     Args:
-        selector: selector of the server; the data of its keys is a callable that takes the events.
+        selector: selector of the server; the data of each key is a callback with the events as argument.
         name: name for the log, e.g. "arm".
-        framing: framing of its messages.
+        framing: layout of header and status of the messages.
         version: protocol version.
         address: (ip, port) to listen on.
         faults: faults of the UDP link.
@@ -77,7 +77,7 @@ class Service(ABC):
             faults,
         )
         self.complaints = Complaints(f"{name} {address[0]}")
-        self._brief = Complaints(f"{name} {address[0]}")  # of clients that leave at once
+        self._brief = Complaints(f"{name} {address[0]}")  # for clients that leave within HANDSHAKE_TIME
         self.client: Client | None = None
         self._waiting: dict[FciConnection, tuple[str, float]] = {}
         self._listener = listen(address, name)
@@ -85,11 +85,11 @@ class Service(ABC):
 
     @abstractmethod
     def size_of(self, command: int) -> int | None:
-        """Return the payload size of a command [bytes], None if it does not exist."""
+        """Return the payload size of a request [bytes], None if there is no request with this id."""
 
     @abstractmethod
     def handle(self, message: FciMessage) -> None:
-        """Handle a request of the client that is served."""
+        """Handle a request of the connected client."""
 
     @abstractmethod
     def on_client(self) -> None:
@@ -104,24 +104,24 @@ class Service(ABC):
         """Read the client's datagrams that wait in its link."""
 
     def respond(self, message: FciMessage, status: int, tail: bytes = b"") -> None:
-        """Respond to the client that is served, if any."""
+        """Respond to the connected client, if any."""
         if self.client is not None:
             connection = self.client.connection
             self._guarded(connection, lambda: connection.respond(message.command, message.command_id, status, tail))
             self._watch(connection)
 
     def housekeeping(self, now: float) -> None:
-        """Close connections without a handshake in time. now: time.monotonic [s]."""
+        """Close connections that did not complete the handshake in time. now: time.monotonic [s]."""
         for connection, (peer, since) in list(self._waiting.items()):
             if now - since > HANDSHAKE_TIME:
-                self._drop(connection, f"{peer} said nothing for {HANDSHAKE_TIME:g} s")
+                self._drop(connection, f"{peer} is disconnected: no handshake within {HANDSHAKE_TIME:g} s")
 
     def close(self) -> None:
         """Close all connections and the port."""
         for connection in list(self._waiting):
             self._drop(connection, "")
         if self.client is not None:
-            self._end_client("the box is shut down")
+            self._end_client("is disconnected: the control box shuts down")
         self._selector.unregister(self._listener)
         self._listener.close()
 
@@ -139,7 +139,7 @@ class Service(ABC):
         if self.client is not None:
             self._on_connection(self.client.connection, READ)  # it may just have disconnected
         if self.client is not None:
-            self.complaints.warn_of(_host(peer), f"{peer} is turned away: {self.client.name} is connected")
+            self.complaints.warn_of(_host(peer), f"{peer} is refused: another client, {self.client.name}, is connected")
             connected.close()
             return
         connection = FciConnection(connected, self._framing, self.size_of)
@@ -156,7 +156,8 @@ class Service(ABC):
         oldest = next(connection for connection, host in hosts.items() if host == crowd)
         self._on_connection(oldest, READ)  # its handshake may just have arrived
         if oldest in self._waiting:
-            self._drop(oldest, f"{self._waiting[oldest][0]} is turned away: too many connections are shaking hands")
+            peer = self._waiting[oldest][0]
+            self._drop(oldest, f"{peer} is refused: more than {MAX_WAITING} connections wait for a handshake")
 
     def _on_connection(self, connection: FciConnection, events: int) -> None:
         if events & WRITE:
@@ -169,23 +170,26 @@ class Service(ABC):
         for message in connection.receive():
             if self.client is not None and connection is self.client.connection:
                 if message.command == CONNECT:
-                    raise BadMessageError("it is connected already")
+                    raise BadMessageError("it sent Connect a second time")
                 self.handle(message)
             elif connection in self._waiting:
                 self._shake_hands(connection, message)
 
     def _shake_hands(self, connection: FciConnection, message: FciMessage) -> None:
         if message.command != CONNECT:
-            raise BadMessageError(f"command {message.command} came before Connect")
+            raise BadMessageError(f"it sent request {message.command} before Connect")
         version, udp_port = CONNECT_PAYLOAD.unpack(message.payload)
         if version != self._version:
             connection.respond(CONNECT, message.command_id, INCOMPATIBLE, VERSION.pack(self._version))
-            raise BadMessageError(f"it speaks version {version}, this box version {self._version}")
+            raise BadMessageError(
+                f"its protocol version is {version}, that of this control box {self._version}; another libfranka, or "
+                "another --robot, is needed"
+            )
         peer, _ = self._waiting[connection]
         if self.client is not None:
-            raise BadMessageError(f"{self.client.name} is connected")
+            raise BadMessageError(f"another client, {self.client.name}, is connected")
         if udp_port == 0:
-            raise BadMessageError("it has no UDP port")
+            raise BadMessageError("it sent UDP port 0")
         try:
             link = make_link(self._address[0], (_host(peer), udp_port), self._faults)
         except OSError as error:
@@ -209,9 +213,9 @@ class Service(ABC):
         except (BadMessageError, PeerClosedError) as error:
             bad = isinstance(error, BadMessageError)
             if self.client is not None and connection is self.client.connection:
-                self._end_client(f"let go: {error}" if bad else f"has gone: {error}")
+                self._end_client(f"is disconnected: {error}" if bad else f"has left: {error}")
             elif connection in self._waiting:
-                self._drop(connection, f"{self._waiting[connection][0]} is turned away: {error}" if bad else "")
+                self._drop(connection, f"{self._waiting[connection][0]} is refused: {error}" if bad else "")
 
     def _watch(self, connection: FciConnection) -> None:
         with suppress(KeyError, ValueError):  # closed in the meantime
@@ -246,7 +250,7 @@ def _host(peer: str) -> str:
 
 
 def listen(address: tuple[str, int], name: str) -> socket.socket:
-    """Return a listening, non-blocking socket.
+    """Return a non-blocking socket that listens at an (ip, port); name: service, for the error message.
 
     Raises:
         HricError: the address does not belong to this machine, or is in use.

@@ -58,7 +58,7 @@ WIRE_ERRORS: tuple[str, ...] = (
     "base_acceleration_initialization_timeout",
     "base_acceleration_invalid_reading",
 )
-"""Names of the 41 errors in the order of their bytes on the wire (not that of franka_msgs/Errors)."""
+"""Names of the 41 errors in the order of their bytes in the datagram (franka_msgs/Errors has another order)."""
 
 _BEFORE_EE = ("O_T_EE", "O_T_EE_d", "F_T_EE", "EE_T_K", "F_T_NE", "NE_T_EE")
 _EE = ("I_ee", "F_x_Cee")
@@ -69,13 +69,13 @@ _AFTER_LOAD = (
     *("elbow_c", "delbow_c", "ddelbow_c", "O_T_EE_c", "O_dP_EE_c", "O_ddP_EE_c", "theta", "dtheta"),
 )
 FLOATS = 284
-"""Count of numbers before the modes, without accelerometers: the two masses, and the fields above."""
+"""Count of numbers in the state datagram before the modes, without accelerometers."""
 ACCELEROMETERS = 36
-"""Count of accelerometer values in protocol 10, top and bottom, 6 times 3 each [m/s^2]; always zero here."""
+"""Count of accelerometer values in protocol 10: 6 sensors at top and bottom, 3 axes each [m/s^2]; always zero here."""
 
 
 def error_bytes(names: Iterable[str]) -> bytes:
-    """Return one byte per error, 41 bytes."""
+    """Return the 41 error bytes of a state datagram, 1 for each of the given error names and else 0."""
     active = frozenset(names)
     return bytes(name in active for name in WIRE_ERRORS)
 
@@ -84,11 +84,11 @@ class StateCodec:
     """Codec of the state datagram: 2373 bytes in protocol 5 (64-bit numbers), 1377 in protocol 10 (32-bit).
 
     Args:
-        real: struct's letter of a number, "d" or "f".
-        accelerometers: True if the two accelerometer blocks follow.
+        real: format character of one number in `struct`: "d" (64 bits) or "f" (32 bits).
+        accelerometers: True if the datagram has the two accelerometer blocks (protocol 10).
 
     Attributes:
-        names: numeric fields in their order.
+        names: numeric fields in the order of the datagram.
         size: size of the datagram [bytes].
     """
 
@@ -109,10 +109,10 @@ class StateCodec:
         self._errors: dict[frozenset[str], bytes] = {}
 
     def encode(self, message_id: int, state: Any) -> bytes:
-        """Return the datagram.
+        """Return the datagram of a robot state.
 
         Args:
-            message_id: milliseconds of robot time.
+            message_id: robot time [ms].
             state: a RobotState with `generator_mode` and `controller_mode`.
         """
         flat = chain.from_iterable
@@ -131,11 +131,11 @@ class StateCodec:
             return self._struct.pack(message_id, *numbers, *self._extra, *tail)
 
     def join(self, message_id: int, numbers: bytes, state: Any) -> bytes:
-        """Return the same datagram from packed numbers: the fields of `names` in order, little endian."""
+        """Return the datagram of a robot state whose numbers (fields `names`, little endian) are packed already."""
         return self._head.pack(message_id) + numbers + self._no_accelerations + self._tail.pack(*self._modes(state))
 
     def _modes(self, state: Any) -> tuple[int, int, bytes, bytes, int, float]:
-        """Return the values that follow the numbers."""
+        """Return modes, errors and success rate, which follow the numbers in the datagram."""
         return (
             state.generator_mode,
             state.controller_mode,
@@ -153,9 +153,9 @@ class StateCodec:
 
 
 class CommandCodec:
-    """Codec of the command datagram: 370 bytes, 371 with the flag of finished torques (protocol 7 and later).
+    """Codec of the command datagram: 370 bytes, or 371 with the flag that torque control ends (protocol 7 and later).
 
-    Numbers always have 64 bits.
+    Numbers always have 64 bits. torque_flag: True if the datagram has that flag.
     """
 
     def __init__(self, torque_flag: bool) -> None:
@@ -164,7 +164,7 @@ class CommandCodec:
         self._torque_flag = torque_flag
 
     def decode(self, datagram: bytes) -> tuple[int, MotionCommand]:
-        """Return (message_id of the state that it responds to, command) of a datagram of the correct size."""
+        """Decode a datagram; return the message_id of the state to which it refers, and the command."""
         values = self._struct.unpack(datagram)
         elbow = (values[37], values[38]) if values[39] else None
         finished = bool(values[40]) or (self._torque_flag and bool(values[48]))
@@ -182,10 +182,10 @@ class CommandCodec:
 
 @dataclass(frozen=True)
 class Framing:
-    """Framing of requests and responses on TCP.
+    """Byte layout of requests and responses on TCP.
 
     Attributes:
-        header: command, command_id, size of the complete message.
+        header: request id, the client's sequence number, size of the complete message.
         status: first part of every response's payload.
     """
 
@@ -193,15 +193,15 @@ class Framing:
     status: struct.Struct
 
     def frame(self, command: int, command_id: int, payload: bytes) -> bytes:
-        """Return header and payload as bytes."""
+        """Return a complete message: header and payload; command: request id, command_id: sequence number."""
         return self.header.pack(command, command_id, self.header.size + len(payload)) + payload
 
 
 ARM_FRAMING = Framing(struct.Struct("<III"), struct.Struct("<B"))
 HAND_FRAMING = Framing(struct.Struct("<HII"), struct.Struct("<H"))
 CONNECT = 0
-"""Id of the Connect request of every service."""
+"""Id of the Connect request, in all services."""
 CONNECT_PAYLOAD = struct.Struct("<HH")
-"""Version of the client, its UDP port."""
+"""Layout of a Connect request: protocol version and UDP port of the client."""
 VERSION = struct.Struct("<H")
-"""Version of the server, after the status in the response to Connect."""
+"""Layout of the server's protocol version, after the status in the response to Connect."""

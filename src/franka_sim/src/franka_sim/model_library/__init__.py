@@ -1,4 +1,4 @@
-"""Model library that libfranka (protocol 5 to 9) downloads from the control box, with the arm's parameters."""
+"""Shared library with the arm's dynamics that libfranka (protocol 5 to 9) downloads from the control box."""
 
 import functools
 from pathlib import Path
@@ -7,7 +7,7 @@ from franka_sim.model_library.parameters import arm_parameters
 from hric_core.native import load
 
 MARKER = b"HRIC arm 187 f64"
-"""Marker before the parameters in the library as built (arm.c)."""
+"""Bytes in the built library (arm.c) after which the arm's parameters are written."""
 
 FUNCTIONS: tuple[str, ...] = (
     *(f"O_T_J{i}" for i in range(1, 10)),
@@ -17,15 +17,15 @@ FUNCTIONS: tuple[str, ...] = (
     "c_NE",
     "g_NE",
 )
-"""Names of the 30 symbols that libfranka resolves; its `load_model` fails if one is missing."""
+"""Names of the 30 functions that libfranka looks up in the library; its `load_model` fails if one is missing."""
 
 
 @functools.lru_cache(maxsize=16)
 def library_for(urdf_xml: str, arm_id: str = "panda") -> bytes:
-    """Return the shared library of this arm for this machine, as the bytes of the response to LoadModelLibrary.
+    """Return the shared library with this arm's dynamics, for this machine, as sent in response to LoadModelLibrary.
 
-    The library excludes everything attached to `<arm_id>_link8` (the hand, and the flange link's mass): libfranka
-    passes end effector and payload together as I_total, m_total, F_x_Ctotal, and the box reports the former as m_ee.
+    The library excludes everything attached to `<arm_id>_link8` (the hand, and the mass of the flange link): libfranka
+    passes end effector and payload together as I_total, m_total, F_x_Ctotal to its functions.
 
     Args:
         urdf_xml: robot description (pure URDF).

@@ -1,13 +1,13 @@
-/* The model library of a Franka arm, as libfranka up to 0.17 downloads it from the control box: 30 functions under
+/* Model library of a Franka arm, which libfranka up to 0.17 downloads from the control box: 30 functions under
  * libfranka's names.
  *
- * The build leaves the parameters empty. `library_for` writes those of an arm behind the marker, into a copy of the
- * file. */
+ * The built library has no parameters. `library_for` copies the file and writes an arm's parameters behind the
+ * marker. */
 #include "franka_sim/model_library/arm.h"
 
 #define EXPORT __attribute__((visibility("default")))
 
-/* Not static, not const: the compiler must not take the numbers for those that stand here. */
+/* Not static, not const: the compiler must not assume that the numbers are those of the source. */
 extern struct Parameters {
     char marker[16];
     Arm arm;
@@ -74,7 +74,7 @@ EXPORT void M_NE(const double *q, const double *I_total, double m_total, const d
     mass_matrix(JOINTS, PARENT, S, bodies, out);
 }
 
-/* C(q, dq) dq */
+/* Coriolis torque C(q, dq) dq. */
 EXPORT void c_NE(const double *q, const double *dq, const double *I_total, double m_total, const double *F_x_Ctotal,
                  double *out)
 {
@@ -85,7 +85,7 @@ EXPORT void c_NE(const double *q, const double *dq, const double *I_total, doubl
     newton_euler(S, bodies, NO_GRAVITY, dq, STILL, out);
 }
 
-/* Torque that holds the arm against gravity, given in the base frame [m/s^2]. */
+/* Torque that holds the arm against gravity; gravity: in the base frame [m/s^2]. */
 EXPORT void g_NE(const double *q, const double *gravity, double m_total, const double *F_x_Ctotal, double *out)
 {
     const Load load = {NO_INERTIA, m_total, F_x_Ctotal};

@@ -1,5 +1,5 @@
 // clang-format Language: C
-/* Kinematics and dynamics of a Franka arm: seven joints that turn about z, a flange, and what is mounted there.
+/* Kinematics and dynamics of a Franka arm: seven joints that rotate about z, a flange, and the load mounted there.
  *
  * Poses are 16 numbers, Jacobians 42 (6 x 7, linear above angular), mass matrices 49, all column-major; m, rad, kg, N
  * m, s. */
@@ -9,17 +9,17 @@
 #include "hric_dynamics/rigid_body.h"
 
 #define JOINTS 7
-#define FLANGE 7 /* index behind the links */
+#define FLANGE 7 /* index of the flange, after the links */
 
-/* The arm without what is mounted at its flange; parameters.py has the same layout. Each pose is given in the frame
- * before, each inertia about the centre of mass, in the link's axes. */
+/* Parameters of the arm without the load at its flange; parameters.py writes them in this order. Each pose is relative
+ * to the previous frame; each inertia is about the centre of mass, in the link's axes. */
 typedef struct {
     double joint_R[JOINTS][9], joint_p[JOINTS][3];
     double mass[JOINTS], com[JOINTS][3], inertia[JOINTS][9];
     double flange_R[9], flange_p[3];
 } Arm;
 
-/* All that is mounted at the flange, in its frame; inertia about the centre of mass, a symmetric matrix. */
+/* Everything mounted at the flange, in the flange frame; inertia: symmetric matrix about the centre of mass. */
 typedef struct {
     const double *inertia;
     double mass;
@@ -49,7 +49,7 @@ static inline void forward(const Arm *arm, const double q[JOINTS], Pose poses[JO
     compose(&before, arm->flange_R, arm->flange_p, &poses[FLANGE]);
 }
 
-/* Pose of a frame beyond another, given there as 16 column-major numbers. */
+/* Pose of a child frame, given relative to its parent as 16 column-major numbers. */
 static inline void beyond(const Pose *parent, const double T[16], Pose *pose)
 {
     double R[9];
@@ -76,7 +76,7 @@ static inline void write_pose(const Pose *pose, double out[16])
     out[15] = 1.0;
 }
 
-/* Jacobian of the origin of `frame`, which the first `moving` joints carry; in the frame's own axes if `body`, else in
+/* Jacobian of the origin of `frame`, which the first `moving` joints move; in the frame's own axes if `body`, else in
  * base axes. */
 static inline void write_jacobian(const Pose links[JOINTS], int moving, const Pose *frame, int body, double out[42])
 {
@@ -97,7 +97,7 @@ static inline void write_jacobian(const Pose links[JOINTS], int moving, const Po
     }
 }
 
-/* Unit motions S of the joints, and the bodies that they move; what is mounted at the flange belongs to the last. */
+/* Unit twists S of the joints, and the bodies that they move; the load at the flange belongs to the last body. */
 static inline void place_bodies(const Arm *arm, const Load *load, const double q[JOINTS], Spatial S[JOINTS],
                                 Body bodies[JOINTS])
 {
@@ -113,8 +113,8 @@ static inline void place_bodies(const Arm *arm, const Load *load, const double q
     add_body(poses[FLANGE].R, poses[FLANGE].p, load->mass, load->com, load->inertia, &bodies[JOINTS - 1]);
 }
 
-/* M ddq + C dq + g by recursive Newton-Euler, of bodies that `place_bodies` placed; gravity [m/s^2], in the base frame,
- * as an acceleration of the base. */
+/* Joint torques M ddq + C dq + g by recursive Newton-Euler, for joints and bodies from `place_bodies`. gravity [m/s^2],
+ * in the base frame, enters as an acceleration of the base. */
 static inline void newton_euler(const Spatial S[JOINTS], const Body bodies[JOINTS], const double gravity[3],
                                 const double dq[JOINTS], const double ddq[JOINTS], double efforts[JOINTS])
 {

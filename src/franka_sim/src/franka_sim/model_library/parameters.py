@@ -1,4 +1,4 @@
-"""Parameters of the arm for the compiled models, from the URDF."""
+"""Kinematic and inertial parameters of the arm for its compiled dynamics (arm.h), from the URDF."""
 
 from dataclasses import replace
 
@@ -15,10 +15,10 @@ _Z = np.array([0.0, 0.0, 1.0])
 def arm_without_tool(robot: Robot, arm_id: str) -> Robot:
     """Return the description of the arm alone, links 1 to 7.
 
-    It excludes everything attached to `<arm_id>_link8` and that link's mass, which is `KdlFrankaModel.ee_inertial`.
+    It excludes everything attached to the flange link `<arm_id>_link8`, and the mass of that link.
 
     Raises:
-        UnknownNameError: no such link.
+        UnknownNameError: the description has no link `<arm_id>_link8`.
     """
     flange = f"{arm_id}_link8"
     robot.check_link(flange)
@@ -31,7 +31,7 @@ def arm_without_tool(robot: Robot, arm_id: str) -> Robot:
 
 
 def arm_chain(urdf_xml: str, arm_id: str) -> SerialChain:
-    """Return the seven links of the arm, without tool.
+    """Return joints and links 1 to 7 of the arm as a serial chain, without the tool at the flange.
 
     Raises:
         DescriptionError: there are not seven joints that rotate about their z axes.
@@ -47,7 +47,7 @@ def arm_chain(urdf_xml: str, arm_id: str) -> SerialChain:
         if segment.kind != "revolute" or not np.allclose(segment.axis, _Z, rtol=0.0, atol=1e-12):
             raise DescriptionError(
                 f"joint {segment.joint} is {segment.kind} about {segment.axis.tolist()}; the joints of a Franka arm "
-                "turn about z of their own frames"
+                "rotate about z of their own frames"
             )
     return chain
 

@@ -1,1 +1,1 @@
-"""Comparison of contacts between person and robot with the limits of the body."""
+"""Comparison of contacts between person and robot with the force and pressure limits of body regions."""

@@ -1,4 +1,4 @@
-"""Check of contact areas: most impossible ones are mistakes of units.
+"""Check of contact areas: most impossible values come from a wrong unit.
 
     check_area(2e-5, ["hand, fingers"])
     check_area(0.2)                         # 2000 cm^2: ParameterError, which suggests 2e-5
@@ -13,7 +13,7 @@ from hric_assessment.tables import area_table
 from hric_core.errors import ParameterError
 
 CM2 = 1e-4
-"""Square centimetre [m^2]."""
+"""One square centimetre [m^2]."""
 
 
 def check_area(area: float, regions: Iterable[str] = (), name: str = "contact_area") -> None:
@@ -22,10 +22,11 @@ def check_area(area: float, regions: Iterable[str] = (), name: str = "contact_ar
     Args:
         area: contact area [m^2].
         regions: body regions that may be in contact; empty: any.
-        name: name of the option or key, for the message.
+        name: name of the option or key, for the error message.
 
     Raises:
-        ParameterError: the area is smaller than a point or larger than the smallest of the regions.
+        ParameterError: the area is smaller than the minimum of the table, or larger than a contact with one of the
+            regions can be.
     """
     table = area_table()
     known = {region: table.largest[region] for region in regions if region in table.largest}

@@ -1,8 +1,8 @@
-"""Assessment of one contact of a person against the limits of its body region.
+"""Assessment of one contact of a person against the force and pressure limits of the touched body region.
 
-The rules, before all numbers: a force between rigid surfaces is not assessed; no contact with head or face is within
-limits; without the contact area a force can be above its limit, but a contact is never within limits, since the
-pressure is unknown; and missing information on a contact prevents "within limits", never "above limits".
+Rules that hold whatever the numbers are: a force between rigid surfaces is not assessed; no contact with head or face
+is within limits; without the contact area a contact can be above limits by its force, but never within limits, since
+the pressure is unknown; missing information on a contact prevents "within limits", never "above limits".
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,13 +20,13 @@ NO_AREA = "state the contact's area: --contact-area M2, or the area of each cont
 
 @dataclass(frozen=True)
 class ContactSite:
-    """The two bodies of a contact and where they touch.
+    """Place of a contact: body region of the person, other body, and contact area.
 
     Attributes:
-        regions: body regions of the person that may be in contact; empty: the link has none.
+        regions: body regions of the person that may be in contact; empty: the touched link has none.
         other: name of the body that touches the person.
-        kind: kind of contact; only forces of "penalty" are assessed.
-        area: body area in the limit table; None: not known.
+        kind: kind of contact in the simulation; only forces of "penalty" (spring) contacts are assessed.
+        area: specific body area of the limit table, such as a finger pad; None: not known.
         dominant: True on the side of the dominant hand; None: not known.
         contact_area: area over which the force acts, the smaller of the robot's and the body's [m^2]; None: not known.
     """
@@ -40,7 +40,7 @@ class ContactSite:
 
     @property
     def subject(self) -> str:
-        """Subject line of findings about this contact."""
+        """Name of the contact in the findings about it."""
         return f"contact of {self.other} with {' or '.join(self.regions) or 'a link without a region'}"
 
     @property
@@ -55,14 +55,14 @@ Where = ContactSite
 
 @dataclass(frozen=True)
 class LimitRatio:
-    """Value of a contact with its limit.
+    """Force, pressure or speed of a contact together with its limit.
 
     Attributes:
         quantity: name of the quantity, for findings.
         value, limit: value and limit [N], [Pa] or [m/s].
         label: name of the limit, for findings.
         unit, scale: unit in which findings show the value, and factor from SI to that unit.
-        exact: False: the limit may be too low.
+        exact: False if the limit is a lower bound of the true one.
     """
 
     quantity: str
@@ -85,15 +85,16 @@ class LimitRatio:
 
 
 def approach_ratio(speed: float, permitted: float, label: str, exact: bool) -> LimitRatio:
-    """Return the approach speed at impact with the permitted speed for the standard's body mass and stiffness.
+    """Compare the approach speed at impact with the speed that ISO/TS 15066 permits.
 
-    The standard's mass and spring replace those of the simulated body.
+    The permitted speed uses the standard's effective mass and stiffness of the body region, not those of the simulated
+    body.
 
     Args:
         speed: approach speed along the normal [m/s].
         permitted: permitted speed by ISO/TS 15066, Annex A, for the heavier of the robot's masses [m/s].
-        label: masses and region that the permitted speed follows from.
-        exact: False: the robot's mass is not known, and `permitted` is that of an infinitely heavy one.
+        label: masses and region for which the permitted speed was computed, for findings.
+        exact: False if the robot's mass is not known, and `permitted` is that for an infinite mass.
     """
     return LimitRatio("speed of approach", speed, permitted, label, "m/s", 1.0, exact)
 
@@ -105,17 +106,17 @@ def assess(
     signals: Sequence[str] = (),
     approach: LimitRatio | None = None,
 ) -> Finding:
-    """Return the finding of one contact.
+    """Return the finding about one contact: its outcome, with reason and numbers.
 
     Args:
         episode: force over time, with the doubts about it; None: the force is not known, as in a rigid contact.
-        site: the two bodies.
-        limits: limits of the person.
-        signals: topics from which the episode was recorded, for the finding.
-        approach: approach speed at impact, of `approach_ratio`; None: not judged.
+        site: place of the contact.
+        limits: limits of the body regions.
+        signals: topics from which the contact was recorded, for the finding.
+        approach: approach speed at impact and its limit; None: the speed is not judged.
 
     Raises:
-        HricError: a region or an area that does not exist, or a contact area that is not positive.
+        HricError: a region or an area does not exist, or the contact area is not positive.
     """
     if site.contact_area is not None:
         check_positive("contact_area", site.contact_area, "m^2")
@@ -180,7 +181,7 @@ def _unproven(
     limits: Limits,
     approach: LimitRatio | None,
 ) -> str:
-    """Return why a contact below its limits is not proven to be within limits; empty: it is proven."""
+    """Return the reason why a contact below its limits cannot be called within limits; empty: it can."""
     if doubts:
         return "; ".join(doubts)
     if force is None:
@@ -191,14 +192,17 @@ def _unproven(
         return f"{FORCE_ONLY}: the contact's area is not known"
     peak = force.unknown_peak
     if peak is not None and max(item.ratio for item in _of_pair(0.0, peak, site.contact_area, limit)) > 1.0:
-        return f"the force is not known for a part of the time, and may have been {peak:.1f} N there"
+        return f"the force is not known for a part of the time, and may have been up to {peak:.1f} N then"
     if approach is not None and approach.value > approach.limit:
         return f"{approach}, and the robot's mass there is not known"
     return ""
 
 
 def _ratios(force: Episode, site: ContactSite, limit: ContactLimit) -> list[LimitRatio]:
-    """Return all values that have a limit; a transient value without one is compared with the quasi-static limit."""
+    """Return all forces and pressures with their limits.
+
+    A transient value without a transient limit is compared with the quasi-static one.
+    """
     held = None if force.quasi_static is None else force.quasi_static.peak
     return _of_pair(force.transient.peak, held, site.contact_area, limit)
 

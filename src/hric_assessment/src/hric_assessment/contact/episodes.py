@@ -1,15 +1,16 @@
-"""Episodes of contact with one body region: the force over time, from the recorded contacts, and the doubts about it.
+"""Contact episodes of one body region: the force over time from the recorded contacts, and the doubts about it.
 
     for episode in episodes(contacts, source_period=1e-3, recorded_until=9.0):
         episode.transient, episode.contacts, episode.doubts, episode.unknown_peak
 
 An episode lasts from the first touch to the last and includes short separations. Contact after the first half second is
-quasi-static. The force is not filtered. Split, gap and rate, with their sources, are in config/tables/episodes.yaml.
+quasi-static. The force is not filtered. These times, and the required sample rate, are in config/tables/episodes.yaml
+with their sources.
 
-Forces of several links of one model on one region are added where they overlap in time; of several models the larger
-force counts, since a wall behind the person presses back. The start and duration stated in the messages count, not the
-stamps of the messages: a clamping with throttled or lost messages stays one clamping. A force that is NaN, negative or
-infinite is invalid.
+Forces of several links of one model on one region are added where they overlap in time. Of several models the larger
+force counts, since a wall behind the person presses back with an equal force. Begin and end of a contact are taken from
+the contents of the messages, not from their stamps, so a clamping with throttled or lost messages stays one clamping. A
+force that is NaN, negative or infinite is invalid.
 """
 
 import math
@@ -25,37 +26,40 @@ from hric_core.geometry import FloatArray
 from hric_human.contact import RegionContact
 
 PENALTY = "penalty"
-"""The only kind of contact with a physically meaningful force (`hric_control.plant.Contact`)."""
+"""Kind of contact between elastic surfaces, the only one whose force is physically meaningful."""
 STAMP = 1e-9
-"""Largest difference of equal times: stamps are whole nanoseconds [s]."""
+"""Maximum difference of times that count as equal [s]; stamps are whole nanoseconds."""
 RATE_TOLERANCE = 1e-3
-"""Largest shortfall of a rate from the required one: stamps are rounded [1]."""
+"""Relative tolerance when a rate is compared with the required one [1], since stamps are rounded."""
 SAME_INSTANT = 1e-4
-"""Largest difference of instants of a contact that count as one [s] (project default): no source exceeds 10 kHz."""
+"""Maximum difference of instants of a contact that count as one [s] (project default): no source exceeds 10 kHz."""
 CLOCKS = 0.02
-"""Largest difference of a message's stamp from the time of its stated start and duration [s] (project default)."""
+"""Maximum difference between a message's stamp and its stated begin plus duration [s] (project default)."""
 FLAT, SLOPE, QUANTA = 3, 0.01, 3.0
-"""Criterion of a flat top, as of a saturated sensor (project defaults).
+"""Criteria by which a flat top of the force, as from a saturated sensor, is recognised (project defaults).
 
-Minimum number of equal samples in a row, and the steepness of the flanks, as a fraction of the force per sample [1] and
-in smallest sensor steps. A force that settles approaches its final value slowly, and that of a coarse sensor step by
-step.
+FLAT: minimum number of equal samples in a row. SLOPE, QUANTA: minimum change of the force per sample on the flanks, as
+a fraction of the force [1], and in sensor resolutions [1]. They exclude a force that settles, which approaches its
+final value slowly, and with a coarse sensor in single steps.
 """
 NOISE, COARSEST, SMOOTHEST = 0.02, 0.05, 2.0
-"""Tolerances of a flat top (project defaults, unconfirmed).
+"""Tolerances by which a flat top of the force is recognised (project defaults, unconfirmed).
 
-Its samples differ by at most NOISE [N] (0.01 N on either side) or by one sensor step of at most COARSEST times the
-force [1]. The flanks are so steep that a smooth peak, a parabola, would differ SMOOTHEST times more [1].
+Samples of the top differ by at most NOISE [N], or by one sensor step of at most COARSEST times the force [1]. The
+flanks are so steep that the samples of a smooth peak (a parabola) would differ by SMOOTHEST times more [1].
 """
 OFF_BEAT = 2
-"""Number of contact instants between messages that prove a source faster than its messages (project default)."""
+"""Minimum number of contact instants between messages; they show that the source is faster than its messages.
+
+Project default.
+"""
 Samples = tuple[RegionContact, FloatArray, FloatArray, BoolArray]
 """Contact, with its ascending times [s], its forces [N] and True for each usable sample, shape (n,) each."""
 
 
 @dataclass(frozen=True)
 class Stretch:
-    """Part of an episode.
+    """Time interval of a contact episode, with the peak force and the impulse in it.
 
     Attributes:
         begin, end: robot time [s].
@@ -72,22 +76,22 @@ class Stretch:
 
     @property
     def duration(self) -> float:
-        """Duration [s]."""
+        """Duration of the interval [s]."""
         return self.end - self.begin
 
 
 @dataclass(frozen=True)
 class Episode:
-    """Contact from its first touch to its last.
+    """Contact episode: contact with one body region from the first touch to the last.
 
     Attributes:
         overall: the complete episode; its peak is NaN if no sample is usable.
-        transient: its first part.
-        quasi_static: the part after the transient; None: there is none.
-        rate: sampling rate [Hz].
-        notes: how the episode was split.
+        transient: first half second of the episode.
+        quasi_static: part after the transient; None: there is none.
+        rate: sampling rate of the force [Hz].
+        notes: sentences about how the episode was split into parts.
         contacts: recorded contacts that form the episode.
-        doubts: reasons why it cannot be called harmless, a clause each; empty: none.
+        doubts: reasons why the episode cannot be called within limits, a clause each; empty: none.
         unknown_peak: upper bound of the quasi-static force where samples are missing [N]; None: no sample is missing.
     """
 
@@ -107,22 +111,22 @@ class Episode:
 
 
 def refusal(kind: str) -> str:
-    """Return why the force of a contact that is not a penalty contact is not assessed."""
+    """Return the reason why the force of a contact that is not of kind "penalty" is not assessed."""
     if kind == UNKNOWN:
-        return "the recording does not say if the force is that of a spring"
+        return "the recording does not state whether the contact is elastic or rigid"
     if kind not in KINDS:
         return f"contacts of kind {kind!r} are not known"
-    return f"the force of a {kind} contact is a number of the integrator, not of the collision"
+    return f"the force of a {kind} contact depends on the integration step, not on the collision"
 
 
 def split(time: FloatArray, force: FloatArray, table: ValueTable, rate: float) -> Episode:
     """Split one episode into its transient and quasi-static parts.
 
     Args:
-        time: ascending, from the first touch to the last, shape (n,) [s].
+        time: ascending times from the first touch to the last, shape (n,) [s].
         force: normal force, shape (n,) [N].
-        table: splitting rules.
-        rate: sampling rate [Hz].
+        table: values of config/tables/episodes.yaml, such as the transient time.
+        rate: sampling rate of the force [Hz].
     """
     late = int(np.searchsorted(time - time[0], table["transient_time"] + STAMP))
     return Episode(
@@ -137,11 +141,12 @@ def split(time: FloatArray, force: FloatArray, table: ValueTable, rate: float) -
 def _notes(rate: float, table: ValueTable) -> tuple[str, ...]:
     split, gap, needed = (table.values[name] for name in ("transient_time", "gap", "rate"))
     notes = [
-        f"transient: the first {split.value:g} s ({table.mark_of(split)}), quasi-static: what lasts longer; contacts "
-        f"closer than {gap.value:g} s ({table.mark_of(gap)}) are one; no filter; {rate:.0f} samples a second"
+        f"transient: the first {split.value:g} s ({table.mark_of(split)}), quasi-static: the time after them; contacts "
+        f"less than {gap.value:g} s apart ({table.mark_of(gap)}) count as one; the force is not filtered; "
+        f"{rate:.0f} samples per second"
     ]
     if rate < needed.value * (1.0 - RATE_TOLERANCE):
-        notes.append(f"a peak needs {needed.value:g} samples a second: higher ones may be between these")
+        notes.append(f"less than {needed.value:g} samples per second: higher peaks may lie between the samples")
     return tuple(notes)
 
 
@@ -152,14 +157,14 @@ def _stretch(time: FloatArray, force: FloatArray) -> Stretch:
 
 
 def end_of(contact: RegionContact) -> float:
-    """Return the end of a contact, or the time of its last message, robot time [s]."""
+    """Return the robot time at which a contact ended, or of its last message if that is later [s]."""
     duration = contact.duration if np.isfinite(contact.duration) else 0.0
     times = contact.series.time[np.isfinite(contact.series.time)]
     return float(max(contact.begin + duration, times.max(initial=-np.inf)))
 
 
 def window_of(contacts: Sequence[RegionContact]) -> tuple[float, float]:
-    """Return start and end of some contacts, robot time [s]."""
+    """Return the earliest begin and the latest end of some contacts, robot time [s]."""
     return min(contact.begin for contact in contacts), max(map(end_of, contacts))
 
 
@@ -169,13 +174,13 @@ def episodes(
     recorded_until: float,
     table: ValueTable | None = None,
 ) -> list[Episode]:
-    """Cut penalty contacts into episodes.
+    """Group the penalty contacts of a body region into episodes.
 
     Args:
         contacts: contacts of one body region of a person.
-        source_period: time between two evaluations of the force [s]; infinite: not known.
+        source_period: time between two evaluations of the force by the simulation or sensor [s]; infinite: not known.
         recorded_until: robot time of the last message of the topic [s].
-        table: splitting rules; by default the table of the package.
+        table: values such as the longest separation within an episode; None: config/tables/episodes.yaml.
     """
     if not contacts:
         return []
@@ -192,11 +197,11 @@ def episodes(
 
 
 def resolved(contact: RegionContact, period: float) -> bool:
-    """Return True if the source of a contact evaluates its force at least once in a period [s].
+    """Return True if the source of a contact evaluates the force at least once in a period [s].
 
-    Either its messages are that frequent, or OFF_BEAT of the instants that they state (start, end, times of peaks) lie
-    between messages and all instants are whole periods apart, as for a source that evaluates 1000 times a second and
-    publishes 200 messages.
+    Either the messages are that frequent, or at least OFF_BEAT of the instants that they state (begin, end, times of
+    peaks) lie between messages, and all are whole periods apart: then the source evaluates the force more often than it
+    publishes, for instance 1000 times per second with 200 messages.
     """
     time = np.unique(contact.series.time[np.isfinite(contact.series.time)])
     if not len(time):
@@ -217,7 +222,7 @@ def _period(time: FloatArray) -> float:
 
 
 def _off(offset: float, period: float) -> bool:
-    """Return True if an offset is not a whole number of periods [s]; of an infinite period only 0 is."""
+    """Return True if an offset [s] is not a whole number of periods [s]."""
     return abs(math.remainder(offset, period)) > SAME_INSTANT
 
 
@@ -236,15 +241,15 @@ def _episode(
     ]
     lasted = max(map(end_of, contacts)) - contacts[0].begin
     if not all(contact.ended for contact in contacts) and lasted <= table["transient_time"] + STAMP:
-        doubts.append("it had not ended when the recording ended")
+        doubts.append("the contact had not ended when the recording ended")
     needed = 1.0 / table["rate"]
     if source_period > needed * (1.0 + RATE_TOLERANCE) and not all(resolved(contact, needed) for contact in contacts):
-        doubts.append(f"a blow needs {table['rate']:g} samples a second, and its messages do not show that it has them")
+        doubts.append(f"an impact needs {table['rate']:g} samples per second, and the messages do not prove that rate")
     unique_doubts = tuple(dict.fromkeys(doubts))
     models: dict[str, list[tuple[FloatArray, FloatArray]]] = {}
     for contact, time, force, usable in samples:
         if _usable(contact).any() and usable.any():
-            model = contact.other.rpartition("::")[0].partition("::")[0]  # of a nested model the outermost; "": no name
+            model = contact.other.rpartition("::")[0].partition("::")[0]  # outermost of nested models; "": no name
             models.setdefault(model, []).append((time[usable], force[usable]))
     if not models:
         nothing = Stretch(contacts[0].begin, max(map(end_of, contacts)), math.nan, math.nan, math.nan)
@@ -261,12 +266,12 @@ def _episode(
 
 
 def _usable(contact: RegionContact) -> BoolArray:
-    """Return a mask of the messages of a contact that have a valid force, shape (n,)."""
+    """Return True for messages of a contact with a valid force, shape (n,)."""
     return np.isfinite(contact.series.force) & (contact.series.force >= 0.0)
 
 
 def _samples(contact: RegionContact) -> Samples:
-    """Return the samples of one contact, with its start and its peaks, which may lie between two messages."""
+    """Return the force samples of one contact, including its begin and peaks between two messages."""
     series = contact.series
     rose = series.reached != np.concatenate([[0.0], series.reached[:-1]])  # True for NaN, too
     at = np.where(np.isfinite(series.reached_time), series.reached_time, series.time)[rose]
@@ -284,41 +289,41 @@ def _samples(contact: RegionContact) -> Samples:
 def _doubts(
     contact: RegionContact, time: FloatArray, force: FloatArray, recorded_until: float, largest: float
 ) -> list[str]:
-    """Return the reasons why one contact cannot be called harmless.
+    """Return the reasons why one contact cannot be called within limits.
 
     Args:
-        contact: the contact.
-        time: instants of its samples, shape (n,) [s].
-        force: force of its samples, shape (n,) [N].
+        contact: recorded contact.
+        time: times of the contact's force samples, shape (n,) [s].
+        force: force samples, shape (n,) [N].
         recorded_until: robot time of the last message of the topic [s].
-        largest: largest force on the region in all contacts [N]; a saturated sensor does not exceed it.
+        largest: largest force on the region in all contacts [N]; only near it a sensor can be saturated.
     """
     series, doubts = contact.series, list[str]()
     bad = ~(_usable(contact) & np.isfinite(series.reached) & (series.reached >= 0.0))
     if (series.force > series.reached * (1.0 + RATE_TOLERANCE)).any():
-        doubts.append("a force is above the peak that its message states")
+        doubts.append("a force exceeds the peak stated in the same message")
     if contact.impulse is not None and not contact.impulse >= 0.0:
-        doubts.append("its impulse is not a number or below 0")
+        doubts.append("the contact's impulse is NaN or negative")
     if bad.any():
-        doubts.append(f"{int(bad.sum())} of {len(bad)} forces are not numbers or below 0")
+        doubts.append(f"{int(bad.sum())} of {len(bad)} forces are NaN, infinite or negative")
     stated = contact.begin + series.since_begin
     if not (np.abs(series.time - stated) <= CLOCKS).all() or not contact.duration >= 0.0:
-        doubts.append("its messages are not of the time that begin and duration state")
+        doubts.append("the messages' stamps do not agree with the begin and duration that they state")
     at_range = force.max() >= (1.0 - COARSEST) * largest
-    if not bad.any() and at_range and _flat(contact, time[1:], force[1:]):  # without the start, which has no message
-        doubts.append(f"the force has a flat top at {force.max():.1f} N, as of a sensor at its range")
+    if not bad.any() and at_range and _flat(contact, time[1:], force[1:]):  # without the begin, which has no message
+        doubts.append(f"the force has a flat top at {force.max():.1f} N, as from a saturated sensor")
     if contact.interrupted:
-        doubts.append("messages in between have neither the contact nor its end, as those of a second publisher")
+        doubts.append("some messages report neither the contact nor its end, as if there were a second publisher")
     end = end_of(contact)
     if not contact.ended and recorded_until - end > verdict_table()["max_gap"]:
-        doubts.append(f"its end is not recorded: the last message of it is of {end:.3f} s")
+        doubts.append(f"the contact's end is not recorded: its last message is from {end:.3f} s")
     return doubts
 
 
 def _flat(contact: RegionContact, time: FloatArray, force: FloatArray) -> bool:
     """Return True if the largest force forms a flat top, within sensor noise, between steep flanks.
 
-    The top is FLAT messages long, or extends from a message to a peak that is stated for another instant.
+    The top has at least FLAT samples, or two of which one is a peak stated for a time between messages.
     """
     between = np.abs(time[:, None] - contact.series.time[None, :]).min(axis=1) > SAME_INSTANT
     top, steps = float(force.max(initial=0.0)), np.abs(np.diff(force))
@@ -338,7 +343,10 @@ def _flat(contact: RegionContact, time: FloatArray, force: FloatArray) -> bool:
 
 
 def _unknown_peak(samples: Sequence[Samples], episode: Episode, table: ValueTable) -> float | None:
-    """Return the upper bound of the quasi-static force in gaps longer than may be bridged, from stated peaks [N]."""
+    """Return an upper bound [N] of the quasi-static force in gaps of the samples, from the peaks in the messages.
+
+    Return None if no gap is longer than may be bridged by interpolation.
+    """
     held, max_gap = episode.overall.begin + table["transient_time"], verdict_table()["max_gap"]
     bound, any_unknown = 0.0, False
     for contact, time, _, usable in samples:

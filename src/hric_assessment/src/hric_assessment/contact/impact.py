@@ -1,8 +1,8 @@
-"""Comparison of spring contacts with a closed-form impact, and of clamping with the commanded torque. No ROS.
+"""Expected forces of recorded contacts: closed-form impact on a spring, and clamping by the commanded torque. No ROS.
 
-Two masses that collide with a speed v on a spring k give half a sine: peak v sqrt(mu k), duration pi sqrt(mu/k),
-impulse 2 mu v with 1/mu = 1/m_R + 1/m_H (ISO/TS 15066:2016, Annex A). The masses here are not the standard's but the
-reflected masses of the robot, with its rotors, and of the simulated body, 1 / (n' J (M + B)^-1 J' n), at the contact
+Two masses that collide with speed v on a spring k have a half-sine force: peak v sqrt(mu k), duration pi sqrt(mu/k),
+impulse 2 mu v with 1/mu = 1/m_R + 1/m_H (ISO/TS 15066:2016, Annex A). Instead of the standard's masses, the reflected
+masses of the robot, with its rotors, and of the simulated body are used: 1 / (n' J (M + B)^-1 J' n), at the contact
 point along the contact normal. Other forces during the contact and the rotation of both bodies are neglected.
 """
 
@@ -28,25 +28,25 @@ from hric_human.participant.settings import HumanSettings
 from hric_human.participant.walk import JOINTS, Walk
 
 LASTING = episode_table()["transient_time"]
-"""Minimum duration of a clamping, whose force the commanded torque balances [s]."""
+"""Minimum duration of a contact that counts as clamping, in which the commanded torque balances the force [s]."""
 SETTLED, MEAN = 2.0, 0.1
-"""Time after the first touch at which a clamping is judged (at its end if shorter), and averaging time before it [s].
+"""Time after the first touch at which a clamping is judged (its end if shorter), and averaging time before that [s].
 
-Requirement of this project on a clamped contact (project default, unconfirmed).
+Project defaults, unconfirmed.
 """
 RATE = 50.0
-"""Largest rate at which the torque of a clamping is evaluated [Hz] (project default, unconfirmed)."""
+"""Maximum rate at which the torque of a clamping is evaluated [Hz] (project default, unconfirmed)."""
 OWN_WEIGHT = ("franka_sim/FrankaHWSim", "franka_real/FrankaHW")
-"""Arms that compensate gravity in addition to the commanded torque."""
+"""RobotHW classes of arms that compensate gravity in addition to the commanded torque."""
 
 
 @dataclass(frozen=True)
 class ClosedFormImpact:
-    """Closed form of one impact.
+    """Closed-form impact of two masses on a spring.
 
     Attributes:
         speed: approach speed along the normal [m/s].
-        robot_mass, human_mass: reflected masses [kg].
+        robot_mass, human_mass: reflected masses along the normal [kg].
         stiffness: contact stiffness of the pair [N/m].
     """
 
@@ -76,19 +76,19 @@ class ClosedFormImpact:
         return 2.0 * self.mass * self.speed
 
     def force(self, time: FloatArray) -> FloatArray:
-        """Return the half-sine force, shape (n,) [N]; time: since the first touch, shape (n,) [s]."""
+        """Return the half-sine force, shape (n,) [N]; time: time since the first touch, shape (n,) [s]."""
         touching = (time >= 0.0) & (time <= self.duration)
         return np.where(touching, self.peak * np.sin(math.pi * time / self.duration), 0.0)
 
 
 @dataclass(frozen=True)
 class Clamping:
-    """Contact force and the force that the commanded torque balances during a clamping.
+    """Contact force during a clamping, and the force that the commanded joint torque would balance statically.
 
     Attributes:
         time: robot time, shape (n,) [s].
         force: contact force, shape (n,) [N].
-        balanced: force along the normal that the command balances, shape (n,) [N].
+        balanced: force along the normal with which the commanded torque presses, shape (n,) [N].
     """
 
     time: FloatArray
@@ -96,7 +96,7 @@ class Clamping:
     balanced: FloatArray
 
     def level(self) -> tuple[float, float, float]:
-        """Return (robot time [s], force [N], balanced force [N]) at the instant of judgement."""
+        """Return the robot time [s] at which the clamping is judged, and the mean of both forces before it [N]."""
         end = min(self.time[0] + SETTLED, self.time[-1])
         last = (self.time > end - MEAN) & (self.time <= end)
         return float(end), float(self.force[last].mean()), float(self.balanced[last].mean())
@@ -117,18 +117,19 @@ RECORDED = (
     "ended",
     "interrupted",
 )
-"""Attributes of a contact that metrics.json has by the same names."""
+"""Attributes of `RegionContact` that are written to metrics.json under their own names."""
 
 
 @dataclass(frozen=True)
 class ExpectedContact:
-    """One contact and its expected values.
+    """Recorded contact with the forces that are expected of it.
 
     Attributes:
         contact: contact as recorded.
-        impact: closed form; None for a rigid or damped contact, one that is not with a link of the robot, or an
+        impact: closed-form impact; None for a rigid or damped contact, one that is not with a link of the robot, or an
             unknown or zero approach speed.
-        clamping: force over time; None if it is too short, has too few messages, or the command is not a torque.
+        clamping: forces over time; None if the contact is too short for a clamping, has too few messages, or the
+            command is not a torque.
     """
 
     contact: RegionContact
@@ -137,7 +138,7 @@ class ExpectedContact:
 
     @property
     def peak(self) -> float | None:
-        """Largest force until the half sine ends, which is after the first peak [N]; None: no closed form."""
+        """Largest recorded force until the expected half sine ends [N]; None: no closed form."""
         if self.impact is None:
             return None
         series = self.contact.series
@@ -145,14 +146,14 @@ class ExpectedContact:
         return float(series.reached[after[0]]) if len(after) else self.contact.peak
 
     def late(self) -> float:
-        """Return the delay of the first message after the start of the half sine, from its force [s]."""
+        """Return the time from the begin of the half sine to the first message, computed from its force [s]."""
         form, force = self.impact, self.contact.series.force
         if form is None or not len(force):
             return 0.0
         return form.duration / math.pi * math.asin(min(float(force[0]) / form.peak, 1.0))
 
     def values(self) -> JsonObject:
-        """Return the values for metrics.json."""
+        """Return recorded and expected values as an object for metrics.json."""
         contact = self.contact
         recorded = {name: getattr(contact, name) for name in RECORDED}
         begin = {"point": contact.begin_point, "normal": contact.begin_normal, "speed": contact.begin_speed}
@@ -167,13 +168,13 @@ class ExpectedContact:
 
 
 class Mechanism:
-    """Description placed in the world, with its mobility at a point.
+    """Mechanism of a URDF, placed in the world, with its Jacobian and reflected mass at a point.
 
     Args:
-        tree: the description.
+        tree: URDF of the mechanism.
         joints: joints that move; all others are fixed at zero.
         rotors: rotor inertia at each joint [kg m^2].
-        T_world_root: pose of the root link, shape (4, 4).
+        T_world_root: pose of the root link in the world, shape (4, 4).
     """
 
     def __init__(
@@ -184,11 +185,13 @@ class Mechanism:
         self._T_root_world = np.eye(4) if T_world_root is None else inverse(T_world_root)
 
     def at(self, q: FloatArray, link: str, point: Sequence[float]) -> tuple[FloatArray, FloatArray]:
-        """Return (J, (M + B)^-1) for a point of a link, world frame, shapes (3, n) and (n, n).
+        """Return the Jacobian J of a point of a link, and the inverse of M + B, shapes (3, n) and (n, n).
+
+        J is in axes of the world; M: mass matrix, B: rotor inertias.
 
         Args:
             q: joint positions, shape (n,) [rad].
-            link: link of the description.
+            link: link of the mechanism.
             point: point in the world, 3 floats [m].
         """
         R, p = self._T_root_world[:3, :3], self._T_root_world[:3, :3] @ point + self._T_root_world[:3, 3]
@@ -196,7 +199,11 @@ class Mechanism:
         return J, np.asarray(np.linalg.inv(self._dynamics.mass_matrix(q.tolist()) + self._rotors))
 
     def reflected_mass(self, q: FloatArray, link: str, point: Sequence[float], normal: Sequence[float]) -> float:
-        """Return 1 / (n' J (M + B)^-1 J' n) [kg]; infinite where no joint lets the link yield along n."""
+        """Return the reflected mass 1 / (n' J (M + B)^-1 J' n) [kg] of a link at a point along a normal n.
+
+        J: Jacobian of the point, M: mass matrix, B: rotor inertias. The mass is infinite if no joint lets the link
+        yield along the normal. Point and normal are in the world frame.
+        """
         J, inverse_mass = self.at(q, link, point)
         row = np.array(normal) @ J
         mobility = float(row @ inverse_mass @ row)
@@ -205,16 +212,16 @@ class Mechanism:
     def balanced(
         self, q: FloatArray, link: str, point: Sequence[float], normal: Sequence[float], tau: FloatArray
     ) -> float:
-        """Return the force along a normal with which static efforts press at the point [N].
+        """Return the force along a normal with which static joint torques tau [N m] press at a point [N].
 
-        It is n' (J W J')^-1 J W tau with W = (M + B)^-1, which is f where tau = J' f.
+        It is n' (J W J')^-1 J W tau with W = (M + B)^-1; for tau = J' f this equals n' f.
         """
         J, W = self.at(q, link, point)
         return float(np.array(normal) @ np.linalg.solve(J @ W @ J.T, J @ W @ tau))
 
 
 class ClosedFormModels:
-    """Models of the robot and the human of a run, for the expected values of their contacts.
+    """Models of the robot and the human of a run, from which the expected forces of their contacts are computed.
 
     Args:
         run: contents of run.yaml.
@@ -223,8 +230,8 @@ class ClosedFormModels:
         human: recording of the human.
 
     Raises:
-        HricError: a description, a world file or a parameter that is no longer usable, joints of another body, or no
-            recorded position of a walking person.
+        HricError: a description, a world file or a parameter is no longer usable, the recorded joints are those of
+            another body, or the position of a walking person is not recorded.
     """
 
     def __init__(self, run: Content, description: str, log: ControlRecord, human: HumanRecord) -> None:
@@ -237,7 +244,7 @@ class ClosedFormModels:
         body = settings.body()
         check_known("joint", human.joints, body.joints, "the body of the run")
         if settings.walk is not None and human.root is None:
-            raise HricError(f"where the walking person was is not recorded: {human.name}/root")
+            raise HricError(f"the position of the walking person is not recorded (topic {human.name}/root)")
         root = settings.root(body)
         T_world_root = root.transform()
         described, joints, self._human_q = body.urdf, human.joints, human.position
@@ -254,7 +261,7 @@ class ClosedFormModels:
         self._torque = definition.get("robot", {}).get("hw") in OWN_WEIGHT
 
     def expected(self, contact: RegionContact) -> ExpectedContact:
-        """Return a contact with its expected values."""
+        """Return a contact with the forces that are expected of it."""
         if not self._ours(contact):
             return ExpectedContact(contact, None, None)
         return ExpectedContact(
@@ -262,12 +269,15 @@ class ClosedFormModels:
         )
 
     def _ours(self, contact: RegionContact) -> bool:
-        """Return True if a contact is a penalty contact between the person and the robot."""
+        """Return True for a penalty contact between the person and a link of the robot."""
         other, _, link = contact.other.rpartition("::")
         return contact.kind == "penalty" and other == self._name and contact.link in self._skin and link in self._hull
 
     def impact(self, contact: RegionContact) -> ClosedFormImpact | None:
-        """Return the closed form; None: see `ExpectedContact`, or arm or person were not recorded at that time."""
+        """Return the closed-form impact of a contact; None if its conditions or values are not known.
+
+        The conditions are those of `ExpectedContact.impact`; arm and person must be recorded at that time.
+        """
         if not self._ours(contact):
             return None
         link = contact.other.rpartition("::")[2]
@@ -303,17 +313,17 @@ class ClosedFormModels:
 
 
 def _recorded(time: float, times: FloatArray) -> bool:
-    """Return True if a sample lies near enough to a time [s]; times: shape (n,) [s]."""
+    """Return True if a sample lies near enough to a time [s] to be used for it; times: of samples, shape (n,) [s]."""
     return bool(np.abs(times - time).min(initial=np.inf) <= verdict_table()["max_gap"])
 
 
 def _at(time: float | FloatArray, times: FloatArray, values: FloatArray) -> FloatArray:
-    """Return the interpolated columns of values, shape (n, j), at one time, shape (j,), or at several, shape (m, j)."""
+    """Interpolate values, shape (n, j), linearly: at one time, shape (j,), or at m times, shape (m, j)."""
     return np.array([np.interp(time, times, column) for column in values.T]).T
 
 
 def expected_contacts(run: Content, description: str, record: RunRecord, human: HumanRecord) -> list[ExpectedContact]:
-    """Return all contacts of a run with their expected values, in order of their ends.
+    """Return all contacts of a run with the forces expected of them, in order of their ends.
 
     Args:
         run: contents of run.yaml.
@@ -325,6 +335,6 @@ def expected_contacts(run: Content, description: str, record: RunRecord, human: 
         return [ExpectedContact(contact, None, None) for contact in human.region_contacts]
     try:
         models = ClosedFormModels(run, description, record.log, human)
-    except HricError:  # a world file that no longer exists: the recorded values are reported all the same
+    except HricError:  # for instance a world file that no longer exists: the recorded values are still reported
         return [ExpectedContact(contact, None, None) for contact in human.region_contacts]
     return [models.expected(contact) for contact in human.region_contacts]

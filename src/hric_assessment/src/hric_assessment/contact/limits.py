@@ -1,9 +1,9 @@
-"""Limits of a person's contacts, in SI; no other module of the workspace reads the limit tables.
+"""Force and pressure limits of a person's body regions, in SI units; only this module reads the limit tables.
 
     limits = Limits.named()                                               # or "bgia2011", or the path of a YAML file
     limits.at(("hand, fingers",), dominant=True).force.transient          # [N]
 
-If several regions or areas may be in contact and it is unknown which, the lowest of their limits holds.
+If several regions or areas may be in contact and it is unknown which, the lowest of their limits applies.
 """
 
 import math
@@ -25,14 +25,14 @@ from hric_core.errors import check_known
 from hric_human.body.regions import REGION_MODELS
 
 NOT_PERMITTED = ("skull, forehead", "face")
-"""Regions with which no contact is within limits, whatever a table has.
+"""Regions with which no contact is within limits, even if a table has values for them.
 
-ISO/TS 15066:2016, Annex A (confirmed twice). Their quasi-static values are for information.
+ISO/TS 15066:2016, Annex A (confirmed twice). The quasi-static values of a table are for information.
 """
 TRANSIENT_TIME = episode_table()["transient_time"]
-"""Duration from the first touch after which a contact is quasi-static [s] (config/tables/episodes.yaml)."""
+"""Time since the first touch after which a contact is quasi-static [s] (config/tables/episodes.yaml)."""
 PARTED = episode_table()["gap"]
-"""Time without a touch after which a contact has ended [s] (config/tables/episodes.yaml)."""
+"""Time without a touch after which a contact episode has ended [s] (config/tables/episodes.yaml)."""
 
 
 @dataclass(frozen=True)
@@ -41,9 +41,9 @@ class LimitPair:
 
     Attributes:
         quasi_static: quasi-static limit.
-        transient: transient limit; None: there is none, a touch is not permitted.
+        transient: transient limit; None: the table has none, since contact is not permitted.
         region, area: region and area of the quasi-static limit; area "": the whole region.
-        mark: mark of the table row, and its sources.
+        mark: mark of the table row (how well its value is confirmed), and its sources.
     """
 
     quasi_static: float
@@ -54,18 +54,18 @@ class LimitPair:
 
     @property
     def label(self) -> str:
-        """Region and area, for findings."""
+        """Region and area of the limit, for findings."""
         return f"{self.region}: {self.area}" if self.area else self.region
 
 
 @dataclass(frozen=True)
 class ContactLimit:
-    """Limits at one place of a body.
+    """Limits that apply to a contact with one of several body regions.
 
     Attributes:
         force: force limits [N].
         pressure: pressure limits [Pa]; None: the table has none.
-        permitted: False where the place may be in NOT_PERMITTED.
+        permitted: False if the contact may be with a region of NOT_PERMITTED.
         stiffness: stiffness of the stiffest region that may be in contact [N/m].
         missing: quantities that the table lacks for the regions that may be in contact.
     """
@@ -78,7 +78,7 @@ class ContactLimit:
 
 
 class Limits:
-    """Limits by body region.
+    """Contact limits by body region, from one table.
 
     Args:
         table: table of limits.
@@ -89,18 +89,20 @@ class Limits:
 
     @classmethod
     def named(cls, which: str | Path = LIMIT_TABLES[0]) -> "Limits":
-        """Return the limits of a table that comes with the package, by its name, or of a user's own file.
+        """Return the limits of a table of the package, by its name, or of a user's file, by its path.
 
         Raises:
-            ParameterError: no such table, or an unusable file, with all its mistakes.
+            ParameterError: there is no such table, or the file is invalid; all its mistakes are listed.
         """
         return cls(limit_table(which))
 
     def held_force(self, regions: Sequence[str]) -> float:
-        """Return the lowest quasi-static force limit of some regions [N]; 0 without a limit or a permission.
+        """Return the lowest quasi-static force limit of some regions [N].
+
+        Return 0 if the table has no limit for them, or contact with one of them is not permitted.
 
         Raises:
-            HricError: no such region.
+            HricError: a region does not exist.
         """
         limit = self.at(regions)
         return 0.0 if limit is None or not limit.permitted else limit.force.quasi_static
@@ -109,15 +111,15 @@ class Limits:
         """Return the limits for a contact with one of some regions.
 
         Args:
-            regions: regions of `hric_human.body.regions`, or of the foot; which of several is in contact is unknown.
-            area: area of the table, which selects the regions that have it; None: not known.
+            regions: regions of `hric_human.body.regions`, or the foot; it is unknown which of several is in contact.
+            area: specific area of the table, which leaves only the regions that have it; None: not known.
             dominant: True on the side of the dominant hand; None: not known.
 
         Returns:
             the limits; None: the table has none for any of the regions.
 
         Raises:
-            HricError: no such region, or no such area in one of them.
+            HricError: a region does not exist, or none of the regions has the area.
         """
         check_known("region", regions, REGIONS, "ISO/TS 15066 or BG/BGIA")
         if area is not None:
@@ -148,7 +150,7 @@ class Limits:
         )
 
     def areas(self, regions: Iterable[str]) -> list[str]:
-        """Return the names of the table areas in some regions."""
+        """Return the names of the specific areas that the table has in some regions."""
         rows: list[LimitRow] = [*self.table.forces, *self.table.pressures]
         return list(dict.fromkeys(row.area for row in rows if row.region in regions and row.area))
 

@@ -2,9 +2,10 @@
 
     mu = 1/(1/m_H + 1/m_R),   E = F^2/(2 k) = mu v^2/2,   v = F/sqrt(mu k) = p A/sqrt(mu k)
 
-m_H and k are the standard's body model (`hric_human.body.regions`). For m_R the standard has M/2 + m_L; the effective
-mass is the reflected one in the direction of the contact, m_u = 1/(u' J M^-1 J' u), which the caller computes from the
-arm. Where m_u is larger, the standard's estimate permits a speed that is too high.
+m_H and k are effective mass and stiffness of the body region (`hric_human.body.regions`). For the robot's mass m_R the
+standard uses M/2 + m_L. The true effective mass is the arm's reflected mass in the direction u of the contact, m_u =
+1/(u' J M^-1 J' u), which the caller computes. If m_u is larger than the standard's estimate, the estimate permits too
+high a speed.
 """
 
 import math
@@ -23,37 +24,45 @@ Mass = FloatArray | float
 
 
 def reduced_mass(human: Mass, robot: Mass) -> FloatArray:
-    """Return the reduced mass mu [kg] of both masses [kg]."""
+    """Return the reduced mass mu [kg] of two colliding masses [kg]."""
     return np.asarray(1.0 / (1.0 / np.asarray(human) + 1.0 / np.asarray(robot)))
 
 
 def half_mass(moving: float, payload: float = 0.0) -> float:
-    """Return the standard's estimate of m_R [kg]: half of the moving mass of the arm plus payload and tool [kg]."""
+    """Return the robot's effective mass as estimated by ISO/TS 15066: half of the moving mass plus payload [kg]."""
     return 0.5 * moving + payload
 
 
 def transfer_energy(force: float, stiffness: float) -> float:
-    """Return E = F^2/(2 k) [J] of a force [N] on a spring [N/m]."""
+    """Return the energy E = F^2/(2 k) [J] that a force [N] stores in a spring [N/m]."""
     return force * force / (2.0 * stiffness)
 
 
 def permitted_speed(force: float, mass: Mass, stiffness: float) -> FloatArray:
-    """Return v = F/sqrt(mu k) [m/s] of a force [N], mu [kg] and a spring [N/m]."""
+    """Return the speed v = F/sqrt(mu k) [m/s] at which the impact force reaches F [N].
+
+    Args:
+        force: force F [N].
+        mass: reduced mass mu [kg].
+        stiffness: stiffness k [N/m].
+    """
     return np.asarray(force / np.sqrt(np.asarray(mass) * stiffness))
 
 
 @dataclass(frozen=True)
 class SpeedLimit:
-    """Speed up to which a contact of one region stays within the limits.
+    """Approach speed up to which a contact with one region stays within its limits.
 
     Attributes:
-        region, area: region and its area with the lowest speed; area "": the whole region.
-        mass: mu, shape of the robot's mass [kg].
-        force_transient, force_quasi_static: limits that determine the speeds [N]; transient None: not permitted.
-        transient: speed [m/s]; 0 where contact is not permitted.
-        quasi_static: speed by the quasi-static limit, for information where contact is not permitted [m/s].
-        energy: energy at the transient limit, or at the quasi-static limit where contact is not permitted [J].
-        by_pressure: True if the limits follow from the pressure over the contact area.
+        region, area: region, and its specific area with the lowest speed; area "": the whole region.
+        mass: reduced mass mu, of the shape of the robot's mass [kg].
+        force_transient, force_quasi_static: forces that determine the speeds [N]; transient None: contact is not
+            permitted.
+        transient: speed at which the transient force is reached [m/s]; 0 if contact is not permitted.
+        quasi_static: speed at which the quasi-static force is reached [m/s]; only for information if contact is not
+            permitted.
+        energy: energy at the transient force, or at the quasi-static one if contact is not permitted [J].
+        by_pressure: True if the forces follow from the pressure limit over the contact area.
     """
 
     region: str
@@ -70,25 +79,27 @@ class SpeedLimit:
 def speed_limit(
     limits: Limits, region: str, robot_mass: Mass, contact_area: float | None = None, dominant: bool | None = None
 ) -> SpeedLimit:
-    """Return the permitted speed of one region; of several areas with force limits of their own the lowest.
+    """Return the permitted approach speed for one region, or the lowest if areas of it have their own force limits.
 
     Args:
         limits: limits of one table.
         region: region of `hric_human.body.regions`.
-        robot_mass: m_R, a number or an array; infinite: a link that cannot yield [kg].
+        robot_mass: effective mass m_R of the robot, a number or an array [kg]; infinite: a link that cannot yield.
         contact_area: the smaller of the robot's and the body's [m^2]; None: not known, only the force limit counts.
         dominant: True on the side of the dominant hand; None: not known.
 
     Raises:
-        NotAssessableError: the table, or the body model, has no such region.
-        HricError: no such region, or a mass or an area that is not positive.
+        NotAssessableError: the table, or the body model, has no values for the region.
+        HricError: the region does not exist, or a mass or area is not positive.
     """
     if not np.all(np.asarray(robot_mass) > 0.0):
         raise HricError(f"robot_mass is {robot_mass}; valid: a number above 0 [kg]")
     check_known("region", [region], REGIONS, "ISO/TS 15066 or BG/BGIA")
     rows = limits.table.force_rows(region)
     if not rows or region not in REGION_MODELS:
-        raise NotAssessableError(f"no speed for {region!r} by {limits.table.title}; valid: {', '.join(REGION_MODELS)}")
+        raise NotAssessableError(
+            f"{limits.table.title} has no permitted speed for {region!r}; valid: {', '.join(REGION_MODELS)}"
+        )
     mu = reduced_mass(REGION_MODELS[region].mass, robot_mass)
     speeds = [_of_area(limits, region, row.area, mu, contact_area, dominant) for row in rows]
     return min(speeds, key=lambda speed: (speed.transient.max(), speed.quasi_static.max()))
@@ -98,7 +109,7 @@ def _of_area(
     limits: Limits, region: str, area: str | None, mu: FloatArray, contact_area: float | None, dominant: bool | None
 ) -> SpeedLimit:
     limit = limits.at((region,), area, dominant)
-    assert limit is not None, "its row of forces is there"
+    assert limit is not None, "the table has a row of forces for the region"
     held, transient, by_pressure = _forces(limit, contact_area)
     return SpeedLimit(
         region,
@@ -114,7 +125,7 @@ def _of_area(
 
 
 def _forces(limit: ContactLimit, contact_area: float | None) -> tuple[float, float | None, bool]:
-    """Return (quasi-static force [N], transient force [N], True if the pressure determines them)."""
+    """Return quasi-static and transient force limit [N], and True if the pressure limits determine them."""
     force, pressure = limit.force, limit.pressure
     transient = force.transient if limit.permitted else None
     if contact_area is None or pressure is None:

@@ -1,4 +1,4 @@
-"""Scores of postures (RULA, REBA) and lifts (NIOSH), static and repeated muscle use, and smoothness of motions."""
+"""Ergonomics of a motion: posture scores (RULA, REBA), lifts (NIOSH), static and repeated muscle use, smoothness."""
 
 from hric_assessment.ergonomics import niosh, reba, rula
 from hric_assessment.ergonomics.posture import Posture, Task, of_joints

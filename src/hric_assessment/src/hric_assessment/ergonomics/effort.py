@@ -15,11 +15,11 @@ class Effort:
 
     Attributes:
         closed: time for which the grip was closed [s].
-        force_max, force_max_time: largest force and its robot time [N], [s].
+        force_max, force_max_time: largest force [N] and its robot time [s].
         force_mean: mean force while the grip was closed [N].
         torque_max: largest torque [N m].
-        work: work of the holder on the held body [J].
-        work_absolute: integral of the absolute power [J].
+        work: work that the holder does on the held body [J].
+        work_absolute: integral of the absolute value of the holder's power on the held body [J].
     """
 
     closed: float
@@ -32,7 +32,7 @@ class Effort:
 
 
 def effort(grip: GripRecord) -> Effort | None:
-    """Return force and work of a grip; None: it never closed."""
+    """Return force and work of a grip, None if the hand never closed."""
     size, held = np.linalg.norm(grip.force, axis=1), grip.closed
     if not held.any():
         return None
@@ -50,14 +50,14 @@ def effort(grip: GripRecord) -> Effort | None:
 
 
 def log_dimensionless_jerk(time: FloatArray, velocity: FloatArray) -> float | None:
-    """Return the log dimensionless jerk -ln(T^3 / v_peak^2 int |d2v/dt2|^2 dt); None: no motion.
+    """Return the log dimensionless jerk -ln(T^3 / v_peak^2 int |d2v/dt2|^2 dt) of a motion; None: nothing moves.
 
-    The nearer to zero the smoother; one minimum-jerk reach has -5.32 (Balasubramanian et al., J. NeuroEng. Rehabil.
+    The nearer to zero, the smoother; one minimum-jerk reach has -5.32 (Balasubramanian et al., J. NeuroEng. Rehabil.
     12:112, 2015).
 
     Args:
-        time: shape (n,) [s].
-        velocity: shape (n, 3) [m/s].
+        time: times of the samples, shape (n,) [s].
+        velocity: velocity, shape (n, 3) [m/s].
     """
     peak = float(np.linalg.norm(velocity, axis=1).max())
     if peak < 1e-6 or len(time) < 5:

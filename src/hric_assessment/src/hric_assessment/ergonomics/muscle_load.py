@@ -19,11 +19,11 @@ OWN = "human::"
 
 
 def grip_loads(grips: Iterable[GripRecord], time: FloatArray) -> list[ExternalLoad]:
-    """Return the loads of grips on the person's links; zero before their first message and after their last.
+    """Return the loads that grips exert on the person's links; zero before a grip's first message and after its last.
 
     Args:
         grips: grips of a run.
-        time: shape (n,) [s].
+        time: instants of the result, shape (n,) [s].
     """
     loads = []
     for grip in grips:
@@ -43,21 +43,21 @@ def _load(grip: GripRecord, link: str, sign: float, time: FloatArray) -> Externa
 def motion_of(
     record: HumanRecord, joints: Sequence[str], still: Pose, cutoff: float, rate: float = RATE
 ) -> tuple[RecordedMotion, Pose | RootMotion]:
-    """Return the smoothed motion of joints, and the motion of the root link, or its pose if it is at rest.
+    """Return the smoothed motion of the joints, and the motion of the root link, or its pose if it is at rest.
 
     Args:
         record: recording of a run, or a part of it.
         joints: names of all joints of a body.
-        still: pose of the root link in the world, if the recording has none.
-        cutoff: see `smoothed`.
-        rate: see `smoothed`.
+        still: pose of the root link in the world, used if the recording has none.
+        cutoff: cut-off of the low-pass filter [Hz].
+        rate: rate of the result [Hz].
 
     Raises:
-        HricError: a joint that is not in the recording; see `smoothed`.
+        HricError: a joint is not in the recording, or the recording cannot be smoothed.
     """
     missing = [name for name in joints if name not in record.joints]
     if missing:
-        raise HricError(f"no joint {missing[0]} in the recorded motion; valid: {', '.join(record.joints)}")
+        raise HricError(f"the recorded motion has no joint {missing[0]}; valid: {', '.join(record.joints)}")
     q = record.position[:, [record.joints.index(name) for name in joints]]
     if record.root is None:
         return smoothed(record.time, q, cutoff, rate), still
@@ -74,16 +74,16 @@ def load_of(
     strength: float = 1.0,
     gravity: Vector = GRAVITY,
 ) -> MuscleLoad:
-    """Return the muscle load in a motion of all joints of a body.
+    """Return the load of a body's muscles during a motion of all its joints.
 
     Args:
         body: body of the person.
-        anatomy: anatomy of the muscles.
-        root: T_world_root of a root link at rest, or the root's motion at the instants of `motion`.
+        anatomy: fitted muscles of an arm.
+        root: pose of a root link at rest in the world, or its motion at the instants of `motion`.
         motion: motion of the joints.
-        loads: loads on the links.
-        strength: factor of the muscle strength [1].
-        gravity: gravity in the world [m/s^2].
+        loads: external loads on the links.
+        strength: factor on the muscle strength [1].
+        gravity: gravity vector in the world [m/s^2].
     """
     still, moved = (root, None) if isinstance(root, Pose) else (Pose(), root)
     return AfterRun(body, MuscleSet(body, anatomy, strength), anatomy, still, gravity).of(motion, loads, moved)

@@ -1,13 +1,13 @@
-"""Revised NIOSH lifting equation: recommended weight limit and index of a lift, at its origin or destination.
+"""Revised NIOSH lifting equation: recommended weight limit and lifting index at origin or destination of a lift.
 
     rated = niosh.rate(Lift(phase="pick-up", load=12.0, horizontal=0.4, vertical=0.3, distance=0.7))
     rated.limit, rated.index, rated.multipliers
 
     RWL = LC HM VM DM AM FM CM,   LI = L / RWL
 
-NIOSH Publication 94-110 (public domain). It applies to lifts of a standing person with both hands. Of a load that human
-and robot carry together, only picking up and putting down can therefore be rated, with the human's share of the load;
-everything else is refused. The values are in config/tables/niosh.yaml.
+NIOSH Publication 94-110 (public domain). It applies to lifts with both hands by a standing person. If human and robot
+carry a load together, only picking it up and putting it down can be rated, with the human's share of the load; all else
+is refused. The values are in config/tables/niosh.yaml.
 """
 
 import math
@@ -42,7 +42,7 @@ class Lift:
         coupling: coupling of the hands with the load: good, fair, poor.
         hands: number of hands that lift.
         position: position of the person, one of POSITIONS.
-        stable: the load does not shift, as liquids do.
+        stable: False for a load that shifts, such as a liquid.
         speed: largest vertical speed [m/s]; None: not known, assumed to be within the scope.
     """
 
@@ -62,7 +62,7 @@ class Lift:
 
 
 class Multipliers(NamedTuple):
-    """Multipliers of the load constant [1]."""
+    """Multipliers of the load constant in the NIOSH lifting equation [1]."""
 
     horizontal: float
     vertical: float
@@ -74,15 +74,16 @@ class Multipliers(NamedTuple):
 
 @dataclass(frozen=True)
 class LiftRating:
-    """Rating of a lift.
+    """Rating of a lift by the NIOSH lifting equation.
 
     Attributes:
-        multipliers: at full precision.
+        multipliers: multipliers at full precision.
         limit: recommended weight limit [kg].
-        index: lifting index [1]; infinite where the limit is 0.
+        index: lifting index [1]; infinite if the limit is 0.
         level: level of the index, in words.
-        rounded_limit, rounded_index: limit and index by multipliers of two decimals, as in the manual's worksheets.
-        assumptions: one sentence for each unknown value.
+        rounded_limit, rounded_index: limit [kg] and index [1] from multipliers rounded to two decimals, as in the
+            worksheets of NIOSH's manual.
+        assumptions: one sentence for each value that was not known.
     """
 
     multipliers: Multipliers
@@ -102,22 +103,22 @@ def rate(lift: Lift, table: NioshTable | None = None) -> LiftRating:
         table: values of the equation; by default those of the package.
 
     Raises:
-        NotAssessableError: the lift is outside the scope; all reasons, a line each.
-        HricError: a value that is impossible for a lift.
+        NotAssessableError: the lift is outside the scope of the equation; one line for each reason.
+        HricError: a value is impossible for a lift.
     """
     table = table or niosh_table()
     _check(lift, table)
     multipliers = multipliers_of(lift, table)
     limit = table["load_constant"] * math.prod(multipliers)
     rounded = table["load_constant"] * math.prod(rounded_multiplier(value) for value in multipliers)
-    assumptions = (f"speed is not known: taken as up to {table['speed_limit']:g} m/s",) * (lift.speed is None)
+    assumptions = (f"speed is not known: assumed up to {table['speed_limit']:g} m/s",) * (lift.speed is None)
     index = _index(lift.load, limit)
     level = _level(index, table)
     return LiftRating(multipliers, limit, index, level, rounded, _index(lift.load, rounded), assumptions)
 
 
 def rounded_multiplier(multiplier: float) -> float:
-    """Return the multiplier rounded to two decimals, halves up as by hand; 0.745 counts as a half."""
+    """Round a multiplier to two decimals, halves up as by hand (0.745 to 0.75)."""
     return math.floor(100.0 * multiplier + 0.5 + 1e-9) / 100.0
 
 
@@ -133,7 +134,7 @@ def _index(load: float, limit: float) -> float:
 
 
 def multipliers_of(lift: Lift, table: NioshTable) -> Multipliers:
-    """Return the six multipliers of a lift."""
+    """Return the six multipliers of a lift [1]."""
     h, v, d = (length / UNITS["length"] for length in (lift.horizontal, lift.vertical, lift.distance))
     low = v < table["vertical"]
     degrees = math.degrees(lift.asymmetry)
@@ -154,8 +155,8 @@ def frequency_multiplier(frequency: float, duration: float, low: bool, table: Ni
     Args:
         frequency: lifts per minute [1/min].
         duration: duration of the work [s].
-        low: True if the hands are below the height at which couplings and frequencies change.
-        table: table of the values.
+        low: True if the hands are below the height (0.75 m) at which the table's columns change.
+        table: values of the equation.
     """
     rows = np.array(table.frequencies)
     column = 1 + 2 * int(np.searchsorted(table.durations, duration / HOUR)) + (0 if low else 1)
@@ -168,7 +169,7 @@ def _check(lift: Lift, table: NioshTable) -> None:
     for name in ("load", "horizontal", "vertical", "distance", "asymmetry", "frequency", "duration"):
         value = getattr(lift, name)
         if not (math.isfinite(value) and value >= 0.0):
-            raise HricError(f"{name} of a lift is {value}; valid: a finite number of 0 or more")
+            raise HricError(f"the {name} of a lift is {value}; valid: a finite number of 0 or more")
     hours, speed = table.durations[-1], table["speed_limit"]
     refusals = [
         f"{name} is {value}; valid: {valid}"

@@ -1,4 +1,4 @@
-"""Input of posture scorers: named angles and flags over time, and default values for unknown ones."""
+"""Input of posture scoring methods: named angles and flags over time, and values assumed for unknown ones."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -18,26 +18,26 @@ Flag = np.ndarray[Any, np.dtype[np.bool_]] | bool | None
 class Posture:
     """Posture of a person, with one of the two arms, at n instants.
 
-    Angles [rad], each of shape (n,) or a single value for all instants; None, and NaN at single instants: not known.
+    Angles [rad] have shape (n,), or are one value for all instants; not known: None, or NaN at single instants.
 
     Attributes:
         upper_arm_flexion: elevation of the upper arm from hanging along the trunk; negative: behind the trunk.
-        upper_arm_abduction: outward, out of the sagittal plane of the trunk.
-        upper_arm_rotation: about the axis of the upper arm, internal +.
+        upper_arm_abduction: angle of the upper arm out of the sagittal plane of the trunk, outward +.
+        upper_arm_rotation: rotation about the axis of the upper arm, internal +.
         shoulder_elevation: elevation of the shoulder girdle.
-        elbow_flexion: 0 straight.
+        elbow_flexion: flexion of the elbow, 0 if straight.
         forearm_inward: angle of the forearm to the sagittal plane, + towards the midline.
-        wrist_flexion: + towards the palm.
-        wrist_deviation: + to the little finger.
-        pronation: from mid-position.
-        neck_flexion, neck_bend, neck_twist: angles of the neck to the trunk; forward, to the right, to the left +.
-        trunk_flexion, trunk_bend: angles of the trunk to the vertical (see `to_vertical`); forward, to the right +.
-        trunk_twist: rotation of the trunk against the pelvis.
+        wrist_flexion: flexion of the wrist, + towards the palm.
+        wrist_deviation: deviation of the wrist, + to the little finger.
+        pronation: rotation of the forearm from mid-position, + in pronation.
+        neck_flexion, neck_bend, neck_twist: angles of the neck to the trunk; + forward, to the right, to the left.
+        trunk_flexion, trunk_bend: angles of the trunk to the vertical (see `to_vertical`); + forward, to the right.
+        trunk_twist: rotation of the trunk relative to the pelvis.
         knee_flexion: flexion of the more flexed knee.
-        arm_supported: the arm rests on something, or the person leans.
-        trunk_supported: the person sits with a well supported trunk.
-        unbalanced: the person is on one leg, or the legs are not well supported.
-        sitting: the bent knees bear no load.
+        arm_supported: True if the arm rests on something, or the person leans.
+        trunk_supported: True if the person sits with a well supported trunk.
+        unbalanced: True if the person is on one leg, or the legs are not well supported.
+        sitting: True if the person sits, so that bent knees bear no load.
     """
 
     upper_arm_flexion: Angle = None
@@ -64,17 +64,19 @@ class Posture:
 
 @dataclass(frozen=True)
 class Task:
-    """Task of one arm and of the rest of the body, each of shape (n,) or a single value; None: not known.
+    """Task of one arm and of the rest of the body: loads, static and repeated use. None: not known.
+
+    Values have shape (n,), or are one value for all instants.
 
     Attributes:
-        load: mass held, or force over g [kg].
-        static: the load is static or repeated; otherwise it is intermittent.
-        shock: the load comes with a shock, or builds up rapidly.
+        load: mass held, or force divided by g [kg].
+        static: True for a static or repeated load, False for an intermittent one.
+        shock: True if the load comes with a shock, or builds up rapidly.
         held: time for which the posture of the arm is held [s].
         repeats: repetitions of the arm's action [1/min].
-        rest_held, rest_repeats: the same for neck and trunk; None: as for the arm.
-        coupling: coupling of the hand with the load, one of the table's names (REBA).
-        rapid: the posture changes rapidly and far, or the base is unstable (REBA).
+        rest_held, rest_repeats: `held` and `repeats` of neck and trunk; None: as for the arm.
+        coupling: quality of the hand's grip on the load, one of the names in REBA's table.
+        rapid: True if the posture changes rapidly and far, or the base is unstable (REBA).
     """
 
     load: Angle = None
@@ -92,12 +94,12 @@ NOTHING_KNOWN = Task()
 ANGLES = tuple(field.name for field in fields(Posture) if field.type == Angle)
 ASSUMED: Mapping[str, float] = (
     dict.fromkeys(ANGLES, 0.0)
-    | {"elbow_flexion": math.radians(80.0)}  # in the middle of the range that scores least
+    | {"elbow_flexion": math.radians(80.0)}  # in the middle of the range with the lowest score
     | {"load": 0.0, "held": 0.0, "repeats": 0.0, "rest_held": 0.0, "rest_repeats": 0.0}
 )
-"""Values assumed for unknown ones [rad], [kg], [s], [1/min]: angles where they score least; unknown flags are False."""
+"""Values assumed for unknown fields [rad], [kg], [s], [1/min]: those with the lowest score. Unknown flags are False."""
 SHARED = {"rest_held": "held", "rest_repeats": "repeats"}
-"""Fields of neck and trunk in a task, each with the field of the arm that replaces it if unknown."""
+"""Task fields of neck and trunk, each with the field of the arm that is used if it is unknown."""
 
 
 class Known:
@@ -107,15 +109,15 @@ class Known:
         posture: posture of the person.
         task: task of the arm and of the rest of the body.
         fields: names of the fields that a scorer needs.
-        spread: half-widths of the intervals in which angles lie [rad], by name; inf: not known; no entry: exact.
+        spread: uncertainty of angles, half-width of an interval [rad], by name; inf: not known; no entry: exact.
 
     Attributes:
         count: number of instants n.
-        spread: as above.
-        assumptions: a sentence for each field that is wholly or partly unknown.
+        spread: uncertainty of angles, as in Args.
+        assumptions: a sentence for each field that is unknown at some or all instants.
 
     Raises:
-        HricError: fields of different lengths.
+        HricError: fields have different lengths.
     """
 
     def __init__(self, posture: Posture, task: Task, fields: Sequence[str], spread: Mapping[str, float]) -> None:
@@ -127,7 +129,7 @@ class Known:
         for name, length in lengths.items():
             if length != self.count or np.ndim(values[name]) > 1:
                 raise HricError(
-                    f"{name} has the shape {np.shape(values[name])}; valid: one value, or ({self.count},) as the others"
+                    f"{name} has the shape {np.shape(values[name])}; valid: one value, or ({self.count},) as others"
                 )
         self.assumptions: list[str] = []
         self._values = {name: self._filled(name, value) for name, value in values.items()}
@@ -136,25 +138,25 @@ class Known:
         return self._values[name]
 
     def assume(self, what: str) -> None:
-        """Record an assumption once."""
+        """Record an assumption, a sentence, unless it is already recorded."""
         if what not in self.assumptions:
             self.assumptions.append(what)
 
     def _filled(self, name: str, value: Any) -> Any:
         if name not in ASSUMED:
             if value is None:
-                self.assumptions.append(f"{name} is not known: taken as not so")
+                self.assumptions.append(f"{name} is not known: assumed false")
             return np.broadcast_to(np.asarray(False if value is None else value, np.bool_), self.count)
         stand_in = ASSUMED[name]
         shown = f"{math.degrees(stand_in):g} deg" if name in ANGLES else f"{stand_in:g}"
         if value is None:
-            self.assumptions.append(f"{name} is not known: taken as {shown}")
+            self.assumptions.append(f"{name} is not known: assumed {shown}")
             return np.full(self.count, stand_in)
         filled = np.array(np.broadcast_to(np.asarray(value, np.float64), self.count))
         missing = ~np.isfinite(filled)
         if missing.any():
             share = f"{int(missing.sum())} of {self.count} instants"
-            self.assumptions.append(f"{name} is not known at {share}: taken as {shown} there")
+            self.assumptions.append(f"{name} is not known at {share}: assumed {shown} there")
             filled[missing] = stand_in
         return filled
 
@@ -166,7 +168,7 @@ SAME = {
     "pronation": "pro_sup",
     "upper_arm_rotation": "sh_rot",
 }
-"""Posture angles with the joints of an arm of `hric_human.body.joints` that they equal."""
+"""Posture angles that equal a joint angle of the arm, with the joint's name in `hric_human.body.joints`."""
 MIDDLE = {
     "neck_flexion": "neck_flex",
     "neck_bend": "neck_bend",
@@ -175,15 +177,20 @@ MIDDLE = {
     "trunk_bend": "trunk_bend",
     "trunk_twist": "trunk_rot",
 }
-"""Posture angles with the joints of neck and trunk that they equal; trunk angles to the pelvis, see `to_vertical`."""
+"""Posture angles that equal a joint angle of neck or trunk, with the joint's name; trunk angles are to the pelvis."""
 
 
 LEVEL = 0.5
-"""Cosine of the sideways tilt beyond which a pelvis has no forward: 60 deg [1] (project default, unconfirmed)."""
+"""Cosine of the sideways tilt of the pelvis (60 deg) above which trunk angles to the vertical are not defined [1].
+
+Project default, unconfirmed.
+"""
 
 
 def of_joints(names: Sequence[str], q: FloatArray, side: str) -> Posture:
-    """Return the posture of a body of `hric_human.body`, trunk relative to pelvis; angles without a joint are None.
+    """Return the posture for joint positions of a body of `hric_human.body`; angles without a joint are None.
+
+    Trunk angles are relative to the pelvis.
 
     Args:
         names: names of the joints, for example "right_el_flex".
@@ -191,10 +198,10 @@ def of_joints(names: Sequence[str], q: FloatArray, side: str) -> Posture:
         side: side of the arm, "right" or "left".
 
     Raises:
-        HricError: another side.
+        HricError: the side is neither "right" nor "left".
     """
     if side not in ("right", "left"):
-        raise HricError(f"no arm {side!r}; valid: right, left")
+        raise HricError(f"the side of the arm is {side!r}; valid: right, left")
     columns = dict(zip(names, np.asarray(q, np.float64).T, strict=True))
     angles: dict[str, Any] = {name: columns.get(f"{side}_{joint}") for name, joint in SAME.items()}
     angles |= {name: columns.get(joint) for name, joint in MIDDLE.items()}
@@ -213,11 +220,11 @@ def of_joints(names: Sequence[str], q: FloatArray, side: str) -> Posture:
 
 
 def upper_arm_elevation(flexion: FloatArray, abduction: FloatArray) -> FloatArray:
-    """Return the angle of an upper arm to one that hangs along the trunk, by its direction [rad]; negative: extension.
+    """Return the elevation of an upper arm: its angle to an arm that hangs along the trunk [rad]; negative: extension.
 
-    A shoulder is Rx(sh_flex) Rz(sh_abd) Ry(sh_rot) in axes X right, Y up, Z back of a right arm, so that the upper arm
-    points along (sin a, -cos a cos f, -cos a sin f): its elevation is acos(cos a cos f), independent of the path. It is
-    extension where the arm is below the shoulder and points farther back than to the side.
+    The shoulder's rotation is Rx(sh_flex) Rz(sh_abd) Ry(sh_rot) in axes X right, Y up, Z back of a right arm. The upper
+    arm thus points along (sin a, -cos a cos f, -cos a sin f), and its elevation is acos(cos a cos f). It counts as
+    extension if the arm is below the shoulder and points farther back than to the side.
 
     Args:
         flexion: sh_flex f, shape (n,) [rad].
@@ -230,12 +237,12 @@ def upper_arm_elevation(flexion: FloatArray, abduction: FloatArray) -> FloatArra
 
 
 def to_vertical(R_world_root: FloatArray, flexion: FloatArray, bend: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return flexion and bend of a trunk to the vertical [rad], z of the world up.
+    """Return flexion and sideways bend of a trunk to the vertical [rad]; z of the world is up.
 
     The axis of the thorax is a = R_world_root Ry(flexion) Rx(bend) z. Left is the pelvis' left, projected onto the
-    horizontal plane, and forward is horizontal and perpendicular to it: flexion = atan2(a_forward, a_up), bend =
-    -asin(a_left), as the joints of the trunk on an upright pelvis. The result is NaN where the horizontal part of the
-    pelvis' left is not above LEVEL.
+    horizontal plane, and forward is horizontal and perpendicular to left: flexion = atan2(a_forward, a_up), bend =
+    -asin(a_left), equal to the trunk's joint angles on an upright pelvis. The result is NaN if the horizontal part of
+    the pelvis' unit vector to the left is not longer than LEVEL.
 
     Args:
         R_world_root: orientation of the root link (x forward, y left, z up), shape (n, 3, 3).
@@ -254,8 +261,8 @@ def to_vertical(R_world_root: FloatArray, flexion: FloatArray, bend: FloatArray)
 def forearm_inward(abduction: FloatArray, rotation: FloatArray, elbow: FloatArray) -> FloatArray:
     """Return the angle of a forearm to the sagittal plane, + towards the midline [rad].
 
-    The forearm points along R_thorax_humerus (0, -cos el_flex, -sin el_flex) in the axes of `upper_arm_elevation`;
-    sh_flex rotates about X and does not change the X component.
+    The forearm points along R_thorax_humerus (0, -cos el_flex, -sin el_flex) in axes X right, Y up, Z back of the
+    thorax; sh_flex rotates about X and does not change the X component.
 
     Args:
         abduction: sh_abd, shape (n,) [rad].

@@ -15,7 +15,7 @@ from hric_core.errors import check_known
 
 
 class Reba(PostureMethod):
-    """REBA of one arm and the rest of the person; an unknown coupling counts as good."""
+    """REBA score of one arm and the rest of the person; an unknown coupling of the hand counts as good."""
 
     table = staticmethod(reba_table)
     task_fields = ("load", "shock", "held", "repeats", "rest_held", "rest_repeats", "rapid")
@@ -24,7 +24,7 @@ class Reba(PostureMethod):
     legs = "REBA, which counts bent knees"
 
     def total(self, scorer: Scorer, task: Task, version: str) -> IntArray:
-        """Return the cells of table C with the points of the activity, shape (n,)."""
+        """Return the REBA score, shape (n,): the cells of table C plus the activity score."""
         table = reba_table()
         check_known("coupling", filter(None, [task.coupling]), table.couplings, table.title)
         neck, trunk, legs = (scorer.part(name) for name in ("neck", "trunk", "legs"))
@@ -51,7 +51,7 @@ def _load(scorer: Scorer, table: RebaTable) -> IntArray:
 
 def _coupling(scorer: Scorer, table: RebaTable, coupling: str | None) -> IntArray:
     if coupling is None:
-        scorer.known.assume(f"coupling is not known: taken as {table.couplings[0]}")
+        scorer.known.assume(f"coupling is not known: assumed {table.couplings[0]}")
     points = table.couplings.index(coupling or table.couplings[0])
     reasons = [f"{name} coupling" for name in table.couplings]
     case = np.full(scorer.known.count, points)

@@ -3,7 +3,7 @@
     scores = rula.score(Posture(upper_arm_flexion=..., elbow_flexion=...), Task(load=1.5))
     scores.score, scores.reasons(0), scores.assumptions
 
-The values are in config/tables/rula.yaml, table A in two versions.
+The values are in config/tables/rula.yaml, table A in the two versions that are in use.
 """
 
 from collections.abc import Mapping
@@ -15,11 +15,11 @@ from hric_assessment.ergonomics.scoring import IntArray, PostureMethod, Scorer, 
 from hric_assessment.tables import PostureTable, RulaTable, rula_table
 
 VERSIONS = ("current", "older")
-"""Versions of table A; the first is the default."""
+"""Names of the versions of RULA's table A; the first is the default."""
 
 
 class Rula(PostureMethod):
-    """RULA of one arm and the rest of the person."""
+    """RULA score of one arm and the rest of the person."""
 
     table = staticmethod(rula_table)
     task_fields = ("load", "static", "shock", "held", "repeats", "rest_held", "rest_repeats")
@@ -27,12 +27,12 @@ class Rula(PostureMethod):
     legs = "the balance of RULA"
 
     def name(self, version: str) -> str:
-        """Return title, edition, and version and mark of table A."""
+        """Return title and edition of the table, and version and mark of table A, for findings."""
         table = rula_table()
         return f"{table.name}, table A {version} ({table.mark if version == VERSIONS[0] else table.older_mark})"
 
     def total(self, scorer: Scorer, task: Task, version: str) -> IntArray:
-        """Return the cells of table C, shape (n,)."""
+        """Return the RULA score, shape (n,): the cells of table C."""
         table = rula_table()
         arm = [scorer.part(name) for name in ("upper_arm", "lower_arm", "wrist", "wrist_twist")]
         rest = [scorer.part(name) for name in ("neck", "trunk", "legs")]
@@ -50,12 +50,12 @@ score = Rula().score
 
 
 def table_a(table: RulaTable, version: str) -> Mapping[str, tuple[int, ...]]:
-    """Return the rows of table A; version: one of VERSIONS."""
+    """Return the rows of RULA's table A in one of its VERSIONS."""
     return {**table.table_a, **(table.older_rows if version == VERSIONS[1] else {})}
 
 
 def _muscle_use(scorer: Scorer, table: PostureTable, group: str) -> IntArray:
-    """Return the points of the arm (group "") or of neck, trunk and legs ("rest_")."""
+    """Return the muscle use points of the arm (group "") or of neck, trunk and legs (group "rest_"), shape (n,)."""
     held, repeats = scorer.known[f"{group}held"], scorer.known[f"{group}repeats"]
     reason = f"held for more than {table.static_time:g} s, or {table.repeats:g} times a minute or more"
     label = "muscle use, neck and trunk" if group else "muscle use"

@@ -1,9 +1,9 @@
-"""Methods that score postures, and their scores over time with the reason of each step.
+"""Posture scoring methods (RULA, REBA, plugins), and their scores over time with the reason for each point.
 
     for key, method in methods().items():
         method.table().title, method.score(posture, task).score
 
-A method is a class exported as a plugin of the base `hric_assessment::PostureMethod`; verdict, report and schema take
+A method is a class exported as a plugin of the base `hric_assessment::PostureMethod`; verdict, report and schema get
 all methods from here.
 """
 
@@ -25,20 +25,20 @@ from hric_core.geometry import FloatArray
 IntArray = np.ndarray[Any, np.dtype[np.signedinteger[Any]]]
 Total = Callable[["Scorer"], IntArray]
 VARIATION = 5.0
-"""Shift of the thresholds chosen by this project, to measure their influence [deg] (project default, unconfirmed)."""
+"""Shift of the thresholds that this project chose, by which their influence is measured [deg] (project default)."""
 
 
 @dataclass(frozen=True)
 class Step:
-    """One contribution to a score.
+    """One contribution to a posture score over time.
 
     Attributes:
         part: part of the body, or of the method.
-        points: shape (n,).
-        reasons: sentences, one of which holds at each instant.
-        case: index of the reason that holds, shape (n,).
-        angle: angle that determines the points, shape (n,) [rad]; None: a flag.
-        spread: half-width of the interval in which the angle lies [rad].
+        points: points at each instant, shape (n,).
+        reasons: possible reasons, phrases.
+        case: index of the reason that applies at each instant, shape (n,).
+        angle: angle that determines the points, shape (n,) [rad]; None: a flag determines them.
+        spread: uncertainty of the angle, half-width of an interval [rad].
     """
 
     part: str
@@ -49,7 +49,7 @@ class Step:
     spread: float = 0.0
 
     def reason(self, index: int) -> str:
-        """Return the points at one instant and the reason for them."""
+        """Return a text with the points at one instant and the reason for them."""
         about = f" +- {math.degrees(self.spread):.1f}" if self.spread else ""
         value = "" if self.angle is None else f" ({math.degrees(self.angle[index]):.1f}{about} deg)"
         return f"{self.part} {self.points[index]:+d}: {self.reasons[self.case[index]]}{value}"
@@ -57,19 +57,20 @@ class Step:
 
 @dataclass(frozen=True)
 class Scores:
-    """Scores over time.
+    """Posture scores over time, with the range that follows from uncertain angles.
 
     Attributes:
         method: title, edition and version of the table.
         table: scoring table.
-        score: shape (n,).
+        score: score at each instant, shape (n,).
         parts: scores of parts of the body and of tables A, B and C, each of shape (n,).
         steps: contributions to `highest`.
-        lowest, highest: smallest and largest score with each angle within its spread, shape (n,).
+        lowest, highest: lowest and highest score that the uncertainty of the angles allows, shape (n,).
         lowest_steps: contributions to `lowest`.
-        stricter, looser: the score with all chosen thresholds smaller, and larger, by VARIATION, shape (n,).
-        assumptions: values assumed for unknown ones. Unknown angles get the lowest score, so the true score can only be
-            higher; unknown support of arm or trunk would lower it.
+        stricter, looser: score with all thresholds that this project chose smaller, and larger, by VARIATION, shape
+            (n,).
+        assumptions: values assumed for unknown fields. Unknown angles get the lowest score, so the true score can only
+            be higher; only unknown support of arm or trunk would lower it.
     """
 
     method: str
@@ -85,41 +86,41 @@ class Scores:
     assumptions: tuple[str, ...]
 
     def reasons(self, index: int) -> list[str]:
-        """Return the reasons of the steps with points at one instant."""
+        """Return points and reason of each contribution that has points at one instant."""
         return [step.reason(index) for step in self.steps if step.points[index] != 0]
 
     def uncertain(self, index: int) -> list[str]:
-        """Return the steps whose points at one instant depend on the spread of an angle."""
+        """Return points and reason of each contribution that at one instant depends on the uncertainty of an angle."""
         pairs = zip(self.steps, self.lowest_steps, strict=True)
         return [high.reason(index) for high, low in pairs if high.points[index] != low.points[index]]
 
     def level(self, index: int) -> str:
-        """Return the name of the level at one instant."""
+        """Return the name of the score's level at one instant, such as "acceptable"."""
         return self.table.level(int(self.score[index]))
 
     @property
     def chosen(self) -> list[str]:
-        """Thresholds that no source defines, and their influence on these scores."""
+        """Sentences about the thresholds that no source defines, and about their influence on these scores."""
         moved = int(np.count_nonzero((self.stricter != self.score) | (self.looser != self.score)))
         lines = [
             f"{name}: {threshold.value:g} deg, chosen here: {threshold.text}"
             for name, threshold in self.table.chosen.items()
         ]
-        return [*lines, f"{VARIATION:g} deg either way change {moved} of {len(self.score)} scores"]
+        return [*lines, f"changing them by {VARIATION:g} deg either way changes {moved} of {len(self.score)} scores"]
 
 
 class Scorer:
     """Scorer of body parts by a table.
 
     Args:
-        table: RULA's or REBA's.
-        known: known fields of the posture and the task.
-        shift: shift of all thresholds chosen by this project [deg].
-        end: end of the spread of each angle that counts: -1 where it scores least, 1 where it scores most, 0 neither.
+        table: scoring table, such as RULA's.
+        known: fields of the posture and the task.
+        shift: shift of all thresholds that this project chose [deg].
+        end: value of uncertain angles that counts: -1 the one with the lowest score, 1 with the highest, 0 the middle.
 
     Attributes:
-        steps: steps of all parts so far.
-        parts: scores of the parts and of the tables.
+        steps: contributions of all parts scored so far.
+        parts: scores of the parts and of tables A, B and C, by name, each of shape (n,).
     """
 
     def __init__(self, table: PostureTable, known: Known, shift: float = 0.0, end: int = 0) -> None:
@@ -136,25 +137,32 @@ class Scorer:
         label = name.replace("_", " ")
         steps = [self._band(label, band) for band in part.bands] + [self._adder(label, adder) for adder in part.add]
         if part.start:
-            steps.insert(0, self.constant(label, part.start, "to begin with"))
+            steps.insert(0, self.constant(label, part.start, "start value"))
         self.steps += steps
         self.parts[name] = np.maximum(1, sum((step.points for step in steps), np.zeros(self.known.count, np.int64)))
         return self.parts[name]
 
     def constant(self, part: str, points: int, reason: str) -> Step:
-        """Return a step with the same points at all instants."""
+        """Return a contribution with the same points at all instants."""
         zeros = np.zeros(self.known.count, np.int8)
         return Step(part, zeros + points, (reason,), zeros)
 
     def flagged(self, part: str, points: int, reason: str, flag: Any) -> IntArray:
-        """Add a step that counts where a flag holds, and return its points, shape (n,)."""
+        """Add a contribution that counts while a flag is True, and return its points, shape (n,)."""
         case = np.asarray(flag, np.int8)
         step = Step(part, points * case, (f"not {reason}", reason), case)
         self.steps.append(step)
         return step.points
 
     def cases(self, part: str, points: Sequence[int], reasons: Sequence[str], case: IntArray) -> IntArray:
-        """Add a step with several cases, and return its points, shape (n,)."""
+        """Add a contribution whose points depend on a case, and return its points, shape (n,).
+
+        Args:
+            part: part of the body, or of the method.
+            points: points of each case.
+            reasons: reason of each case.
+            case: index of the case at each instant, shape (n,).
+        """
         step = Step(part, np.array(points)[case], tuple(reasons), case)
         self.steps.append(step)
         return step.points
@@ -191,7 +199,7 @@ class Scorer:
         return angle + (self._end * self._spread(name) if self._end else 0.0) > threshold
 
     def _spread(self, name: str) -> float:
-        """Return the half-width of the interval in which an angle lies [rad]."""
+        """Return the uncertainty of an angle, half-width of an interval [rad]."""
         return self.known.spread.get(name, 0.0)
 
     def _bound(self, bound: float | str) -> float:
@@ -201,13 +209,13 @@ class Scorer:
 
 
 def scored(table: PostureTable, method: str, known: Known, total: Total) -> Scores:
-    """Return the scores by a table.
+    """Return the posture scores by a table, with their range.
 
     Args:
-        table: RULA's or REBA's.
+        table: scoring table, such as RULA's.
         method: name and version of the table.
-        known: known fields of the posture and the task.
-        total: function that combines the parts into the score.
+        known: fields of the posture and the task.
+        total: function that scores the parts with a scorer and combines them into the score.
     """
     scorer = Scorer(table, known)
     score, stricter, looser = total(scorer), *(total(Scorer(table, known, shift)) for shift in (-VARIATION, VARIATION))
@@ -236,7 +244,7 @@ def _ranges(bounds: Sequence[float]) -> list[str]:
 
 
 def needed(table: PostureTable) -> list[str]:
-    """Return the fields of a posture that the parts of a table need."""
+    """Return the names of the posture fields that a scoring table uses."""
     names: dict[str, None] = {}
     for part in table.parts.values():
         for band in part.bands:
@@ -247,12 +255,12 @@ def needed(table: PostureTable) -> list[str]:
 
 
 def cells(rows: Mapping[str, Sequence[int]], row: IntArray, column: IntArray) -> IntArray:
-    """Return cells of a table, shape (n,).
+    """Look up cells of a table, shape (n,).
 
     Args:
         rows: rows of the table, in order.
-        row: row indices from 1 on, shape (n,); an index beyond the last means the last.
-        column: column indices, likewise.
+        row: row indices from 1 on, shape (n,); an index beyond the last row means the last.
+        column: column indices from 1 on, shape (n,); an index beyond the last column means the last.
     """
     table = np.array(list(rows.values()), np.int64)
     return np.asarray(table[np.minimum(row, table.shape[0]) - 1, np.minimum(column, table.shape[1]) - 1])
@@ -270,15 +278,15 @@ def index(scores: Sequence[IntArray], sizes: Sequence[int]) -> IntArray:
 
 
 class PostureMethod:
-    """Base of a method that scores one arm with the rest of the body; instances have no state.
+    """Base class of methods that score the posture of one arm with the rest of the body; instances have no state.
 
     Attributes:
-        table: returns the scoring table, whose title is the name of the method.
+        table: function that returns the scoring table, whose title is the name of the method.
         task_fields: fields of `Task` that the method needs.
         versions: versions of table A; the first is the default.
-        parts: smallest choice of `human.parts` that has the joints of the method.
-        supplements: True if an unknown score of this method must not hide those of other methods.
-        legs: phrase about what the method gains from the joints of the legs; empty: nothing.
+        parts: smallest value of `human.parts` that has all joints of the method.
+        supplements: True if findings of other methods are to be reported even if this method's score is unknown.
+        legs: phrase about what joints of the legs add to the method's score; empty: nothing.
     """
 
     table: Callable[[], PostureTable]
@@ -289,7 +297,7 @@ class PostureMethod:
     legs = ""
 
     def total(self, scorer: Scorer, task: Task, version: str) -> IntArray:
-        """Score the parts with `scorer` and return the total score, shape (n,); called several times a recording."""
+        """Score the parts with `scorer` and return the total score, shape (n,); called several times per recording."""
         raise NotImplementedError
 
     def name(self, version: str) -> str:
@@ -303,16 +311,16 @@ class PostureMethod:
         version: str = "",
         spread: Mapping[str, float] = MappingProxyType({}),
     ) -> Scores:
-        """Return the scores over time.
+        """Return the scores of a posture over time.
 
         Args:
-            posture: one arm and the rest of the person.
+            posture: posture of one arm and of the rest of the person.
             task: task of that arm; its load counts for the rest of the person, too.
             version: one of `versions`; empty: the default.
-            spread: half-widths of the intervals in which angles lie [rad], by name; inf: not known.
+            spread: uncertainty of angles, half-width of an interval [rad], by name; inf: not known.
 
         Raises:
-            HricError: fields of different lengths, no such version, or a task that the table does not have.
+            HricError: fields have different lengths, the version does not exist, or the table lacks the coupling.
         """
         version, table = version or self.versions[0], self.table()
         if version not in self.versions:
@@ -322,15 +330,15 @@ class PostureMethod:
 
 
 def methods() -> dict[str, PostureMethod]:
-    """Return all methods by the key of their curves in the JSON, their title in lower case.
+    """Return all posture methods, by their title in lower case, which is also their key in the verdict's JSON.
 
     Raises:
-        HricError: a plugin that cannot be imported, or a table that cannot be used.
+        HricError: a plugin cannot be imported, or a table is invalid.
     """
     exported = [plugins.find(plugins.POSTURE_METHOD, name)() for name in plugins.names(plugins.POSTURE_METHOD)]
     return {method.table().title.lower(): method for method in exported}
 
 
 def method_of(subject: str) -> PostureMethod | None:
-    """Return the method that made the finding with a subject; None: the finding is not about a posture."""
+    """Return the posture method of the finding with this subject; None: the finding is not about a posture."""
     return methods().get(subject.partition(" of the ")[0].lower())

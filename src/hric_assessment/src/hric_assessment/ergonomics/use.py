@@ -1,4 +1,4 @@
-"""Static and repeated muscle use, counted from signals over time."""
+"""Static and repeated muscle use: how long a posture is held, and how often a motion is repeated, from signals."""
 
 import math
 
@@ -10,17 +10,17 @@ from hric_core.geometry import FloatArray
 BLOCK = 0.2
 """Time over which a signal is averaged before its motion is counted [s] (project default, unconfirmed)."""
 MINUTE = 60.0
-"""Window in which repeats are counted [s]."""
+"""Length of the time window in which repetitions are counted [s]."""
 
 
 def held(time: FloatArray, signals: FloatArray, tolerance: float, duration: float) -> FloatArray:
-    """Return for how long all signals are held, shape (n,) [s]; 0 outside stretches longer than `duration`.
+    """Return how long all signals are held still at each instant, shape (n,) [s]; 0 if shorter than `duration`.
 
     Args:
-        time: ascending, shape (n,) [s].
-        signals: shape (n, k); a stretch of NaN is bridged, a signal of NaN alone does not count.
-        tolerance: largest difference of two block means within a held stretch.
-        duration: minimum duration of a held stretch [s].
+        time: ascending times, shape (n,) [s].
+        signals: k signals, shape (n, k); NaN is bridged by interpolation, a signal that is all NaN does not count.
+        tolerance: maximum difference of two means over BLOCK while a signal is held, in its unit.
+        duration: minimum duration of holding [s].
     """
     block, means = _blocks(time, signals)
     count = math.floor(duration / BLOCK) + 1
@@ -36,9 +36,9 @@ def repeats(time: FloatArray, signals: FloatArray, amplitude: float) -> FloatArr
     """Return the highest number of repetitions in any minute that contains each instant, shape (n,) [1/min].
 
     Args:
-        time: as in `held`.
-        signals: as in `held`; the signal with the most repetitions counts.
-        amplitude: smallest travel of a motion in one direction.
+        time: ascending times, shape (n,) [s].
+        signals: k signals, shape (n, k), as in `held`; the signal with the most repetitions counts.
+        amplitude: minimum travel of a repeated motion in one direction, in the unit of the signals.
     """
     block, means = _blocks(time, signals)
     window = round(MINUTE / BLOCK)
@@ -52,7 +52,7 @@ def repeats(time: FloatArray, signals: FloatArray, amplitude: float) -> FloatArr
 
 
 def _moves(signal: list[float], amplitude: float) -> list[int]:
-    """Return the indices where a signal has moved `amplitude` from its last turning point, up and down in turn."""
+    """Return the indices at which a signal has moved by `amplitude` since its last turn, up and down alternately."""
     moves, direction, low, high = list[int](), 0, signal[0], signal[0]
     for index, value in enumerate(signal):
         low, high = min(low, value), max(high, value)
@@ -67,7 +67,10 @@ def _moves(signal: list[float], amplitude: float) -> list[int]:
 
 
 def _blocks(time: FloatArray, signals: FloatArray) -> tuple[np.ndarray[tuple[int], np.dtype[np.int64]], FloatArray]:
-    """Return the block of each sample, (n,), and the mean of each signal in each block, gaps interpolated, (b, k)."""
+    """Average signals over blocks of BLOCK seconds; return the block of each sample, (n,), and the means, (b, k).
+
+    Blocks without a sample are interpolated.
+    """
     time = np.cumsum(np.minimum(np.diff(time, prepend=time[0]), MINUTE))  # limits the memory after a jump of the stamps
     signals = signals[:, np.isfinite(signals).any(axis=0)]
     block = np.floor(time / BLOCK + 1e-6).astype(np.int64)

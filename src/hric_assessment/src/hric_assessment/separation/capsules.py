@@ -1,4 +1,4 @@
-"""Capsules of bodies and descriptions: distances in closed form, vectorised, and motion over a recording."""
+"""Capsules that enclose the links of a person or a robot: their distances, vectorised, and motion over a recording."""
 
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from hric_human.body import Body
 
 IntArray = np.ndarray[Any, np.dtype[np.int64]]
 _TINY = 1e-300
-"""Replacement for a squared length of zero: a capsule may be a sphere."""
+"""Replacement for a squared axis length of zero [m^2], since a capsule may be a sphere."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class Capsules:
     Attributes:
         links: link of each capsule, k names; a link may have several.
         ends: ends of the axes, in the frames of the links, shape (k, 2, 3) [m].
-        radii: shape (k,) [m].
+        radii: radii of the capsules, shape (k,) [m].
     """
 
     links: tuple[str, ...]
@@ -32,7 +32,11 @@ class Capsules:
     radii: FloatArray
 
     def placed(self, T_world_link: FloatArray) -> FloatArray:
-        """Return the ends in the world, shape (n, k, 2, 3) [m]; T_world_link: pose of each link, shape (n, k, 4, 4)."""
+        """Return the axis ends in the world, shape (n, k, 2, 3) [m].
+
+        Args:
+            T_world_link: pose of each capsule's link at n instants, shape (n, k, 4, 4).
+        """
         R, p = T_world_link[..., :3, :3], T_world_link[..., None, :3, 3]
         return np.asarray(np.einsum("nkij,kej->nkei", R, self.ends) + p)
 
@@ -48,11 +52,11 @@ def of_body(body: Body) -> Capsules:
 
 
 def segment_distance(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return the distance of line segments, shape (...,) [m]; shapes broadcast.
+    """Return the distances of pairs of line segments, shape (...,) [m]; shapes broadcast.
 
     Args:
         a: both ends of each first segment, shape (..., 2, 3) [m].
-        b: both ends of each second segment, likewise.
+        b: both ends of each second segment, shape (..., 2, 3) [m].
     """
     square, _, _ = _nearest(a, b)
     return np.asarray(np.sqrt(np.maximum(square, 0.0)))
@@ -61,7 +65,7 @@ def segment_distance(a: FloatArray, b: FloatArray) -> FloatArray:
 def nearest_points(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the point of each segment that is nearest to the other, shape (..., 3) each [m].
 
-    If there are several nearest points, any one of them. Arguments: see `segment_distance`.
+    If there are several nearest points, any of them is returned. Arguments: see `segment_distance`.
     """
     _, s, t = _nearest(a, b)
     return a[..., 0, :] + s[..., None] * (a[..., 1, :] - a[..., 0, :]), b[..., 0, :] + t[..., None] * (
@@ -100,10 +104,10 @@ def distances(a: FloatArray, radii_a: FloatArray, b: FloatArray, radii_b: FloatA
     """Return the distance of each capsule of one model from each of another, shape (n, k, m) [m]; negative: overlap.
 
     Args:
-        a: ends of the first model, shape (n, k, 2, 3) [m].
-        radii_a: shape (k,) [m].
-        b: ends of the second model, shape (n, m, 2, 3) [m].
-        radii_b: shape (m,) [m].
+        a: axis ends of the first model's capsules, shape (n, k, 2, 3) [m].
+        radii_a: radii of the first model's capsules, shape (k,) [m].
+        b: axis ends of the second model's capsules, shape (n, m, 2, 3) [m].
+        radii_b: radii of the second model's capsules, shape (m,) [m].
     """
     return segment_distance(a[:, :, None], b[:, None]) - radii_a[:, None] - radii_b
 
@@ -113,7 +117,7 @@ Poses = Callable[[FloatArray], FloatArray]
 
 
 def capsules_of(tree: urdf.Robot, links: Iterable[str]) -> tuple[Capsules, list[str]]:
-    """Return the capsules of the collision shapes of some links, and the links whose meshes are left out.
+    """Return the capsules around the collision shapes of some links, and the links whose meshes are left out.
 
     A cylinder becomes the capsule around it, a box the smallest enclosing capsule along its longest edge.
     """
@@ -133,7 +137,7 @@ def capsules_of(tree: urdf.Robot, links: Iterable[str]) -> tuple[Capsules, list[
 
 
 def moved_by(tree: urdf.Robot, joints: Collection[str]) -> list[str]:
-    """Return the links that some joints move, from the root outwards."""
+    """Return the links that some joints move, in the order of the tree's links."""
     moved: set[str] = set()
     for joint in tree.joints.values():
         if joint.name in joints or joint.parent in moved:
@@ -142,7 +146,10 @@ def moved_by(tree: urdf.Robot, joints: Collection[str]) -> list[str]:
 
 
 def _capsule(shape: Shape) -> tuple[FloatArray, float] | None:
-    """Return (half of the capsule axis, in the frame of the shape; radius) [m]; None: a mesh."""
+    """Return the vector from a capsule's middle to an axis end, in the frame of the shape, and its radius [m].
+
+    Return None for a mesh.
+    """
     z = np.array([0.0, 0.0, 1.0])
     if shape.kind == "sphere":
         return 0.0 * z, shape.size[0]
@@ -158,13 +165,13 @@ def _capsule(shape: Shape) -> tuple[FloatArray, float] | None:
 def poses(
     tree: urdf.Robot, joints: Sequence[str], q: FloatArray, T_world_root: FloatArray | None = None
 ) -> dict[str, FloatArray]:
-    """Return T_world_link of all links, shape (n, 4, 4) each.
+    """Return the poses of all links in the world by name, shape (n, 4, 4) each.
 
     Args:
-        tree: the description.
+        tree: URDF of the model.
         joints: names of the columns of q; all other joints are at zero.
         q: joint positions, shape (n, j) [rad or m].
-        T_world_root: shape (n, 4, 4); None: the root is the world.
+        T_world_root: pose of the root link, shape (n, 4, 4); None: the root is the world.
     """
     columns = {name: column for column, name in enumerate(joints)}
     T = {tree.root: np.broadcast_to(np.eye(4), (len(q), 4, 4)) if T_world_root is None else T_world_root}
@@ -175,7 +182,7 @@ def poses(
 
 
 def _motion(joint: urdf.Joint, q: FloatArray) -> FloatArray:
-    """Return the poses of the child in the joint frame by Rodrigues' formula, shape (n, 4, 4)."""
+    """Return the poses of a joint's child link in the joint frame, shape (n, 4, 4); q: joint positions, shape (n,)."""
     T = np.tile(np.eye(4), (len(q), 1, 1))
     if joint.type == "prismatic":
         T[:, :3, 3] = q[:, None] * joint.axis
@@ -186,15 +193,15 @@ def _motion(joint: urdf.Joint, q: FloatArray) -> FloatArray:
 
 
 class CapsuleMotion:
-    """Ends of the capsules of a model over time.
+    """Motion of a model's capsules over time, from recorded joint positions.
 
     Args:
-        tree: description of the model.
-        capsules: capsules of its links.
+        tree: URDF of the model.
+        capsules: capsules of the model's links.
         joints: names of the columns of q; all other joints are at zero.
-        time: ascending, shape (m,) [s].
-        q: joint positions, shape (m, j) [rad]; linear between two samples.
-        root: motion of the root link.
+        time: ascending times of the samples, shape (m,) [s].
+        q: joint positions, shape (m, j) [rad]; interpolated linearly between two samples.
+        root: function from times to poses of the root link; None: the root is the world.
     """
 
     def __init__(
@@ -210,18 +217,18 @@ class CapsuleMotion:
         self._time, self._q, self._root = time, q, root
 
     def __call__(self, time: FloatArray) -> FloatArray:
-        """Return the ends in the world, shape (n, k, 2, 3) [m]; time: shape (n,) [s]."""
+        """Return the axis ends of the capsules in the world, shape (n, k, 2, 3) [m]; time: times, shape (n,) [s]."""
         q = np.array([np.interp(time, self._time, column) for column in self._q.T]).T.reshape(len(time), -1)
         T = poses(self._tree, self._joints, q, None if self._root is None else self._root(time))
         return self._capsules.placed(np.stack([T[link] for link in self._capsules.links], axis=1))
 
 
 def speeds(ends: Callable[[FloatArray], FloatArray], time: FloatArray, block: int = 2000) -> FloatArray:
-    """Return the speed of the fastest end of any capsule, by central differences over +-1 ms, shape (n,) [m/s].
+    """Return the speed of the fastest axis end of all capsules, by central differences over +-1 ms, shape (n,) [m/s].
 
     Args:
-        ends: function from times to the ends of the capsules.
-        time: shape (n,) [s].
+        ends: function from times to the axis ends of the capsules.
+        time: times, shape (n,) [s].
         block: number of instants that are evaluated at once.
     """
     step = 1e-3

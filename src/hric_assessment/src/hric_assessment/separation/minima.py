@@ -1,10 +1,10 @@
-"""Separation of an arm and a person over a run, finely sampled around its minima, and its violations.
+"""Separation of an arm and a person over a run, sampled finely around its minima, and times when it is too small.
 
     found = separation(0.0, 60.0, ends_of_arm, arm.radii, ends_of_person, person.radii)
     found.closest.distance, found.violations(protective_distance(...).total)
 
-Between two instants it is not known: a minimum of another pair of capsules may be missed there, by at most half a
-centimetre for each m/s of approach speed.
+Between two instants the separation is not known: a minimum of another pair of capsules may be missed there; the error
+is at most half a centimetre for each m/s of approach speed.
 """
 
 from collections.abc import Callable
@@ -17,21 +17,21 @@ from hric_core.errors import HricError
 from hric_core.geometry import FloatArray
 
 Ends = Callable[[FloatArray], FloatArray]
-"""Function from robot times, shape (n,) [s], to the ends of the capsules of a model in the world, (n, k, 2, 3) [m]."""
+"""Function from robot times, shape (n,) [s], to the axis ends of a model's capsules in the world, (n, k, 2, 3) [m]."""
 RATE, CLOSE_RATE = 100.0, 1000.0
 """Sampling rates of the run, and around each minimum [Hz] (project defaults)."""
 BLOCK = 250
-"""Number of instants that are evaluated at once: arrays of some MB."""
+"""Number of instants that are evaluated at once, so that arrays are a few MB large."""
 
 
 @dataclass(frozen=True)
 class Closest:
-    """Minimum of the separation.
+    """Minimum of the separation between arm and person.
 
     Attributes:
-        time: robot time [s].
-        distance: separation [m].
-        arm, person: indices of the two capsules.
+        time: robot time of the minimum [s].
+        distance: separation [m]; negative if the capsules overlap.
+        arm, person: indices of the two nearest capsules.
     """
 
     time: float
@@ -42,10 +42,10 @@ class Closest:
 
 @dataclass(frozen=True)
 class Violation:
-    """Stretch in which the separation is below the protective distance.
+    """Time interval in which the separation is below the protective distance.
 
     Attributes:
-        begin, end: robot time of its first and last instant [s].
+        begin, end: robot time of the interval's first and last instant [s].
         time: robot time of the smallest margin [s].
         margin: separation minus protective distance at that time, below 0 [m].
     """
@@ -58,12 +58,12 @@ class Violation:
 
 @dataclass(frozen=True)
 class Separation:
-    """Separation over a run.
+    """Separation between arm and person over a run.
 
     Attributes:
-        time: instants, closer around the minima, shape (n,) [s].
+        time: instants, denser around the minima, shape (n,) [s].
         distance: distance of the nearest capsules, shape (n,) [m].
-        arm, person: indices of these two capsules, shape (n,).
+        arm, person: indices of the nearest capsules, shape (n,).
         minima: all local minima, in order of time.
     """
 
@@ -75,11 +75,15 @@ class Separation:
 
     @property
     def closest(self) -> Closest:
-        """Smallest of the minima."""
+        """Smallest separation of the run."""
         return min(self.minima, key=lambda minimum: minimum.distance)
 
     def violations(self, protective: FloatArray | float) -> list[Violation]:
-        """Return the stretches with a separation below S_p; protective: S_p per instant, shape (n,), or for all [m]."""
+        """Return the intervals in which the separation is below the protective distance.
+
+        Args:
+            protective: protective distance S_p [m], shape (n,), or one value for all instants.
+        """
         margin = self.distance - protective
         below = np.flatnonzero(margin < 0.0)
         groups = np.split(below, np.flatnonzero(np.diff(below) > 1) + 1)
@@ -94,21 +98,21 @@ class Separation:
 def separation(
     begin: float, end: float, arm: Ends, arm_radii: FloatArray, person: Ends, person_radii: FloatArray
 ) -> Separation:
-    """Return the separation of two models over a stretch of time.
+    """Return the separation of arm and person over a time interval.
 
     Args:
-        begin: robot time [s].
-        end: robot time [s].
-        arm: function from times to the ends of the capsules, which interpolates between recorded samples.
-        arm_radii: shape (k,) [m].
-        person: function as for the arm.
-        person_radii: shape (m,) [m].
+        begin: robot time of the interval's begin [s].
+        end: robot time of the interval's end [s].
+        arm: function from times to the axis ends of the arm's capsules.
+        arm_radii: radii of the arm's capsules, shape (k,) [m].
+        person: function from times to the axis ends of the person's capsules.
+        person_radii: radii of the person's capsules, shape (m,) [m].
 
     Raises:
         HricError: end is not after begin, or a position is not finite.
     """
     if not end > begin:
-        raise HricError(f"separation from {begin} to {end} s; valid: an end after the begin")
+        raise HricError(f"the separation is requested from {begin} to {end} s; valid: an end after the begin")
     time = np.linspace(begin, end, int(np.ceil((end - begin) * RATE)) + 1)
     coarse = _nearest(time, arm, arm_radii, person, person_radii)
     around = _around(time, coarse[0])
@@ -126,14 +130,14 @@ def separation(
 def _nearest(
     time: FloatArray, arm: Ends, arm_radii: FloatArray, person: Ends, person_radii: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return (distance, capsule of the arm, capsule of the person) at each instant, shape (n,) each."""
+    """Return distance [m], index of the arm's capsule and of the person's capsule at each instant, shape (n,) each."""
     blocks = []
     for start in range(0, len(time), BLOCK):
         block = time[start : start + BLOCK]
         apart = distances(arm(block), arm_radii, person(block), person_radii).reshape(len(block), -1)
         if not np.all(np.isfinite(apart)):
             at = block[np.flatnonzero(~np.isfinite(apart).all(axis=1))[0]]
-            raise HricError(f"a place of arm or person is not finite at {at:.3f} s; valid: finite numbers")
+            raise HricError(f"a position of arm or person is not finite at {at:.3f} s; valid: finite numbers")
         nearest = np.argmin(apart, axis=1)
         blocks.append((apart[np.arange(len(block)), nearest], *np.divmod(nearest, len(person_radii))))
     if not blocks:
@@ -153,7 +157,7 @@ def _minima(distance: FloatArray) -> IntArray:
 
 
 def _around(time: FloatArray, distance: FloatArray) -> FloatArray:
-    """Return instants at the close rate around each minimum, without the existing ones."""
+    """Return additional instants around each minimum, with rate CLOSE_RATE, shape (k,) [s]."""
     step = time[1] - time[0]
     parts = int(np.ceil(step * CLOSE_RATE))
     offsets = np.arange(-parts + 1, parts) * (step / parts)

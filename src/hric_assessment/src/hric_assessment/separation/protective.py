@@ -3,7 +3,8 @@
     S_p = S_h + S_r + S_s + C + Z_d + Z_r
     S_h = v_h (T_r + T_s),   S_r = v_r T_r,   S_s = v_r T_s / 2 (constant braking) or v_r T_s (nothing known)
 
-All terms are numbers or arrays of one shape. The constants are in config/tables/separation.yaml.
+v_h, v_r: speed of person and robot towards each other; T_r: reaction time, T_s: stopping time of the robot. All terms
+are numbers or arrays of one shape. The constants are in config/tables/separation.yaml.
 """
 
 from typing import NamedTuple
@@ -16,17 +17,17 @@ from hric_core.geometry import FloatArray
 
 Values = FloatArray | float
 TINY = 1e-9
-"""Replacement for a time of zero, in which the person does not approach [s]."""
+"""Replacement for a stopping time of zero, which would be a divisor [s]."""
 
 
 class Terms(NamedTuple):
-    """Terms of the protective distance [m].
+    """Terms of the protective separation distance S_p [m].
 
     Attributes:
         person: S_h, approach of the person until the robot has stopped.
         reaction: S_r, approach of the robot until it starts to brake.
         stopping: S_s, approach of the robot while it brakes.
-        intrusion: C, distance by which a body part may be nearer than the sensor detects.
+        intrusion: C, distance by which a body part can intrude before the sensor detects it.
         person_uncertainty: Z_d, uncertainty of the person's position.
         robot_uncertainty: Z_r, uncertainty of the robot's position.
     """
@@ -45,14 +46,14 @@ class Terms(NamedTuple):
 
 
 class Stop(NamedTuple):
-    """Stop of a robot.
+    """Stop of a robot: reaction time, stopping time and distance.
 
     Attributes:
-        reaction_time: T_r, from the person's motion until braking starts [s].
+        reaction_time: T_r, time from the person's motion until braking starts [s].
         time: T_s, duration of braking from the present speed [s].
-        distance: braking distance [m]; None: not known.
-        constant: True: constant deceleration; otherwise, without a distance, the robot is assumed to move at v_r until
-            it has stopped.
+        distance: braking distance [m]; None: not known, computed from the speed.
+        constant: True if braking has constant deceleration; False: if the distance is not known, the robot is assumed
+            to move at v_r until it has stopped.
     """
 
     reaction_time: Values
@@ -61,7 +62,7 @@ class Stop(NamedTuple):
     constant: bool = False
 
     def braked(self, speed: Values) -> Values:
-        """Return the braking distance S_s from a speed [m/s]."""
+        """Return the braking distance S_s [m] from a speed [m/s]."""
         return (
             np.multiply(speed, self.time) * (0.5 if self.constant else 1.0) if self.distance is None else self.distance
         )
@@ -75,18 +76,19 @@ def protective_distance(
     person_uncertainty: float,
     robot_uncertainty: float,
 ) -> Terms:
-    """Return the terms of S_p.
+    """Return the terms of the protective separation distance S_p.
 
     Args:
-        robot_speed: v_r, towards the person [m/s].
-        person_speed: v_h, towards the robot [m/s]; `person_speed` of this module if it is not measured.
+        robot_speed: speed v_r of the robot towards the person [m/s].
+        person_speed: speed v_h of the person towards the robot [m/s]; if not measured, from the function
+            `person_speed`.
         stop: stop of the robot from that speed.
-        intrusion: C [m].
-        person_uncertainty: Z_d [m].
-        robot_uncertainty: Z_r [m].
+        intrusion: intrusion distance C [m].
+        person_uncertainty: uncertainty Z_d of the person's position [m].
+        robot_uncertainty: uncertainty Z_r of the robot's position [m].
 
     Raises:
-        HricError: a time, speed or distance below 0, or not finite.
+        HricError: a time, speed or distance is below 0, or not finite.
     """
     arguments = {"robot_speed": robot_speed, "person_speed": person_speed, "intrusion": intrusion}
     arguments |= {"person_uncertainty": person_uncertainty, "robot_uncertainty": robot_uncertainty}
@@ -114,16 +116,17 @@ def person_speed(
 ) -> FloatArray:
     """Return the assumed speed v_h of a person whose speed is not measured [m/s].
 
-    By ISO 13855 it is the hand speed if the resulting distance is not above `near`; otherwise it is the walking speed,
-    and the distance is not below `near`. The speed in between that gives `near` is equivalent.
+    By ISO 13855 it is the hand speed as long as the resulting distance is not above the table's value `near`; otherwise
+    it is the walking speed, with a distance of at least `near`. If neither fits, the result is the speed in between
+    with which the distance equals `near`.
 
     Args:
-        robot_speed: v_r, as in `protective_distance` [m/s].
+        robot_speed: speed v_r of the robot towards the person [m/s].
         stop: stop of the robot from that speed.
-        intrusion: C [m].
-        person_uncertainty: Z_d [m].
-        robot_uncertainty: Z_r [m].
-        table: values of the standard; by default those of the package.
+        intrusion: intrusion distance C [m].
+        person_uncertainty: uncertainty Z_d of the person's position [m].
+        robot_uncertainty: uncertainty Z_r of the robot's position [m].
+        table: values of the standard; None: config/tables/separation.yaml.
     """
     table = table or separation_table()
     still = protective_distance(robot_speed, 0.0, stop, intrusion, person_uncertainty, robot_uncertainty).total
@@ -133,14 +136,14 @@ def person_speed(
 
 
 def intrusion(resolution: float, table: ValueTable | None = None) -> float:
-    """Return the intrusion distance C of a sensor that detects bodies of size d or more [m].
+    """Return the intrusion distance C [m] of a sensor that detects bodies of size d or more.
 
     Args:
-        resolution: d [m].
-        table: values of the standard; by default those of the package.
+        resolution: detection capability d of the sensor [m].
+        table: values of the standard; None: config/tables/separation.yaml.
 
     Raises:
-        HricError: d is outside the range of the formula.
+        HricError: d is outside the range of the standard's formula.
     """
     table = table or separation_table()
     if not 0.0 <= resolution <= table["resolution_limit"]:

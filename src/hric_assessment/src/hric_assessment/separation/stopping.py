@@ -1,6 +1,6 @@
-"""Stopping time and distance of an arm by speed and load, rounded to the safe side.
+"""Stopping time and distance of an arm by speed and load, rounded up to the next row of a table.
 
-    table = load(Path("own.yaml"))                 # load() is the emulated arm's, config/stops.yaml
+    table = load(Path("own.yaml"))                 # load() reads that of the emulated arm, config/stops.yaml
     stop = table.stop(speed, load=1.5, perception=0.05)      # for `protective_distance`
 
 The table of the package contains simulated stops of the emulated control box, not of the brake of a real arm.
@@ -22,39 +22,39 @@ from hric_core.parameters import Settings, choice, listing, number, package_yaml
 
 SIMULATION, MEASUREMENT = "simulation", "measurement"
 KINDS = (SIMULATION, MEASUREMENT)
-"""Origins of a table."""
+"""Possible origins of a table of stops."""
 NOT_A_BRAKE = "stops of an emulated arm in simulation, not of a real arm's brake"
-"""Remark on each value that was not measured on an arm."""
+"""Remark on values that were not measured on a real arm."""
 
 
 @dataclass(frozen=True)
 class StopRow(Settings):
-    """One stop."""
+    """Row of a table of stops: time and distance of one stop."""
 
     speed: float = number(above=0.0, unit="m/s", text="speed of the end effector when braking begins")
     load: float = number(0.0, minimum=0.0, unit="kg", text="load of the arm")
-    time: float = number(above=0.0, maximum=10.0, unit="s", text="time from then until the end effector is at rest")
+    time: float = number(above=0.0, maximum=10.0, unit="s", text="time of braking until the end effector is at rest")
     distance: float | None = number(
         None,
         above=0.0,
         unit="m",
         default_text="speed times time",
-        text="distance that the end effector covers in that time",
+        text="distance that the end effector covers while braking",
     )
 
 
 @dataclass(frozen=True)
 class StopTable(Settings):
-    """Stops of an arm by speed and load.
+    """Table of an arm's stops by speed and load.
 
-    There is no interpolation between two rows: a stop from a speed with a load is that of the next row above in both.
-    If a row with less speed and load stops later or farther, that row counts.
+    There is no interpolation: time and distance are those of the next row with at least that speed and load. If a row
+    with lower speed and load has a longer time or distance, those values count.
     """
 
     title: str = text(empty=False, text="title of the table in findings")
     kind: str = choice(*KINDS, default=REQUIRED, text="origin of the values")
     source: str = text(empty=False, text="who or what made the values, when and how")
-    command: str | None = text(None, empty=False, text="command that makes the file again")
+    command: str | None = text(None, empty=False, text="command that reproduces the file")
     reaction_time: float = number(
         minimum=0.0,
         maximum=5.0,
@@ -74,7 +74,7 @@ class StopTable(Settings):
 
     @property
     def name(self) -> str:
-        """Title for findings."""
+        """Title of the table in findings, with a remark if it was simulated."""
         return f"{self.title} ({NOT_A_BRAKE})" if self.kind == SIMULATION else self.title
 
     @property
@@ -83,7 +83,7 @@ class StopTable(Settings):
         return max(row.load for row in self.stops)
 
     def stop(self, speed: Values, load: float = 0.0, perception: float = 0.0) -> Stop:
-        """Return the stop from a speed with a load; an arm at rest stops at once.
+        """Return the stop from a speed with a load; time and distance are 0 for an arm at rest.
 
         Args:
             speed: speed of the end effector, a number or shape (n,) [m/s].
@@ -91,8 +91,8 @@ class StopTable(Settings):
             perception: time from the person's motion until the request to stop [s].
 
         Raises:
-            NotAssessableError: a higher speed or load than in any row.
-            HricError: not a finite number of 0 or more.
+            NotAssessableError: no row has at least that speed and load.
+            HricError: an argument is not a finite number of 0 or more.
         """
         for name, value in (("speed", speed), ("load", load), ("perception", perception)):
             if not np.all(np.isfinite(value) & (np.asarray(value) >= 0.0)):
@@ -102,8 +102,8 @@ class StopTable(Settings):
         if not len(speeds) or fastest > speeds[-1]:
             up_to = f"{speeds[-1]:g} m/s with {load:g} kg" if len(speeds) else f"{self.max_load:g} kg"
             raise NotAssessableError(
-                f"stops from {fastest:.3g} m/s with {load:g} kg are not in {self.title}, which goes up to {up_to}; "
-                "valid: a file of stops that has them"
+                f"{self.title} has no stop from {fastest:.3g} m/s with {load:g} kg, only up to {up_to}; valid: a file "
+                "of stops that includes it"
             )
         index = np.searchsorted(speeds, speed)
         moves = np.asarray(speed) > 0.0
@@ -112,10 +112,10 @@ class StopTable(Settings):
         )
 
     def _from(self, load: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return (speeds, times, distances) with a load, in order of speed, shape (k,) each.
+        """Return speeds [m/s], times [s] and distances [m] of stops with a load [kg], by speed, shape (k,) each.
 
-        For each speed with this load or more it is the best of the rows above, each row being as bad as the worst row
-        with no more speed and load.
+        Each row is first raised to the longest time and distance of all rows with at most its speed and load. For each
+        speed, the shortest time and distance of rows with at least this speed and load then count.
         """
         rows = np.array([[r.speed, r.load, r.time, _distance(r)] for r in self.stops])
         below = (rows[:, None, 0] >= rows[None, :, 0]) & (rows[:, None, 1] >= rows[None, :, 1])
@@ -132,10 +132,10 @@ def _distance(row: StopRow) -> float:
 
 
 def load(path: Path | None = None) -> StopTable:
-    """Return the table of a user's file, or that of the package.
+    """Read a table of stops from a user's file, or, without a path, that of the package.
 
     Raises:
-        HricError: an unusable file, with all its mistakes.
+        HricError: the file is invalid; all its mistakes are listed.
     """
     if path is None:
         return StopTable.of(package_yaml(__file__, "stops"), "stops.yaml:")
@@ -143,7 +143,7 @@ def load(path: Path | None = None) -> StopTable:
 
 
 def as_yaml(table: StopTable) -> str:
-    """Return the table as the text of a file for `load`."""
+    """Return a table of stops as YAML text that `load` reads."""
     content = {key: value for key, value in asdict(table).items() if value is not None}
     stops = content.pop("stops")
     head = yaml.safe_dump(content, sort_keys=False, width=10_000, allow_unicode=True)

@@ -1,4 +1,4 @@
-"""Online supervision of a collaboration: distances of the person, and the speed that the arm may have.
+"""Online supervision of a collaboration: measures the person's distance and limits the arm's speed accordingly.
 
-An estimate of a model and a help in experiments: no certified safety function, and no protective stop.
+It is an estimate of a model and an aid for experiments: no certified safety function, and no protective stop.
 """

@@ -1,4 +1,4 @@
-"""Supervisor on a node, on a ROS master or in a headless run."""
+"""Supervisor as an application: parameters, topics and decisions, on a ROS master or in a headless run."""
 
 import math
 import threading
@@ -29,34 +29,35 @@ from hric_core.node import Node
 from hric_msgs.msg import SafetyEvent, SafetyState, SpeedScale, SpeedScaleState
 
 NAME = "hric/safety/supervisor"
-"""Name of the node, below the robot's namespace; its topics are next to it."""
+"""Name of the supervisor's node, below the robot's namespace; its topics are in hric/safety."""
 SILENCE = 10.0
-"""Number of missed decisions after which the robot stops by itself; chosen here."""
+"""Number of missed decisions after which the robot stops by itself (project default, unconfirmed)."""
 MARKERS_PERIOD = 0.05
 """Period of the markers for rviz [s]."""
 CONTROLLERS_PERIOD = 0.25
-"""Period at which running controllers are checked [s]; chosen here."""
+"""Period at which running controllers are checked [s] (project default, unconfirmed)."""
 WARNED = ("fault", "violation", "holder_lost")
 """Event kinds that are logged as warnings."""
 KEPT = 100_000
-"""Maximum number of stored latencies: a quarter of an hour of decisions."""
+"""Maximum number of stored latencies: decisions of a quarter of an hour."""
 Call = Callable[[str, type, Any], Any]
 """Function (absolute name, type, request) -> response of a service."""
 
 
 class SupervisorApp:
-    """Supervisor that reads its parameters, subscribes, decides on request, and publishes.
+    """Supervisor that subscribes to arm and persons, decides when `decide` is called, and publishes the decision.
 
     Args:
-        node: private node.
+        node: node of the supervisor, with private names.
         call: function that calls a service.
 
     Attributes:
         settings: parameters of the node.
-        latencies: delays from the stamp of a person's pose to the robot cycle in which the slow-down started [s].
+        latencies: delays from the stamp of a person's pose to the robot cycle that first obeyed a lower speed scale
+            [s].
 
     Raises:
-        HricError: a parameter that is not valid, or a real arm without the acknowledgement.
+        HricError: a parameter is invalid, or the arm is real and `acknowledge_no_safety_function` is not set.
     """
 
     def __init__(self, node: Node, call: Call) -> None:
@@ -93,20 +94,20 @@ class SupervisorApp:
         address = str(self._node.param(f"{self._root}robot/robot_ip", ""))
         if address and not address.startswith("127.") and not self.settings.acknowledge_no_safety_function:
             raise ParameterError(
-                f"the arm at {address} is no emulated one, and this supervisor is no certified safety function: it "
-                "does not replace the protective stop of the cell. Valid: an address 127.*, or "
+                f"the arm at {address} may be real, and this supervisor is no certified safety function: it does not "
+                "replace the protective stop of the cell. Valid: an address 127.* (emulated arm), or "
                 f"{self._node.resolve('acknowledge_no_safety_function')}: true"
             )
 
     def on_person(self, came: Callable[[], None]) -> None:
-        """Call `came` for each newer pose of a person, in the thread that received it."""
+        """Call `came` for each new pose of a person, in the thread that received it."""
         for person in self._persons:
             person.came = came
 
     # -- deciding ------------------------------------------------------------------------------------------------------
 
     def decide(self, now: float) -> Decision:
-        """Decide at robot time `now` [s], one thread at a time, and publish after the lock is released."""
+        """Decide at robot time `now` [s] and publish the decision; callable from any thread, one at a time decides."""
         with self._lock:
             person, *others = [person.take() for person in self._persons]
             decision = self._supervisor.decide(now, self._arm.take(), person, self._in_force, others)
@@ -121,7 +122,7 @@ class SupervisorApp:
         return decision
 
     def _later(self, act: Callable[[Any], None], argument: Any) -> None:
-        """Queue a publication or log line until no lock is held."""
+        """Queue a publication or log line, to be sent by `_send` when no lock is held."""
         self._outgoing.append(lambda: act(argument))
 
     def _send(self) -> None:
@@ -136,7 +137,7 @@ class SupervisorApp:
     def _request(self, decision: Decision) -> None:
         message = topics.request(decision, SILENCE / self.settings.rate)
         if not decision.fault:
-            if len(self._slower) > KEPT:  # no robot accepts the requests
+            if len(self._slower) > KEPT:  # happens only if no robot accepts the requests
                 self._slower.clear()
             self._slower[message.header.stamp.to_nsec()] = decision.scale < self._scale
         self._scale = decision.scale
@@ -149,19 +150,19 @@ class SupervisorApp:
                 self._later(self._node.log_warn if event.kind in WARNED else self._node.log_info, event.text)
 
     def _of_holders(self) -> list[DecisionEvent]:
-        """Return an event if another node has limited the speed, or such a node was lost, since the last call."""
+        """Return an event if, since the last call, another node began to limit the speed, or such a node was lost."""
         (holder, lost), before = self._holder, self._holder_reported
         self._holder_reported = self._holder
         if self._holder == before or not holder or (holder == self._node.namespace and not lost):
             return []
         if lost:
-            return [DecisionEvent("holder_lost", f"{holder} requested no speed in time: the arm stops until it does")]
-        return [
-            DecisionEvent("held", f"{holder} requests a lower speed scale than the supervisor, and limits the speed")
-        ]
+            return [
+                DecisionEvent("holder_lost", f"{holder} requested no speed scale in time: the arm stops until it does")
+            ]
+        return [DecisionEvent("held", f"{holder} limits the speed: it requests a lower scale than the supervisor")]
 
     def _on_taken(self, message: Any) -> None:
-        """Store the speed scale in force since the robot accepted a request, and the latency since the measurement."""
+        """Store the speed scale that the robot now obeys, and the latency since the measurement of the person."""
         self._holder = message.holder, message.expired
         self._in_force = InForce(message.header.stamp.to_sec(), message.requested, message.scale)
         slower = self._slower.pop(message.request.to_nsec(), None)
@@ -174,7 +175,7 @@ class SupervisorApp:
     # -- controllers ---------------------------------------------------------------------------------------------------
 
     def stop_others(self, now: float) -> None:
-        """Stop the controllers that command the arm without declaring that they obey; now: robot time [s]."""
+        """Stop all controllers that command the arm but do not declare to obey the speed scale; now: robot time [s]."""
         if not self.settings.active:
             return
         listed = self._call(
@@ -187,8 +188,8 @@ class SupervisorApp:
         request = SwitchControllerRequest(stop_controllers=others, strictness=SwitchControllerRequest.BEST_EFFORT)
         done = self._call(f"{self._root}controller_manager/switch_controller", SwitchController, request)
         names = ", ".join(others)
-        text = f"{names} commands and does not obey the speed scale: " + (
-            "stopped" if done.ok else "IT COULD NOT BE STOPPED"
+        text = f"controller {names} commands the arm and does not obey the speed scale: " + (
+            "it was stopped" if done.ok else "IT COULD NOT BE STOPPED"
         )
         if done.ok or names not in self._refused:
             self._refused.add(names)
@@ -199,17 +200,17 @@ class SupervisorApp:
     # -- the end -------------------------------------------------------------------------------------------------------
 
     def latency_text(self) -> str:
-        """Return median and 99 % of the latencies as text."""
+        """Return median and 99th percentile of the latencies as text."""
         if not self.latencies:
-            return "no slow-down"
+            return "the supervisor has not slowed the arm"
         median, late = np.percentile(np.array(self.latencies), [50, 99])
         return (
-            f"from the person's pose to the slowing arm: median {1e3 * median:.1f} ms, 99 % {1e3 * late:.1f} ms "
-            f"({len(self.latencies)} slow-downs)"
+            f"latency from the measurement of the person to the slowing arm: median {1e3 * median:.1f} ms, 99th "
+            f"percentile {1e3 * late:.1f} ms ({len(self.latencies)} slow-downs)"
         )
 
     def close(self) -> None:
-        """Unregister all topics; a supervised robot then gets no more requests and stops by itself."""
+        """Unregister all topics; a supervised robot then receives no more requests and stops by itself."""
         of_persons = [registration for person in self._persons for registration in person.registrations]
         for registration in (*self._arm.registrations, *of_persons, self._taken):
             registration.unregister()
@@ -218,10 +219,10 @@ class SupervisorApp:
 
 
 class HeadlessSupervisor(SupervisorApp):
-    """Supervisor that decides by robot time.
+    """Supervisor of a headless run, which decides at its rate in robot time.
 
     Args:
-        node: private node.
+        node: node of the supervisor, with private names.
         call: function that calls a service.
 
     Attributes:
@@ -244,10 +245,10 @@ class HeadlessSupervisor(SupervisorApp):
 
 
 def robot_namespace(namespace: str) -> str:
-    """Return the robot's namespace with a trailing slash; namespace: `<robot>/hric/safety/supervisor`."""
+    """Return the robot's namespace with a trailing slash; namespace: of the node, `<robot>/hric/safety/supervisor`."""
     end = f"/{NAME}"
     if not namespace.endswith(end):
-        raise HricError(f"the supervisor runs as {namespace}; valid: as {NAME} below the robot's namespace")
+        raise HricError(f"the supervisor's node is named {namespace}; valid: {NAME} below the robot's namespace")
     return namespace.removesuffix(end) + "/"
 
 

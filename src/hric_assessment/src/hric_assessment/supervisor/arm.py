@@ -1,4 +1,4 @@
-"""Position and velocity of an arm: the capsules of its description at its joint positions."""
+"""Position and velocity of an arm, as capsules around the links of its URDF."""
 
 import math
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from hric_core.urdf import read
 from hric_dynamics.tree import Tree
 
 STEP = 1e-3
-"""Time step along the present velocity, for point speeds [s]: curvature changes them by less than 1e-3."""
+"""Time step along the present velocity by which point velocities are computed [s]; relative error below 1e-3."""
 
 
 class ArmState(NamedTuple):
@@ -32,12 +32,12 @@ class ArmState(NamedTuple):
 
 
 class InForce(NamedTuple):
-    """Speed scale of the robot in a cycle that accepted a request.
+    """Speed scale that the robot obeyed in a cycle, as it reported after a request.
 
     Attributes:
-        stamp: robot time of that cycle [s].
-        requested: target of the scale.
-        scale: scale in force.
+        stamp: robot time of the cycle [s].
+        requested: requested speed scale, 0 to 1.
+        scale: speed scale that the robot obeyed in that cycle, on its way to the requested one.
     """
 
     stamp: float = -math.inf
@@ -46,13 +46,13 @@ class InForce(NamedTuple):
 
 
 class PlacedCapsules(NamedTuple):
-    """Capsules in the world.
+    """Capsules of an arm in the world at one instant.
 
     Attributes:
-        ends: shape (k, 2, 3) [m].
+        ends: ends of the axes, shape (k, 2, 3) [m].
         velocities: velocities of the ends, shape (k, 2, 3) [m/s].
-        radii: shape (k,) [m].
-        links: k names.
+        radii: radii of the capsules, shape (k,) [m].
+        links: names of the links, k texts.
     """
 
     ends: FloatArray
@@ -62,14 +62,14 @@ class PlacedCapsules(NamedTuple):
 
 
 class ArmShape:
-    """Capsules of the moving links of a description; links fixed to the world are left out, since nothing slows them.
+    """Capsules around the moving links of an arm's URDF; links that are fixed to the world are left out.
 
     Args:
-        description: URDF, whose root is the world.
+        description: URDF as text, whose root is the world.
         joints: joints with known positions, in order; all others stay at zero.
 
     Raises:
-        DescriptionError: a joint that is not in the description, or no moving link has a shape.
+        DescriptionError: a joint is not in the URDF, no moving link has a shape, or a shape is a mesh.
     """
 
     def __init__(self, description: str, joints: Sequence[str]) -> None:
@@ -86,37 +86,43 @@ class ArmShape:
         self.capsules, left_out = capsules_of(self.tree, moving)
         if left_out:
             raise DescriptionError(
-                f"a <mesh> has no capsule: {', '.join(left_out)} of {self.tree.name}; valid: capsules, cylinders, "
-                "spheres, boxes"
+                f"a collision <mesh> has no capsule: {', '.join(left_out)} of {self.tree.name}; valid: capsules, "
+                "cylinders, spheres, boxes"
             )
         if not self.capsules.links:
             raise DescriptionError(f"no moving link of {self.tree.name} has a collision shape")
 
     def poses(self, q: FloatArray) -> dict[str, FloatArray]:
-        """Return T_world_link of all links for n rows of joint positions, shape (n, 4, 4) each; q: shape (n, j)."""
+        """Return the poses of all links in the world by name, shape (n, 4, 4) each.
+
+        q: joint positions, shape (n, j).
+        """
         return poses(self.tree, self.joints, q)
 
     def ends(self, q: FloatArray) -> FloatArray:
-        """Return the ends of the capsules, shape (n, k, 2, 3) [m]; q: shape (n, j)."""
+        """Return the axis ends of the capsules in the world, shape (n, k, 2, 3) [m].
+
+        q: joint positions, shape (n, j).
+        """
         T = self.poses(q)
         return self.capsules.placed(np.stack([T[link] for link in self.capsules.links], axis=1))
 
     def at(self, state: ArmState) -> PlacedCapsules:
-        """Return the present capsules with their velocities."""
+        """Return the capsules in the world, with their velocities, for a state of the arm."""
         now, ahead = self.ends(np.array([state.q, state.q + STEP * state.dq]))
         return PlacedCapsules(now, (ahead - now) / STEP, self.capsules.radii, self.capsules.links)
 
     def reflected_mass(
         self, q: FloatArray, rotors: FloatArray, link: str, point: FloatArray, direction: FloatArray
     ) -> float:
-        """Return m_u = 1/(u' J (M + B)^-1 J' u) [kg]; NaN where M + B is singular.
+        """Return the reflected mass 1/(u' J (M + B)^-1 J' u) [kg] of a point; NaN if M + B is singular.
 
         Args:
             q: joint positions, shape (j,) [rad or m].
             rotors: rotor inertias B at the joints, shape (j,) [kg m^2].
-            link: link of the description.
+            link: link of the arm.
             point: point of the link in the world, shape (3,) [m].
-            direction: u, shape (3,).
+            direction: unit vector u in the world, shape (3,).
         """
         M = self._dynamics.mass_matrix(q.tolist())
         row = direction @ self._dynamics.point_jacobian(q.tolist(), link, point.tolist())
@@ -128,7 +134,7 @@ class ArmShape:
 
     @property
     def moving_mass(self) -> float:
-        """Mass of all links behind the first joint [kg]."""
+        """Mass of all links that are not fixed to the world [kg]."""
         fixed = self.tree.rigid_groups()
         return sum(
             link.mass.mass

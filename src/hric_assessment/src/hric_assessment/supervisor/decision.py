@@ -1,4 +1,4 @@
-"""Decision of the supervisor: from the states of arm and person to the speed that the arm may have."""
+"""Decisions of the supervisor: the speed scale that the arm may have, from the states of arm and persons."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -21,15 +21,15 @@ from hric_core.geometry import FloatArray, Vector
 WORLD = "world"
 FREE, SLOWED, STOPPED = "free", "slowed", "stopped"
 UNHINDERED = InForce()
-"""Speed scale of a robot without requests."""
+"""Speed scale of a robot that has received no request: full speed."""
 _KINDS = {FREE: "freed", SLOWED: "slowed", STOPPED: "stopped"}
 
 
 class DecisionEvent(NamedTuple):
-    """Event for the log.
+    """Event that the supervisor publishes and logs.
 
     Attributes:
-        kind: fault, recovered, stopped, slowed, freed, violation, moved.
+        kind: fault, recovered, stopped, slowed, freed, violation, moved, held, holder_lost or controller_stopped.
         text: description for the log.
     """
 
@@ -38,14 +38,15 @@ class DecisionEvent(NamedTuple):
 
 
 class Permitted(NamedTuple):
-    """Limits that a mode allows.
+    """Limits that the supervisor's mode permits.
 
     Attributes:
-        scale: speed scale.
+        scale: speed scale, 0 to 1.
         part: index of the person's capsule with the lowest limit; -1: none.
-        contact_speed: speed that a contact with its region permits [m/s]; NaN in other modes.
+        contact_speed: permitted contact speed for that capsule's region [m/s]; NaN except in the mode
+            power_and_force_limiting.
         stiffness, force: limits for Cartesian controllers [N/m], [N].
-        reason: reason that replaces the one with distances.
+        reason: reason for the scale, in place of the default one with distances; empty: the default.
     """
 
     scale: float
@@ -58,15 +59,15 @@ class Permitted(NamedTuple):
 
 @dataclass(frozen=True)
 class NearestPart:
-    """Body part with the smallest margin.
+    """Body part whose distance exceeds its protective distance by the least.
 
     Attributes:
-        terms: terms of its protective distance.
+        terms: terms of the body part's protective distance.
         margin: distance minus protective distance [m].
-        robot_speed, person_speed: v_r and v_h [m/s].
+        robot_speed, person_speed: speeds v_r and v_h towards each other [m/s].
         robot_link, person_link: nearest links.
-        region: region of ISO/TS 15066; several joined; empty if there is none.
-        robot_point, person_point: nearest points on the capsule axes [m].
+        region: region of ISO/TS 15066; several are joined by commas; empty if there is none.
+        robot_point, person_point: nearest points on the capsule axes in the world [m].
     """
 
     terms: Terms
@@ -82,20 +83,20 @@ class NearestPart:
 
 @dataclass(frozen=True)
 class Decision:
-    """Decision at one instant.
+    """Decision of the supervisor at one instant.
 
     Attributes:
         time: robot time [s].
         perception: stamp of the person's pose [s]; NaN before the first.
         state: free, slowed or stopped.
-        scale: speed scale.
-        stiffness, force: limits [N/m], [N].
-        fault: reason why no decision was possible; empty: no fault.
+        scale: speed scale, 0 to 1.
+        stiffness, force: limits for Cartesian controllers [N/m], [N].
+        fault: reason why no decision was possible; empty: no fault. With a fault the scale is 0.
         reason: reason for the scale, as text.
-        separation: smallest distance [m]; NaN with a fault.
-        part: body part that decides; None with a fault.
-        violation: True if the arm moves closer than the protective distance.
-        contact_speed: see `Permitted`.
+        separation: smallest distance between arm and person [m]; NaN with a fault.
+        part: body part with the smallest margin; None with a fault.
+        violation: True if the arm moves although a body part is closer than its protective distance.
+        contact_speed: permitted contact speed [m/s]; NaN except in the mode power_and_force_limiting.
         events: events since the previous decision.
     """
 
@@ -120,7 +121,7 @@ class Decision:
 
 
 class PersonMotion:
-    """Velocity estimator of one person, from two observations."""
+    """Estimator of one person's velocities from two successive observations."""
 
     def __init__(self) -> None:
         self._before: Observation | None = None
@@ -131,7 +132,7 @@ class PersonMotion:
         self._before = None
 
     def velocities(self, person: Observation) -> FloatArray:
-        """Return the velocities of the ends of the capsules, shape (m, 2, 3) [m/s]."""
+        """Return the velocities of the axis ends of the person's capsules, shape (m, 2, 3) [m/s]."""
         before, self._before = self._before, person
         if before is None or before.links != person.links:
             self._velocities = np.zeros_like(person.ends)
@@ -141,17 +142,16 @@ class PersonMotion:
 
 
 class Supervisor:
-    """Supervisor that decides cyclically, with the memory that hysteresis and velocities need.
+    """Supervisor that decides cyclically; it stores what hysteresis and velocities need from earlier cycles.
 
     Args:
         settings: parameters of the supervisor.
-        arm: shape of the robot.
-        rotors: rotor inertias at the joints, shape (j,) [kg m^2]; None: not known.
-        frames: T_world_frame of each frame in which persons are observed, shape (4, 4); None: only the root of the
-            arm's description.
+        arm: capsules of the robot.
+        rotors: rotor inertias at the joints, shape (j,) [kg m^2]; None: not known, taken as 0.
+        frames: pose in the world of each frame in which persons may be observed, shape (4, 4); None: only the world.
 
     Raises:
-        HricError: no such table of limits.
+        HricError: there is no such table of limits, or the table or the file of stops is invalid.
     """
 
     def __init__(
@@ -181,14 +181,14 @@ class Supervisor:
         in_force: InForce = UNHINDERED,
         others: Sequence[Observation | None] = (),
     ) -> Decision:
-        """Decide from the newest data what the arm may do from robot time `now` [s] on.
+        """Decide from the newest data which speed scale the arm may have from robot time `now` [s] on.
 
         Args:
             now: robot time [s].
             arm: state of the arm; None: not known.
             person: observation of the person; None: not known.
-            in_force: speed scale of the robot.
-            others: further persons, in the order of `settings.persons`.
+            in_force: speed scale that the robot obeys now.
+            others: observations of further persons, in the order of `settings.persons`.
         """
         persons = (person, *others)
         fault = self._watch.fault(now, arm, persons)
@@ -204,13 +204,13 @@ class Supervisor:
     def _decided(
         self, now: float, arm: ArmState, person: Observation, velocities: FloatArray, in_force: InForce
     ) -> Decision:
-        """Decide from valid data; velocities: of the ends of the person's capsules, shape (m, 2, 3) [m/s]."""
+        """Decide from valid data; velocities: of the axis ends of the person's capsules, shape (m, 2, 3) [m/s]."""
         placed, stamp = self._arm.at(arm), person.stamp
         speeds = np.linalg.norm(placed.velocities, axis=2)
         fastest = float(speeds.max())
         if fastest > self._stopping.fastest:
-            known = f"its stops are known up to {self._stopping.fastest:g} m/s"
-            return self._faulty(now, stamp, f"the arm is too fast: {fastest:.2f} m/s, and {known}")
+            known = f"the table of stops goes up to {self._stopping.fastest:g} m/s"
+            return self._faulty(now, stamp, f"the arm is too fast: {fastest:.2f} m/s, but {known}")
         self._speed = max(self._speed, fastest)
         near = nearness(placed, person, velocities)
         allowed = self._allowed(arm, placed, person, near, 0.0)
@@ -221,7 +221,7 @@ class Supervisor:
         braking = self._stopping.left(now, min(arm.stamp, person.stamp), in_force, fastest)
         human, terms = self._protective.measured(near, braking)
         part = _part(placed, person, near, human, terms)
-        # An arm that must stand still, has stopped and moves again is moved by others.
+        # An arm that must stand still, has stopped, and moves again is moved by something else than its controller.
         self._stood = before == 0.0 and (self._stood or at_rest)
         violation = part.margin < 0.0 and not at_rest and not self._stood
         is_moved = self._stood and not at_rest
@@ -243,7 +243,13 @@ class Supervisor:
         return Decision(now, stamp, self._state, 0.0, fault=fault, reason=fault, events=events)
 
     def _smoothed(self, now: float, scale: float, freer: float) -> float:
-        """Reduce the scale at once; raise it after the person has been farther away than necessary for a hold time."""
+        """Reduce the scale at once, or raise it if the person has been far enough away for the time `hold`.
+
+        Args:
+            now: robot time [s].
+            scale: scale permitted now.
+            freer: scale that is permitted with the hysteresis, as if the person were nearer.
+        """
         if scale <= self._scale:
             if scale < self._scale or freer <= self._scale:
                 self._since = now
@@ -257,21 +263,29 @@ class Supervisor:
     def _events(
         self, scale: float, fault: str, reason: str, moves: tuple[bool, bool], part: NearestPart | None
     ) -> list[DecisionEvent]:
-        """Return the new events; moves: True if the arm moves although it must not, and True if others move it."""
+        """Return the new events, and store the state for the next decision.
+
+        Args:
+            scale: speed scale of the decision.
+            fault: fault of the decision; empty: none.
+            reason: reason for the scale.
+            moves: True if the arm moves although it must not; True if something else than its controller moves it.
+            part: body part with the smallest margin; None with a fault.
+        """
         events = []
         violation, is_moved = moves
         if fault and fault.split(":")[0] != self._fault.split(":")[0]:
             events.append(DecisionEvent("fault", fault))
         elif self._fault and not fault:
             events.append(
-                DecisionEvent("recovered", "the fault is cleared; the arm continues when the person is far enough")
+                DecisionEvent("recovered", "the fault is cleared; the arm continues when the person is far enough away")
             )
         state = STOPPED if scale == 0.0 else FREE if scale == 1.0 else SLOWED
         if state != self._state:
             events.append(DecisionEvent(_KINDS[state], reason))
         if violation and not self._violated and part is not None:
-            text = f"{part.person_link} is nearer to {part.robot_link} than permitted while the arm moves, by"
-            events.append(DecisionEvent("violation", f"{text} {-part.margin:.3f} m"))
+            near = f"{part.person_link} is {-part.margin:.3f} m nearer to {part.robot_link} than permitted"
+            events.append(DecisionEvent("violation", f"{near} while the arm moves"))
         if is_moved and not self._moved:
             events.append(DecisionEvent("moved", "the arm must stand still, but something else moves it"))
         self._state, self._fault, self._violated, self._moved = state, fault, violation, is_moved
@@ -282,7 +296,7 @@ class Supervisor:
     def _allowed(
         self, arm: ArmState, placed: PlacedCapsules, person: Observation, near: CapsuleNearness, less: float
     ) -> Permitted:
-        """Return the limits of the mode, as if the person were nearer by `less` [m]."""
+        """Return the limits that the mode permits, as if the person were nearer by `less` [m]."""
         mode, distance = self.settings.mode, near.distance - less
         by_distance = self._protective.permitted(distance, near.person_speed, self._speed)
         if mode == HAND_GUIDED:
@@ -297,7 +311,7 @@ class Supervisor:
     def _by_contact(
         self, arm: ArmState, placed: PlacedCapsules, person: Observation, near: CapsuleNearness, by_distance: FloatArray
     ) -> Permitted:
-        """Return limits: each body part is far enough away, or the arm slow enough for a contact with its region."""
+        """Return limits with which each body part is far enough away, or the arm slow enough for contact with it."""
         worst = int(np.argmin(by_distance))
         if by_distance[worst] >= 1.0:
             return Permitted(1.0, worst)
@@ -318,7 +332,10 @@ class Supervisor:
         )
 
     def _contact_speed(self, regions: Sequence[str], mass: float) -> float:
-        """Return the lowest permitted contact speed of some regions [m/s]; 0 if no contact is permitted."""
+        """Return the lowest permitted contact speed of some regions [m/s]; 0 if contact is not permitted.
+
+        mass: reflected mass of the arm [kg].
+        """
         if not regions or not math.isfinite(mass):
             return 0.0
         try:
@@ -328,7 +345,7 @@ class Supervisor:
             return 0.0
 
     def _guided(self, person: Observation, distance: FloatArray, towards: FloatArray) -> Permitted:
-        """Return the limits while a hand guides the arm and all other body parts of all persons keep their distance."""
+        """Return the limits for hand guiding: all body parts but the guiding arm must be far enough away."""
         settings = self.settings
         hands = [at for at, regions in enumerate(person.regions) if HAND in regions]
         at_arm = [at for at in hands if distance[at] <= settings.guided_distance]
@@ -349,7 +366,7 @@ class Supervisor:
     ) -> str:
         part = allowed.part
         where = f"{person.links[part]} is {near.distance[part]:.2f} m from {placed.links[near.arm[part]]}"
-        waits = " and was nearer just now" if scale < allowed.scale else ""
+        waits = " and was nearer shortly before" if scale < allowed.scale else ""
         return f"{where}{waits}: {100.0 * scale:.0f} % of the speed"
 
 

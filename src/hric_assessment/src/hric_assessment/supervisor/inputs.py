@@ -1,4 +1,4 @@
-"""Subscriptions of the supervisor: joints of the arm, and sources of the persons' poses."""
+"""Subscriptions of the supervisor: joint states of the arm, and the sources of the persons' poses."""
 
 import threading
 from collections import deque
@@ -24,14 +24,14 @@ from hric_msgs.msg import MocapData, PersonTracking
 from hric_perception.person.settings import PersonSettings
 
 WAITING = 50
-"""Maximum number of messages of a topic that are queued for a pair or a decision (project default, unconfirmed)."""
+"""Maximum number of messages of a topic that wait for their counterpart or a decision (project default)."""
 JOINTS, FRAMES = "joint_states", "hric/perception/mocap"
 PERSON_JOINTS, PERSON_TRACKING = "hric/person/joint_states", "hric/person/tracking"
 HUMAN_JOINTS, HUMAN_ROOT = "hric/human/joint_states", "hric/human/root"
 
 
 class Publishers:
-    """Publishers of the topics of one body: two publishers of one topic would mix two bodies."""
+    """Record of the nodes that publish one body's topics, since two publishers of a topic would mix two bodies."""
 
     def __init__(self) -> None:
         self._names: dict[str, str] = {}
@@ -46,13 +46,13 @@ class Publishers:
             self._fault = f"is doubled: {before} and {name} both publish {topic}"
 
     def take(self) -> str:
-        """Return the fault since the last call; empty: there was none."""
+        """Return the fault found since the last call; empty: there was none."""
         fault, self._fault = self._fault, ""
         return fault
 
 
 class ArmInput:
-    """Newest state of the arm; two nodes that publish its joints are a fault.
+    """Subscription to the arm's joint states; two nodes that publish them are a fault.
 
     Args:
         node: node that subscribes.
@@ -80,17 +80,17 @@ class ArmInput:
         self._newest = ArmState(message.header.stamp.to_sec(), q, dq)
 
     def take(self) -> ArmState | None:
-        """Return the newest state; None before the first."""
+        """Return the newest state of the arm; None before the first."""
         newest, fault = self._newest, self._publishers.take()
         return newest if newest is None or not fault else newest._replace(fault=fault)
 
 
 class PersonInput:
-    """Observations of one person; two nodes that publish one of the topics are a fault.
+    """Subscriptions that observe one person; two nodes that publish one of the topics are a fault.
 
     Attributes:
         frame: frame in which the person is observed.
-        came: callback for a newer observation.
+        came: callback for a new observation.
         registrations: subscriptions.
     """
 
@@ -108,7 +108,7 @@ class PersonInput:
         self.registrations.append(node.subscribe(topic, message_type, on_message))
 
     def take(self) -> Observation | None:
-        """Return the newest observation with the earlier ones since the last call; None before the first."""
+        """Return the newest observation, with those since the last call in `earlier`; None before the first."""
         if new := self._made():
             fault = self._publishers.take()
             self._newest = new[-1]._replace(earlier=tuple(new[:-1]), fault=new[-1].fault or fault)
@@ -120,10 +120,10 @@ class PersonInput:
 
 
 class Pairs:
-    """Pairing of messages of two topics by their stamps, where either topic may be delayed.
+    """Pairing of messages of two topics with equal stamps; either topic may be delayed.
 
     Args:
-        take: callback for both messages.
+        take: callback with both messages of a pair.
     """
 
     def __init__(self, take: Callable[[Any, Any], None]) -> None:
@@ -146,12 +146,12 @@ class Pairs:
 
 
 class _BodyInput(PersonInput):
-    """Person from joint angles and a message with the pose of the root.
+    """Subscriptions to a person's joint angles and, in another message, the pose of the root link.
 
     Args:
-        shape: shape of the body.
+        shape: capsules of the body.
         frame: frame in which the person is observed.
-        kept: maximum number of messages stored between two decisions; the newest are stored.
+        capacity: maximum number of message pairs stored between two decisions; the newest are stored.
     """
 
     def __init__(self, shape: BodyShape, frame: str, capacity: int) -> None:
@@ -172,7 +172,7 @@ class _BodyInput(PersonInput):
         return [self._observation(*self._pairs.popleft()) for _ in range(len(self._pairs))]
 
     def _observation(self, joints: Any, where: Any) -> Observation:
-        """Return the observation of a message pair, only when a decision needs it: messages are more frequent."""
+        """Return the observation of a message pair; where: message with the root's pose, None for a fixed root."""
         stamp, frame = joints.header.stamp.to_sec(), self.frame if where is None else where.header.frame_id
         before, self._joints = self._joints, tuple(joints.name)
         if before not in ((), self._joints):
@@ -185,20 +185,20 @@ class _BodyInput(PersonInput):
 
 
 class HumanInput(_BodyInput):
-    """Simulated human in the robot's plant, from the joint states and, for a walking person, the root.
+    """Subscriptions to the simulated human in the robot's plant: joint states and, if walking, the root's pose.
 
     Args:
         node: node that subscribes.
         root: namespace of the robot, with a trailing slash.
-        person: the section `human` of the experiment.
-        where: name of that parameter.
+        person: section `human` of the experiment.
+        where: name of the parameter with that section, for error messages.
     """
 
     def __init__(self, node: Node, root: str, person: Content | None, where: str) -> None:
         if person is None:
             valid = "the section human of the experiment, or source: marker"
             raise ParameterError(
-                f"{where} is not set, and the source is the human in the robot's plant; valid: {valid}"
+                f"{where} is not set, but the source is the simulated human in the robot's plant; valid: {valid}"
             )
         settings = HumanSettings.of(person, where)
         body = settings.body()
@@ -212,14 +212,14 @@ class HumanInput(_BodyInput):
 
 
 class MarkerInput(PersonInput):
-    """Hand from its rigid body in motion capture; frames without the tracked body are ignored.
+    """Subscription to a hand that motion capture tracks as a rigid body; frames in which it is lost are ignored.
 
     Args:
         node: node that subscribes.
         root: namespace of the robot, with a trailing slash.
         radius: radius of the sphere around the hand [m].
         body: name of the rigid body.
-        frame: frame of the arm's base, in which the data must be.
+        frame: frame of the arm's base, in which the data must be given.
     """
 
     def __init__(self, node: Node, root: str, radius: float, body: str, frame: str) -> None:
@@ -244,14 +244,14 @@ class MarkerInput(PersonInput):
 
 
 class TrackedInput(_BodyInput):
-    """Real person from the joints that the node `person` estimates; ignored while a joint or the root is lost.
+    """Subscriptions to a real person tracked by the node `person`; ignored while a joint or the root is lost.
 
     Args:
         node: node that subscribes.
         root: namespace of the robot, with a trailing slash.
-        person: the section `person` of the experiment; None: its defaults.
-        where: name of that parameter.
-        frame: frame of the arm's base, in which the markers must be.
+        person: section `person` of the experiment; None: its defaults.
+        where: name of the parameter with that section, for error messages.
+        frame: frame of the arm's base, in which the markers must be given.
     """
 
     def __init__(self, node: Node, root: str, person: Content | None, where: str, frame: str) -> None:
@@ -271,7 +271,7 @@ class TrackedInput(_BodyInput):
 
 
 def person_inputs(node: Node, root: str, settings: SupervisorNodeSettings, base: str) -> list[PersonInput]:
-    """Return an input for each of `settings.persons`.
+    """Return the subscriptions for each person of `settings.persons`.
 
     Args:
         node: node of the supervisor.
@@ -280,7 +280,7 @@ def person_inputs(node: Node, root: str, settings: SupervisorNodeSettings, base:
         base: frame of the arm's base.
 
     Raises:
-        ParameterError: the section of a person is missing or not valid.
+        ParameterError: the section of a person is missing or invalid.
     """
     inputs: list[PersonInput] = []
     for name, source in settings.persons:
@@ -296,4 +296,4 @@ def person_inputs(node: Node, root: str, settings: SupervisorNodeSettings, base:
 
 
 def _nobody() -> None:
-    """Do nothing: the default of `came`."""
+    """Do nothing; default of `PersonInput.came`."""

@@ -1,4 +1,4 @@
-"""ROS node `supervisor`."""
+"""Supervisor as a ROS node."""
 
 import threading
 from typing import Any
@@ -12,16 +12,16 @@ from hric_core.ros import RosNode, run
 from hric_core.ros.process import NodeApp
 
 CONTROLLERS_PERIOD = 0.5
-"""Period at which running controllers are checked [s of wall time]; chosen here."""
+"""Period at which running controllers are checked [s of wall time] (project default, unconfirmed)."""
 CALL_TIMEOUT = 2.0
-"""Longest wait for a service [s of wall time]; chosen here."""
+"""Maximum time to wait for a service [s of wall time] (project default, unconfirmed)."""
 
 
 class SupervisorNode(NodeApp):
-    """Node that decides for each new pose of the person, and at its rate without new poses.
+    """ROS node of the supervisor: it decides on each new pose of a person, and at its rate without new poses.
 
     Args:
-        node: private node.
+        node: node of the supervisor, with private names.
     """
 
     def __init__(self, node: RosNode) -> None:
@@ -34,11 +34,11 @@ class SupervisorNode(NodeApp):
         self._thread.start()
 
     def tick(self) -> None:
-        """Decide without a new pose, so that stale data is detected."""
+        """Decide even without a new pose, so that stale data is detected."""
         self._decide()
 
     def _decide(self) -> None:
-        """Decide at most once for a robot time, and no more often than at the rate."""
+        """Decide unless the last decision was less than half a period ago in robot time."""
         now = self._node.now().to_sec()
         with self._deciding:
             if now <= 0.0 or 0.0 <= now - self._decided < 0.5 * self.period:
@@ -51,10 +51,12 @@ class SupervisorNode(NodeApp):
             try:
                 self._app.stop_others(self._node.now().to_sec())
             except HricError as error:
-                rospy.logwarn_throttle(10.0, f"the controllers that command are not known: {error}")
+                rospy.logwarn_throttle(
+                    10.0, f"controllers that do not obey the speed scale cannot be found, nor stopped: {error}"
+                )
 
     def close(self) -> None:
-        """Stop the node and log its latencies."""
+        """Stop the node and log the latencies of its slow-downs."""
         self._stop.set()
         self._thread.join(CALL_TIMEOUT)
         self._node.log_info(self._app.latency_text())
@@ -70,5 +72,5 @@ def _call(name: str, service: type, request: Any) -> Any:
 
 
 def main(text: str) -> int:
-    """Run the node and return its exit code; text: for --help."""
+    """Run the node and return its exit code; text: description for --help."""
     return run("supervisor", text, SupervisorNode, SupervisorNodeSettings)

@@ -1,7 +1,7 @@
-"""Validity checks of the inputs about persons and arm; an invalid input is named and stops the arm.
+"""Validity checks of the data about persons and arm; invalid data is reported as a fault and stops the arm.
 
-Person data is impossible after a jump, a change of size, with two bodies in one, or from a frozen tracker. Such a fault
-ends when the data was valid for `person_hold`.
+A person's data is invalid after a jump or a change of size, if two bodies are mixed, or if the tracker is frozen. Such
+a fault ends when the data has been valid for the time `person_hold`.
 """
 
 from collections.abc import Collection, Sequence
@@ -14,24 +14,24 @@ from hric_assessment.supervisor.settings import HUMAN, SupervisorSettings
 from hric_core.geometry import FloatArray
 
 AHEAD = 0.02
-"""Largest lead of a stamp over the clock [s]: clock messages are 10 ms apart (project default, unconfirmed)."""
+"""Maximum lead of a stamp over the clock [s]; clock messages are 10 ms apart (project default, unconfirmed)."""
 PAUSE = 1.0
-"""Longest time between two decisions; a longer one means that the clock jumped [s] (project default, unconfirmed)."""
+"""Maximum time between two decisions [s]; after a longer one the clock has jumped (project default, unconfirmed)."""
 ARM = "the arm"
 SAME_SIZE = 1e-3
-"""Largest change of a capsule's length or radius due to rounding [m] (project default, unconfirmed)."""
+"""Maximum change of a capsule's length or radius that counts as rounding [m] (project default, unconfirmed)."""
 
 
 class PersonValidator:
-    """Check of each observation of one person against the previous one.
+    """Validity check of one person's observations, each against the previous one.
 
-    An unobserved person may reappear elsewhere: a gap allows `person_max_speed` times its duration, plus
-    `person_uncertainty` for noise. A measured pose that repeats to the last bit is as old as its first occurrence:
-    cameras have noise, and only a frozen tracker repeats a pose. A simulated person may truly stand still.
+    After a gap the person may be elsewhere: a point may have moved by `person_max_speed` times the duration of the gap,
+    plus `person_uncertainty` for noise. A measured pose that repeats bit for bit counts as old as its first occurrence,
+    since cameras have noise and only a frozen tracker repeats a pose. A simulated person may truly stand still.
 
     Args:
-        name: name of the person, for the texts.
-        measured: False for the person in the robot's plant.
+        name: name of the person, for the faults' texts.
+        measured: False for the simulated human in the robot's plant.
         settings: parameters of the supervisor.
     """
 
@@ -40,18 +40,18 @@ class PersonValidator:
         self.reset()
 
     def reset(self) -> None:
-        """Forget all observations, after a jump of the clock."""
+        """Forget all observations and faults, after a jump of the clock."""
         self._last: Observation | None = None
         self._changed_at = -np.inf
         self._fault, self._until = "", -np.inf
 
     def fault(self, now: float, newest: Observation, late: bool) -> str:
-        """Return the fault of a person, or an empty text.
+        """Return the fault of the person's data as text; empty: the data is valid.
 
         Args:
             now: robot time [s].
-            newest: newest observation, with the earlier ones since the last call.
-            late: True if its stamp is not usable.
+            newest: newest observation, with those since the last call in `earlier`.
+            late: True if the observation's stamp is invalid or too old.
         """
         for observation in (*newest.earlier, newest):
             text = observation.fault or ("" if len(observation.ends) else "has no shape")
@@ -64,7 +64,7 @@ class PersonValidator:
         return ""
 
     def _impossible(self, observation: Observation) -> str:
-        """Return why a finite observation is impossible after the last one, or an empty text."""
+        """Return the reason why an observation cannot follow the last one; empty: it can."""
         last = self._last
         if last is None:
             self._changed_at = observation.stamp
@@ -84,18 +84,18 @@ class PersonValidator:
         if distance[at] > 0.0 or not self._measured:
             self._changed_at = observation.stamp
         if (age := observation.stamp - self._changed_at) > settings.max_age:
-            return f"is frozen: the same pose to the last bit for {age:.3f} s, as of a tracker that hangs"
+            return f"is frozen: exactly the same pose for {age:.3f} s, as from a tracker that hangs"
         return ""
 
 
 def _sizes(observation: Observation) -> FloatArray:
-    """Return lengths and radii of the capsules, shape (2 m,) [m]."""
+    """Return lengths and radii of a person's m capsules, shape (2 m,) [m]."""
     lengths = np.linalg.norm(observation.ends[:, 1] - observation.ends[:, 0], axis=1)
     return np.concatenate([lengths, observation.radii])
 
 
 class Watch:
-    """Checks of the inputs before each decision.
+    """Validity checks of the data of arm and persons before each decision.
 
     Args:
         settings: parameters of the supervisor.
@@ -110,7 +110,7 @@ class Watch:
         self._stamps = dict.fromkeys([ARM, *self._names], -np.inf)
 
     def fault(self, now: float, arm: ArmState | None, persons: Sequence[Observation | None]) -> str:
-        """Return why no decision is possible at robot time `now` [s], or an empty text."""
+        """Return the reason why no decision is possible at robot time `now` [s]; empty: it is possible."""
         jumped = self._jumped(now)
         of_persons = [
             self._of_person(now, name, validator, person)
@@ -129,18 +129,18 @@ class Watch:
 
     def _of_person(self, now: float, name: str, validator: PersonValidator, person: Observation | None) -> str:
         if person is None:
-            return f"no pose of {name.replace('the ', 'a ', 1)} has come"
+            return f"no pose of {name.replace('the ', 'a ', 1)} has been received"
         if person.frame not in self._frames:
-            return f"{name} is in frame {person.frame!r}; valid: {', '.join(self._frames)}"
+            return f"the pose of {name} is given in frame {person.frame!r}; valid: {', '.join(self._frames)}"
         bad = ~np.isfinite(person.ends).all(axis=(1, 2))
         if bad.any():
-            return f"the pose of {name} is not finite: {person.links[int(np.argmax(bad))]}"
+            return f"the pose of {name} is not finite: link {person.links[int(np.argmax(bad))]}"
         late = self._in_time(name, now, person.stamp)
         return validator.fault(now, person, bool(late)) or late
 
     def _of_arm(self, now: float, arm: ArmState | None) -> str:
         if arm is None:
-            return "no state of the arm has come"
+            return "no state of the arm has been received"
         if arm.fault:
             return f"{ARM} {arm.fault}"
         if not (np.isfinite(arm.q).all() and np.isfinite(arm.dq).all()):

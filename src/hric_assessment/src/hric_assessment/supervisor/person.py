@@ -1,4 +1,4 @@
-"""Capsules of a person: a body from its joints, or a sphere around a hand with a single marker."""
+"""Capsules of an observed person: of a body from its joint angles, or a sphere around a tracked hand."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -13,22 +13,22 @@ from hric_human.body import Body
 from hric_human.control.whole_body import WholeBody
 
 HAND = "hand, fingers"
-"""Region of a hand that is known only from its marker."""
+"""Region of ISO/TS 15066 of a tracked hand."""
 
 
 class Observation(NamedTuple):
-    """Person at an instant.
+    """Observation of a person at an instant, as capsules.
 
     Attributes:
         stamp: robot time of the measurement [s].
-        frame: frame of the capsules.
-        ends: ends of the person's capsules, shape (m, 2, 3) [m].
-        radii: shape (m,) [m].
-        links: m names.
+        frame: frame in which the capsules are given.
+        ends: axis ends of the person's m capsules, shape (m, 2, 3) [m].
+        radii: radii of the capsules, shape (m,) [m].
+        links: name of each capsule's link.
         regions: regions of ISO/TS 15066 that each capsule may belong to; empty if it has none.
         dominant: True for capsules on the side of the dominant hand; None: not known.
-        fault: reason why this cannot be a person; empty: no fault.
-        earlier: observations since the last decision, oldest first.
+        fault: reason why the data is invalid; empty: no fault.
+        earlier: further observations since the last decision, oldest first.
     """
 
     stamp: float
@@ -43,12 +43,15 @@ class Observation(NamedTuple):
 
 
 def unplaced(stamp: float, frame: str, fault: str) -> Observation:
-    """Return an observation that consists only of a fault; stamp: robot time [s]."""
+    """Return an observation without capsules, with only a fault; stamp: robot time [s]."""
     return Observation(stamp, frame, np.zeros((0, 2, 3)), np.zeros(0), (), (), (), fault)
 
 
 def joined(observations: Sequence[Observation], names: Sequence[str]) -> Observation:
-    """Return all persons as one observation with the oldest stamp; links of several are prefixed by their names."""
+    """Join the observations of all persons into one, with the oldest stamp.
+
+    Links of several persons get the person's name as prefix.
+    """
     if len(observations) == 1:
         return observations[0]
     pairs = list(zip(names, observations, strict=True))
@@ -64,11 +67,11 @@ def joined(observations: Sequence[Observation], names: Sequence[str]) -> Observa
 
 
 class BodyShape:
-    """Capsules of a body.
+    """Capsules of a person's body as a function of joint angles.
 
     Args:
         body: body of the person.
-        root: T_world_root of a person who does not walk; `seen` may replace it.
+        root: pose of the root link in the world, for a person who does not walk.
     """
 
     def __init__(self, body: Body, root: Pose) -> None:
@@ -80,21 +83,21 @@ class BodyShape:
         self._dominant = tuple(any(region.dominant for region in regions) if regions else None for regions in known)
 
     def seen(self, stamp: float, frame: str, angles: Mapping[str, float], root: Pose | None = None) -> Observation:
-        """Return the person at an instant.
+        """Return the observation of the person for joint angles.
 
         Args:
             stamp: robot time [s].
-            frame: frame of `root`.
+            frame: frame in which `root` is given.
             angles: joint angles by name [rad].
-            root: T_frame_root; None: the root of the constructor.
+            root: pose of the root link in `frame`; None: that of the constructor.
 
         Raises:
-            HricError: a joint without an angle.
+            HricError: the angle of a joint is missing.
         """
         missing = [name for name in self._names if name not in angles]
         if missing:
             raise HricError(
-                f"no angle of {', '.join(missing)}; valid: all joints of the body, {', '.join(self._names)}"
+                f"the angle of {', '.join(missing)} is missing; valid: all joints of the body, {', '.join(self._names)}"
             )
         poses = self._dynamics.poses([angles[name] for name in self._names], self._root if root is None else root)
         T = np.tile(np.eye(4), (1, len(self.links), 1, 1))
@@ -106,12 +109,12 @@ class BodyShape:
 
 
 def hand_ball(stamp: float, frame: str, position: Sequence[float], radius: float) -> Observation:
-    """Return a hand as a sphere.
+    """Return the observation of a tracked hand as a sphere.
 
     Args:
         stamp: robot time [s].
-        frame: frame of the position.
-        position: position of the marker, 3 floats [m].
+        frame: frame in which the position is given.
+        position: position of the hand's rigid body, 3 floats [m].
         radius: radius of the sphere that contains the hand [m].
     """
     ends = np.tile(np.asarray(position, dtype=float), (1, 2, 1))
@@ -119,11 +122,11 @@ def hand_ball(stamp: float, frame: str, position: Sequence[float], radius: float
 
 
 def moved(seen: Observation, frame: str, T: FloatArray) -> Observation:
-    """Return the person in another frame.
+    """Transform an observation of a person to another frame.
 
     Args:
-        seen: the person.
+        seen: observation of the person.
         frame: name of the other frame.
-        T: T_frame_seen, shape (4, 4).
+        T: pose of the observation's frame in the other frame, shape (4, 4).
     """
     return seen._replace(frame=frame, ends=seen.ends @ T[:3, :3].T + T[:3, 3])

@@ -15,108 +15,116 @@ ACTS_WITH = {
     **dict.fromkeys(("contact_stiffness", "contact_area"), POWER_AND_FORCE),
     **dict.fromkeys(("body", "hand_radius"), MARKER),
 }
-"""Parameters that act in one mode, or with one source, alone."""
+"""Parameters that have an effect only in one mode or with one source, with the name of that mode or source."""
 
 
 @dataclass(frozen=True)
 class SupervisorSettings(Settings):
-    """Parameters of an experiment's section; values without a source are project defaults, unconfirmed."""
+    """Parameters of the supervisor in an experiment; defaults without a source are project defaults, unconfirmed."""
 
     separator = "."
-    active: bool = flag(True, text="false: it watches and reports, and the robot is left alone")
-    mode: str = choice(*MODES, text="what keeps the person inside the limits: Supervisor, below")
+    active: bool = flag(True, text="false: the supervisor only observes and reports, and does not slow the robot")
+    mode: str = choice(*MODES, text="collaborative mode: Supervisor, below")
     source: tuple[str, ...] = listing(
         choice(HUMAN, MARKER, PERSON),
         range(1, 4),
         HUMAN,
         different=True,
         single=True,
-        text="who sees the person: `human`, the joint states of the one in the plant; `marker`, a hand whose rigid "
-        "body motion capture tracks; `person`, the joints of a real one whom the node `person` tracks. Of several the "
-        "nearest decides, and a fault of any stops the arm",
+        text="source of the person's pose: `human`, joint states of the simulated human in the plant; `marker`, a hand "
+        "tracked by motion capture as a rigid body; `person`, joints of a real person, tracked by the node `person`. "
+        "With several sources the nearest person decides, and a fault of any source stops the arm",
     )
     body: tuple[str, ...] = names(
-        default="hand", text="with `marker`: rigid body of the hand; of several each is a person of their own"
+        default="hand", text="with `marker`: rigid body of the hand; each of several counts as another person"
     )
     hand_radius: float = number(
         0.15,
         above=0.0,
         maximum=1.0,
         unit="m",
-        text="with `marker`: ball that holds the hand, and with it all that comes",
+        text="with `marker`: radius of the sphere around the tracked hand; nothing else of the person is observed",
     )
-    limits: str = text("iso_ts_15066", empty=False, text="table of limits, or a limit file's path")
+    limits: str = text("iso_ts_15066", empty=False, text="table of contact limits, or path of a file with limits")
     speed: float = number(
         1.0,
         above=0.0,
         unit="m/s",
-        text="fastest place of the arm at full speed; a faster one that is seen takes its place",
+        text="speed of the arm's fastest point at full speed scale; if a higher one is observed, that counts",
     )
     reaction_time: float = number(
-        0.1, minimum=0.0, maximum=5.0, unit="s", text="T_r: from the person's motion until the arm begins to brake"
+        0.1, minimum=0.0, maximum=5.0, unit="s", text="T_r: time from the person's motion until the arm begins to brake"
     )
     settling_time: float = number(
         0.25,
         minimum=0.0,
         maximum=5.0,
         unit="s",
-        text="by which the arm is at rest later than its speed scale: what its controller lags behind",
+        text="lag of the controller: time from speed scale 0 until the arm is at rest",
     )
     stops: str = text(
         "",
-        text="file of stops (Stops, above) in place of `settling_time`: T_s and S_s of its largest load, measured as "
-        "this robot stops with its speed scale; less than the scale needs does not count; empty: none",
+        text="file of stops (Stops, above) used instead of `settling_time`: T_s and S_s at its largest load, measured "
+        "on this robot while it stops by its speed scale; at least the time of the scale's ramp counts; empty: none",
     )
-    intrusion: float = number(0.1, minimum=0.0, unit="m", text="C")
-    person_uncertainty: float = number(0.05, minimum=0.0, unit="m", text="Z_d")
-    robot_uncertainty: float = number(0.01, minimum=0.0, unit="m", text="Z_r")
+    intrusion: float = number(0.1, minimum=0.0, unit="m", text="intrusion distance C")
+    person_uncertainty: float = number(0.05, minimum=0.0, unit="m", text="uncertainty Z_d of the person's position")
+    robot_uncertainty: float = number(0.01, minimum=0.0, unit="m", text="uncertainty Z_r of the robot's position")
     hysteresis: float = number(
-        0.05, minimum=0.0, unit="m", text="that the person must be farther away to let it go faster"
+        0.05, minimum=0.0, unit="m", text="additional distance of the person before the arm may move faster again"
     )
-    hold: float = number(0.3, minimum=0.0, maximum=60.0, unit="s", text="for which that must last")
+    hold: float = number(
+        0.3, minimum=0.0, maximum=60.0, unit="s", text="time for which the person must keep that distance"
+    )
     max_age: float = number(
         0.08,
         above=0.0,
         maximum=5.0,
         unit="s",
-        text="of what is known of person or arm; what is older stops the arm. With two periods of decisions it is "
-        "within `reaction_time`, so that a person who vanishes stops the arm in time",
+        text="maximum age of data about person and arm; older data stops the arm. With two decision periods it must "
+        "fit into `reaction_time`, so that the arm stops in time if the person is no longer seen",
     )
     person_max_speed: float = number(
         10.0,
         above=0.0,
         unit="m/s",
-        text="a point of the person that is faster cannot be: a fault; five times the speed of a hand by ISO 13855",
+        text="speed of a point of the person above which its data counts as faulty; five times the hand speed of "
+        "ISO 13855",
     )
     person_hold: float = number(
         1.0,
         minimum=0.0,
         maximum=60.0,
         unit="s",
-        text="for which the person's data must be valid again after it could not be",
+        text="time for which the person's data must be valid again after it was faulty",
     )
     contact_stiffness: float = number(
-        200.0, above=0.0, unit="N/m", text="with `power_and_force_limiting`: largest stiffness while the person is near"
+        200.0, above=0.0, unit="N/m", text="with `power_and_force_limiting`: maximum stiffness while the person is near"
     )
     contact_area: float | None = number(
-        None, above=0.0, unit="m^2", text="likewise: of a contact, for limits of pressure; none: of force alone"
+        None,
+        above=0.0,
+        unit="m^2",
+        text="with `power_and_force_limiting`: contact area, for limits of pressure; none: only limits of force count",
     )
     guided_speed: float = number(
-        0.25, above=0.0, unit="m/s", text="with `hand_guided`: fastest place of the arm (ISO 10218, from memory)"
+        0.25, above=0.0, unit="m/s", text="with `hand_guided`: maximum speed of the arm (ISO 10218, from memory)"
     )
-    guided_distance: float = number(0.15, above=0.0, unit="m", text="likewise: of the guiding hand from the arm")
-    guided_stiffness: float = number(100.0, above=0.0, unit="N/m", text="likewise: largest stiffness")
-    guided_force: float = number(60.0, above=0.0, unit="N", text="likewise: largest force of a spring")
-    rate: float = number(100.0, minimum=10.0, maximum=500.0, unit="Hz", text="of decisions")
+    guided_distance: float = number(
+        0.15, above=0.0, unit="m", text="with `hand_guided`: maximum distance of the guiding hand from the arm"
+    )
+    guided_stiffness: float = number(100.0, above=0.0, unit="N/m", text="with `hand_guided`: maximum stiffness")
+    guided_force: float = number(60.0, above=0.0, unit="N", text="with `hand_guided`: maximum force of a spring")
+    rate: float = number(100.0, minimum=10.0, maximum=500.0, unit="Hz", text="rate of decisions")
 
     acknowledge_no_safety_function: bool = flag(
         False,
-        text="that this is no certified safety function, and no protective stop; without it an arm whose address is "
-        "not 127.* is refused",
+        text="true: you acknowledge that this is no certified safety function and no protective stop; otherwise an arm "
+        "whose address is not 127.* is refused",
     )
 
     def check(self, where: str) -> None:
-        """Refuse what the mode and the source, or a file of stops, make void."""
+        """Refuse parameters that have no effect with the chosen mode, source, or file of stops."""
         for name, word in ACTS_WITH.items():
             if word not in (self.mode, *self.source):
                 refuse_void(self, name, where, f"{where}{'source' if word == MARKER else 'mode'}: {word}")
@@ -125,25 +133,25 @@ class SupervisorSettings(Settings):
 
     @property
     def table(self) -> str | Path:
-        """Name or path for `hric_assessment.tables.limit_table`."""
+        """Name of a limit table, or path of a file with limits."""
         return Path(self.limits) if self.limits.endswith((".yaml", ".yml")) else self.limits
 
     @property
     def persons(self) -> tuple[tuple[str, str], ...]:
-        """Pairs (name, source) of the watched persons."""
+        """Pairs (name, source) of the observed persons."""
         watched = [(name, source) for source in self.source for name in (self.body if source == MARKER else (source,))]
         return tuple(watched) if len(watched) > 1 else (("the person", self.source[0]),)
 
 
 @dataclass(frozen=True)
 class SupervisorNodeSettings(SupervisorSettings):
-    """Additional parameters of the node."""
+    """Parameters of the supervisor's node: those of an experiment, and the sections of the persons."""
 
     human: Any = anything(
-        None, default_text="none", text="with `human`: that section of the experiment: who it is, and where"
+        None, default_text="none", text="with `human`: section `human` of the experiment (body and pose of the person)"
     )
     person: Any = anything(
         None,
         default_text="none",
-        text="with `person`: that section of the experiment; with `human` alone: as `human`, for one release",
+        text="with `person`: section `person` of the experiment; without `human`, used instead for one more release",
     )

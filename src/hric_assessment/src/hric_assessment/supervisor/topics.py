@@ -1,4 +1,4 @@
-"""Messages of the supervisor, made from its decisions."""
+"""Conversion of the supervisor's decisions to ROS messages."""
 
 import math
 from collections.abc import Sequence
@@ -25,11 +25,11 @@ _VALUES = (
     "robot_speed",
     "person_speed",
 )
-"""Fields about the deciding body part that are NaN without one."""
+"""Fields of SafetyState about the body part with the smallest margin; they are NaN without one."""
 
 
 def state(decision: Decision, settings: SupervisorSettings, latency: float) -> Any:
-    """Return a hric_msgs/SafetyState; latency: the last one [s]."""
+    """Return a hric_msgs/SafetyState with a decision; latency: last measured latency of a slow-down [s]."""
     message = SafetyState(
         mode=settings.mode,
         state=decision.state,
@@ -52,7 +52,7 @@ def state(decision: Decision, settings: SupervisorSettings, latency: float) -> A
 
 
 def _of_part(part: NearestPart) -> dict[str, object]:
-    """Return the fields about the deciding body part."""
+    """Return the fields of SafetyState about the body part with the smallest margin."""
     numbers = (*part.terms, float(part.terms.total), part.robot_speed, part.person_speed)
     points = {"robot_point": Point(*part.robot_point), "person_point": Point(*part.person_point)}
     names = {"robot_link": part.robot_link, "person_link": part.person_link, "region": part.region}
@@ -60,14 +60,17 @@ def _of_part(part: NearestPart) -> dict[str, object]:
 
 
 def event(decision: Decision, item: DecisionEvent) -> Any:
-    """Return a hric_msgs/SafetyEvent."""
+    """Return a hric_msgs/SafetyEvent with an event of a decision."""
     message = SafetyEvent(kind=item.kind, separation=decision.separation, margin=decision.margin, text=item.text)
     message.header.stamp = stamps.to_time(decision.time)
     return message
 
 
 def request(decision: Decision, valid_for: float) -> Any:
-    """Return a hric_msgs/SpeedScale, stamped with the measurement that it follows from."""
+    """Return a hric_msgs/SpeedScale request; its stamp is that of the measurement on which the decision is based.
+
+    valid_for: time after which the robot stops without a newer request [s].
+    """
     limits = {"scale": decision.scale, "stiffness": decision.stiffness, "force": decision.force}
     message = SpeedScale(valid_for=valid_for, **limits)
     message.header.stamp = stamps.to_time(decision.time if decision.fault else max(decision.perception, 0.0))
@@ -75,7 +78,7 @@ def request(decision: Decision, valid_for: float) -> Any:
 
 
 def markers(decision: Decision) -> Any:
-    """Return a visualization_msgs/MarkerArray: a line between the nearest points, and a text."""
+    """Return a visualization_msgs/MarkerArray: a line between the nearest points, and a text (distance and scale)."""
     colour = _COLOURS.get(decision.state, _SLOWED)
     line, text = _marker(0, Marker.LINE_STRIP, colour, decision.time), _marker(1, Marker.TEXT_VIEW_FACING, colour, 0.0)
     text.header = line.header

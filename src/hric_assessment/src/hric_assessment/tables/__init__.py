@@ -1,10 +1,10 @@
-"""Published tables, and the loader of their files.
+"""Tables of published limits and scores, read from config/tables.
 
     limits = limit_table("iso_ts_15066")        # or "bgia2011", or a Path to a user's own file
     rula_table(), reba_table(), niosh_table(), separation_table(), episode_table(), area_table(), verdict_table()
 
-Each file in config/tables has the values in their printed units, their sources, and a mark for each value: the number
-of public sources that confirm it. The tables return printed values; the users of a table convert them to SI.
+Each file has the values in their printed units, their sources, and a mark for each value: how many public sources
+confirm it. The tables contain printed units; code that uses a table converts them to SI.
 """
 
 from collections.abc import Sequence
@@ -48,7 +48,7 @@ __all__ = [
     "verdict_table",
 ]
 LIMIT_TABLES = ("iso_ts_15066", "bgia2011")
-"""Limit tables of the package; the first is the default."""
+"""Names of the contact limit tables of the package; the first is the default."""
 T = TypeVar("T", bound="TableFile")
 NIOSH_NAMES = (
     "load_constant",
@@ -83,16 +83,16 @@ VERDICT_NAMES = (
     "very_active",
     "weak_shoulder",
 )
-"""Values that the files must have."""
+"""Names of the values that config/tables/verdict.yaml must have."""
 UNITS = {"force": 1.0, "pressure": 1e4, "stiffness": 1e3, "length": 1e-2}
-"""SI values of the printed units N, N/cm^2, N/mm, cm."""
+"""Factors from the printed units N, N/cm^2, N/mm and cm to SI."""
 
 
 def limit_table(which: str | Path = LIMIT_TABLES[0]) -> LimitTable:
-    """Return one of LIMIT_TABLES, or the table of a user's file.
+    """Return a contact limit table: one of LIMIT_TABLES by its name, or that of a user's file by its path.
 
     Raises:
-        ParameterError: no such table, or an unusable file, with all its mistakes.
+        ParameterError: there is no such table, or the file is invalid; all its mistakes are listed.
     """
     if isinstance(which, Path):
         return LimitTable.of(read_yaml(which), f"{which.name}:")
@@ -103,43 +103,43 @@ def limit_table(which: str | Path = LIMIT_TABLES[0]) -> LimitTable:
 
 @cache
 def rula_table() -> RulaTable:
-    """Return config/tables/rula.yaml."""
+    """Return the table of RULA (config/tables/rula.yaml)."""
     return _built_in(RulaTable, "rula")
 
 
 @cache
 def reba_table() -> RebaTable:
-    """Return config/tables/reba.yaml."""
+    """Return the table of REBA (config/tables/reba.yaml)."""
     return _built_in(RebaTable, "reba")
 
 
 @cache
 def niosh_table() -> NioshTable:
-    """Return config/tables/niosh.yaml."""
+    """Return the values of the NIOSH lifting equation (config/tables/niosh.yaml)."""
     return _built_in(NioshTable, "niosh", NIOSH_NAMES)
 
 
 @cache
 def separation_table() -> ValueTable:
-    """Return config/tables/separation.yaml."""
+    """Return the constants of the protective separation distance (config/tables/separation.yaml)."""
     return _built_in(ValueTable, "separation", SEPARATION_NAMES)
 
 
 @cache
 def episode_table() -> ValueTable:
-    """Return config/tables/episodes.yaml."""
+    """Return the values by which contacts are divided into episodes (config/tables/episodes.yaml)."""
     return _built_in(ValueTable, "episodes", EPISODE_NAMES)
 
 
 @cache
 def area_table() -> AreaTable:
-    """Return config/tables/contact_areas.yaml."""
+    """Return the possible contact areas by region (config/tables/contact_areas.yaml)."""
     return _built_in(AreaTable, "contact_areas", ("smallest",))
 
 
 @cache
 def verdict_table() -> ValueTable:
-    """Return config/tables/verdict.yaml."""
+    """Return the thresholds of the verdict (config/tables/verdict.yaml)."""
     return _built_in(ValueTable, "verdict", VERDICT_NAMES)
 
 

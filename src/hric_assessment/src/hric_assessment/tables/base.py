@@ -1,4 +1,4 @@
-"""Common part of all table files, and tables of single values."""
+"""Common part of all table files (title, sources, marks), and tables of single values."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -7,7 +7,10 @@ from typing import Any
 from hric_core.parameters import Settings, choice, listing, mapping, number, numbers, section, text, unknown
 
 MARKS = ("confirmed twice", "confirmed once", "unconfirmed", "chosen here")
-"""Marks of a value: two or more independent public sources, one source, from memory only, or no source."""
+"""Marks that state how well a table's value is confirmed.
+
+In order: by two or more independent public sources, by one, from memory only, chosen by this project without a source.
+"""
 
 
 def _short_names(meaning: str, default: str = "") -> Any:
@@ -16,7 +19,7 @@ def _short_names(meaning: str, default: str = "") -> Any:
 
 @dataclass(frozen=True)
 class TableFile(Settings):
-    """Head of a table file."""
+    """Head of a table file: title, sources, and default mark of its values."""
 
     title: str = text(empty=False, text="title of the table in findings")
     edition: str = text(empty=False, figures=True, text="edition of the table in findings")
@@ -30,21 +33,21 @@ class TableFile(Settings):
 
     @property
     def name(self) -> str:
-        """Title and edition, for findings."""
+        """Title and edition of the table, for findings."""
         return self.title if self.edition in self.title else f"{self.title} ({self.edition})"
 
     def mark_of(self, row: "MarkedRow") -> str:
-        """Return the mark of a row, one of MARKS."""
+        """Return the mark of a row, one of MARKS; by default that of the file."""
         return row.mark or self.mark
 
     def source_of(self, row: "MarkedRow") -> tuple[str, ...]:
-        """Return the short names of a row's sources."""
+        """Return the short names of a row's sources; by default those of the file."""
         return row.source or self.source
 
 
 @dataclass(frozen=True)
 class MarkedRow(Settings):
-    """Row with its mark and sources, where these differ from the file's."""
+    """Row of a table file, with its mark and sources if these differ from the file's."""
 
     mark: str | None = choice(*MARKS, default=None, default_text="the file's", text="mark of the row")
     source: tuple[str, ...] = _short_names("short names of the sources of the row", "the file's")
@@ -59,14 +62,14 @@ def check_sources(names: Sequence[str], sources: Mapping[str, str], where: str) 
 
 @dataclass(frozen=True)
 class Value(MarkedRow):
-    """Single value."""
+    """Single value of a table file, in its printed unit."""
 
     value: float = number()
 
 
 @dataclass(frozen=True)
 class ValueTable(TableFile):
-    """Table of single values, in their printed units; what each of them means is in its file."""
+    """Table of single values in their printed units; comments in the file explain them."""
 
     values: Mapping[str, Value] = mapping(section(Value))
 
@@ -87,7 +90,7 @@ class ValueTable(TableFile):
 
 @dataclass(frozen=True)
 class NioshTable(ValueTable):
-    """Values of the lifting equation; explained in config/tables/niosh.yaml."""
+    """Values of the NIOSH lifting equation; comments in config/tables/niosh.yaml explain them."""
 
     couplings: Mapping[str, tuple[float, float]] = mapping(numbers(2, minimum=0.0, maximum=1.0))
     durations: tuple[float, ...] = numbers(3, unit="h", above=0.0)
@@ -96,6 +99,6 @@ class NioshTable(ValueTable):
 
 @dataclass(frozen=True)
 class AreaTable(ValueTable):
-    """Areas over which a contact can act [m^2]; config/tables/contact_areas.yaml."""
+    """Possible areas of a contact between robot and person, by body region [m^2]."""
 
     largest: Mapping[str, float] = mapping(number(above=0.0), text="by region")

@@ -1,4 +1,4 @@
-"""Limits of contacts, as in their files."""
+"""Contact limit tables (ISO/TS 15066, BG/BGIA, or a user's), as they stand in their files."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,32 +10,37 @@ from hric_core.parameters import Mistakes, choice, either, listing, number, refu
 from hric_human.body.regions import REGION_MODELS
 
 FOOT = "foot, toes, ankle"
-"""Region of BG/BGIA that ISO/TS 15066, and therefore `hric_human.body.regions`, do not have."""
+"""Body region of BG/BGIA that ISO/TS 15066, and therefore `hric_human.body.regions`, do not have."""
 REGIONS = (*REGION_MODELS, FOOT)
 LARGEST_LIMIT, LARGEST_FACTOR = 1000.0, 10.0
-"""Largest value of a row [N] or [N/cm^2], twice that of any published table (transient, 440 N and 600 N/cm^2); and
-of a factor [1], five times the 2 of ISO/TS 15066."""
+"""Largest accepted limit [N] or [N/cm^2], and largest accepted factor from quasi-static to transient limits [1].
+
+Published tables have up to 440 N and 600 N/cm^2 (transient), ISO/TS 15066 a factor of 2.
+"""
 NO_TRANSIENT = "none"
-"""Value of a missing transient limit: a touch is not permitted, however short and soft."""
+"""Text in place of a transient limit: contact is not permitted, however short and soft."""
 
 
 @dataclass(frozen=True)
 class LimitRow(MarkedRow):
-    """Limit of a region, or of an area of it."""
+    """Row of a limit table: limits of a body region, or of an area in it."""
 
-    region: str = choice(*REGIONS, default=REQUIRED, text="of the body")
-    area: str | None = text(None, empty=False, text="of the region, by any name; without one all of it")
-    quasi_static: float = number(above=0.0, maximum=LARGEST_LIMIT, text="limit of what lasts")
+    region: str = choice(*REGIONS, default=REQUIRED, text="body region")
+    area: str | None = text(None, empty=False, text="area in the region, by any name; none: the whole region")
+    quasi_static: float = number(above=0.0, maximum=LARGEST_LIMIT, text="limit of quasi-static contact")
     transient: float | str | None = either(
         number(above=0.0, maximum=LARGEST_LIMIT),
         choice(NO_TRANSIENT),
         default=None,
         default_text="by the factor",
-        text="limit of what does not; `none`: there is none",
+        text="limit of transient contact; `none`: contact is not permitted",
     )
 
     def transient_by(self, factor: float | None) -> float | None:
-        """Return the transient limit in the unit of the row; None: there is none, a touch is not permitted."""
+        """Return the transient limit in the unit of the row; None: contact is not permitted.
+
+        factor: ratio of transient to quasi-static limit, for a row without a transient limit of its own.
+        """
         if self.transient == NO_TRANSIENT:
             return None
         return float(self.transient) if self.transient is not None else self.quasi_static * (factor or 1.0)
@@ -43,43 +48,43 @@ class LimitRow(MarkedRow):
 
 @dataclass(frozen=True)
 class ForceRow(LimitRow):
-    """Force limits [N]."""
+    """Row with force limits [N]."""
 
     stiffness: float | None = number(
-        None, above=0.0, unit="N/mm", default_text="of `hric_human.body.regions`", text="of the region's spring"
+        None, above=0.0, unit="N/mm", default_text="of `hric_human.body.regions`", text="stiffness of the region"
     )
 
     def check(self, where: str) -> None:
-        """Refuse a region without a spring."""
+        """Refuse a region without a stiffness."""
         if self.stiffness is None and self.region not in REGION_MODELS:
-            raise refused(f"{where}stiffness", None, f"a number: the body model has none of {self.region}")
+            raise refused(f"{where}stiffness", None, f"a number, since the body model has none for {self.region}")
 
 
 @dataclass(frozen=True)
 class PressureRow(LimitRow):
-    """Pressure limits [N/cm^2]."""
+    """Row with pressure limits [N/cm^2]."""
 
-    number: int | None = whole(None, minimum=1, text="in the source")
-    hand: str | None = choice("dominant", "other", default=None, text="on which side; without one both")
+    number: int | None = whole(None, minimum=1, text="number of the body area in the source")
+    hand: str | None = choice("dominant", "other", default=None, text="side for which the row holds; none: both")
 
 
 @dataclass(frozen=True)
 class LimitTable(TableFile):
-    """Biomechanical limits of contacts."""
+    """Table of biomechanical limits of contacts: forces and pressures by body region."""
 
     force_factor: float | None = number(
         None,
         minimum=1.0,
         maximum=LARGEST_FACTOR,
         unit="1",
-        text="transient over quasi-static force of rows without a transient one",
+        text="ratio of transient to quasi-static force, for rows without a transient limit",
     )
     pressure_factor: float | None = number(
         None,
         minimum=1.0,
         maximum=LARGEST_FACTOR,
         unit="1",
-        text="transient over quasi-static pressure of rows without a transient one",
+        text="ratio of transient to quasi-static pressure, for rows without a transient limit",
     )
     forces: tuple[ForceRow, ...] = listing(section(ForceRow), text="rows [N], see below")
     pressures: tuple[PressureRow, ...] = listing(section(PressureRow), default=(), text="rows [N/cm^2], see below")
@@ -110,10 +115,10 @@ class LimitTable(TableFile):
         if labels.count(label) > 1:
             raise refused(where, ", ".join(filter(None, label)), "each region, area and hand once")
         if isinstance(row, PressureRow) and not self.force_rows(row.region, row.area):
-            raise refused(f"{where}.region", row.region, "a region, and an area, that forces have too")
+            raise refused(f"{where}.region", row.region, "a region and area that also have a row in forces")
 
     def force_rows(self, region: str, area: str | None = None) -> list[ForceRow]:
-        """Return the rows for an area of a region; without an area all rows of the region.
+        """Return the force rows for an area of a region; without an area, all force rows of the region.
 
         If the area has no row, the rows of the region without an area are returned.
         """

@@ -1,4 +1,4 @@
-"""Tables of RULA and REBA, as in their files."""
+"""Tables of posture scoring methods such as RULA and REBA, as they stand in their files."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ from hric_core.parameters import (
 
 @dataclass(frozen=True)
 class ChosenThreshold(Settings):
-    """Threshold that no source has [deg]."""
+    """Threshold of an angle that no source gives and this project chose [deg]; text: reason for the choice."""
 
     value: float = number(unit="deg", minimum=0.0)
     text: str = text(empty=False)
@@ -31,12 +31,16 @@ class ChosenThreshold(Settings):
 
 @dataclass(frozen=True)
 class Band(Settings):
-    """Scores between the bounds of an angle [deg], from below.
+    """Score by the interval (band) in which an angle lies.
 
     Attributes:
-        bounds: numbers, or names of thresholds in `chosen`, with a minus in front for their negatives.
-        higher_on: bounds on which the higher score counts; on all others the lower.
-        unless: a flag where the score is `then`.
+        angle: name of the posture angle.
+        bounds: ascending bounds of the intervals [deg]: numbers, or names of thresholds in `chosen`, with a minus in
+            front for their negatives.
+        scores: score of each interval, from the lowest on; one more than bounds.
+        higher_on: bounds at which the higher of both neighbouring scores counts; at all others the lower counts.
+        unless: flag of the posture; if it is True, the score is `then`.
+        then: score if the flag `unless` is True.
     """
 
     angle: str = text(empty=False)
@@ -47,14 +51,21 @@ class Band(Settings):
     then: int = whole(0)
 
     def check(self, where: str) -> None:
-        """Refuse bounds and scores whose numbers do not match."""
+        """Refuse a number of scores that is not one more than the number of bounds."""
         if len(self.scores) != len(self.bounds) + 1:
             raise refused(f"{where}scores", list(self.scores), f"{len(self.bounds) + 1} values, one more than bounds")
 
 
 @dataclass(frozen=True)
 class Condition(Settings):
-    """Flag; or an angle above a threshold, or beyond it to either side; the threshold is one of `chosen`."""
+    """Condition for additional points: a flag, or an angle above a threshold, or beyond it to either side.
+
+    Attributes:
+        flag: name of a flag of the posture.
+        angle: name of a posture angle.
+        above: name of a threshold in `chosen` that the angle must exceed.
+        beyond: name of a threshold in `chosen` that the angle's absolute value must exceed.
+    """
 
     flag: str | None = text(None, empty=False)
     angle: str | None = text(None, empty=False)
@@ -62,7 +73,7 @@ class Condition(Settings):
     beyond: str | None = text(None, empty=False)
 
     def check(self, where: str) -> None:
-        """Refuse all but exactly one of the three forms."""
+        """Refuse a condition that is not exactly one of: flag, angle with above, angle with beyond."""
         parts = [name for name in ("flag", "angle", "above", "beyond") if getattr(self, name) is not None]
         if parts not in (["flag"], ["angle", "above"], ["angle", "beyond"]):
             raise refused(where.rstrip(". "), ", ".join(parts), "flag, or angle with above, or angle with beyond")
@@ -70,7 +81,7 @@ class Condition(Settings):
 
 @dataclass(frozen=True)
 class Adder(Settings):
-    """Score that is added if any of some conditions holds."""
+    """Points that are added to a part's score if any of its conditions holds; text: reason in findings."""
 
     score: int = whole()
     text: str = text(empty=False)
@@ -79,7 +90,7 @@ class Adder(Settings):
 
 @dataclass(frozen=True)
 class PostureStep(Settings):
-    """Part of the body."""
+    """Scoring rule of one part of the body: start value, bands of angles, and additional points."""
 
     start: int = whole(0)
     bands: tuple[Band, ...] = listing(section(Band), default=())
@@ -88,12 +99,17 @@ class PostureStep(Settings):
 
 @dataclass(frozen=True)
 class PostureTable(TableFile):
-    """Table of a method that scores postures.
+    """Table of a posture scoring method.
 
     Attributes:
-        within, warning: highest score that is within limits, and that is a warning.
-        levels: name of each level by its highest score, as text.
-        table_a, table_b, table_c: rows by their numbers, as text, with the columns in order.
+        chosen: thresholds of angles that this project chose, by name.
+        parts: scoring rules by part of the body.
+        static_time: time after which a posture counts as static [s].
+        repeats: repetitions above which an action counts as repeated [1/min].
+        light, heavy: loads at which the score of the load changes [kg].
+        within, warning: highest score that is within limits, and highest score that is a warning.
+        levels: name of each level, by its highest score (as text).
+        table_a, table_b, table_c: rows of the method's tables by their numbers (as text), with the columns in order.
     """
 
     chosen: Mapping[str, ChosenThreshold] = mapping(section(ChosenThreshold))
@@ -120,13 +136,18 @@ class PostureTable(TableFile):
                     raise unknown("threshold", threshold, self.chosen, f"{where}parts.{name}")
 
     def level(self, score: int) -> str:
-        """Return the name of the level of a score."""
+        """Return the name of a score's level, such as "acceptable"."""
         return next(name for highest, name in self.levels.items() if score <= int(highest))
 
 
 @dataclass(frozen=True)
 class RulaTable(PostureTable):
-    """Table of RULA; older_rows: rows of table A that differ in an older worksheet, with the mark older_mark."""
+    """Table of RULA.
+
+    Attributes:
+        older_mark: mark of the older version of table A.
+        older_rows: rows of table A that differ in an older worksheet.
+    """
 
     older_mark: str = choice(*MARKS, default="unconfirmed")
     older_rows: Mapping[str, tuple[int, ...]] = mapping(listing(whole(minimum=1), 8), default={})
@@ -134,6 +155,6 @@ class RulaTable(PostureTable):
 
 @dataclass(frozen=True)
 class RebaTable(PostureTable):
-    """Table of REBA; couplings: in order of their scores from 0 on."""
+    """Table of REBA; couplings: names of the qualities of grip, in order of their scores from 0 on."""
 
     couplings: tuple[str, ...] = names()

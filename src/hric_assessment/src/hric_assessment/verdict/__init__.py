@@ -1,6 +1,6 @@
-"""Verdict on a run, bag or c3d file for the person in it: findings, figures, and missing signals.
+"""Verdict on a run, bag or c3d file: safety and ergonomics for the person in it, and signals that are missing.
 
-verdict = assess(opened("latest"), Choices())
+verdict = assess(opened("latest"), AssessmentChoices(contact_area=2e-5))
 verdict.outcome, verdict.findings[0], verdict.to_dict()
 """
 

@@ -1,4 +1,4 @@
-"""Assessment of a recording, which results in its verdict, and the signals that it lacks."""
+"""Assessment of a recording: it gives a verdict with findings, figures, and the signals that are missing."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -21,18 +21,18 @@ from hric_core.errors import HricError
 
 ANGLES = "joint angles of a person (hric/human/joint_states, hric/person/joint_states, or markers of the body)"
 CONTACTS = "contacts of a person by region (hric/human/contacts)"
-FORCES = "contact forces to hold against limits; the arm's estimate F_ext is filtered at 20 Hz and is no contact force"
+FORCES = "contact forces to compare with limits; the arm's estimate F_ext is filtered at 20 Hz and is no contact force"
 DESCRIPTION = "the robot's description (robot.urdf, /robot_description)"
-ROOT = "where the person was in the world (run.yaml, tracking, or a static transform)"
+ROOT = "the person's position in the world (run.yaml, tracking, or a static transform)"
 TORQUE = "joint torques of a person (hric/human/joint_torque, hric/person/joint_torque)"
-MAXIMUM = "the largest voluntary activation of each EMG channel (none is recorded: a bag has volts)"
-BONES = "contact forces between a person's bones (hric/human/joint_reactions, hric/person/joint_reactions)"
+MAXIMUM = "the maximum voluntary contraction of each EMG channel (never recorded: a bag has volts only)"
+BONES = "joint contact forces of a person (hric/human/joint_reactions, hric/person/joint_reactions)"
 LEGS = "joints of the legs (parts: whole_body)"
-GRIP = "what the hands hold, and with which force (hric/human/grip)"
+GRIP = "objects in the hands, and the grip forces (hric/human/grip)"
 
 
 def missing(source: AssessmentInput, person: AssessedPerson | None) -> list[Missing]:
-    """Return the missing signals of a recording; person: the first person in it."""
+    """Return the signals that a recording lacks, with what each would give; person: first person in it, or None."""
     signals, scorers = source.recording, methods().values()
     scores = ", ".join(scorer.table().title for scorer in scorers)
     legs = ", and ".join(scorer.legs for scorer in reversed(scorers) if scorer.legs)
@@ -46,12 +46,12 @@ def missing(source: AssessmentInput, person: AssessedPerson | None) -> list[Miss
         ),
         (not source.description, DESCRIPTION, "capsules and masses of the arm"),
         (person is not None and person.root is None, ROOT, "the distance to the arm"),
-        (not _has(source, "joint_torque"), TORQUE, "the load of the joints as share of their strength"),
+        (not _has(source, "joint_torque"), TORQUE, "the joint torques as share of the strength"),
         (not signals.activation, "activation of the muscles (activation)", "how active they were"),
         (
             person is not None and person.settings is None and not signals.contact,
             BONES,
-            "how much shoulders and elbows carry",
+            "the load in shoulders and elbows",
         ),
         (not _has(source, "/grip"), GRIP, f"the effort of the interaction, the load in {scores} and NIOSH"),
         (_of_kind(source, "SampleChunk") and not signals.activation, MAXIMUM, "how active the muscles below them were"),
@@ -73,10 +73,10 @@ def _has(source: AssessmentInput, suffix: str) -> bool:
 
 
 def assess(source: AssessmentInput, choices: AssessmentChoices | None = None) -> Verdict:
-    """Return the verdict of a recording: findings of each person in it, and all figures that its signals allow.
+    """Assess a recording and return its verdict: findings about each person, and all figures that its signals allow.
 
     Args:
-        source: the recording.
+        source: recording with the files next to it.
         choices: limits, braking, contact area; None: the defaults.
     """
     verdict, people = judge(source, choices), people_of(source)
@@ -89,9 +89,9 @@ def assess(source: AssessmentInput, choices: AssessmentChoices | None = None) ->
 
 
 def judge(source: AssessmentInput, choices: AssessmentChoices | None = None) -> Verdict:
-    """Return a verdict without the figures of joints and muscles, which take most of the time and decide nothing.
+    """Return a verdict without figures of joints and muscles, which take most of the time and have no limits.
 
-    Arguments as of `assess`.
+    Arguments: see `assess`.
     """
     choices = (choices or AssessmentChoices()).stated(source.definition)
     people, signals = people_of(source), source.recording
@@ -122,14 +122,14 @@ def judge(source: AssessmentInput, choices: AssessmentChoices | None = None) -> 
     verdict = replace(verdict, conclusions=drawn)
     try:
         return replace(verdict, moment=moment(source, people, drawn, verdict.findings))
-    except HricError:  # the findings contain the error
+    except HricError:  # the same error is the reason of a finding
         return verdict
 
 
 def _separation(
     source: AssessmentInput, person: AssessedPerson, choices: AssessmentChoices, distances: list[PersonSeparation]
 ) -> list[Finding]:
-    """Return the finding about a person's distance, and add the curve to `distances`."""
+    """Return the finding about a person's distance from the arm, and add the distances to `distances`."""
     try:
         apart = separated(source, person, choices)
     except HricError as error:  # an unusable description or root must not hide a contact
@@ -141,7 +141,7 @@ def _separation(
 
 
 def _figures(each: Sequence[Loads], people: Sequence[AssessedPerson]) -> list[UnjudgedValue]:
-    """Return the figures of all persons, prefixed by the person's name if there are several."""
+    """Return the figures of all persons, named with the person if there are several."""
     names = [f"{person.name}: " for person in people] if len(people) > 1 else [""]
     return [
         replace(figure, name=name + figure.name)

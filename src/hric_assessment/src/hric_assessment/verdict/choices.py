@@ -1,4 +1,4 @@
-"""Choices of the user of a verdict."""
+"""Choices of the user for an assessment: limits, braking of the arm, contact area."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -14,33 +14,33 @@ from hric_core.parameters import as_number
 
 @dataclass(frozen=True)
 class BrakingChoice:
-    """Braking of the arm.
+    """Assumed braking of the arm, for the protective distance.
 
     Attributes:
-        stops: stops by speed and load; None: not known.
+        stops: table of the arm's stops by speed and load; None: not known.
     """
 
     stops: StopTable | None = None
 
     def text(self, load: float) -> str:
-        """Return the assumption or the source of the braking as text; load: load of the arm [kg]."""
+        """Return a text with the assumption about the braking, or its source; load: load of the arm [kg]."""
         rules = verdict_table()
         reaction, time = f"{rules['reaction_time']:g} s", f"{rules['stopping_time']:g} s"
         if self.stops is None:
             return (
-                f"the arm reacts after {reaction} and stops within {time} from any speed (chosen here; nothing is "
-                "known of its braking)"
+                f"assumed: the arm reacts after {reaction} and stops within {time} from any speed (chosen here, since "
+                "its braking is not known)"
             )
         return (
-            f"{self.stops.name}, with {load:g} kg; perception takes {reaction} (chosen here), the arm reacts "
-            f"{self.stops.reaction_time:g} s later"
+            f"{self.stops.name}, with {load:g} kg; perception takes {reaction} (chosen here), and the arm starts to "
+            f"brake {self.stops.reaction_time:g} s later"
         )
 
     def stop(self, speed: FloatArray, load: float) -> Stop:
         """Return the stop from speeds of the arm, shape (n,) [m/s], with a load [kg].
 
         Raises:
-            NotAssessableError: a higher speed or load than in any known stop.
+            NotAssessableError: the speed or load is higher than in any known stop.
         """
         rules = verdict_table()
         if self.stops is not None:
@@ -50,14 +50,14 @@ class BrakingChoice:
 
 @dataclass(frozen=True)
 class AssessmentChoices:
-    """Choices of the user of a verdict.
+    """Choices of the user for an assessment.
 
     Attributes:
-        limits: limits of contacts.
+        limits: contact limits.
         braking: braking of the arm.
         contact_area: area over which contacts act, the smaller of the robot's and the body's [m^2]; None: not known.
             If the recording has an area for a contact, the smaller of the two counts.
-        versions: versions of the tables of methods that score postures, by the keys of `methods`.
+        versions: versions of the tables of posture scoring methods, by the keys of `methods`.
         assumptions: assumptions behind the choices, one sentence each.
     """
 
@@ -68,10 +68,10 @@ class AssessmentChoices:
     assumptions: tuple[str, ...] = ()
 
     def stated(self, experiment: Content) -> "AssessmentChoices":
-        """Return a copy with the contact area of an experiment, if the user chose none."""
+        """Return a copy with the contact area that an experiment states, if the user chose none."""
         stated = (experiment.get("human") or {}).get("contact_area")
         if self.contact_area is not None or stated is None:
             return self
         area = as_number(stated)
-        assumed = f"contacts act over {1e4 * area:g} cm^2, as the experiment states (human.contact_area)"
+        assumed = f"the contact area is {1e4 * area:g} cm^2, as the experiment states (human.contact_area)"
         return replace(self, contact_area=area, assumptions=(*self.assumptions, assumed))

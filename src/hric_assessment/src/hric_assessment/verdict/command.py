@@ -1,4 +1,4 @@
-"""Command `assess`."""
+"""Command `assess`: judge a recording's safety and ergonomics and print the verdict."""
 
 import argparse
 from collections.abc import Sequence
@@ -21,23 +21,24 @@ from hric_core.errors import NOT_GOOD, NOT_KNOWN, HricError, check_known
 
 FILE = "verdict.json"
 SEVERITY = (0, NOT_KNOWN, NOT_GOOD)
-"""Exit codes of verdicts, from the best to the worst."""
+"""Exit codes of the command, from the best to the worst outcome."""
 AREA_OPTION = "--contact-area"
 
 
 class AssessCommand(Command):
-    """Assess what a run would have meant for the person in it.
+    """Assess safety and ergonomics of a run for the person in it.
 
-    Contacts, separation and posture are held against published tables. Estimates of a model. Needs no ROS master.
+    Contacts, separation and posture are compared with published tables. The results are estimates of a model. Needs no
+    ROS master.
     """
 
     epilog = (
-        "exit codes: 0 every question that counts is within limits (warnings too); 3 one is above limits; 4 none "
-        "is above, but one is not known; 2 a mistake in the call; 1 the assessment failed."
+        "exit codes: 0 all questions that count are within limits (warnings included); 3 one is above limits; 4 none "
+        "is above limits, but one is not known; 2 a mistake in the command line; 1 the assessment failed."
     )
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments."""
+        """Return the arguments of the command line."""
         return [
             *run_arguments("a bag, or a c3d file with markers of a body (Plug-in Gait)", "RUN|BAG|C3D"),
             *_choices_arguments(),
@@ -47,24 +48,24 @@ class AssessCommand(Command):
                 type=_questions,
                 default=[],
                 metavar="QUESTION[,QUESTION]",
-                help=f"judge these questions alone, with their exit code: {', '.join(QUESTIONS)}; default: contact, "
+                help=f"questions that count for outcome and exit code: {', '.join(QUESTIONS)}; default: contact, "
                 "distance and posture, and a lift above its limit",
             ),
-            Argument("--all", action="store_true", help="all findings with values and notes, figures, assumptions"),
+            Argument("--all", action="store_true", help="print all findings with values, figures and assumptions"),
             Argument("--picture", type=Path, metavar="SVG", help="draw arm and person at the worst moment"),
             Argument(
                 "--compare",
                 nargs="+",
                 default=[],
                 metavar="RUN",
-                help="further recordings: the findings of all side by side",
+                help="further recordings, whose findings are printed side by side with those of the first",
             ),
         ]
 
     def run(self, arguments: argparse.Namespace) -> int:
         """Assess a recording and return the exit code of its outcome."""
         if (shown := arguments.picture) is not None and (shown.suffix != ".svg" or not shown.parent.is_dir()):
-            raise HricError(f"--picture {shown} cannot be; valid: a file .svg in a folder that exists")
+            raise HricError(f"--picture is {shown}; valid: a file name .svg in an existing folder")
         limits = arguments.limits if arguments.limits in LIMIT_TABLES else Path(arguments.limits).expanduser()
         stops = None if arguments.stop is None else stopping.load(arguments.stop)
         if arguments.contact_area is not None:
@@ -83,7 +84,7 @@ class AssessCommand(Command):
 
 
 def main(words: Sequence[str]) -> int:
-    """Assess as `hric assess` does with these words, from Python, and return the exit code.
+    """Run `hric assess` with these command line words from Python, and return its exit code.
 
     Raises:
         HricError: a mistake in the words, or a recording that cannot be read.
@@ -104,39 +105,40 @@ def _assessed(name: str, root: Path, choices: AssessmentChoices) -> Verdict:
 
 def _draw(verdict: Verdict, path: Path) -> None:
     if verdict.moment is None:
-        raise HricError(f"no picture {path.name}: nobody's place is known at a moment that decides")
+        raise HricError(
+            f"the picture {path.name} cannot be drawn: no finding has a time at which the person's position is known"
+        )
     files.write_text(path, picture(verdict.moment))
 
 
 def _questions(text: str) -> list[str]:
-    """Return the questions of an option as a list."""
+    """Return the questions of the option --only as a list."""
     check_known("question", names := text.split(","), QUESTIONS, "--only")
     return names
 
 
 def _choices_arguments() -> list[Argument]:
-    """Return the options that become `AssessmentChoices`."""
+    """Return the command line options that set `AssessmentChoices`."""
     return [
         Argument(
             "--limits",
             default=LIMIT_TABLES[0],
             metavar="FILE|bgia2011",
-            help=f"limits of contacts: {', '.join(LIMIT_TABLES)} (default: {LIMIT_TABLES[0]}), or a YAML file of "
-            "your own",
+            help=f"contact limits: {', '.join(LIMIT_TABLES)} (default: {LIMIT_TABLES[0]}), or a YAML file of your own",
         ),
         Argument(
             "--stop",
             type=Path,
             metavar="FILE",
-            help="how the arm stops, by speed and load: a YAML file of your measurements, or of hric measure_stops (a "
-            "simulation's); default: an assumption, which is printed",
+            help="YAML file with stopping times and distances of the arm by speed and load, from your measurements or "
+            "from hric measure_stops (simulation); default: an assumption, which is printed",
         ),
         Argument(
             AREA_OPTION,
             type=float,
             metavar="M2",
-            help="over which contacts act, the smaller of the robot's and the body's [m^2] (1 cm^2 is 1e-4); without "
-            "it, or human.contact_area of the experiment, no contact is within limits, since its pressure is not known",
+            help="contact area, the smaller of the robot's and the body's [m^2] (1 cm^2 is 1e-4); without it or "
+            "human.contact_area in the experiment, no contact is within limits, since its pressure is not known",
         ),
         *(
             Argument(

@@ -1,4 +1,4 @@
-"""Verdicts of several recordings side by side."""
+"""Comparison of the verdicts of several recordings, side by side."""
 
 from collections.abc import Collection, Sequence
 
@@ -11,11 +11,11 @@ NONE = "-"
 
 
 def compared(verdicts: Sequence[Verdict], only: Collection[str] = ()) -> str:
-    """Return a table with a row for each question, for the worst finding of each subject, and for each figure.
+    """Return a text table with a row for each question, for the worst finding of each subject, and for each figure.
 
     Args:
-        verdicts: verdicts to compare.
-        only: questions that count; empty: those of a verdict.
+        verdicts: verdicts to compare, one column each.
+        only: questions that count for the outcome; empty: the default ones.
     """
     cells = [["", *_names(verdicts)]]
     cells.append(["outcome", *(headline(verdict.conclusions, only) for verdict in verdicts)])
@@ -32,15 +32,15 @@ def compared(verdicts: Sequence[Verdict], only: Collection[str] = ()) -> str:
 
 
 def _names(verdicts: Sequence[Verdict]) -> list[str]:
-    """Return a name for each verdict, with a number if the name occurs again."""
+    """Return a name for each verdict, with a number if several have the same name."""
     names = [verdict.input.name for verdict in verdicts]
     return [f"{name} ({names[: k + 1].count(name)})" if names.count(name) > 1 else name for k, name in enumerate(names)]
 
 
 def _worst(verdict: Verdict) -> dict[str, Finding]:
-    """Return the worst finding of each subject: contacts by region, all distances together.
+    """Return the worst finding of each subject: contacts by body region, and one for all distances.
 
-    The nearest links differ from run to run, so distances are not separated by link.
+    The nearest links differ from run to run, so distances are not distinguished by link.
     """
     findings: dict[str, Finding] = {}
     for finding in verdict.findings:

@@ -1,9 +1,9 @@
-"""Conclusions of a verdict about five questions, which precede its findings.
+"""Conclusions of a verdict: replies to five questions, which are printed before the findings.
 
 contact   Did every contact stay within the limits of the body?
 distance  Was the arm never nearer than the protective separation distance?
 posture   Is the score of every known arm within limits?
-effort    How much effort does it cost the person? Only lifts have a limit.
+effort    How much effort does the run cost the person? Only lifts have a limit.
 task      Was the run completed?
 """
 
@@ -20,27 +20,27 @@ from hric_human.participant.settings import HumanSettings
 
 CONTACT, DISTANCE, POSTURE, EFFORT, TASK = QUESTIONS = ("contact", "distance", "posture", "effort", "task")
 BY_DEFAULT = (CONTACT, DISTANCE, POSTURE)
-"""Questions that count by default: those about limits of a person."""
+"""Questions that count for the outcome by default: those about limits of a person."""
 GROUPS = {CONTACT: "contact", DISTANCE: "separation", POSTURE: "posture", EFFORT: "lift"}
-"""Group of findings that decides a question."""
+"""Group of the findings that decide a question."""
 GIVES = {
     CONTACT: ("contact forces",),
     DISTANCE: ("distance", "capsules"),
     POSTURE: ("the load of the muscles",),
     EFFORT: ("strength",),
 }
-"""Words in the description of a missing signal that show which question it would decide."""
+"""Words in the description of a missing signal (`Missing.gives`) that show which question it would decide."""
 AREA, PENALTY = "the contact's area", "a force of penalty contact"
 AREA_REMEDY = "--contact-area M2, or human.contact_area in the experiment"
-PENALTY_REMEDY = "give one of the two bodies a spring: contact: penalty of the object, or surfaces of the robot"
+PENALTY_REMEDY = "make one of the two bodies elastic: contact: penalty of the object, or surfaces of the robot"
 PARTS_REMEDY = "simulate more of the body: human.parts:="
 SEE = "see the reason of the finding"
 ORDER = (Outcome.ABOVE, Outcome.NOT_ASSESSABLE, Outcome.WARNING, Outcome.WITHIN)
-"""Outcomes from the worst on; "not assessable" is second because it may be above limits."""
+"""Outcomes from the worst to the best; "not assessable" is second, because it may be above limits."""
 
 
 class Reply(StrEnum):
-    """Reply to a question; a warning is within limits, by a rule that the finding states."""
+    """Reply to a question of the verdict; a warning is within limits, by a rule that the finding states."""
 
     YES = "yes"
     WARNING = "warning"
@@ -60,33 +60,34 @@ OUTCOMES = {reply: outcome for outcome, reply in REPLIES.items()} | {Reply.NO_LI
 
 @dataclass(frozen=True)
 class Conclusion:
-    """Reply to one question with the number that decides it.
+    """Reply to one question of the verdict, with the number that decides it.
 
     Attributes:
         question: one of QUESTIONS.
-        reply: yes only with sufficient evidence.
-        subject: subject of the number.
+        reply: reply; yes only with sufficient evidence.
+        subject: quantity or subject that the number describes.
         value, limit: number and its limit in `unit`; None: not known, or no limit exists.
+        unit: unit of value and limit.
         reason: reason for the reply, one sentence.
         remedy: command, argument or topic that would make an unknown value known.
         person: namespace of the person with the worst finding; empty: there is one person only.
-        finding: index of the finding that decides, among all of the verdict; None: there is none.
+        finding: index of the deciding finding in `Verdict.findings`; None: there is none.
     """
 
     question: Annotated[str, ("enum", QUESTIONS)]
-    reply: Annotated[Reply, "yes: within limits; no limit: the number has none"]
-    subject: Annotated[str, "what the number is of"]
+    reply: Annotated[Reply, "yes: within limits; no limit: the number has no limit"]
+    subject: Annotated[str, "quantity or subject that the number describes"]
     value: float | None = None
     limit: Annotated[float | None, "in the unit of the value; null: there is none, or it is not known"] = None
     unit: str = ""
     reason: str = ""
-    remedy: Annotated[str, "what would make an unknown known"] = ""
+    remedy: Annotated[str, "what would make an unknown value known"] = ""
     person: Annotated[str, "namespace; empty: there is one person only"] = ""
-    finding: Annotated[int | None, "index of the finding that decides"] = None
+    finding: Annotated[int | None, "index of the deciding finding"] = None
 
     @property
     def number(self) -> str:
-        """Value and limit as text; empty: no value is known."""
+        """Value and limit as text; empty if no value is known."""
         if self.value is None:
             return ""
         if (self.limit, self.unit) == (100.0, "%"):
@@ -109,7 +110,7 @@ def conclusions(
     """Return the conclusions about all questions, each for the person with the worst finding.
 
     Args:
-        findings: all findings, from the worst on.
+        findings: all findings, from the worst to the best.
         figures: numbers without a limit.
         missing: signals that the recording lacks.
         run: contents of run.yaml; empty without a run folder.
@@ -132,10 +133,10 @@ def _of_person(question: str, findings: Sequence[Finding], missing: Sequence[Mis
 
 
 def _posture(findings: Sequence[Finding]) -> list[Finding]:
-    """Return the findings that decide the posture: a method that supplements others counts where it can be assessed.
+    """Return the findings that decide the question about posture.
 
-    REBA needs legs that most recordings lack; it is another method for the same question, so a missing REBA score must
-    not hide a RULA score.
+    Findings of a method that supplements others are left out if they are not assessable: REBA needs legs, which most
+    recordings lack, and a missing REBA score must not hide a RULA score for the same question.
     """
     main = [item for item in findings if not ((method := method_of(item.subject)) and method.supplements)]
     return [item for item in findings if not main or item in main or item.outcome != Outcome.NOT_ASSESSABLE]
@@ -148,7 +149,7 @@ def _by(question: str, finding: Finding, findings: Sequence[Finding]) -> Conclus
 
 
 def _number(finding: Finding) -> tuple[float | None, float | None, str]:
-    """Return (value, limit, unit) of a finding: a score, an index, a share of the limit, or a distance."""
+    """Return value, limit and unit of a finding: of a score, lifting index, share of a limit, or distance."""
     values = finding.values
     if (method := method_of(finding.subject)) and (score := values.get("score that counts")) is not None:
         return score, method.table().warning.value, ""
@@ -162,7 +163,7 @@ def _number(finding: Finding) -> tuple[float | None, float | None, str]:
 
 
 def with_remedy(finding: Finding) -> Finding:
-    """Return a finding; a remedy for the missing data is added if it is not assessable and has none."""
+    """Add a remedy for the missing data to a finding that is not assessable and has none."""
     if finding.outcome != Outcome.NOT_ASSESSABLE or finding.remedy:
         return finding
     remedy = SEE
@@ -181,7 +182,7 @@ def _lacking(question: str, missing: Sequence[Missing]) -> str:
 
 
 def _effort(findings: Sequence[Finding], figures: Sequence[UnjudgedValue], missing: Sequence[Missing]) -> Conclusion:
-    """Return the conclusion about the worst lift; without a rated lift about the largest load, which has no limit."""
+    """Return the conclusion about effort: of the worst rated lift, else of the largest load, which has no limit."""
     lifts = [item for item in findings if item.group == GROUPS[EFFORT]]
     if lifts and lifts[0].outcome != Outcome.NOT_ASSESSABLE:
         return _by(EFFORT, lifts[0], findings)
@@ -199,7 +200,7 @@ def _effort(findings: Sequence[Finding], figures: Sequence[UnjudgedValue], missi
 def _task(run: Content) -> Conclusion:
     if not run:
         return Conclusion(
-            TASK, Reply.UNKNOWN, "no run.yaml", remedy="assess the run folder instead of the recording alone"
+            TASK, Reply.UNKNOWN, "no run.yaml", remedy="assess the run folder instead of only the recording"
         )
     status = str(run.get("status", "not known"))
     error = str(run.get("arm_error") or run.get("error") or "")
@@ -214,7 +215,7 @@ def outcome(conclusions: Sequence[Conclusion], only: Collection[str] = ()) -> Ou
 
     Args:
         conclusions: conclusions about all questions.
-        only: questions that count; empty: those about limits of a person, and effort where a lift is above its limit.
+        only: questions that count; empty: those about limits of a person, and effort if a lift is above its limit.
     """
     counted = [OUTCOMES[item.reply] for item in conclusions if item.question in (only or BY_DEFAULT)]
     if not only:
@@ -223,23 +224,26 @@ def outcome(conclusions: Sequence[Conclusion], only: Collection[str] = ()) -> Ou
 
 
 def headline(conclusions: Sequence[Conclusion], only: Collection[str] = ()) -> str:
-    """Return the outcome in words; arguments as in `outcome`. Completion of a run is no limit of a person."""
+    """Return the outcome of the questions that count in words; arguments: see `outcome`.
+
+    For the question "task" it is the status of the run, since completion is no limit of a person.
+    """
     limits = [item.question for item in conclusions if item.question in only and item.question != TASK]
     tasks = [item.subject for item in conclusions if item.question == TASK and TASK in only]
     return ", ".join([str(outcome(conclusions, limits))] * (not only or bool(limits)) + tasks)
 
 
 def unknown_beforehand(section: Content | None) -> str:
-    """Return a line about what the verdict of a run will not know; empty: nothing, or no person is simulated.
+    """Return a line about questions that a run's verdict cannot decide; empty: there are none, or no person.
 
     Args:
-        section: section `human` of the experiment; None: there is nitem.
+        section: section `human` of the experiment; None: there is none.
     """
     if section is None:
         return ""
     human, lacks = HumanSettings.of(section, "human"), []
     if human.contact_area is None:
-        lacks.append("contact, should one happen: its area is not stated (human.contact_area:=M2)")
+        lacks.append("contacts, if any: the contact area is not stated (human.contact_area:=M2)")
     if human.person.parts not in ("upper_body", "whole_body"):
         lacks.append("posture: neck and trunk are not simulated (human.parts:=upper_body)")
-    return f"the verdict of this run will not know {'; '.join(lacks)}" if lacks else ""
+    return f"the verdict of this run will not decide about {'; '.join(lacks)}" if lacks else ""

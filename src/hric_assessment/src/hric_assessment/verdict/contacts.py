@@ -1,6 +1,7 @@
-"""Findings of contacts: every contact episode of a person with other bodies.
+"""Findings about contacts: one for every contact episode of a person with other bodies.
 
-Each is judged by the force of the simulated body and by the standard's body model; the worse of the two decides.
+Each episode is judged by the recorded force, and by its approach speed with the body model of ISO/TS 15066; the worse
+of the two decides.
 """
 
 from collections.abc import Mapping, Sequence
@@ -27,25 +28,25 @@ from hric_human.contact import RegionContact
 TOPIC = "hric/human/contacts"
 OTHER_REGION = "the region is not one of the link's"
 ALL = "contacts"
-"""Subject of a finding about all contacts of a person."""
+"""Subject of findings about all contacts of a person."""
 UNBOUNDED = 1e12
-"""Mass of a robot with unknown mass [kg]: large enough to be the worst case."""
+"""Mass assumed for a robot whose mass is not known [kg]: practically infinite, the worst case."""
 SILENT_GAP = 0.075
-"""Longest time between two messages of a simulated person's contacts [s].
+"""Longest gap between two contact messages of a simulated person that may be bridged [s].
 
-1.5 times the 50 ms after which an empty message is due (`hric_human.participant.topics.SILENCE`).
+It is 1.5 times the 50 ms after which an empty message is due (`hric_human.participant.topics.SILENCE`).
 """
 SPEED_STEP = 1e-3
-"""Default time step of a plant that does not state one [s]: 1 kHz, as in every run of this workspace."""
+"""Time step assumed for a plant that does not state one [s]: 1 kHz, as in every run of this workspace."""
 
 
 def contact_findings(source: AssessmentInput, choices: AssessmentChoices) -> list[Finding]:
-    """Return the findings of all contacts of each person; one finding says so if contacts are not recorded."""
+    """Return the findings about all contacts of each person, or that contacts are not recorded."""
     humans = source.recording.humans
     findings = [finding for record in humans.values() for finding in _of_person(source, record, choices)]
     on_camera = (source.definition.get("mocap") or {}).get("human")
     for topic in source.recording.people:
-        if not (humans and on_camera):  # otherwise it is the same simulated person
+        if not (humans and on_camera):  # otherwise the tracked person is the simulated one
             findings.append(_not_recorded(source, choices, topic.rpartition("/")[0]))
     return findings or [_not_recorded(source, choices, "")]
 
@@ -89,11 +90,12 @@ def _of_person(source: AssessmentInput, record: HumanRecord, choices: Assessment
 
 
 def _evidence(source: AssessmentInput, record: HumanRecord, stream: ContactStream) -> tuple[Evidence, str]:
-    """Return how much of the recording the contacts are known for, and a sentence if they are not completely known.
+    """Return for how much of the recording the contacts are known, and a sentence if that is not all of it.
 
-    A source that also sends empty messages, as the simulated person does, is known wherever it has messages. A source
-    that sends only contacts is unknown between its messages if an arm is recorded, which may have touched the person;
-    without an arm it is assumed to report each contact while any data of the person is recorded.
+    If the source also sends empty messages, as the simulated person does, contacts are known wherever there are
+    messages. If it sends only contacts, they are unknown between its messages if an arm is recorded, which may have
+    touched the person; without an arm the source is assumed to report each contact while any data of the person is
+    recorded.
     """
     window = source.recording.begin, source.recording.end
     times = [stream.time]
@@ -108,9 +110,10 @@ def _evidence(source: AssessmentInput, record: HumanRecord, stream: ContactStrea
         return evidence, ""
     if stream.lost:
         count = f"messages are missing in {len(stream.lost)} places, the first at {stream.lost[0][0]:.3f} s"
-        return evidence, f"{count}: what touched the person then is not known"
-    why = "" if reports_silence(source, stream) else ", and its source sends no empty message while nothing touches"
-    return evidence, f"what touched the person is not known for all of the time: {evidence.shortfall}{why}"
+        return evidence, f"{count}: contacts at these times are not known"
+    silent = ", and the source sends no empty messages while nothing touches the person"
+    why = "" if reports_silence(source, stream) else silent
+    return evidence, f"contacts of the person are not known for the whole time: {evidence.shortfall}{why}"
 
 
 def reports_silence(source: AssessmentInput, stream: ContactStream) -> bool:
@@ -121,7 +124,7 @@ def reports_silence(source: AssessmentInput, stream: ContactStream) -> bool:
 def silence_assumed(source: AssessmentInput) -> list[str]:
     """Return an assumption for each person without messages between contacts, in a recording without an arm."""
     return [
-        f"{record.name}/contacts has no message while nothing touches: its source is taken to have run until the end"
+        f"{record.name}/contacts has no messages without contact: its source is assumed to have run until the end"
         for record in source.recording.humans.values()
         if record.stream is not None and record.region_contacts and source.recording.log is None
         if not reports_silence(source, record.stream)
@@ -136,14 +139,14 @@ def _rest(
     touched: bool,
     choices: AssessmentChoices,
 ) -> Finding:
-    """Return the finding about the time without recorded contacts."""
+    """Return the finding that nothing touched the person in the time without contacts, or that this is not known."""
     window, table = (source.recording.begin, source.recording.end), choices.limits.table.name
     signals = (f"{record.name}/contacts",)
     held = [grip.name for grip in record.grips.values() if grip.closed.any()]
     reason = f"nothing but the grips ({', '.join(held)}) touched the person" if held else "nothing touched the person"
     finding = Finding(ALL, Outcome.WITHIN, reason, table, 0.0, {}, window, signals, group=CONTACT, evidence=evidence)
     if lost:
-        remedy = f"record every message of {record.name}/contacts, with an empty one each 50 ms while nothing touches"
+        remedy = f"record every message of {record.name}/contacts, with an empty one every 50 ms without contact"
         outcome = Outcome.NOT_ASSESSABLE
         finding = replace(finding, outcome=outcome, share=None, reason=lost, remedy=remedy)
     return replace(finding, person=record.name)
@@ -153,8 +156,8 @@ class _Judge:
     """Assessment of the contacts of one person.
 
     Args:
-        source: the recording.
-        record: recording of the person.
+        source: recording with the files next to it.
+        record: recorded signals of the person.
         choices: choices with the limits.
     """
 
@@ -179,15 +182,15 @@ class _Judge:
         return findings + [finding.marked_near_limit() for finding in judged]
 
     def _without_force(self, contacts: Sequence[RegionContact]) -> Finding:
-        """Return one finding for all touches of a pair without a meaningful force."""
+        """Return one finding for all contacts of two bodies that have no meaningful force."""
         finding = self._assessed(None, self._site(contacts)[0], contacts, None)
-        return replace(finding, notes=(*finding.notes, f"they touched {len(contacts)} times"))
+        return replace(finding, notes=(*finding.notes, f"number of contacts: {len(contacts)}"))
 
     def _with_force(self, episode: Episode) -> Finding:
         site, notes = self._site(episode.contacts)
         try:
             approach, impact, doubts = self._expected.approach(episode.contacts, site, self._simulated)
-        except HricError:  # _assessed names a region that does not exist
+        except HricError:  # a region that does not exist becomes the reason of the finding in _assessed
             approach, impact, doubts = None, None, []
         refused = [note for note in notes if note.startswith(("the recorded contact area", OTHER_REGION))]
         episode = replace(episode, doubts=(*episode.doubts, *doubts, *refused))
@@ -195,7 +198,7 @@ class _Judge:
         values, more, missing = self._expected.values(impact, site)
         if finding.outcome == Outcome.NOT_ASSESSABLE and episode.doubts:
             topic = f"{self._record.name}/contacts"
-            remedy = f"record every message of {topic} until the bodies part, of forces evaluated 1000 times a second"
+            remedy = f"record every message of {topic} until the bodies separate, with forces sampled at 1000 Hz"
             finding = replace(finding, remedy=remedy)
         return replace(
             finding,
@@ -216,7 +219,7 @@ class _Judge:
         return replace(finding, group=CONTACT, regions=site.regions, window=window, person=person)
 
     def _site(self, contacts: Sequence[RegionContact]) -> tuple[ContactSite, list[str]]:
-        """Return the contact's location, and notes on the statements of the recording and the user about it."""
+        """Return the place of a contact, and notes about contradictions between recording, body and user."""
         first, notes, areas = contacts[0], list[str](), dict[str, float]()
         names = tuple(dict.fromkeys(name for contact in contacts for name in contact.regions))
         recorded = min((contact.area for contact in contacts if contact.area is not None), default=None)
@@ -238,34 +241,34 @@ class _Judge:
             notes.append(f"{OTHER_REGION}: {first.link} belongs to {' or '.join(sorted(of_link))}")
         dominant = sides.pop() if len(sides) == 1 else None
         if dominant is not None and any(contact.dominant is not dominant for contact in contacts):
-            notes.append("the body and the message differ on the side of the dominant hand: the lower limit counts")
+            notes.append("body and message disagree about the side of the dominant hand: the lower limit counts")
             dominant = None
         others = " and ".join(dict.fromkeys(contact.other for contact in contacts))
         return ContactSite(names, others, first.kind, None, dominant, area), notes
 
 
 class ExpectedImpacts:
-    """Closed form of two masses and a spring, for comparison with the recorded contacts.
+    """Closed-form impacts (two masses and a spring) of recorded contacts, and the permitted approach speeds.
 
     Args:
-        source: the recording.
-        record: recording of the person.
+        source: recording with the files next to it.
+        record: recorded signals of the person.
         choices: choices with the limits.
     """
 
     def __init__(self, source: AssessmentInput, record: HumanRecord, choices: AssessmentChoices) -> None:
         self._limits, self._forms = choices.limits, None
-        self._why = "what the closed form needs: a control log"
+        self._why = "for the closed form: a control log"
         log = source.recording.log
         if log is None or not len(record.time):
             return
         if not source.description or not source.definition.get("human"):
-            self._why = "what the closed form needs: the robot's description and where the person was (run folder)"
+            self._why = "for the closed form: the robot's description and the person's position (run folder)"
             return
         try:
             self._forms = ClosedFormModels(source.run, source.description, log, record)
         except HricError as error:
-            self._why = f"what the closed form needs: {error}"
+            self._why = f"for the closed form: {error}"
             return
         moving, tool = masses(urdf.read(source.description), log.joint_names)
         load = float((source.definition.get("robot", {}).get("load") or {}).get("mass", 0.0))
@@ -274,23 +277,23 @@ class ExpectedImpacts:
     def approach(
         self, contacts: Sequence[RegionContact], site: ContactSite, simulated: bool
     ) -> tuple[LimitRatio | None, ClosedFormImpact | None, list[str]]:
-        """Return the worst approach of some contacts, its closed form, and doubts.
+        """Return the worst approach speed of some contacts with its limit, its closed form, and doubts.
 
         Args:
             contacts: contacts of an episode.
-            site: the two bodies.
-            simulated: True if the recording is of a plant, which states each approach speed.
+            site: place of the contacts.
+            simulated: True if a simulation was recorded, which states the approach speed of each contact.
         """
         unknown = [
             contact for contact in contacts if contact.begin_speed is None or not np.isfinite(contact.begin_speed)
         ]
         placed = any(contact.begin_point is not None for contact in unknown)
-        doubts = ["the speed at which they met is not known"] if unknown and (simulated or placed) else []
+        doubts = ["the approach speed is not known"] if unknown and (simulated or placed) else []
         approaches = []
         for contact in contacts:
             speed = (
                 0.0 if contact.begin_speed is None else abs(contact.begin_speed)
-            )  # also for a touch while the bodies separate
+            )  # the speed is negative if the bodies separate when the contact is first reported
             if not speed > 0.0:
                 continue
             form = None if self._forms is None else self._forms.impact(contact)
@@ -303,7 +306,10 @@ class ExpectedImpacts:
         return *worst, doubts
 
     def _lowest(self, form: ClosedFormImpact | None, site: ContactSite) -> SpeedLimit | None:
-        """Return the lowest permitted speed of the regions and of the robot's masses; None: no region has one."""
+        """Return the lowest permitted approach speed of the regions; None: no region has one.
+
+        The heavier of the robot's reflected mass and the standard's M/2 + m_L counts; without a closed form, UNBOUNDED.
+        """
         mass = UNBOUNDED if form is None else max(form.robot_mass, self._standard)
         try:
             area, hand = site.contact_area, site.dominant
@@ -315,7 +321,7 @@ class ExpectedImpacts:
     def values(
         self, form: ClosedFormImpact | None, site: ContactSite
     ) -> tuple[Mapping[str, float | None], tuple[str, ...], tuple[str, ...]]:
-        """Return values, notes and missing data of the closed form."""
+        """Return values, notes and missing data about the closed form, for a finding."""
         if self._forms is None:
             return {}, (), (self._why,)
         if form is None:
@@ -345,19 +351,19 @@ class ExpectedImpacts:
             speed = permitted_speed(limit, form.mass, form.stiffness)
             values["speed at the limit, masses as simulated [m/s]"] = float(speed)
         unsafe = form.robot_mass > standard
-        side = "the unsafe side: it permits more than the mass that was met" if unsafe else "the safe side"
+        side = "not on the safe side" if unsafe else "on the safe side"
         note = (
             f"closed form, {region}: the reflected mass m_u of {form.robot_mass:.2f} kg (with rotors, as simulated) "
-            f"permits {reflected.transient:.3f} m/s, the standard's M/2 + m_L of {self._standard:.2f} kg "
-            f"{halved.transient:.3f} m/s, which is on {side}"
+            f"permits {reflected.transient:.3f} m/s; the standard's estimate M/2 + m_L of {self._standard:.2f} kg "
+            f"permits {halved.transient:.3f} m/s, which is {side}"
         )
         return values, (note,), ()
 
 
 def masses(tree: urdf.Robot, joints: Sequence[str]) -> tuple[float, float]:
-    """Return the masses behind the first joint of an arm, and of its tool, which is a part of that [kg].
+    """Return the moving mass of an arm, and the part of it that is the tool [kg].
 
-    The tool is everything fixed to the link behind the last joint.
+    The moving mass is that of all links beyond the first joint; the tool is all that is attached to the last link.
     """
     behind: dict[str, list[str]] = {}
     for joint in tree.joints.values():

@@ -1,4 +1,4 @@
-"""Input of a verdict: a run folder, a bag, or a c3d file with markers of a body."""
+"""Input of an assessment: a run folder, a bag, or a c3d file with markers of a body."""
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -14,15 +14,15 @@ from hric_perception.person.settings import PersonSettings
 
 @dataclass(frozen=True)
 class AssessmentInput:
-    """Recording and the files next to it.
+    """Recording to be assessed, with the files next to it.
 
     Attributes:
-        name: name for texts.
+        name: name of the recording in printed texts.
         kind: run, bag or c3d.
-        folder: folder for verdict.json.
+        folder: folder in which verdict.json is written.
         recording: recorded signals.
         run: contents of run.yaml; empty without a run folder.
-        description: URDF of the robot; "": none.
+        description: URDF of the robot; "": not known.
     """
 
     name: str
@@ -44,14 +44,14 @@ class AssessmentInput:
 
 
 def opened(name: str, root: Path | None = None) -> AssessmentInput:
-    """Read the input of a verdict.
+    """Read the recording to be assessed.
 
     Args:
-        name: a run folder, its name, "latest", a bag, or a c3d file.
+        name: path or name of a run folder, "latest", or path of a bag or c3d file.
         root: folder of all runs.
 
     Raises:
-        HricError: it does not exist, or cannot be read.
+        HricError: the recording does not exist, or cannot be read.
     """
     path = Path(name).expanduser()
     if path.suffix.lower() == ".c3d":
@@ -68,7 +68,7 @@ def opened(name: str, root: Path | None = None) -> AssessmentInput:
 
 
 def _with_markers(source: AssessmentInput, bag: Path) -> AssessmentInput:
-    """Return the recording with the person from motion capture frames, if no other signal shows a person."""
+    """Add the person's motion from motion capture frames in the bag, if no other signal contains a person."""
     signals = source.recording
     if signals.humans or signals.people or FRAMES not in signals.kinds:
         return source

@@ -1,4 +1,4 @@
-"""Findings of lifts: loads that a person picks up and puts down, by the NIOSH equation, or why it does not apply."""
+"""Findings about lifts: loads that a person picks up and puts down, rated by the NIOSH lifting equation."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -16,19 +16,19 @@ from hric_core.geometry import FloatArray
 from hric_human.control.kinematics import GRAVITY
 
 ASSUMED = (
-    "assumed: the load does not turn out of the sagittal plane, is stable, and well coupled; one lift in 5 min for "
-    "1 h; the ankles are below the middle of the hips, or of the shoulders of a body that is arms alone"
+    "assumed: the load stays in the sagittal plane, does not shift, and is gripped well; one lift in 5 min for 1 h; "
+    "the ankles are below the midpoint of the hips, or of the shoulders if the body has only arms"
 )
 
 
 @dataclass(frozen=True)
 class LiftTransport:
-    """Body that a person carries with one or both hands.
+    """Transport of an object by one or both of a person's hands.
 
     Attributes:
-        held: name of the body.
-        hands: number of the person's hands on it.
-        time: instants while it is held, shape (n,) [s].
+        held: name of the object.
+        hands: number of the person's hands that hold the object.
+        time: instants at which all of them hold it, shape (n,) [s].
         point: midpoint of the grips, shape (n, 3) [m].
         load: vertical force on the hands divided by g, shape (n,) [kg].
     """
@@ -41,7 +41,7 @@ class LiftTransport:
 
 
 def lift_findings(source: AssessmentInput, person: AssessedPerson) -> list[Finding]:
-    """Return a finding for picking up and for putting down each body that a person lifts with the hands."""
+    """Return the findings about picking up and putting down each object that a person lifts with the hands."""
     human = person.record
     if human is None or person.settings is None or person.root is None:
         return []
@@ -60,7 +60,7 @@ def lift_findings(source: AssessmentInput, person: AssessedPerson) -> list[Findi
 
 
 def _proven(finding: Finding, grips: Sequence[GripRecord], name: str) -> Finding:
-    """Return the finding with its evidence: a lift is within limits only if the grips are known all the time."""
+    """Add its evidence to a finding; a lift is within limits only if the grips are known during the whole lift."""
     assert finding.window is not None
     gap = verdict_table()["max_gap"]
     usable = [(grip.time, finite_rows(np.hstack([grip.force, grip.point]))) for grip in grips]
@@ -84,7 +84,7 @@ def _transport(held: str, grips: Sequence[GripRecord]) -> LiftTransport:
 
 
 def _of(transport: LiftTransport, person: AssessedPerson) -> list[Finding]:
-    """Return the findings of picking up, from the start of the hold to its highest point, and of putting down."""
+    """Return the findings about picking up (from the grip to the highest point) and putting down an object."""
     height, limit = transport.point[:, 2], verdict_table()["lift"]
     top = int(np.argmax(height))
     findings = []
@@ -96,7 +96,10 @@ def _of(transport: LiftTransport, person: AssessedPerson) -> list[Finding]:
 
 
 def _lift(transport: LiftTransport, person: AssessedPerson, phase: str, end: int, top: int) -> Lift:
-    """Return the lift between one of its ends and its highest point."""
+    """Return the lift between the transport's begin or end and its highest point.
+
+    end, top: index of the begin or end, and of the highest point.
+    """
     settings, root = person.settings, person.root
     assert settings is not None and root is not None
     rows = slice(min(end, top), max(end, top) + 1)

@@ -1,4 +1,4 @@
-"""Figures of joints and muscles of a person, without limits: the strength is that of a model."""
+"""Figures about the load of a person's joints and muscles; they have no limits, since the strength is a model's."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -21,18 +21,18 @@ from hric_human.muscles.anatomy import Anatomy
 from hric_human.muscles.choose import find
 
 RATE = 20.0
-"""Rate at which the muscle load is computed [Hz]; each instant is independent of the others."""
+"""Rate of the instants at which the muscle load is computed, independently of each other [Hz]."""
 PIECE, OVERLAP = 60.0, 1.0
-"""Length of the pieces in which a long motion is filtered, and the overlap that is discarded at their ends [s]."""
+"""Length of the pieces in which a long motion is processed, and overlap that is discarded at both ends [s]."""
 MODEL = "a model's estimate"
 
 
 @dataclass(frozen=True)
 class Loads:
-    """Loads of one person.
+    """Load of one person's joints and muscles.
 
     Attributes:
-        figures: figures by group.
+        figures: values without a limit, sorted by group.
         activation: muscle activation over time; None: not known.
     """
 
@@ -40,7 +40,7 @@ class Loads:
     activation: Columns | None
 
     def timeline(self) -> ActivationCurve | None:
-        """Return the activation for the verdict."""
+        """Return the muscle activation over time as a curve of the verdict; None: not known."""
         if self.activation is None:
             return None
         worst = np.nan_to_num(self.activation.values).max(axis=1)
@@ -50,11 +50,11 @@ class Loads:
 
 
 def loads(source: AssessmentInput, person: AssessedPerson | None) -> Loads:
-    """Return torque as share of strength, muscle activation, and joint contact force, as far as they are known.
+    """Return joint torque as share of strength, muscle activation, and joint contact force, as far as they are known.
 
     Args:
-        source: the recording.
-        person: the person; None: there is none, and all signals of the recording count.
+        source: recording with the files next to it.
+        person: assessed person; None: there is none, and all signals of the recording count.
     """
     figures = _strength(source, person)
     recorded = next(_of_person(source.recording.activation, person), None)
@@ -69,7 +69,7 @@ def loads(source: AssessmentInput, person: AssessedPerson | None) -> Loads:
             shown = modelled
             figures += _active(modelled, f"as modelled, by static optimisation, {MODEL}")
         factor = verdict_table()["weak_shoulder"]
-        figures += _active(weak, f"with all muscles at {factor:g} of that, {MODEL}", brief=True)
+        figures += _active(weak, f"with {factor:g} times the strength of all muscles, {MODEL}", brief=True)
         figures += [] if contacts else _contact(contact, "computed")
     for columns in contacts:
         figures += _contact(dict(zip(columns.names, columns.values.T, strict=True)), "recorded")
@@ -84,14 +84,14 @@ def _of_person(streams: Mapping[str, Columns], person: AssessedPerson | None) ->
 
 
 def _muscles_of(recorded: Columns, muscles: Sequence[str]) -> Columns:
-    """Return the recorded activation of some muscles, without joint actuators."""
+    """Return the recorded activation of the given muscles only."""
     rows = [k for k, name in enumerate(recorded.names) if name in muscles]
     names = tuple(recorded.names[k] for k in rows)
     return Columns(recorded.topic, names, recorded.time, recorded.values[:, rows])
 
 
 def _strength(source: AssessmentInput, person: AssessedPerson | None) -> list[UnjudgedValue]:
-    """Return the largest share of each joint's strength; for shoulders also that of a weaker person."""
+    """Return the largest torque of each joint as share of its strength; for shoulders also for a weaker person."""
     record, table = None if person is None else person.record, verdict_table()
     columns = next(_of_person(source.recording.shares, person), None)
     if record is not None and len(record.torque_time):
@@ -108,7 +108,7 @@ def _strength(source: AssessmentInput, person: AssessedPerson | None) -> list[Un
         note = f"mean {mean:.3g}; {MODEL}"
         figures.append(UnjudgedValue("strength", f"largest torque of {name} over its strength", largest, "1", note))
         if "_sh_" in name:
-            note = f"mean {mean / factor:.3g}; with the shoulder at {factor:g} of its strength as modelled"
+            note = f"mean {mean / factor:.3g}; with {factor:g} times the modelled strength of the shoulder"
             label = f"largest torque of {name}, weaker shoulder"
             figures.append(UnjudgedValue("strength", label, largest / factor, "1", note))
     return sorted(figures, key=lambda figure: -(figure.value or 0.0))
@@ -135,7 +135,12 @@ def _active(columns: Columns, note: str, brief: bool = False) -> list[UnjudgedVa
 
 
 def _contact(contact: Mapping[str, FloatArray], how: str) -> list[UnjudgedValue]:
-    """Return figures of contact force magnitudes by joint centre, shape (n,) each [N]; NaN: not known."""
+    """Return figures about joint contact forces.
+
+    Args:
+        contact: magnitude of the force by joint centre, shape (n,) each [N]; NaN: not known.
+        how: origin of the forces, "computed" or "recorded".
+    """
     figures = []
     for joint, force in contact.items():
         size = force[np.isfinite(force)]
@@ -148,9 +153,11 @@ def _contact(contact: Mapping[str, FloatArray], how: str) -> list[UnjudgedValue]
 
 
 def _computed(person: AssessedPerson | None) -> tuple[Columns, Columns, Mapping[str, FloatArray]] | None:
-    """Return the muscles of a simulated human with known body and grips: as modelled, weaker ones, and contact forces.
+    """Compute the muscle load of a simulated human whose body and grips are known; None: not known.
 
-    Contact forces are magnitudes in each joint centre as modelled, shape (n,) [N].
+    Returns:
+        activation as modelled; activation with weaker muscles; magnitude of the joint contact force by joint centre,
+            shape (n,) [N].
     """
     if person is None or person.settings is None or person.record is None:
         return None
@@ -161,14 +168,14 @@ def _computed(person: AssessedPerson | None) -> tuple[Columns, Columns, Mapping[
         root = person.settings.root(person.body)
         modelled, contact = _over(person, record, anatomy, root, muscles.strength)
         return modelled, _over(person, record, anatomy, root, factor * muscles.strength)[0], contact
-    except HricError:  # too short a motion, a body without arms, an anatomy that no longer exists
+    except HricError:  # the motion is too short, the body has no arms, or the file of muscles no longer exists
         return None
 
 
 def _over(
     person: AssessedPerson, record: HumanRecord, anatomy: Anatomy, root: Pose, strength: float
 ) -> tuple[Columns, Mapping[str, FloatArray]]:
-    """Return the activation of the muscles, without joint actuators, and the contact forces in the joint centres."""
+    """Return activation of the muscles, without joint actuators, and magnitude of the joint contact forces [N]."""
     pieces: list[MuscleLoad] = []
     begin = float(record.time[0])
     while begin < record.time[-1] - OVERLAP or not pieces:

@@ -1,4 +1,4 @@
-"""Motion of a person from body markers, of a c3d file or of motion capture frames in a bag."""
+"""Motion of a person, computed from body markers in a c3d file or in motion capture frames of a bag."""
 
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
@@ -19,14 +19,14 @@ from hric_perception.person.settings import PersonSettings
 
 FRAMES = "hric_msgs/msg/MocapData"
 Frame = tuple[float, FloatArray]
-"""Robot time [s] and positions of the markers, shape (m, 3) [m]."""
+"""Motion capture frame: robot time [s], and positions of the markers, shape (m, 3) [m]."""
 
 
 def of_c3d(path: Path) -> Recording:
-    """Return the recording of a c3d file, with a person of the default subject's measures.
+    """Read a c3d file as a recording of a person with the default subject's measures.
 
     Raises:
-        HricError: no such file, or no markers of a body in it.
+        HricError: the file does not exist, or has no markers of a body.
     """
     trial = read_trial(path)
     body = describe(PersonSettings().person)
@@ -51,7 +51,7 @@ def of_c3d(path: Path) -> Recording:
 
 
 def of_frames(bag: Path, signals: Recording, settings: PersonSettings) -> tuple[Columns, TrackedRoot] | None:
-    """Return joints and root from motion capture frames in a bag; None: the markers are not in it."""
+    """Return joint angles and root pose from motion capture frames in a bag; None: it lacks the person's markers."""
     body, calibrated = settings.known()
     tracker, rows = PersonTracker(body, settings.worn), PersonMarkers(settings.worn, settings.labels, settings.asset)
     frame = ["mocap"]
@@ -72,13 +72,13 @@ def of_frames(bag: Path, signals: Recording, settings: PersonSettings) -> tuple[
 def tracked(
     frames: Iterable[Frame], tracker: PersonTracker, name: str, frame: str | Callable[[], str], calibrated: bool
 ) -> tuple[Columns, TrackedRoot]:
-    """Return joints and root link over time; NaN: lost.
+    """Track a person through motion capture frames; return joint angles and root pose, NaN where they are lost.
 
     Args:
         frames: frames in order of time.
-        tracker: tracker of the body.
-        name: name of the recording, prefix of the topic names.
-        frame: frame of the markers.
+        tracker: tracker of the person's body.
+        name: name of the recording, used as prefix of the topic names.
+        frame: frame in which the markers are given, or a function that returns it after the last frame.
         calibrated: True if the body was fitted to the person.
     """
     body: Body = tracker.body

@@ -1,4 +1,4 @@
-"""Worst moment of a recording: capsules of arm and person at one instant, as data and as a picture."""
+"""Worst moment of a recording: capsules of arm and person at that instant, as data and as a picture."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,18 +17,18 @@ from hric_core import urdf
 from hric_core.geometry import FloatArray
 
 INSTANTS = 200
-"""Number of instants in a finding's window among which the nearest one is searched (project default)."""
+"""Number of instants in a finding's window among which that of the smallest distance is searched (project default)."""
 WIDTH, HIGHEST, HEAD, MARGIN = 420.0, 320.0, 20.0, 14.0
-"""Width and greatest height of the picture, height of its key, and its margin [units of the picture]."""
+"""Width and maximum height of the picture, height of its legend, and its margin [units of the picture]."""
 TILT = np.radians(15.0)
 """Elevation of the viewer above the horizontal [rad] (project default)."""
 ROBOT, PERSON, MARKS = "#8fa3b8", "#d9b48f", {"no": "#b3261e", "unknown": "#7a3fb0", "warning": "#d98324"}
-"""Colours; deciding capsules have the colour of the reply, green for yes."""
+"""Colours of arm, of person, and of the deciding capsules by the conclusion's reply (green for yes)."""
 
 
 @dataclass(frozen=True)
 class PlacedCapsule:
-    """Capsule of a link in the world; decides: it belongs to the pair, or the arm, that decides."""
+    """Capsule of a link in the world; decides: True if the capsule belongs to the pair or arm that decides."""
 
     link: str
     ends: Annotated[
@@ -43,7 +43,7 @@ class PlacedCapsule:
 
 @dataclass(frozen=True)
 class Moment:
-    """Arm and person at an instant, with the conclusion about it; time: robot time [s]."""
+    """Capsules of arm and person at an instant, with the conclusion that it illustrates; time: robot time [s]."""
 
     time: float
     question: Annotated[str, ("enum", BY_DEFAULT)]
@@ -54,7 +54,7 @@ class Moment:
 
     @classmethod
     def of(cls, content: Content) -> "Moment":
-        """Return the moment that a verdict.json has."""
+        """Return the moment from its content in a verdict.json."""
         capsules = {model: [PlacedCapsule(**item) for item in content[model]] for model in ("arm", "person")}
         return cls(**{**content, **capsules})
 
@@ -67,10 +67,10 @@ def moment(
 ) -> Moment | None:
     """Return arm and person at the worst moment; None: no position is known.
 
-    It is that of the finding above its limit, otherwise of the worst contact or distance, otherwise of the posture.
+    It is the moment of a finding above its limit, else of the worst contact or distance, else of the posture.
 
     Args:
-        source: the recording.
+        source: recording with the files next to it.
         people: persons of the recording.
         conclusions: conclusions about all questions.
         findings: findings to which the conclusions refer.
@@ -107,7 +107,7 @@ def moment(
 def _decisive(
     conclusions: Sequence[Conclusion], findings: Sequence[Finding]
 ) -> tuple[Conclusion, Sequence[str], tuple[float, float]] | None:
-    """Return the worst conclusion that has a place and a time, with regions of a contact and window; None: none has."""
+    """Return the worst conclusion with a place and a time, the regions of its contact, and its window; None: none."""
     pairs = [(item, findings[item.finding]) for item in conclusions if item.finding is not None]
     placed = [
         (conclusion, finding.regions if conclusion.question == CONTACT else (), window)
@@ -119,33 +119,39 @@ def _decisive(
 
 
 def _rank(conclusion: Conclusion) -> tuple[bool, bool, int]:
-    """Return the sort key of a conclusion, from the worst on."""
+    """Return a sort key by which the worst conclusion comes first."""
     severity = ORDER.index(OUTCOMES[conclusion.reply])
     return conclusion.reply != Reply.NO, conclusion.question == POSTURE, severity
 
 
 def _of_arm(person: AssessedPerson, conclusion: Conclusion) -> list[int]:
-    """Return the capsules of the arm that a posture finding is about; for other findings none."""
+    """Return the indices of the capsules of the person's arm that a posture conclusion is about; else none."""
     side = next((side for side in person.sides if side in conclusion.subject), None)
     arm = (f"{side}_upper_arm", f"{side}_forearm", f"{side}_hand")
     return [k for k, name in enumerate(person.body.segments) if name in arm and conclusion.question == POSTURE]
 
 
 def _concerned(person: AssessedPerson, body: Capsules, regions: Sequence[str]) -> BoolArray:
-    """Return a mask of the capsules in some regions; without any of them all."""
+    """Return True for capsules that belong to some regions, shape (m,); for all if none does."""
     of_link = person.body.regions
     concerned = np.array([any(region.name in regions for region in of_link.get(link, ())) for link in body.links])
     return concerned if concerned.any() else np.ones(len(body.links), dtype=bool)
 
 
 def _listed(capsules: Capsules, ends: FloatArray, marked: Sequence[int]) -> list[PlacedCapsule]:
-    """Return capsules in the world; ends: shape (k, 2, 3) [m]; marked: indices of deciding capsules."""
+    """Return capsules in the world.
+
+    Args:
+        capsules: capsules of a model.
+        ends: axis ends in the world, shape (k, 2, 3) [m].
+        marked: indices of deciding capsules.
+    """
     rows = zip(capsules.links, np.round(ends, 4).tolist(), np.round(capsules.radii, 4).tolist(), strict=True)
     return [PlacedCapsule(*row, k in marked) for k, row in enumerate(rows)]
 
 
 def picture(scene: Moment) -> str:
-    """Return an SVG of arm and person, seen across the line between them."""
+    """Return an SVG picture of arm and person, seen perpendicular to the line between them."""
     arm, person = scene.arm, scene.person
     capsules = [*arm, *person]
     flat = np.array([capsule.ends for capsule in capsules]) @ _view(arm, person).T
@@ -180,7 +186,7 @@ def picture(scene: Moment) -> str:
 
 
 def _view(arm: Sequence[PlacedCapsule], person: Sequence[PlacedCapsule]) -> FloatArray:
-    """Return the view axes right (from arm to person), up, and towards the viewer as rows, shape (3, 3)."""
+    """Return the axes of the view in the world as rows: right (from arm to person), up, towards the viewer, (3, 3)."""
     middles = [np.mean([capsule.ends for capsule in model], axis=(0, 1))[:2] for model in (arm, person) if model]
     between = middles[-1] - middles[0] if len(middles) == 2 else np.array([1.0, 0.0])
     x, y = between / max(float(np.linalg.norm(between)), 1e-9)
@@ -189,7 +195,7 @@ def _view(arm: Sequence[PlacedCapsule], person: Sequence[PlacedCapsule]) -> Floa
 
 
 def _capsule(ends: FloatArray, width: float, fill: str, link: str) -> str:
-    """Return a capsule with an outline; ends: shape (2, 3), width: [units of the picture]."""
+    """Return the SVG of a capsule with an outline; ends, shape (2, 3), and width in units of the picture."""
     (x1, y1), (x2, y2) = ends[:, :2]
     line = f'd="M{x1:.1f} {y1:.1f}L{x2 + 0.01:.2f} {y2:.1f}" stroke-linecap="round" fill="none"'
     return (

@@ -1,4 +1,4 @@
-"""Persons of a recording and their motion."""
+"""Persons of a recording, with their bodies and motions."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,12 +20,19 @@ from hric_perception.person.settings import PersonSettings
 
 ROOT_FRAME = "human_base"
 BEYOND = np.radians(30.0)
-"""Angle beyond the range of a joint from which on the joint is not known [rad] (project default, unconfirmed)."""
+"""Angle beyond a joint's range at which its value counts as not known [rad] (project default, unconfirmed)."""
 
 
 @dataclass(frozen=True)
 class PersonSummary:
-    """Description of a person: what was recorded, code of the subject, mass [kg] and height [m]."""
+    """Description of a person in the verdict.
+
+    Attributes:
+        what: kind of recording, such as "simulated human".
+        code: pseudonym of the subject.
+        mass: mass of the subject [kg].
+        height: height of the subject [m].
+    """
 
     what: str
     code: str
@@ -35,23 +42,24 @@ class PersonSummary:
 
 @dataclass(frozen=True)
 class AssessedPerson:
-    """Person whose posture and distance are assessed.
+    """Person whose contacts, distance and posture are assessed.
 
     Attributes:
-        what: simulated human, tracked person, or joint states alone.
+        what: kind of recording: simulated human, tracked person, or only joint states.
         body: body of the person, or an assumed one.
         names: names of joints with known angles.
-        time: robot time, shape (n,) [s].
+        time: robot time of the samples, shape (n,) [s].
         q: joint angles, shape (n, j) [rad]; NaN where not known.
         root: pose of the root link in the world; None: not known.
-        attitude: pose of the root link in a frame whose z is up; only the orientation counts; None: not known.
-        signals: topics.
-        assumptions: sentences.
+        attitude: pose of the root link in a frame whose z axis points up, of which only the orientation counts; None:
+            not known.
+        signals: topics from which the person was recorded.
+        assumptions: assumptions about the person, one sentence each.
         settings: settings of a simulated human; None for others.
-        uncertainty: uncertainty of the body's position, Z_d [m].
+        uncertainty: uncertainty Z_d of the body's position [m].
         uncertainty_from: explanation of the uncertainty.
-        name: namespace.
-        record: recording of a simulated human, with grips and torques; None for others.
+        name: namespace of the person.
+        record: recorded signals of a simulated human, with grips and torques; None for others.
     """
 
     what: str
@@ -71,7 +79,7 @@ class AssessedPerson:
 
     @property
     def sides(self) -> tuple[str, ...]:
-        """Sides of the arms whose elbow is known."""
+        """Sides of the arms whose elbow angle is known."""
         return tuple(side for side in ("right", "left") if f"{side}_el_flex" in self.names)
 
     def summary(self) -> PersonSummary:
@@ -81,9 +89,9 @@ class AssessedPerson:
 
 
 def people_of(source: AssessmentInput) -> list[AssessedPerson]:
-    """Return the simulated persons with joint states, and the tracked ones.
+    """Return the simulated persons that have joint states, and the tracked persons.
 
-    A tracked person is left out if the emulated cameras of the run track the simulated one.
+    A tracked person is left out if it is the simulated one, seen by the emulated cameras of the run.
     """
     people = [_simulated(source, record) for record in source.recording.humans.values() if len(record.time)]
     if people and (source.definition.get("mocap") or {}).get("human"):
@@ -92,7 +100,7 @@ def people_of(source: AssessmentInput) -> list[AssessedPerson]:
 
 
 def known_angles(body: Body, names: tuple[str, ...], q: FloatArray) -> FloatArray:
-    """Return angles with NaN where a joint is farther out of its range than BEYOND, shape (n, j) [rad]."""
+    """Return joint angles, shape (n, j) [rad], with NaN where a joint is out of its range by more than BEYOND."""
     ranges = [body.joints[name].range if name in body.joints else (-np.inf, np.inf) for name in names]
     lower, upper = np.array(ranges).reshape(-1, 2).T
     with np.errstate(invalid="ignore"):
@@ -106,13 +114,13 @@ def body_of(source: AssessmentInput, record: HumanRecord) -> Body | None:
 
 
 def _settings(section: Content | None, joints: Sequence[str]) -> HumanSettings:
-    """Return the settings of a section `human`; without one those of the default subject with some joints."""
+    """Return the settings of a section `human`; without one, those of the default subject with these joints."""
     return HumanSettings.of({"parts": _parts(joints)} if section is None else section, "human")
 
 
 def _assumed(body: Body, joints: Sequence[str]) -> str:
-    """Return the assumption about the body of a person whom nothing describes."""
-    return f"whose body it was is not known: taken as that of {body.subject.code}, {_parts(joints)}"
+    """Return the assumption about the body of a person without a description, as a sentence."""
+    return f"the person's body is not known: assumed to be that of {body.subject.code}, {_parts(joints)}"
 
 
 def _simulated(source: AssessmentInput, record: HumanRecord) -> AssessedPerson:
@@ -141,9 +149,10 @@ def _simulated(source: AssessmentInput, record: HumanRecord) -> AssessedPerson:
 
 
 def _placed(source: AssessmentInput, name: str) -> Pose | None:
-    """Return the pose of a root link from a static transform from the world; name: namespace of the person.
+    """Return the pose of a person's root link from a static transform of the world; None: not recorded.
 
-    The frame is `human_base` below the name of the person; without a name it is that of `human`, or of the only person.
+    The frame is `NAME/human_base` with the last part of the person's namespace `name`; for `human` and for a single
+    person also `human_base`.
     """
     frames = [f"{name.rpartition('/')[2]}/{ROOT_FRAME}"]
     frames += [ROOT_FRAME] if name.endswith("/human") or len(source.recording.humans) == 1 else []
@@ -161,12 +170,16 @@ def _other(source: AssessmentInput, topic: str) -> AssessedPerson:
     else:
         body, calibrated = PersonSettings.of(section, "person").known()
         if not calibrated:
-            assumptions.append("the body was not fitted to the person in a still pose: lengths are those of the file")
+            assumptions.append(
+                "the body was not fitted to the person in a still pose: its lengths are those of the subject's file"
+            )
     frame = None if tracked is None else _markers_frame(source, tracked.frame)
     attitude = None if tracked is None else _root(tracked, frame or Pose())
     if tracked is not None and attitude is not None and frame is None:
-        assumptions.append(f"where the frame {tracked.frame} of the markers is, is not known: its z is taken as up")
-    what = "tracked person" if tracked is not None else "person of whom joint states alone were recorded"
+        assumptions.append(
+            f"the pose of the markers' frame {tracked.frame} in the world is not known: its z axis is assumed to be up"
+        )
+    what = "tracked person" if tracked is not None else "person of whom only joint states were recorded"
     signals = (topic,) if tracked is None else (topic, tracking_topic)
     return AssessedPerson(
         what,
@@ -179,19 +192,19 @@ def _other(source: AssessmentInput, topic: str) -> AssessedPerson:
         signals,
         tuple(assumptions),
         uncertainty=0.0 if tracked is None else _residual(tracked),
-        uncertainty_from="distance of the markers from those of the body, 95 % of the time",
+        uncertainty_from="95th percentile of the distance between measured markers and those of the body",
         name=name,
     )
 
 
 def _residual(tracked: TrackedRoot) -> float:
-    """Return the distance that 95 % of the residuals do not exceed [m]; infinite: none is known."""
+    """Return the 95th percentile of the tracker's residuals [m]; infinite if none is known."""
     known = tracked.residual[np.isfinite(tracked.residual)]
     return float(np.percentile(known, 95.0)) if len(known) else float("inf")
 
 
 def _root(tracked: TrackedRoot, T_frame_markers: Pose) -> RootRecord | None:
-    """Return the pose of the root link in a frame; None: never known."""
+    """Return the tracked poses of the root link, transformed to another frame; None: no pose is known."""
     known = np.isfinite(tracked.pose).all(axis=1)
     if not known.any():
         return None
@@ -201,7 +214,10 @@ def _root(tracked: TrackedRoot, T_frame_markers: Pose) -> RootRecord | None:
 
 
 def _markers_frame(source: AssessmentInput, frame: str) -> Pose | None:
-    """Return T_world_markers, from a fixed link of the robot or a static transform; None: not known."""
+    """Return the pose of the markers' frame in the world; None: not known.
+
+    It is known if the frame is a fixed link of the robot, or has a static transform.
+    """
     if source.description:
         tree = urdf.read(source.description)
         root, T_root_link = tree.rigid_groups().get(frame, ("", np.eye(4)))
@@ -212,7 +228,7 @@ def _markers_frame(source: AssessmentInput, frame: str) -> Pose | None:
 
 
 def _parts(names: Sequence[str]) -> str:
-    """Return the smallest choice of body parts that has all of these joints."""
+    """Return the smallest value of `parts` (see `Subject`) that has all of these joints."""
     if any(name.endswith("knee_flex") for name in names):
         return "whole_body"
     if any(name.startswith(("trunk", "neck")) for name in names):

@@ -1,4 +1,4 @@
-"""Posture and task of a person over a recording, as input of the scorers, with the uncertainty of each angle."""
+"""Posture and task of a person over a recording, as input of posture scoring, with the uncertainty of each angle."""
 
 import math
 from collections.abc import Mapping
@@ -17,17 +17,21 @@ from hric_human.control.marker_model import MarkerModel
 from hric_human.participant.settings import HAND
 
 COVERAGE = 3.0
-"""Half-width of the interval of an angle divided by its standard deviation [1] (project default, unconfirmed).
+"""Ratio of the uncertainty interval's half-width to the standard deviation of an angle [1].
 
-The interval excludes 0.3 % of normal errors, which last for a second only in recordings above six minutes.
+Project default, unconfirmed. The interval excludes 0.3 % of normally distributed errors, which add up to a second only
+in recordings longer than six minutes.
 """
 JOINTS = {**SAME, "upper_arm_flexion": "sh_abd", "upper_arm_abduction": "sh_abd", "forearm_inward": "sh_rot"}
-"""Joint of the arm whose uncertainty an angle has: elevation that of sh_abd, since sh_flex is singular sideways."""
+"""Joint of the arm from which each posture angle gets its uncertainty.
+
+For the upper arm's flexion it is sh_abd, since sh_flex is singular for an arm to the side.
+"""
 ARM = ("sh_flex", "sh_abd", "sh_rot", "el_flex", "pro_sup", "wr_flex", "wr_dev")
 
 
 def posture_of(person: AssessedPerson, side: str) -> tuple[Posture, bool]:
-    """Return the rounded posture with one arm, shape (n,) each, and True if its trunk angles are to the vertical."""
+    """Return the posture with one arm, angles rounded, and True if its trunk angles are to the vertical."""
     posture = of_joints(person.names, person.q, side)
     angles = {name: np.asarray(angle) for name in ANGLES if (angle := getattr(posture, name)) is not None}
     inclined, step = _inclined(person, angles), verdict_table()["angle"]
@@ -36,7 +40,7 @@ def posture_of(person: AssessedPerson, side: str) -> tuple[Posture, bool]:
 
 
 def _inclined(person: AssessedPerson, angles: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-    """Return the angles of the trunk to the vertical, NaN where the root is not known; empty: never known."""
+    """Return the trunk's angles to the vertical [rad], NaN where the root link is not known; empty: never known."""
     root, max_gap = person.attitude, verdict_table()["max_gap"]
     if root is None or not {"trunk_flexion", "trunk_bend"} <= set(angles):
         return {}
@@ -51,7 +55,7 @@ def _inclined(person: AssessedPerson, angles: Mapping[str, FloatArray]) -> dict[
 def task_of(
     person: AssessedPerson, record: HumanRecord | None, posture: Posture, side: str, table: PostureTable
 ) -> Task:
-    """Return load and static and repeated use of one arm, and of neck and trunk, counted from the recording."""
+    """Return the task of one arm, and of neck and trunk: load, static and repeated use, from the recording."""
     tolerance, time = math.radians(verdict_table()["held"]), person.time
     arm = [column for column, name in enumerate(person.names) if name in {f"{side}_{joint}" for joint in ARM}]
     middle = [np.asarray(angle) for name in MIDDLE if (angle := getattr(posture, name)) is not None]
@@ -72,12 +76,12 @@ def task_of(
 
 
 def spread_of(person: AssessedPerson, side: str) -> dict[str, float]:
-    """Return the half-width of the interval of each angle of a tracked person [rad], by name; empty for other persons.
+    """Return the uncertainty (half-width) of each posture angle of a tracked person [rad]; empty for other persons.
 
-    Markers with a standard deviation s of each coordinate give, by least squares, angles with the covariance s^2 (J^T
-    J)^-1, J the Jacobian of all markers of the body at the median posture. The root mean square distance r of the
-    markers from their model positions is s sqrt((3 m - k) / m), with m markers and k motions. The standard deviation is
-    multiplied by COVERAGE and rounded as the angles are.
+    If each coordinate of a marker has the standard deviation s, least squares give angles with the covariance s^2 (J^T
+    J)^-1, with the Jacobian J of all markers of the body at the median posture. The root mean square distance r of the
+    markers from their model positions is s sqrt((3 m - k) / m), with m markers and k degrees of freedom. The standard
+    deviation is multiplied by COVERAGE and rounded like the angles.
     """
     if not person.uncertainty > 0.0:
         return {}
@@ -95,9 +99,9 @@ def spread_of(person: AssessedPerson, side: str) -> dict[str, float]:
 
 
 def _load(person: AssessedPerson, record: HumanRecord | None, side: str) -> FloatArray | None:
-    """Return the force on a hand divided by g at the instants of the joint states, shape (n,) [kg].
+    """Return the load of a hand at the instants of the joint states: grip force divided by g, shape (n,) [kg].
 
-    NaN where a grip is not recorded; None: no grip is known or expected.
+    It is NaN where a grip is not recorded; None if there is no grip.
     """
     segment, settings = person.body.segments.get(f"{side}_hand"), person.settings
     grips, expected = {} if record is None else record.grips, {} if settings is None else settings.grips
@@ -108,7 +112,7 @@ def _load(person: AssessedPerson, record: HumanRecord | None, side: str) -> Floa
     for name, held in expected.items():
         holder = grips[name].holder.rpartition("::")[2] if name in grips else ""
         if not holder or (held.holder == HAND and holder != dominant):
-            total += np.nan  # not recorded, or not with the hand of the experiment
+            total += np.nan  # the grip is not recorded, or the holder is not the hand that the experiment states
     for grip in grips.values():
         if segment.link not in (grip.holder.rpartition("::")[2], grip.held.rpartition("::")[2]):
             continue

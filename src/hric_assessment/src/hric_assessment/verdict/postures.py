@@ -1,7 +1,7 @@
-"""Findings of postures: scores of each arm by all methods over the recording.
+"""Findings about postures: scores of each arm by all scoring methods over the recording.
 
-If uncertain angles allow several scores, the worst one decides. A finding is "within limits", or a warning, only if it
-would be so with the worst values of all unknown angles and times.
+If uncertain angles allow several scores, the worst one decides. A finding is "within limits", or a warning, only if the
+worst values of all unknown angles and times do not change it.
 """
 
 from collections.abc import Iterator, Mapping
@@ -22,33 +22,33 @@ from hric_bags.records.human_record import HumanRecord
 from hric_core.geometry import FloatArray
 
 UNSEEN = ("shoulder_elevation",)
-"""Angles without a joint in any body model; they do not make a verdict not assessable."""
+"""Angles for which no body model has a joint; a finding can be assessable although they are unknown."""
 CURVES = ("score", "stricter", "looser")
 INCLINATION = ("trunk_flexion", "trunk_bend")
-"""Angles that are relative to the pelvis if the orientation of the root is not known."""
+"""Angles that are relative to the pelvis if the orientation of the root link is not known."""
 RECORD_JOINTS = "record the joints of neck, trunk and legs (parts: whole_body)"
 RECORD_ROOT = (
-    "record where the root link of the body is (human/root, person/tracking, a static transform from world to "
+    "record the pose of the body's root link (human/root, person/tracking, or a static transform from world to "
     "human_base), or assess the run folder"
 )
 
 AT_WORST = "it can be up to"
-"""Words of a reason that introduce the score with the worst values of all unknowns."""
+"""Words in a finding's reason that introduce the score with the worst values of all unknown angles and times."""
 
 
 @dataclass(frozen=True)
 class ArmScores:
-    """Scores of one arm over time.
+    """Posture scores of one arm by one method over time.
 
     Attributes:
-        key: key of the method, see `methods`.
+        key: key of the method, its title in lower case.
         side: side of the arm.
-        time: shape (n,) [s].
-        scores: scores with each unknown angle where it scores least.
-        worst: highest scores, with each unknown angle where it scores most, shape (n,).
+        time: times of the scores, shape (n,) [s].
+        scores: scores with the most favourable value of each unknown angle.
+        worst: highest scores, with the least favourable value of each unknown angle, shape (n,).
         unknown: angles that the table needs and that are never known.
-        vertical: True if the inclination of the trunk is to the vertical, False if to the pelvis.
-        evidence: time for which all other angles are known.
+        vertical: True if the trunk angles are to the vertical, False if they are to the pelvis.
+        evidence: how much of the recording all other angles are known for.
     """
 
     key: str
@@ -62,21 +62,21 @@ class ArmScores:
 
     @property
     def lacks_root(self) -> bool:
-        """True if only the inclination of the trunk is unknown, and its angles to the pelvis are known."""
+        """True if the trunk's angles to the pelvis are known, but not its inclination to the vertical."""
         return not self.vertical and INCLINATION[0] not in self.unknown
 
     def lasting(self, curve: str) -> int:
-        """Return the score that counts of a curve of `scores`."""
+        """Return the score of a curve of `scores` that counts, since it lasts long enough; curve: its name."""
         return lasting(self.time, getattr(self.scores, curve), verdict_table()["lasting"])
 
     @property
     def worst_lasting(self) -> int:
-        """Score that counts if all unknown times had the highest score of the table."""
+        """Score that would count if all unknown times had the highest score of the table."""
         seconds = verdict_table()["lasting"] - (self.evidence.requested - self.evidence.known)
         return lasting(self.time, self.worst, seconds) if seconds > 0.0 else int(list(self.scores.table.levels)[-1])
 
     def timeline(self) -> ScoreCurve:
-        """Return the curves for the verdict."""
+        """Return the scores over time as a curve of the verdict."""
         curves = [getattr(self.scores, name) for name in CURVES]
         rows = thinned(self.time, *(curve.astype(np.float64) for curve in curves))
         return ScoreCurve(self.side, self.time[rows].tolist(), *(curve[rows].tolist() for curve in curves))
@@ -88,13 +88,13 @@ def scored(
     window: tuple[float, float],
     versions: Mapping[str, str] = MappingProxyType({}),
 ) -> Iterator[ArmScores]:
-    """Yield the scores of each arm by each method, one at a time since each takes some 100 MB an hour.
+    """Yield the scores of each arm by each method, one at a time since each takes some 100 MB per recorded hour.
 
     Args:
-        person: the person; without an instant nothing is yielded.
-        record: grips of a simulated human; None: not recorded.
-        window: start and end of the recording [s].
-        versions: versions of the tables, see `Choices`.
+        person: assessed person; without any instant nothing is yielded.
+        record: recorded signals of a simulated human, with its grips; None: not recorded.
+        window: begin and end of the recording [s].
+        versions: versions of the methods' tables, by key of the method.
     """
     for side in person.sides if len(person.time) else ():
         for key, method in methods().items():
@@ -126,7 +126,7 @@ def _scored(
 
 
 def _bridged(scores: Scores, known: BoolArray) -> Scores:
-    """Return the scores, with unknown instants set to the higher score of their known neighbours."""
+    """Return the scores, at unknown instants raised to the higher score of both known neighbours."""
     rows = np.flatnonzero(known)
     if known.all() or not len(rows):
         return scores
@@ -138,7 +138,7 @@ def _bridged(scores: Scores, known: BoolArray) -> Scores:
 
 
 def _known(posture: Posture, table: PostureTable, count: int) -> tuple[list[str], BoolArray]:
-    """Return the needed angles that are never known, and a mask of the instants at which all others are known, (n,)."""
+    """Return the angles that a table needs and that are never known, and True for instants with all others, (n,)."""
     never, known = [], np.ones(count, np.bool_)
     for name in needed(table):
         if name in ANGLES and name not in UNSEEN:
@@ -151,14 +151,14 @@ def _known(posture: Posture, table: PostureTable, count: int) -> tuple[list[str]
 
 
 def lasting(time: FloatArray, score: IntArray, seconds: float) -> int:
-    """Return the highest score that is reached or exceeded for a time, summed over all stretches.
+    """Return the highest score that is reached or exceeded for a required total time.
 
-    For a shorter recording it is the highest score.
+    For a recording shorter than that it is the highest score.
 
     Args:
-        time: shape (n,) [s].
-        score: shape (n,).
-        seconds: required time [s].
+        time: times of the scores, shape (n,) [s].
+        score: scores, shape (n,).
+        seconds: required total time [s].
     """
     period, highest = _periods(time), int(score.max())
     enough = (value for value in range(highest, 0, -1) if period[score >= value].sum() >= seconds - 1e-9)
@@ -166,16 +166,16 @@ def lasting(time: FloatArray, score: IntArray, seconds: float) -> int:
 
 
 def _periods(time: FloatArray) -> FloatArray:
-    """Return the duration of each sample, shape (n,) [s]."""
+    """Return the duration that each sample represents, shape (n,) [s]."""
     return np.gradient(time) if len(time) > 1 else np.zeros(len(time))
 
 
 def posture_finding(arm: ArmScores, person: AssessedPerson) -> Finding:
-    """Return the finding of the scores of one arm."""
+    """Return the finding about the posture scores of one arm."""
     outcome, reason = _judged(arm)
     remedies = [RECORD_JOINTS] * bool(arm.unknown) + [RECORD_ROOT] * arm.lacks_root
     if arm.evidence.shortfall:
-        remedies.append(f"record the joint states all the time, without gaps above {arm.evidence.max_gap:g} s")
+        remedies.append(f"record the joint states without gaps longer than {arm.evidence.max_gap:g} s")
     return Finding(
         f"{arm.scores.table.title} of the {arm.side} arm",
         outcome,
@@ -221,16 +221,19 @@ def _notes(arm: ArmScores, table: ValueTable) -> tuple[str, ...]:
     trunk = "to the vertical" if arm.vertical else "to the pelvis, whose inclination is not known"
     static = f"range of angles up to {table['held']:g} deg for more than {scale.static_time:g} s"
     if arm.evidence.requested <= scale.static_time:
-        static += f": not judged beyond this recording of {arm.evidence.requested:.1f} s, and 1 more where it goes on"
+        static += (
+            f" (this recording of {arm.evidence.requested:.1f} s is too short to judge it; the score would be 1 higher "
+            "if the posture were held on)"
+        )
     chosen = (f"{name} {threshold.value:g} deg" for name, threshold in scale.chosen.items())
     return (
-        f"counts: the highest score that is reached for {table['lasting']:g} s, all stretches together "
+        f"counts: the highest score that is reached for {table['lasting']:g} s in total "
         f"({table.value_mark('lasting')}); at its first instant: "
-        f"{'; '.join(arm.scores.reasons(_first(arm))) or 'nothing adds to it'}",
-        f"angles are rounded to {table['angle']:g} deg ({table.value_mark('angle')}): no body is known better",
+        f"{'; '.join(arm.scores.reasons(_first(arm))) or 'no points are added'}",
+        f"angles are rounded to {table['angle']:g} deg ({table.value_mark('angle')}), since no posture is known better",
         f"inclination of the trunk: {trunk}; of the neck: to the trunk",
-        f"static use: {static}; repeated use: there and back by more than {table['held']:g} deg, in any minute "
-        f"({table.value_mark('held')})",
+        f"static use: {static}; repeated use: motions there and back by more than {table['held']:g} deg, counted in "
+        f"any minute ({table.value_mark('held')})",
         f"thresholds chosen here: {'; '.join(chosen)}",
         f"assumed: {'; '.join(arm.scores.assumptions)}",
     )
@@ -262,7 +265,7 @@ def _first(arm: ArmScores) -> int:
 
 
 def _longest(arm: ArmScores) -> tuple[float, float]:
-    """Return the longest stretch with at least the score that counts [s]."""
+    """Return begin and end of the longest uninterrupted time with at least the score that counts [s]."""
     rows = np.flatnonzero(arm.scores.highest >= arm.lasting("highest"))
     groups = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
     group = max(groups, key=lambda rows: arm.time[rows[-1]] - arm.time[rows[0]])

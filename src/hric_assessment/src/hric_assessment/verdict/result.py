@@ -1,4 +1,4 @@
-"""Verdict: conclusions, findings from the worst on, figures, and missing signals; as JSON and as text."""
+"""Verdict: conclusions, findings sorted from the worst, figures, and missing signals; as JSON and as text."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -18,24 +18,31 @@ from hric_core.geometry import FloatArray
 
 T = TypeVar("T", Finding, UnjudgedValue)
 VERSION = 2
-"""Version of the JSON; its schema is config/verdict.schema.json."""
+"""Version of verdict.json, whose schema is config/verdict.schema.json."""
 EXIT_CODES = {Outcome.WITHIN: 0, Outcome.WARNING: 0, Outcome.ABOVE: NOT_GOOD, Outcome.NOT_ASSESSABLE: NOT_KNOWN}
 SHOWN_LINES = 15
-"""Maximum lines of findings in a short text (project default)."""
+"""Maximum number of lines with findings in the short text (project default)."""
 SHOWN = 20
-"""Maximum findings of one group in a full text; the JSON has all."""
+"""Maximum number of findings of one group in the full text; verdict.json has all."""
 SHOWN_FIGURES = 12
-"""Maximum figures of one group in a full text; the JSON has all."""
+"""Maximum number of figures of one group in the full text; verdict.json has all."""
 OUTCOME_TEXT = (
     "the worst of the answers about limits of a person (contact, distance, posture, and a lift above its limit), in "
     "the order above limits, not assessable, warning, within limits"
 )
-CONCLUSIONS_TEXT = "one for each question, that of the person with the worst finding"
+CONCLUSIONS_TEXT = "one answer to each question, for the person with the worst finding"
 
 
 @dataclass(frozen=True)
 class RecordingSummary:
-    """Recording that was judged; begin, end: robot time [s]; experiment: name, None without a run folder."""
+    """Summary of the assessed recording.
+
+    Attributes:
+        name: name of the recording.
+        kind: run, bag or c3d.
+        experiment: name of the experiment; None without a run folder.
+        begin, end: robot time of the recording's begin and end [s].
+    """
 
     name: str
     kind: Annotated[str, ("enum", ("run", "bag", "c3d"))]
@@ -46,7 +53,7 @@ class RecordingSummary:
 
 @dataclass(frozen=True)
 class TableTitle:
-    """Table of contact limits."""
+    """Title and edition of the table of contact limits."""
 
     title: str
     edition: str
@@ -54,7 +61,7 @@ class TableTitle:
 
 @dataclass(frozen=True)
 class ScoreCurve:
-    """Scores of one arm over time [s]; stricter, looser: with the chosen thresholds smaller and larger."""
+    """Posture scores of one arm over time [s]; stricter, looser: with the project's own thresholds smaller, larger."""
 
     side: Annotated[str, ("enum", ("right", "left"))]
     time: Sequence[float]
@@ -65,11 +72,11 @@ class ScoreCurve:
 
 @dataclass(frozen=True)
 class SeparationCurve:
-    """Distance and protective distance over time [s]; NaN: the arm is at rest, or not known."""
+    """Distance of the person and protective distance over time [s]; NaN: the arm is at rest, or not known."""
 
     time: Sequence[float]
     distance: Annotated[Sequence[float | None], "[m]"]
-    protective: Annotated[Sequence[float | None], "S_p [m]; null: the arm stands"]
+    protective: Annotated[Sequence[float | None], "S_p [m]; null: the arm is at rest, or not known"]
 
 
 @dataclass(frozen=True)
@@ -83,10 +90,10 @@ class ActivationCurve:
 
 @dataclass(frozen=True)
 class Timelines:
-    """Curves of a verdict.
+    """Curves over time in a verdict.
 
     Attributes:
-        scores: scores of each arm, by the key of the method.
+        scores: posture scores of each arm, by key of the method.
         separation: distance of the nearest person; None: not known.
         activation: muscle activation of the first person with one; None: not known.
     """
@@ -101,15 +108,15 @@ class Verdict:
     """Verdict of one recording.
 
     Attributes:
-        input: recording that was judged.
+        input: assessed recording.
         limits: table of contact limits.
-        person: description of the body; None: there was no person.
-        assumptions: a sentence each.
-        findings: findings from the worst on.
-        figures: numbers without a limit.
-        missing: missing signals.
+        person: description of the first person; None: the recording has no person.
+        assumptions: assumptions of the assessment, one sentence each.
+        findings: findings, sorted from the worst.
+        figures: values without a limit.
+        missing: signals that the recording lacks.
         timelines: curves over time.
-        conclusions: conclusions about the five questions.
+        conclusions: replies to the five questions.
         moment: arm and person at the worst moment; None: not known.
     """
 
@@ -117,7 +124,7 @@ class Verdict:
     limits: TableTitle
     person: Annotated[PersonSummary, ("additionalProperties", True)] | None
     assumptions: tuple[str, ...]
-    findings: Annotated[tuple[Finding, ...], "from the worst on"]
+    findings: Annotated[tuple[Finding, ...], "sorted from the worst"]
     figures: Annotated[tuple[UnjudgedValue, ...], "without a limit: they neither pass nor fail"] = ()
     missing: tuple[Missing, ...] = ()
     timelines: Timelines = field(default_factory=Timelines)
@@ -130,21 +137,21 @@ class Verdict:
         return outcome(self.conclusions)
 
     def exit_code(self, only: Collection[str] = ()) -> int:
-        """Return the exit code of the command; only: questions that count, empty: those of `outcome`."""
+        """Return the exit code of `hric assess`; only: questions that count, empty: those of `outcome`."""
         return EXIT_CODES[outcome(self.conclusions, only)]
 
     def to_dict(self) -> JsonObject:
-        """Return the contents of the JSON."""
+        """Return the contents of verdict.json."""
         content: JsonObject = plain(self)
         head = {"version": VERSION, "disclaimer": DISCLAIMER, "outcome": str(self.outcome)}
         return head | {"answers": content.pop("conclusions")} | content
 
     def render(self, only: Collection[str] = (), *, full: bool = False) -> str:
-        """Return the text: the conclusions, then the worst findings.
+        """Return the verdict as text: the conclusions, then the worst findings.
 
         Args:
             only: questions that count; empty: those of `outcome`.
-            full: with all findings, figures, missing signals, and assumptions.
+            full: True for all findings with their values, figures, missing signals, and assumptions.
         """
         span = f"{self.input.begin:.2f} to {self.input.end:.2f} s"
         lines = [f"{self.input.name}, {span}: {headline(self.conclusions, only)}", ""]
@@ -163,15 +170,15 @@ class Verdict:
             remedy = f"  to know it: {item.remedy}"
             more = [f"- {item}"] + ([remedy] if item.remedy and remedy not in lines else [])
             if len(lines) + len(more) > SHOWN_LINES:
-                return [*lines, f"and {len(findings) - count} more findings, figures and assumptions: --all"]
+                return [*lines, f"{len(findings) - count} more findings, figures and assumptions: see --all"]
             lines += more
-        return [*lines, "figures, assumptions and what the findings stand on: --all"]
+        return [*lines, "figures, assumptions, and values of the findings: see --all"]
 
     def _full(self, findings: Sequence[Finding]) -> list[str]:
         lines: list[str] = []
         for group, members in _grouped(findings).items():
             lines += [f"{group}:", *(line for item in members[:SHOWN] for line in [f"- {item}", *_details(item)])]
-            lines += [f"- and {len(members) - SHOWN} more, which are no worse"] if len(members) > SHOWN else []
+            lines += [f"- and {len(members) - SHOWN} more, none of them worse"] if len(members) > SHOWN else []
             lines.append("")
         parts: Mapping[str, Sequence[object]] = {
             "figures without a limit": _figures(self.figures),
@@ -184,7 +191,10 @@ class Verdict:
 
 
 def verdict_schema() -> JsonObject:
-    """Return the schema of the JSON; config/verdict.schema.json is that of the methods of this package."""
+    """Return the JSON schema of verdict.json, with the installed posture methods.
+
+    config/verdict.schema.json is the schema with the methods of this package only.
+    """
     properties = schema_of(Verdict)["properties"]
     head = {
         "version": Annotated[int, ("const", VERSION)],
@@ -196,22 +206,22 @@ def verdict_schema() -> JsonObject:
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "Verdict of hric_assessment",
-        "description": "What hric assess writes as verdict.json. Times are robot time [s]; null: not known.",
+        "description": "Contents of verdict.json, written by hric assess. Times are robot time [s]; null: not known.",
         **closed(properties),
     }
 
 
 def ranked(findings: Sequence[Finding]) -> tuple[Finding, ...]:
-    """Sort from the worst on: by outcome, then by the share of the limit."""
+    """Sort findings from the worst to the best: by outcome, then by the share of the limit."""
     return tuple(sorted(findings, key=lambda item: (ORDER.index(item.outcome), -(item.share or 0.0))))
 
 
 def thinned(time: FloatArray, *curves: FloatArray, count: int = 2000) -> list[int]:
-    """Return the indices of at most `count` instants, with the extremes of all curves between any two of them.
+    """Thin out curves for display: return the indices of at most `count` instants that keep all extremes.
 
     Args:
-        time: shape (n,) [s].
-        curves: shape (n,) each.
+        time: times, shape (n,) [s].
+        curves: curves, shape (n,) each.
         count: maximum number of indices.
     """
     n = len(time)
@@ -227,12 +237,12 @@ def thinned(time: FloatArray, *curves: FloatArray, count: int = 2000) -> list[in
 
 
 def _grouped(items: Sequence[T]) -> dict[str, list[T]]:
-    """Return items by group, in the order of each group's first item."""
+    """Return the items of each group, groups in the order of their first items."""
     return {group: [item for item in items if item.group == group] for group in dict.fromkeys(i.group for i in items)}
 
 
 def _figures(figures: Sequence[UnjudgedValue]) -> list[str]:
-    """Return the first figures of each group, which are the largest if the group has no other order."""
+    """Return lines with the first figures of each group."""
     lines = []
     for group, members in _grouped(figures).items():
         lines += [str(item) for item in members[:SHOWN_FIGURES]]

@@ -1,4 +1,4 @@
-"""Finding of separation: distance of a person from the arm, compared with the distance that the arm needs to stop."""
+"""Finding about separation: distance of a person from the arm, compared with the protective separation distance S_p."""
 
 from dataclasses import dataclass, replace
 
@@ -28,26 +28,26 @@ from hric_core.geometry import FloatArray
 
 SUBJECT = "distance from the arm"
 TOUCHING = 0.01
-"""Distance up to which the ratio of S_p to it is not reported [m]; project default."""
+"""Distance below which the ratio of S_p to the distance is not reported [m]; project default."""
 NAMES = ("S_h", "S_r", "S_s", "C", "Z_d", "Z_r")
-"""Names of the terms of S_p."""
+"""Names of the terms of the protective separation distance S_p."""
 
 
 @dataclass(frozen=True)
 class PersonSeparation:
-    """Separation of one person over a recording.
+    """Separation of one person from the arm over a recording, with the protective distance.
 
     Attributes:
-        distances: distances of arm and person.
-        speed: speed of the fastest end of the arm's capsules, shape (n,) [m/s].
-        human: v_h, shape (n,) [m/s].
-        terms: terms of S_p.
+        distances: distances between arm and person.
+        speed: speed of the fastest axis end of the arm's capsules, shape (n,) [m/s].
+        human: assumed speed v_h of the person, shape (n,) [m/s].
+        terms: terms of the protective distance S_p.
         arm, body: links of the capsules of arm and person.
-        person: the person.
-        notes: assumptions and methods.
-        sampled: True where arm and person were recorded, shape (n,).
+        person: assessed person.
+        notes: assumptions and methods, for the finding.
+        sampled: True for instants at which arm and person were recorded, shape (n,).
         evidence: evidence of the arm's log, with the share of its motion in which the person is known.
-        relied: True if only the distance protected the person.
+        relied: True if only the distance protected the person: contacts are not judged by force, and nothing is held.
         shapeless: links of the arm with mesh shapes, which the distances ignore.
     """
 
@@ -66,34 +66,34 @@ class PersonSeparation:
 
     @property
     def protective(self) -> FloatArray:
-        """Protective distance S_p while the arm moves, NaN at rest or without recorded data, shape (n,) [m]."""
+        """Protective distance S_p, shape (n,) [m]; NaN while the arm is at rest or data is missing."""
         return np.where((self.speed > verdict_table()["moving"]) & self.sampled, self.terms.total, np.nan)
 
     @property
     def margin(self) -> float:
-        """Smallest distance minus S_p while the arm moves [m]; infinite: it never moves."""
+        """Smallest distance minus S_p while the arm moves [m]; infinite if the arm never moves."""
         margins = self.distances.distance - self.protective
         return float(np.nanmin(margins)) if np.isfinite(margins).any() else float("inf")
 
     def timeline(self) -> SeparationCurve:
-        """Return the curves for the verdict."""
+        """Return distance and protective distance over time as curves of the verdict."""
         curves = self.distances.time, self.distances.distance, self.protective
         rows = thinned(*curves)
         return SeparationCurve(*(curve[rows].tolist() for curve in curves))
 
 
 def separated(source: AssessmentInput, person: AssessedPerson, choices: AssessmentChoices) -> PersonSeparation | None:
-    """Return the distances of a person from the arm; None: a required signal is not in the recording.
+    """Return the distances of a person from the arm; None: the recording lacks a required signal.
 
     Raises:
-        NotAssessableError: the arm is faster, or carries more, than any known stop, or the accuracy of the markers on
-            the body is unknown.
+        NotAssessableError: the arm is faster or has more load than any known stop, or the accuracy of the person's
+            markers is not known.
     """
     log = source.recording.log
     if person.root is None or log is None or not source.description:
         return None
     if not np.isfinite(person.uncertainty):
-        raise NotAssessableError("how far the markers are from those of the body is not known")
+        raise NotAssessableError("the distance between the measured markers and those of the body is not known")
     tree = urdf.read(source.description)
     robot, left_out = capsules_of(tree, moved_by(tree, log.joint_names))
     if not len(robot.radii):
@@ -130,17 +130,17 @@ def separated(source: AssessmentInput, person: AssessedPerson, choices: Assessme
 
 
 def _relied(person: AssessedPerson, notes: list[str]) -> bool:
-    """Return True if only the distance protected the person; otherwise add a note on the other protection."""
+    """Return True if only the distance protected the person; otherwise add a note about the other protection."""
     held = person.record is not None and any(grip.closed.any() for grip in person.record.grips.values())
     if not held and (person.record is None or person.record.stream is None):
         return True
-    why = "a hand held the robot or what it holds" if held else "contacts are assessed by their force"
-    notes.append(f"the distance was not what protected the person: {why}; below it is a warning (chosen here)")
+    why = "a hand held the robot or an object" if held else "contacts are assessed by their force"
+    notes.append(f"{why}, so a distance below S_p is only a warning (chosen here)")
     return False
 
 
 def _sampled(log: ControlRecord, person: AssessedPerson, time: FloatArray) -> BoolArray:
-    """Return a mask of the instants at which arm and person were recorded, shape (n,)."""
+    """Return True for instants at which arm and person were recorded, shape (n,)."""
     window, sampled = (float(time[0]), float(time[-1])), np.ones(len(time), dtype=bool)
     for gap in _gaps(log, person, window, np.asarray(np.isfinite(person.q).any(axis=1))):
         sampled &= (time <= gap[0]) | (time >= gap[1])
@@ -150,7 +150,10 @@ def _sampled(log: ControlRecord, person: AssessedPerson, time: FloatArray) -> Bo
 def _gaps(
     log: ControlRecord, person: AssessedPerson, window: tuple[float, float], seen: BoolArray
 ) -> list[tuple[float, float]]:
-    """Return the stretches of a window without data of arm, person or root [s]; seen: valid rows, shape (n,)."""
+    """Return the time intervals of a window in which data of arm, person or root is missing [s].
+
+    seen: True for instants of the person with valid joint angles, shape (n,).
+    """
     root, longest = person.root, verdict_table()["max_gap"]
     gaps = [*unknown(log.time, finite_rows(log.position), window, longest)]
     gaps += unknown(person.time, seen, window, longest)
@@ -160,7 +163,7 @@ def _gaps(
 
 
 def _evidence(source: AssessmentInput, log: ControlRecord, person: AssessedPerson, arm: CapsuleMotion) -> Evidence:
-    """Return the evidence of the arm's log, with the share of its motion in which the person is completely known."""
+    """Return the evidence of the arm's log, with the share of the arm's motion in which the person is fully known."""
     window = source.recording.begin, source.recording.end
     finite = finite_rows(log.position)
     evidence = Evidence.of(log.time, finite, window, verdict_table()["max_gap"])
@@ -174,9 +177,10 @@ def _evidence(source: AssessmentInput, log: ControlRecord, person: AssessedPerso
 
 
 def filled(q: FloatArray) -> tuple[FloatArray, float]:
-    """Return angles with unknown values interpolated, or zero if never known, shape (n, j) [rad].
+    """Interpolate unknown joint angles (NaN), or set them to zero if never known.
 
-    The second result is the share of instants with any unknown value [1].
+    Returns:
+        angles, shape (n, j) [rad]; share of instants with any unknown angle [1].
     """
     lost = ~np.isfinite(q)
     if not lost.any():
@@ -192,29 +196,28 @@ def filled(q: FloatArray) -> tuple[FloatArray, float]:
 def _notes(person: AssessedPerson, braking: str, unknown_share: float) -> list[str]:
     table, rules = separation_table(), verdict_table()
     notes = [
-        f"v_r: of the fastest point of the arm, whatever its direction; v_h: {table['walking_speed']:g} m/s, up to "
-        f"{table['hand_speed']:g} m/s where S_p is then {table['near']:g} m or less ({table.mark})",
+        f"v_r: speed of the arm's fastest point, in any direction; v_h: {table['walking_speed']:g} m/s, up to "
+        f"{table['hand_speed']:g} m/s if S_p is then {table['near']:g} m or less ({table.mark})",
         f"T_r, T_s, S_s: {braking}",
         f"C: 0, since the whole body is known; Z_d: {person.uncertainty:.3f} m ({person.uncertainty_from}); Z_r: 0, "
-        "the arm's joints are measured",
-        f"an arm that is slower than {rules['moving']:g} m/s stands ({rules.value_mark('moving')})",
+        "since the arm's joints are measured",
+        f"an arm that is slower than {rules['moving']:g} m/s counts as at rest ({rules.value_mark('moving')})",
     ]
     if unknown_share:
         notes.append(
-            f"some joints of the person are not known for {100.0 * unknown_share:.1f} % of the time, where they are "
-            "interpolated"
+            f"some joints of the person are not known for {100.0 * unknown_share:.1f} % of the time; interpolated then"
         )
     return notes
 
 
 def not_separated(why: str, name: str = "", remedy: str = "") -> Finding:
-    """Return the finding if nothing can be compared with the protective distance; why: a clause."""
+    """Return the finding that the separation is not assessable; why: reason, a clause."""
     table = separation_table().name
     return Finding(SUBJECT, Outcome.NOT_ASSESSABLE, why, table, group=SEPARATION, person=name, remedy=remedy)
 
 
 def separation_finding(approach: PersonSeparation) -> Finding:
-    """Return the finding of the protective separation distance."""
+    """Return the finding about the protective separation distance."""
     distances, protective, table = approach.distances, approach.protective, separation_table()
     violations = distances.violations(protective)
     ratio = np.where(distances.distance > TOUCHING, protective / np.maximum(distances.distance, TOUCHING), np.nan)
@@ -224,14 +227,14 @@ def separation_finding(approach: PersonSeparation) -> Finding:
         below = sum(violation.end - violation.begin for violation in violations)
         window = worst.begin, worst.end
         reason = (
-            f"nearer than S_p for {below:.2f} s in {len(violations)} stretches while the arm moves; at "
-            f"{worst.time:.3f} s {distances.distance[at]:.3f} m of {protective[at]:.3f} m"
+            f"nearer than S_p for {below:.2f} s in total ({len(violations)} times) while the arm moves; at "
+            f"{worst.time:.3f} s the distance is {distances.distance[at]:.3f} m, S_p is {protective[at]:.3f} m"
         )
         outcome = Outcome.ABOVE if approach.relied else Outcome.WARNING
     else:
         at = int(np.argmin(distances.distance))
         window = float(distances.time[0]), float(distances.time[-1])
-        reason = f"never nearer than S_p while the arm moves; nearest {distances.distance[at]:.3f} m"
+        reason = f"never nearer than S_p while the arm moves; smallest distance {distances.distance[at]:.3f} m"
         outcome = Outcome.WITHIN
     why, remedy = _unproven(approach)
     if outcome != Outcome.ABOVE and why:
@@ -256,17 +259,17 @@ def separation_finding(approach: PersonSeparation) -> Finding:
 
 
 def _unproven(approach: PersonSeparation) -> tuple[str, str]:
-    """Return why a distance is not proven to be large enough, and the remedy; both empty: it is proven."""
+    """Return the reason why a distance cannot be called large enough, and the remedy; both empty: it can."""
     person = approach.person
     if not approach.evidence.complete:
-        why = f"the arm's motion or the person is not known for all of the time: {approach.evidence.shortfall}"
+        why = f"the motion of arm or person is not known for the whole time: {approach.evidence.shortfall}"
         topics = [topic for topic in person.signals if not topic.endswith("joint_torque")]
-        return why, f"record {' and '.join(['/control_log', *topics])} for all of the run"
+        return why, f"record {' and '.join(['/control_log', *topics])} during the whole run"
     if unmeasured := [joint for joint in person.body.joints if joint not in person.names]:
-        why = f"the angles of {', '.join(unmeasured)} are not known, and taken as zero"
+        why = f"the angles of {', '.join(unmeasured)} are not known and are assumed to be zero"
         return why, f"record all joints of the body in {person.name}/joint_states"
     if approach.shapeless:
-        why = f"the distance of {', '.join(approach.shapeless)} is not known, whose shapes are meshes"
+        why = f"the distance of {', '.join(approach.shapeless)} is not known, since their shapes are meshes"
         return why, "give these links collision shapes: capsules, cylinders, spheres or boxes"
     return "", ""
 

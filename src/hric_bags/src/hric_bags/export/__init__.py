@@ -1,1 +1,1 @@
-"""Export of bags to NumPy, CSV, Parquet, c3d, OpenSim's formats, and bags with one message per sample. No ROS."""
+"""Export of bags to NumPy, CSV, Parquet, c3d, OpenSim's formats, or bags with one message per sample. No ROS."""

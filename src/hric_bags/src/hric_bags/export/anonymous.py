@@ -1,10 +1,11 @@
-"""Export without the person: what is known to be harmless is passed on, everything else is left out.
+"""Anonymisation of exports: data that are known to be harmless are exported, everything else is left out.
 
-Each key of run.yaml and metrics.json, each message type and each field with text has a class in config/privacy.yaml:
-public, pseudonym or private; what is not listed is private. Mass and height of a subject are coarsened.
+Each key of run.yaml and metrics.json, each message type and each message field with text has a class in
+config/privacy.yaml: public, pseudonym or private; anything that is not listed is private. Mass and height of a subject
+are rounded.
 
-Signals stay: size and strength of a body can be computed from marker positions, torques and activations. `STAYS` says
-so in each export.
+Signals are not changed: size and strength of a body can be computed from marker positions, torques and activations.
+Each export states this by the sentence `STAYS`.
 """
 
 import re
@@ -25,49 +26,49 @@ from hric_bags.run_file import RunFile
 from hric_core.parameters import package_yaml
 
 NAME = "recording"
-"""Name of files that are otherwise named after the run or the bag."""
+"""Name of exported files that, without anonymisation, have the name of the run or bag."""
 STEPS = {"mass": 10.0, "height": 0.1}
-"""Steps to which measures of the body are rounded [kg], [m]."""
+"""Steps to which mass [kg] and height [m] of a subject are rounded."""
 KEPT = ("parts", "posture")
-"""Keys of a subject that stay as they are."""
+"""Keys of a subject in run.yaml that are exported unchanged."""
 SUBJECT = "subject"
 PEOPLE = ("human", "person")
-"""Sections in which a number may be a measure of a body."""
+"""Sections of run.yaml and metrics.json in which a number may be a measure of a person's body."""
 BODY = ("calibration", "muscles")
-"""Keys in these sections that hold such measures, if they are a file or a list of numbers."""
+"""Keys in the sections of `PEOPLE` that contain measures of the body, if they are a file or a list of numbers."""
 STRENGTH = ("strength", "clipped", "at_strength", "share_max", "share_mean")
-"""Prefixes of keys with the strength of joints, or from which it follows together with the torque."""
+"""Prefixes of keys with the strength of joints, or with a share of it, from which it follows by the torque."""
 REDUCED = ("mass", "ratio")
-"""Keys of the closed-form impact that give the mass of the person's arm."""
+"""Keys of a contact's closed-form impact model that reveal the mass of the person's arm."""
 HASHES = ("commit", "state_sha256")
-"""Keys whose value may be a hexadecimal number."""
+"""Keys whose value may be a hexadecimal hash."""
 OLDEST_DATE = 10**17
-"""Smallest time that is a date, a day in 1973; smaller times count from the start of the run [ns]."""
+"""Smallest time [ns] that counts as a date, a day in 1973; smaller times are counted from the start of the run."""
 FIRST_DATED_SECOND = OLDEST_DATE // 1_000_000_000
-"""Seconds of the smallest stamp that is a date [s]."""
+"""Smallest time in seconds that counts as a date [s]."""
 DATED = (1e9, 4e9)
-"""Range of numbers that are taken for times since 1970, from 2001 to 2096 [s]; also in ms, us and ns."""
+"""Range of numbers that count as times since 1970 [s], from 2001 to 2096; also in ms, us and ns."""
 LONGEST = 60
-"""Longest text that is passed on [characters]; project default, unconfirmed."""
+"""Longest text that is exported [characters]; project default, unconfirmed."""
 TEMPLATES = 4
-"""Largest number of templates for messages of one size on a topic; project default, unconfirmed."""
+"""Largest number of templates (see `Template`) for messages of one size on a topic; project default, unconfirmed."""
 STAYS = (
     "The signals are unchanged: body size and strength can be computed from markers, angles, torques, EMG and "
     "activations."
 )
 _ANONYMOUS_NODE = re.compile(r"_\d+_\d{13}")
-"""End of a node's name with its process number and start date."""
+"""End of an anonymous node's name: its process number and start date."""
 _TOKENS = re.compile(r"[A-Za-z]+\d*|\d+")
 _PLAIN = re.compile(r"[A-Za-z0-9_ .:/^*()%\[\]-]*")
 _VERSION = re.compile(r"\d{1,3}(\.\d{1,3}){0,3}")
 _NUMERIC = re.compile(r"[-+0-9.eE, \[\]]+")
 _LEFT_OUT = object()
-"""Placeholder for a private value."""
+"""Placeholder for a private value, which is left out."""
 
 
 @dataclass(frozen=True)
 class Privacy:
-    """Privacy classes of keys, words and messages; see config/privacy.yaml."""
+    """Privacy classes of keys, words and message types: what anonymised exports contain, and in which form."""
 
     public: frozenset[str]
     private: frozenset[str]
@@ -79,17 +80,17 @@ class Privacy:
 
 @cache
 def privacy() -> Privacy:
-    """Return the privacy classes."""
+    """Return the privacy classes in config/privacy.yaml."""
     return Privacy(**{key: frozenset(str(words).split()) for key, words in package_yaml(__file__, "privacy").items()})
 
 
 class Anonymiser:
-    """Removal of the person from exported files and messages.
+    """Anonymiser that removes what identifies a person from exported files and messages.
 
     Args:
         run: contents of run.yaml.
         metrics: contents of metrics.json.
-        names: further words that name the person.
+        names: further words that identify the person.
         begin: recording time of the first message in the bag [ns].
     """
 
@@ -102,20 +103,20 @@ class Anonymiser:
         self._run, self._metrics = run, metrics
         self._done: dict[str, None] = {}
         self._templates: dict[tuple[str, str, int], list[Template | None]] = {}
-        """Templates by topic, type and size of messages [B]; None: messages that are decoded each time."""
+        """Topic, type and size [B] of messages -> their templates; None in place of one: such messages are decoded."""
 
     def _note(self, what: str) -> None:
         self._done.setdefault(what)
 
     @property
     def done(self) -> list[str]:
-        """Lines that say what was dropped or coarsened so far."""
+        """Sentences on what was dropped or changed so far."""
         return [*self._done, STAYS]
 
-    # -- what all share ------------------------------------------------------------------------------------------------
+    # -- names and times -----------------------------------------------------------------------------------------------
 
     def name(self, text: str) -> str:
-        """Return a name in which each part with words that are not public is numbered, the same everywhere."""
+        """Return a name in which each part with words that are not public is replaced by a number, always the same."""
         if (known := self._known.get(text)) is None:
             parts = (part if part in "/:" else self._part(part) for part in re.split(r"([/:])", text) if part)
             known = self._known[text] = "".join(parts)
@@ -125,11 +126,11 @@ class Anonymiser:
         bare = _ANONYMOUS_NODE.sub("", text)
         if self.is_public(bare):
             return bare
-        self._note("names with other words than the project's: replaced by numbers")
+        self._note("names with words that are not of this project: replaced by numbers")
         return self._pseudonyms.setdefault(text, f"name_{len(self._pseudonyms) + 1}")
 
     def is_public(self, text: str) -> bool:
-        """Return True if a text has only public words, and digits that make no date."""
+        """Return True if a text has only public words, and no digits that could be a date."""
         tokens = _TOKENS.findall(text)
         numbers = sum(token.isdigit() for token in tokens)
         return (
@@ -145,10 +146,10 @@ class Anonymiser:
         return digits <= 2 if not word else word in self._public and digits <= (1 if len(word) == 1 else 2)
 
     def time(self, nanoseconds: int) -> int:
-        """Return a date as time since the first recording [ns]; any other time unchanged."""
+        """Return a date as time since the first recorded message [ns]; any other time [ns] is returned unchanged."""
         if nanoseconds < OLDEST_DATE:
             return nanoseconds
-        self._note("dates of recordings and stamps: counted from the first of them")
+        self._note("dates of recordings and stamps: replaced by the time since the first of them")
         self._begin = nanoseconds if self._begin is None else self._begin
         return max(nanoseconds - self._begin, 0)
 
@@ -159,17 +160,17 @@ class Anonymiser:
 
     @property
     def run(self) -> RunFile:
-        """Contents of run.yaml that may be passed on."""
+        """Contents of run.yaml that may be exported."""
         run: RunFile = self._cleaned(self._run, ())
         return run
 
     @property
     def metrics(self) -> dict[str, object]:
-        """Contents of metrics.json that may be passed on."""
+        """Contents of metrics.json that may be exported."""
         return dict(self._cleaned(self._metrics, ()))
 
     def urdf(self, text: str) -> str:
-        """Return a URDF with the names of the anonymised messages, to read frames from; it is not passed on."""
+        """Return a URDF with anonymised names, from which frames are read; the URDF itself is not exported."""
         return re.sub(r'\b(name|link|joint)="([^"]*)"', lambda match: f'{match[1]}="{self.name(match[2])}"', text)
 
     def _cleaned(self, value: Any, path: tuple[str, ...]) -> Any:
@@ -205,10 +206,10 @@ class Anonymiser:
         return made
 
     def _refusal(self, key: str, value: Any, path: tuple[str, ...]) -> str:
-        """Return the reason to leave a key out; empty: it stays."""
+        """Return the reason why a key is left out; empty: it is exported."""
         of_person = any(name in path for name in PEOPLE)
         if key in privacy().private:
-            return "dates of the run, notes, texts, paths and what only a body has: dropped"
+            return "dates of the run, notes, texts, paths and values that only a body has: dropped"
         if key.startswith(STRENGTH) and (of_person or "strength" in key):
             return "strength, and shares of it: dropped"
         if key in BODY and (of_person or isinstance(value, str)) and not isinstance(value, Mapping):
@@ -217,7 +218,7 @@ class Anonymiser:
             return "masses of the body in contacts: dropped"
         named = path[-1:] and path[-1] in privacy().pseudonym and isinstance(value, Mapping)
         if not self.is_public(key) and not named:
-            return "keys that have no class: dropped"
+            return "keys without a privacy class: dropped"
         return ""
 
     def _text(self, text: str, path: tuple[str, ...]) -> Any:
@@ -230,17 +231,17 @@ class Anonymiser:
             return text
         if key == "arguments" or (self.is_public(text) and not text.startswith("/")):
             return text
-        self._note("texts with other words than the project's: dropped")
+        self._note("texts with words that are not of this project: dropped")
         return _LEFT_OUT
 
     def _argument(self, argument: Any) -> Any:
-        """Return an override if it concerns nobody and its value is a number or a public word."""
+        """Return a command-line override if it does not concern a person and its value is a number or public word."""
         key, _, value = str(argument).partition(":=")
         public = self.is_public(key) and (self.is_public(value) or bool(_NUMERIC.fullmatch(value)))
         dated = any(_is_date(float(number)) for number in re.findall(r"\d+(?:\.\d+)?", value))
         if public and not dated and not re.match(r"(?:human|person|subject)\b", key):
             return str(argument)
-        self._note("overrides of the person, and those with texts: dropped")
+        self._note("command-line overrides about the person or with texts: dropped")
         return _LEFT_OUT
 
     def _subject(self, value: Any) -> Any:
@@ -250,7 +251,7 @@ class Anonymiser:
         public = {key: value[key] for key in KEPT if self.is_public(str(value.get(key, "no key"))) and key in value}
         for key, step in STEPS.items():
             if isinstance(value.get(key), int | float):
-                self._note(f"{key} of the subject: to the next {step:g} {'kg' if key == 'mass' else 'm'}")
+                self._note(f"{key} of the subject: rounded to {step:g} {'kg' if key == 'mass' else 'm'}")
                 public[key] = round(round(value[key] / step) * step, 6)
         self._note("code, sex, dominant hand, age, measured lengths and masses: dropped")
         return public
@@ -258,14 +259,14 @@ class Anonymiser:
     # -- messages ------------------------------------------------------------------------------------------------------
 
     def hides(self, kind: str) -> bool:
-        """Return True if messages of a type are left out."""
+        """Return True if all messages of a type are left out."""
         hides = kind not in privacy().types and kind.partition("/")[0] not in privacy().packages
         if hides:
-            self._note("messages of other types than the known ones (texts, pictures, descriptions): topics dropped")
+            self._note("messages of types that may identify a person (texts, pictures, descriptions): topics dropped")
         return hides
 
     def serialised(self, bag: PartsReader, connection: Connection, raw: bytes) -> bytes:
-        """Remove the person from a serialised message. Raises BagError if it cannot be read."""
+        """Return a serialised message without what identifies the person. Raises BagError if it cannot be read."""
         kind = connection.msgtype
         templates = self._templates.setdefault((connection.topic, kind, len(raw)), [])
         for template in templates:
@@ -282,7 +283,7 @@ class Anonymiser:
         return cleaned
 
     def message(self, message: Any) -> Any:
-        """Remove the person from a message as rosbags reads it, in place, and return it."""
+        """Remove what identifies the person from a deserialised message, in place, and return it."""
         message_type: Any = type(message)
         for field in _fields(message_type):
             setattr(message, field, self._value(field, getattr(message, field)))
@@ -329,7 +330,7 @@ def _fields(kind: type) -> tuple[str, ...]:
 
 
 def _is_date(value: float) -> bool:
-    """Return True if a number reads as a time since 1970, or as a day like 20260314."""
+    """Return True if a number may be a time since 1970, or a day such as 20260314."""
     if any(DATED[0] * unit < value < DATED[1] * unit for unit in (1.0, 1e3, 1e6, 1e9)):
         return True
     try:
@@ -339,7 +340,7 @@ def _is_date(value: float) -> bool:
 
 
 def _names(value: Any) -> set[str]:
-    """Return the words that name the subject, wherever `subject` is a key."""
+    """Return the words that name the subject, found under any key `subject` of nested data."""
     if isinstance(value, Mapping):
         words: set[str] = set().union(*(_names(item) for item in value.values()))
         subject = value.get(SUBJECT)

@@ -1,4 +1,4 @@
-"""Tables of control logs and sample chunks, one row per sample, and of synchronised samples with their names."""
+"""Tables of control logs and sample chunks with one row per sample, and names for synchronised samples."""
 
 import itertools
 from collections.abc import Sequence
@@ -20,14 +20,14 @@ _LOG_UNITS = {"position": "rad", "velocity": "rad/s", "effort": "N m"}
 def table_of(
     topic: str, type_name: str, messages: Sequence[Any], timing: Timing, clock: str, prismatic: frozenset[str]
 ) -> TopicTable:
-    """Return the table of a batched topic; type_name: one of BATCHED."""
+    """Return the table of a topic whose messages hold many samples; type_name: one of BATCHED."""
     if type_name == CONTROL_LOG:
         return control_log(topic, messages, clock, prismatic)
     return chunks(topic, messages, timing, clock)
 
 
 def control_log(topic: str, messages: Sequence[Any], clock: str, prismatic: frozenset[str]) -> TopicTable:
-    """Return a table of a control log with one row per cycle, each cycle once."""
+    """Return the table of a control log with one row per control cycle, each cycle once."""
     log = bag_reader.stitch(messages)
     columns = [TopicColumn("cycle", "", _cycles(log))]
     for field in bag_reader.ARRAYS:
@@ -37,7 +37,7 @@ def control_log(topic: str, messages: Sequence[Any], clock: str, prismatic: froz
             columns.append(TopicColumn(f"{field}.{joint}", units.of_joint(unit, joint, prismatic), values[:, j]))
     first = messages[0]
     offset = bag_reader.seconds(first.header.stamp) - float(first.time[0])
-    notes = [f"{count} cycles are missing from {start} on" for start, count in log.gaps]
+    notes = [f"{count} cycles are missing from cycle {start} on" for start, count in log.gaps]
     stamp = np.rint((log.time + offset) * 1e9).astype(np.int64)
     return TopicTable(topic, CONTROL_LOG, "", log.time, stamp, tuple(columns), clock, tuple(notes))
 
@@ -50,7 +50,7 @@ def _cycles(log: bag_reader.ControlRecord) -> Any:
 
 
 def chunks(topic: str, messages: Sequence[Any], timing: Timing, clock: str) -> TopicTable:
-    """Return a table with one row per sample, at the time of its chunk plus its index over the rate."""
+    """Return the table of sample chunks with one row per sample, at the time of its chunk plus index / rate."""
     times, stamps, numbers = [], [], []
     values: dict[str, list[FloatArray]] = {name: [] for message in messages for name in message.channels}
     for message in messages:
@@ -70,7 +70,7 @@ def chunks(topic: str, messages: Sequence[Any], timing: Timing, clock: str) -> T
     columns += [TopicColumn(name, unit[name], np.concatenate(parts)) for name, parts in values.items()]
     missing = sum(max(0, int(b[0]) - int(a[-1]) - 1) for a, b in itertools.pairwise(numbers) if len(a) and len(b))
     rates = sorted({float(message.rate) for message in messages})
-    ends = rates[:1] + rates[1:][-1:]  # first and last; lost time gives many rates between them
+    ends = rates[:1] + rates[1:][-1:]  # lowest and highest: after lost time, there are many in between
     notes = [
         f"source {messages[0].source}",
         f"rate reported by the source: {' to '.join(f'{rate:g}' for rate in ends)} Hz",
@@ -89,7 +89,7 @@ def chunks(topic: str, messages: Sequence[Any], timing: Timing, clock: str) -> T
 
 
 def _chunk_units(messages: Sequence[Any]) -> dict[str, str]:
-    """Return the unit of each channel; messages have one for all, or one per channel separated by spaces."""
+    """Return the unit of each channel; a message has one unit for all, or one per channel separated by spaces."""
     units: dict[str, str] = {}
     for message in messages:
         words = [word.replace(".", " ") for word in str(message.unit).replace("N m", "N.m").split()]
@@ -99,7 +99,7 @@ def _chunk_units(messages: Sequence[Any]) -> dict[str, str]:
 
 
 def named(table: TopicTable, layout: Any) -> TopicTable:
-    """Return a table of synchronised samples with the names and units of its layout."""
+    """Return a table of synchronised samples with columns named as in its hric_msgs/SyncLayout."""
     names, sources = [str(name) for name in layout.names], list(dict.fromkeys(map(str, layout.sources)))
     columns = []
     for column in table.columns:

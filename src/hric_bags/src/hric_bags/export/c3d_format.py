@@ -1,4 +1,4 @@
-"""Trial as a c3d file, written by ezc3d."""
+"""Writer of a trial as a c3d file, by the library ezc3d."""
 
 import textwrap
 from collections.abc import Iterator
@@ -11,16 +11,16 @@ import numpy as np
 from hric_bags.export.c3d_trial import C3dTrial
 
 MAX_FRAMES = 65535
-"""Largest number of frames of a file, a 16-bit count in the header; longer trials become several files."""
+"""Largest number of frames in a c3d file, whose header counts them in 16 bits; longer trials become several files."""
 MM = 1000.0
 WIDTH = 120
-"""Width of a line of text in a parameter, which holds 255 letters at most."""
+"""Width of a line of text in a c3d parameter, which may have 255 characters [characters]."""
 INTEGER = 2
-"""Code of integers in ezc3d."""
+"""Code of the data type integer in ezc3d."""
 
 
 def parts(trial: C3dTrial) -> Iterator[C3dTrial]:
-    """Yield the trial in pieces that fit into a file, each with its own start."""
+    """Yield a trial in pieces that each fit into one c3d file, with their own start times."""
     for first in range(0, len(trial.positions), MAX_FRAMES):
         last = min(first + MAX_FRAMES, len(trial.positions))
         offset, samples = first / trial.rate, slice(first * trial.per_frame, last * trial.per_frame)
@@ -38,14 +38,14 @@ def parts(trial: C3dTrial) -> Iterator[C3dTrial]:
 
 
 def write(trial: C3dTrial, path: Path, started: str = "") -> None:
-    """Write one file.
+    """Write one c3d file.
 
     Args:
         trial: trial of at most MAX_FRAMES frames.
         path: file to write.
-        started: start of the run, as text.
+        started: date of the start of the run, as text; "": not written.
     """
-    import ezc3d  # loaded only if a c3d file is requested
+    import ezc3d  # imported here: only c3d files need it
 
     file = ezc3d.c3d()
     _points(file, trial)

@@ -1,4 +1,4 @@
-"""Force plates as c3d files describe them: corners, origin, signals, calibration."""
+"""Force plates in the conventions of c3d files: corners, origin, signals and calibration."""
 
 from dataclasses import dataclass, replace
 
@@ -10,16 +10,16 @@ from hric_bags.run_file import RunFile
 from hric_perception.plate.geometry import PLATE_SIZE
 
 FLIP = np.diag([1.0, -1.0, -1.0])
-"""Rotation between the axes of a plate, z up, and those of a c3d file, z down; it is its own inverse."""
+"""Rotation between the axes of a plate (z up) and those of a plate in c3d files (z down); its own inverse."""
 QUADRANTS = np.array([[1, 1, 0], [-1, 1, 0], [-1, -1, 0], [1, -1, 0]])
-"""Signs of the corners in the axes of the file's plate (c3d.org, FORCE_PLATFORM:CORNERS)."""
+"""Signs of the corners' coordinates in the axes of a c3d plate (c3d.org, FORCE_PLATFORM:CORNERS)."""
 N_MM = np.array([1.0, 1.0, 1.0, 1e3, 1e3, 1e3])
-"""Factors from N and N m to N and N mm."""
+"""Factors by which a wrench is converted from N and N m to N and N mm."""
 
 
 @dataclass(frozen=True)
 class PlateSettings:
-    """Settings of a plate in a run (keys of `force_plate` in an experiment file).
+    """Settings of a force plate in a run, from the section `force_plate` of its experiment file.
 
     Attributes:
         size: size of the surface along x and y [m].
@@ -34,21 +34,21 @@ class PlateSettings:
     calibration: FloatArray | None = None
 
     def over(self, surface: float) -> "PlateSettings":
-        """Return the settings with another height [m]; 0: unchanged."""
+        """Return the settings with the height `surface` [m]; 0: unchanged settings."""
         return replace(self, height=surface) if surface else self
 
 
 @dataclass(frozen=True)
 class C3dPlate:
-    """Force plate of a c3d file.
+    """Force plate in a c3d file.
 
     Attributes:
         name: name of the plate.
-        kind: type, 2 or 4.
+        kind: type of the plate in c3d, 2 or 4.
         corners: corners of the surface in OpenSim's ground, shape (4, 3) [m].
         origin: vector from the origin of the moments to the middle of the surface, in the file's axes of the plate,
             shape (3,) [m].
-        calibration: shape (6, 6) [N/V, N mm/V]; the identity for type 2.
+        calibration: calibration matrix, shape (6, 6) [N/V, N mm/V]; the identity for type 2.
         units: units of the six channels.
         axes: text on how the pose was determined.
     """
@@ -63,7 +63,7 @@ class C3dPlate:
 
 
 def plate_settings(run: RunFile) -> dict[str, PlateSettings]:
-    """Return the settings of the plates in run.yaml, by name."""
+    """Return the settings of the force plates in run.yaml, by name of the plate."""
     section = (run.get("definition") or {}).get("force_plate") or {}
     if not section:
         return {}
@@ -81,14 +81,14 @@ def plate_settings(run: RunFile) -> dict[str, PlateSettings]:
 def plate_of(
     table: TopicTable, frames: FixedFrames, settings: PlateSettings, wrench: FloatArray
 ) -> tuple[C3dPlate, FloatArray]:
-    """Return the plate and its signals, shape (n, 6).
+    """Return a force plate and its signals, shape (n, 6), as a c3d file needs them.
 
     A c3d file holds the load of the plate on the body, in axes with z down: BTK, OpenSim and ezc3d read its channels
     this way, without a change of sign.
 
     Args:
         table: samples of the plate.
-        frames: frames of the run; that of the plate is at the middle of the surface, z up.
+        frames: frames of the run; the plate's frame is at the middle of the surface, z up.
         settings: settings of the plate.
         wrench: samples as the device sends them, shape (n, 6) [N, N m].
     """
@@ -111,7 +111,7 @@ def plate_of(
 
 
 def _at_surface(height: float) -> FloatArray:
-    """Return M' = M + F x p with p = (0, 0, height) as a matrix on (F, M)."""
+    """Return the matrix that maps (F, M) to (F, M + F x p) with p = (0, 0, height)."""
     matrix = np.eye(6)
     matrix[3, 1], matrix[4, 0] = height, -height
     return matrix

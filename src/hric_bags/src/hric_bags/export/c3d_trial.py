@@ -1,4 +1,4 @@
-"""Trial for a c3d file: markers, force plates and EMG on one time grid, in the axes of OpenSim's ground."""
+"""Contents of a c3d file: markers, force plates and EMG on one time grid, in the axes of OpenSim's ground."""
 
 import itertools
 import math
@@ -20,18 +20,18 @@ TRIGGER_TYPE, PHASE_TYPE = "std_msgs/msg/Empty", "std_msgs/msg/String"
 NEEDED = (opensim_formats.MOCAP_TYPE, batches.CHUNK, STATIC, TRIGGER_TYPE, PHASE_TYPE)
 """Message types from which a trial follows."""
 TRIGGER, PHASE = "/trigger", "/phase"
-"""Endings of the topics of events."""
+"""Endings of the names of topics whose messages become events."""
 TIME_CODE = "time"
-"""Channel of an emulated device with the time of each sample, which the file has anyway."""
+"""Channel of an emulated device with the time of each sample; it is left out, since the file states times itself."""
 
 
 @dataclass(frozen=True)
 class Channel:
-    """Analog channel.
+    """Analog channel of a c3d file.
 
     Attributes:
         label, unit: label and unit of the channel.
-        values: at the times of the analog samples, shape (frames * per_frame,).
+        values: values at the times of the analog samples, shape (frames * per_frame,).
     """
 
     label: str
@@ -46,13 +46,13 @@ class C3dTrial:
     Attributes:
         start: time of the first frame, on the clock of the tables [s].
         rate: frame rate [Hz].
-        per_frame: analog samples per frame; 0: there are none.
+        per_frame: number of analog samples per frame; 0: there are none.
         labels: labels of the markers.
-        positions: shape (frames, markers, 3) [m]; NaN: not seen.
+        positions: positions of the markers, shape (frames, markers, 3) [m]; NaN: not visible.
         channels: channels of the plates, six each, then EMG.
         plates: force plates in the order of their channels.
-        events: (seconds since the first frame, event).
-        notes: name -> sentence on how the file was made.
+        events: (time since the first frame [s], name of the event).
+        notes: sentences on how the file was made, by name of their parameter.
     """
 
     start: float
@@ -67,16 +67,16 @@ class C3dTrial:
 
 
 def collect(tables: Mapping[str, TopicTable], frames: FixedFrames, run: RunFile, surface: float = 0.0) -> C3dTrial:
-    """Return the trial of a run, over the time that all of its sources have.
+    """Return the trial of a run, over the time that all of its sources have in common.
 
     Args:
         tables: tables of the bag, by topic.
         frames: frames of the run.
         run: contents of run.yaml; may be empty.
-        surface: height of the plates' surface over their electrical origin [m]; 0: as in the run.
+        surface: height of the plates' surface above their electrical origin [m]; 0: as in the run.
 
     Raises:
-        ExportError: there is no source, more than one motion capture, or no time that all sources have.
+        ExportError: there is no source, more than one motion capture, or no time that all sources have in common.
     """
     captures, plates, emg = _sources(tables)
     markers = opensim_formats.markers_of(captures[0], frames) if captures else None
@@ -108,7 +108,7 @@ def collect(tables: Mapping[str, TopicTable], frames: FixedFrames, run: RunFile,
 
 
 def _sources(tables: Mapping[str, TopicTable]) -> tuple[list[TopicTable], list[TopicTable], list[TopicTable]]:
-    """Return motion captures (one at most), force plates and EMG. Raises ExportError if there is none of them."""
+    """Return tables of motion capture (one at most), force plates and EMG. Raises ExportError if all are missing."""
     captures = [table for table in tables.values() if opensim_formats.is_capture(table)]
     plates = [table for table in tables.values() if opensim_formats.is_plate(table)]
     others = [table for table in tables.values() if table.type_name == batches.CHUNK and table not in plates]
@@ -120,15 +120,17 @@ def _sources(tables: Mapping[str, TopicTable]) -> tuple[list[TopicTable], list[T
         )
     if len(captures) > 1:
         topics = ", ".join(table.topic for table in captures)
-        raise ExportError(f"a c3d file holds one motion capture, the bag has {topics}; choose one with --topics")
+        raise ExportError(f"a c3d file can have one motion capture, but the bag has {topics}; choose one with --topics")
     return captures, plates, emg
 
 
 class _Grid:
-    """Times of frames and samples.
+    """Time grid of the frames and analog samples of a c3d file.
 
     Attributes:
-        start, rate, per_frame: see C3dTrial.
+        start: time of the first frame [s].
+        rate: frame rate [Hz].
+        per_frame: number of analog samples per frame.
         count: number of frames.
         analog: times of the analog samples, shape (count * per_frame,) [s].
     """
@@ -152,12 +154,15 @@ class _Grid:
         self.count = min(counts)
         if self.count < 1:
             raise ExportError(
-                "format c3d needs a time that motion capture, force plates and EMG have in common; the bag has none"
+                "format c3d needs a time at which motion capture, plates and EMG were all recorded; the bag has none"
             )
         self.analog = self.start + np.arange(self.count * self.per_frame) / (self.rate * max(1, self.per_frame))
 
     def positions(self, markers: opensim_formats.OpenSimMarkers | None) -> FloatArray:
-        """Return positions [m] of the nearest recorded frames (half a period at most), shape (frames, markers, 3)."""
+        """Return marker positions of the recorded frames nearest to the grid, shape (frames, markers, 3) [m].
+
+        A frame without a recorded one within half a period is NaN.
+        """
         if markers is None:
             return np.empty((self.count, 0, 3))
         index = np.rint((markers.time - self.start) * self.rate).astype(int)
@@ -169,7 +174,7 @@ class _Grid:
 
 
 def _numbers(markers: opensim_formats.OpenSimMarkers) -> FloatArray:
-    """Return the frame numbers; empty: not known."""
+    """Return the numbers of the motion capture's frames; empty: not known."""
     column = markers.table.column("frame_number")
     return np.empty(0) if column is None else np.asarray(column.values, dtype=float)[markers.rows]
 
@@ -184,7 +189,7 @@ def _emg(table: TopicTable, source: resampling.SampledTopic, times: FloatArray, 
 
 
 def _differ(labels: Sequence[str], taken: Sequence[str] = ()) -> list[str]:
-    """Return the labels, with a number after those that are there already."""
+    """Return the labels, made unique by a number after those that are used or in `taken`."""
     different: list[str] = []
     for label in labels:
         names = itertools.chain([label], (f"{label}_{number}" for number in itertools.count(2)))
@@ -193,7 +198,7 @@ def _differ(labels: Sequence[str], taken: Sequence[str] = ()) -> list[str]:
 
 
 def _events(tables: Mapping[str, TopicTable], start: float, duration: float) -> tuple[tuple[float, str], ...]:
-    """Return triggers and phases of the emulated human within the file."""
+    """Return the events in the file, (time since its start [s], name): triggers, and phases of the emulated human."""
     events = []
     for table in tables.values():
         if table.type_name == TRIGGER_TYPE and table.topic.endswith(TRIGGER):
@@ -218,8 +223,8 @@ def _notes(
     notes = {"CLOCK": f"START_TIME is seconds since {clock}, of the first frame", "AXES": axes[0] if axes else GROUND}
     if markers is not None:
         notes["MARKERS"] = (
-            f"from {markers.table.topic}; of each frame the recorded one that is nearest, half a period away at "
-            "most; else not seen"
+            f"from {markers.table.topic}; each frame has the positions of the nearest recorded frame, at most half a "
+            "period away, otherwise none"
         )
     if plates:
         notes["FORCES"] = (
@@ -233,7 +238,7 @@ def _notes(
 
 
 def describe(trial: C3dTrial) -> str:
-    """Return one line on the contents of the file and how it was made."""
+    """Return one line of text on the contents of the c3d file and how it was made."""
     analog = f"; {trial.notes['RESAMPLING']}" if trial.channels else ""
     plates = "".join(f", plate {plate.name} of type {plate.kind}" for plate in trial.plates)
     emg = len(trial.channels) - 6 * len(trial.plates)

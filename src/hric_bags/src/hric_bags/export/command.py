@@ -1,4 +1,4 @@
-"""Commands `export`, `inverse_kinematics` and `inverse_dynamics`."""
+"""Commands `hric export`, `hric inverse_kinematics` and `hric inverse_dynamics`."""
 
 import argparse
 import sys
@@ -14,11 +14,11 @@ from hric_core.errors import FAILURE
 class ExportCommand(Command):
     """Write a bag in other formats, with units, axes and rates in the files.
 
-    Existing files are kept, so an interrupted export continues. Needs no ROS master.
+    Existing files are not written again, so that an interrupted export continues. No ROS master is needed.
     """
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments."""
+        """Return the command-line arguments of the command."""
         return [
             *_run_arguments("export/ of the run, anonymised/ with --anonymise, or <bag>_export/ beside a bag"),
             Argument(
@@ -35,30 +35,30 @@ class ExportCommand(Command):
                 "--load-body",
                 default="",
                 metavar="BODY",
-                help="external_loads: a set-up file that applies the plates' loads to this body",
+                help="external_loads: also write a set-up file that applies the plates' loads to this body of a model",
             ),
             Argument(
                 "--surface",
                 type=float,
                 default=0.0,
                 metavar="METRES",
-                help="external_loads, c3d: height of the plates' surface over their electrical origin (c3d: else as in "
-                "the run)",
+                help="external_loads, c3d: height of the plates' surface above their electrical origin (default: 0; "
+                "c3d: as in the run)",
             ),
             Argument(
                 "--anonymise",
                 nargs="*",
                 metavar="NAME",
                 help="leave out everything that may identify the person (notes, texts, paths, dates, sex, strength), "
-                "round mass and height; write also run.yaml, metrics.json and a list of the changes. NAME: words that "
-                "identify the person although they are words of this project",
+                "round mass and height; also write run.yaml, metrics.json and a list of the changes. NAME: words that "
+                "identify the person, although this project uses them, too",
             ),
             Argument("--again", action="store_true", help="write existing files again"),
-            Argument("--quiet", action="store_true", help="no progress bar"),
+            Argument("--quiet", action="store_true", help="show no progress bar"),
         ]
 
     def run(self, arguments: argparse.Namespace) -> int:
-        """Export a bag; return FAILURE if a format could not be written."""
+        """Export a bag, and print what was written; return FAILURE if a format could not be written."""
         names = None if arguments.anonymise is None else tuple(arguments.anonymise)
         kinds = tuple(dict.fromkeys(arguments.formats))
         request = ExportRequest(kinds, tuple(arguments.topics), arguments.load_body, arguments.surface, names)
@@ -67,7 +67,7 @@ class ExportCommand(Command):
         progress = not arguments.quiet and sys.stderr.isatty()
         result = export(source, request, folder, again=arguments.again, progress=progress)
         if result.reading:
-            print(f"read in {result.reading:.1f} s")
+            print(f"bag read in {result.reading:.1f} s")
         for kind, paths in result.files.items():
             took = f"{result.seconds[kind]:.1f} s" if kind in result.seconds else "existed"
             size = sum(path.stat().st_size for path in paths) / 1e6
@@ -83,20 +83,20 @@ class ExportCommand(Command):
 class InverseKinematicsCommand(Command):
     """Solve OpenSim's inverse kinematics of a free body with the markers of the motion capture.
 
-    Prints how far it is from the poses that the motion capture sent. Exports the markers (.trc) if that was not done
-    yet. Needs no ROS master.
+    The difference from the poses that the motion capture measured is printed. The markers are exported (.trc) if they
+    were not before. No ROS master is needed.
     """
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments."""
+        """Return the command-line arguments of the command."""
         return [
             *_run_arguments("inverse_kinematics/ of the run"),
-            Argument("--topic", default="", help="topic of the motion capture (default: the only one)"),
-            Argument("--body", default="", help="body whose markers are used (default: the first with three)"),
+            Argument("--topic", default="", help="topic of the motion capture (default: the only one in the bag)"),
+            Argument("--body", default="", help="body whose markers are used (default: the first with three markers)"),
         ]
 
     def run(self, arguments: argparse.Namespace) -> None:
-        """Solve the inverse kinematics of a body with markers."""
+        """Solve the inverse kinematics of a body with markers, and print the result."""
         from hric_bags.export import inverse_kinematics as kinematics
 
         source = recording.find(arguments.run, arguments.runs)
@@ -106,33 +106,33 @@ class InverseKinematicsCommand(Command):
 class InverseDynamicsCommand(Command):
     """Solve OpenSim's inverse dynamics of the converted robot along the motion of a run.
 
-    Prints how far it is from the torque that was logged. External forces on the robot are not in it. Exports the
-    coordinates (.mot) if that was not done yet. Needs no ROS master.
+    The difference from the logged torque is printed. External forces on the robot are not considered. The coordinates
+    are exported (.mot) if they were not before. No ROS master is needed.
     """
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments."""
+        """Return the command-line arguments of the command."""
         return [
             *_run_arguments("inverse_dynamics/ of the run"),
-            Argument("--topic", default="", help="topic of the control log (default: the only one)"),
+            Argument("--topic", default="", help="topic of the control log (default: the only one in the bag)"),
             Argument(
                 "--lowpass",
                 type=float,
                 default=-1.0,
                 metavar="HZ",
-                help="cut-off of the coordinates' filter (default: none)",
+                help="cut-off frequency of the low-pass of the coordinates (default: no filter)",
             ),
             Argument(
                 "--rotor-inertia",
                 type=float,
                 default=0.0,
                 metavar="KGM2",
-                help="rotor inertia of all joints, for a log of motor torques (default: 0, torques behind the rotors)",
+                help="rotor inertia of each joint, if the log has motor torques (default: 0, torques on the link side)",
             ),
         ]
 
     def run(self, arguments: argparse.Namespace) -> None:
-        """Solve the inverse dynamics of the robot along a run."""
+        """Solve the inverse dynamics of the robot along a run, and print the result."""
         from hric_bags.export import inverse_dynamics as dynamics
 
         source = recording.find(arguments.run, arguments.runs)
@@ -141,6 +141,6 @@ class InverseDynamicsCommand(Command):
 
 
 def _run_arguments(output: str) -> list[Argument]:
-    """Return run, folder of the runs and folder of the results; output: default of the latter, for --help."""
-    folder = Argument("--output", type=Path, metavar="DIR", help=f"where to write (default: {output})")
+    """Return the arguments run, --runs and --output; output: default folder of the results, for --help."""
+    folder = Argument("--output", type=Path, metavar="DIR", help=f"folder of the results (default: {output})")
     return [*run_arguments(), folder]

@@ -1,4 +1,4 @@
-"""One export: which formats, into which folder; existing files are left alone."""
+"""Export of a bag in several formats into a folder; files that exist already are not written again."""
 
 import json
 import time
@@ -26,11 +26,11 @@ NEEDED: dict[str, tuple[str, ...]] = {
     "external_loads": loads.NEEDED,
     "c3d": c3d_trial.NEEDED,
 }
-"""Message types that a format needs; other formats need all."""
+"""Format -> message types that it is made from; other formats need all types."""
 
 
 def formats() -> tuple[str, ...]:
-    """Return all formats, those of other packages last."""
+    """Return the names of all formats, those of other packages last."""
     return tuple(dict.fromkeys((*FORMATS, *plugins.names(plugins.EXPORT))))
 
 
@@ -39,11 +39,11 @@ class ExportRequest:
     """Settings of an export.
 
     Attributes:
-        formats: some of `formats()`.
+        formats: names of formats, each one of `formats()`.
         topics: topic names; empty: all.
-        load_body: body of a model on which the plates' loads act; empty: they are in no set-up file.
+        load_body: body of a model on which the plates' loads act; empty: no set-up file has them.
         surface: height of the plates' surface above their electrical origin [m].
-        anonymise: further words that name the person, who is removed; None: nothing is removed.
+        anonymise: further words that identify the person, for an anonymised export; None: not anonymised.
     """
 
     formats: Sequence[str]
@@ -68,11 +68,11 @@ class ExportResult:
     """Outcome of an export.
 
     Attributes:
-        files: existing files of each format.
-        seconds: time to write each format, without reading the bag (but for "bag") [s]; absent: it existed already.
+        files: files of each format, written now or before.
+        seconds: time to write each format [s], for "bag" with reading the bag; absent: the format existed already.
         reading: time to read the bag into tables [s].
-        notes: lines on how a format was made, or why there was nothing to write.
-        failures: reason for each format that could not be written: one line.
+        notes: sentences on how a format was made, or why there was nothing to write.
+        failures: reason why a format could not be written, by format.
     """
 
     files: dict[str, list[Path]] = field(default_factory=dict)
@@ -83,20 +83,20 @@ class ExportResult:
 
 
 ABOUT = "about"
-"""Folder of the texts on the run and on the export in an anonymised export."""
+"""Subfolder of an anonymised export with run.yaml, metrics.json and the list of what was changed."""
 
 
 def default_folder(source: ExportSource, request: ExportRequest) -> Path:
     """Return the default folder of an export.
 
     Raises:
-        ExportError: a bag without run is to be anonymised, whose name may say who and when.
+        ExportError: a bag without a run folder is to be anonymised, but its name may identify person and date.
     """
     if request.anonymise is None:
         return source.output
     if source.folder is None:
         raise ExportError(
-            f"--anonymise of a bag needs --output DIR: the name of {source.bag.name} may say who it was and when"
+            f"--anonymise of a bag needs --output DIR: the name {source.bag.name} may identify person and date"
         )
     return source.folder.path / "anonymised"
 
@@ -109,17 +109,17 @@ def export(
     again: bool = False,
     progress: bool = False,
 ) -> ExportResult:
-    """Write the formats that do not exist yet; one that cannot be written does not stop the others.
+    """Write the formats that do not exist yet; if one cannot be written, the others still are.
 
     Args:
-        source: see `recording.find`.
+        source: bag to be exported, from `recording.find`.
         request: formats and settings.
-        folder: output folder; default: see `default_folder`.
-        again: True: write also what exists.
+        folder: output folder; None: that of `default_folder`.
+        again: True: write existing files again.
         progress: True to draw progress bars.
 
     Raises:
-        HricError: the bag is damaged, or has no such topic.
+        HricError: the bag is damaged, or does not have a requested topic.
     """
     settings = {"topics": sorted(request.topics), "load_body": request.load_body, "surface": request.surface}
     anonymiser = None if request.anonymise is None else _anonymiser(source, request.anonymise)
@@ -150,7 +150,7 @@ def export(
 def _tables(
     source: ExportSource, request: ExportRequest, missing: Sequence[str], anonymiser: Anonymiser | None, progress: bool
 ) -> tuple[dict[str, TopicTable], float]:
-    """Return the tables that the missing formats are written from, and the time to read them [s]; a bag needs none."""
+    """Return the tables from which missing formats are written, and the time to read them [s]; "bag" needs none."""
     kinds, begin = [kind for kind in missing if kind != "bag"], time.perf_counter()
     if not kinds:
         return {}, 0.0
@@ -172,14 +172,14 @@ def _json(path: Path) -> dict[str, object]:
     try:
         content = json.loads(path.read_text())
     except (OSError, ValueError) as error:
-        raise ExportError(f"cannot read {path}: {error}; `report` writes it again") from error
+        raise ExportError(f"cannot read {path}: {error}; `hric report` writes it again") from error
     if not isinstance(content, dict):
-        raise ExportError(f"{path} is not a mapping; `report` writes it again")
+        raise ExportError(f"{path} is not a mapping; `hric report` writes it again")
     return content
 
 
 def _write_about(output: ExportFolder, anonymiser: Anonymiser, source: ExportSource) -> None:
-    """Write the remaining parts of run.yaml and metrics.json, and the list of what was done."""
+    """Write the anonymised run.yaml and metrics.json, and the list of what was changed."""
     path = output.folder / ABOUT / "anonymised.txt"  # keeps the lines of formats that existed already
     before = [] if output.done(ABOUT) is None else path.read_text().splitlines()
     if source.folder is not None:
@@ -196,7 +196,7 @@ def _write_about(output: ExportFolder, anonymiser: Anonymiser, source: ExportSou
 
 @dataclass(frozen=True)
 class _Job:
-    """Writer of the formats of one export; notes: list of messages for the user."""
+    """Writer of the formats of one export; notes: list to which sentences for the user are added."""
 
     source: ExportSource
     request: ExportRequest
@@ -251,7 +251,7 @@ class _Job:
 
     @property
     def _stem(self) -> str:
-        """Stem of files that are named after the bag."""
+        """File name, without extension, of files that are named after the bag."""
         return self.source.bag.stem if self.anonymiser is None else anonymous.NAME
 
     def _write_bag(self, path: Path) -> None:

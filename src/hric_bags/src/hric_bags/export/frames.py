@@ -1,4 +1,4 @@
-"""Transforms from message frames to OpenSim's ground of the converted robot: y up, x as in the robot's root link."""
+"""Transforms from frames of messages to OpenSim's ground: y up, x as in the root link of the converted robot."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -13,17 +13,17 @@ from hric_core.urdf import read
 
 STATIC = "tf2_msgs/msg/TFMessage"
 MOCAP = "mocap"
-"""Frame of a motion capture that is not mapped to the robot's base; it has the axes of the stream."""
+"""Frame of motion capture data that are not transformed to the robot's base; it has the axes of the stream."""
 
 
 @dataclass
 class FixedFrames:
-    """Frames that do not move, as far as they are known.
+    """Known frames that do not move, with their poses.
 
     Attributes:
-        root: link fixed in OpenSim's ground; empty: not known.
-        parents: frame -> (parent, pose in the parent, shape (4, 4)).
-        mocap_up: axis of the stream that points up, "y" or "z".
+        root: link that is fixed in OpenSim's ground; empty: not known.
+        parents: frame -> (parent frame, pose in it, shape (4, 4)).
+        mocap_up: axis of the mocap stream that points up, "y" or "z".
     """
 
     root: str = ""
@@ -31,7 +31,7 @@ class FixedFrames:
     mocap_up: str = "y"
 
     def in_ground(self, frame: str) -> tuple[FloatArray, str]:
-        """Return the pose of a frame in OpenSim's ground, shape (4, 4), and a text on its origin."""
+        """Return the pose of a frame in OpenSim's ground, shape (4, 4), and a text on how it was found."""
         frame = frame.lstrip("/")
         turned = homogeneous(R_YUP_ZUP)
         T_root_frame = self._in_root(frame)
@@ -55,7 +55,7 @@ class FixedFrames:
         return None if common is None else inverse(root_ancestors[common]) @ ancestors[common]
 
     def _ancestors(self, frame: str) -> dict[str, FloatArray]:
-        """Return the frame and all frames above it, each with the pose of `frame` in it."""
+        """Return a frame and all its ancestors, each with the pose of `frame` in it, shape (4, 4)."""
         ancestors = {frame: np.eye(4)}
         name, T = frame, np.eye(4)
         while name in self.parents and self.parents[name][0] not in ancestors:
@@ -66,11 +66,11 @@ class FixedFrames:
 
 
 def of_run(urdf: str, tables: Mapping[str, TopicTable], run: RunFile) -> FixedFrames:
-    """Return the frames of a run, from its URDF, the static transforms of its bag, and its motion capture settings.
+    """Return the fixed frames of a run, from its URDF, static transforms and motion capture settings.
 
     Args:
         urdf: URDF of the robot; may be empty.
-        tables: tables of the bag by topic; that of /tf_static is used.
+        tables: tables of the bag by topic, of which that of /tf_static is used.
         run: contents of run.yaml; may be empty.
     """
     known = (run.get("parameters") or {}).get("natnet_client") or {}

@@ -1,4 +1,4 @@
-"""Conversion of messages of any type to a table; nested fields become columns with dotted names."""
+"""Conversion of messages of any type to a table, in which nested fields become columns with dotted names."""
 
 from array import array
 from collections.abc import Callable, Mapping, Sequence
@@ -12,28 +12,28 @@ from hric_bags.export import units
 from hric_bags.export.table import TopicColumn, TopicTable
 
 NAMES = ("name", "names", "joint_names", "channels", "link_names", "labelled_marker_names")
-"""Fields that name the elements of the other arrays of a message, if these have as many."""
+"""Fields with names for the elements of a message's other arrays, if these have as many elements."""
 LABELS = ("name", "child_frame_id")
-"""Fields that name an element of an array of messages."""
+"""Fields with the name of one element of an array of messages."""
 TIMES = ("builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration")
 HEADER = "std_msgs/msg/Header"
 FIRST_SECOND = 1_000_000_000
-"""Recording time before which a stamp of 0 is valid; later it means that there is none [ns]."""
+"""Recording time [ns] before which a stamp of 0 is valid; later it means that a message has no stamp."""
 SINGLE = (float, int, str)
 """Python types of single values."""
 Fields = Mapping[str, Sequence[str]]
-"""Message type -> names of its fields, constants left out."""
+"""Message type -> names of its fields, without constants."""
 Timing = Callable[[int], float]
-"""Stamp [ns] -> time [s]."""
+"""Function from stamp [ns] to time [s]."""
 
 
 class Gatherer:
-    """Rows of one topic.
+    """Collector of the messages of one topic as rows of a table.
 
     Args:
         topic, type_name: name and message type of the topic.
-        fields: fields of all types that the messages contain.
-        prismatic: joints whose values are in metres.
+        fields: fields of all message types that the messages contain.
+        prismatic: names of prismatic joints, whose values are in metres.
     """
 
     def __init__(self, topic: str, type_name: str, fields: Fields, prismatic: frozenset[str] = frozenset()) -> None:
@@ -43,7 +43,7 @@ class Gatherer:
         self._stamps = array("q")
         self._frame = ""
         self._cells: dict[tuple[str, tuple[str, ...]], tuple[str, array[int], Any, Any]] = {}
-        """(path, labels of its elements) -> unit, rows, values, type; of single values without labels and type."""
+        """(path, labels of the elements) -> unit, rows, values, data type; single values have no labels and type."""
 
     def add(self, recorded: int, message: Any) -> None:
         """Add a message; recorded: recording time [ns]."""
@@ -67,7 +67,7 @@ class Gatherer:
             self._put(prefix + field, getattr(message, field), unit if field_unit is None else field_unit, names)
 
     def _plan(self, kind: str) -> tuple[str, list[tuple[str, str | None]]]:
-        """Return the field of a message type that names others' elements, and all fields with their own units."""
+        """Return the field of a message type with names for elements, and all fields with their units."""
         fields = self._fields[kind]
         naming = next((field for field in NAMES if field in fields), "")
         return naming, [(field, units.UNITS.get((kind, field))) for field in fields if (kind, field) != (HEADER, "seq")]
@@ -99,7 +99,7 @@ class Gatherer:
             cell[2].append(value)
 
     def table(self, timing: Timing, clock: str) -> TopicTable:
-        """Return the table of all messages; timing: function from stamps to times; clock: see `TopicTable`."""
+        """Return the table of all messages; timing: function from stamps to times; clock: event at time 0."""
         count = len(self._stamps)
         columns: dict[str, TopicColumn] = {}
         for (path, labels), (unit, rows, values, kind) in self._cells.items():
@@ -116,7 +116,7 @@ class Gatherer:
 
 
 def _merged(before: TopicColumn | None, column: TopicColumn, rows: npt.NDArray[np.int64], count: int) -> TopicColumn:
-    """Return a column with the values of some rows put among those of the others."""
+    """Return a column of `count` rows that has new values in `rows`, and earlier ones, or NaN or "", in the others."""
     if before is None and len(rows) == count:
         return column
     text = column.values.dtype.kind == "U"

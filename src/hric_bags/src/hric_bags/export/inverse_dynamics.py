@@ -1,4 +1,4 @@
-"""Inverse dynamics of the converted robot by OpenSim along a run, compared with the torque in the log."""
+"""Inverse dynamics of the robot along a run by OpenSim, compared with the torque in the control log."""
 
 import os
 from dataclasses import dataclass, replace
@@ -19,11 +19,14 @@ from hric_control.plants import rotor_inertia
 from hric_core.trial.opensim_text import read_storage
 
 MARGIN = 0.05
-"""Time left out at both ends, where the tool's splines have no data beyond [s]; project default, unconfirmed."""
+"""Time left out at both ends of the run, where the tool's splines are inexact [s]; project default, unconfirmed."""
 EFFORT_AGE = 0.5
-"""Mean age, in periods, of a simulated robot's logged effort (of the cycle before) against the position [1]."""
+"""Mean age of a simulated robot's logged effort relative to its logged position [control periods].
+
+The logged effort acted during the cycle before.
+"""
 FORCE_ENDINGS = {"rad": "_moment", "m": "_force"}
-"""Ending that the tool appends to a coordinate's name, by the unit of the coordinate."""
+"""Unit of a coordinate -> ending that the tool appends to its name."""
 
 
 @dataclass(frozen=True)
@@ -34,8 +37,8 @@ class InverseDynamics:
         joint_names: joints in the order of the columns.
         time: robot time, shape (n,) [s].
         torque: torque that the motion needs, shape (n, j) [N m].
-        logged: measured effort of the control log, shape (n, j) [N m].
-        rotor_inertia: rotor inertia that was added, shape (j,) [kg m^2].
+        logged: measured torque in the control log, shape (n, j) [N m].
+        rotor_inertia: rotor inertia of each joint that was considered, shape (j,) [kg m^2].
         file: .sto file with both torques.
         model: OpenSim model of the robot.
     """
@@ -50,24 +53,24 @@ class InverseDynamics:
 
     @property
     def error(self) -> FloatArray:
-        """Difference torque - logged, shape (n, j) [N m]."""
+        """Difference of computed and logged torque, shape (n, j) [N m]."""
         return self.torque - self.logged
 
 
 def solve(
     source: ExportSource, topic: str = "", lowpass: float = -1.0, rotor: float = 0.0, output: Path | None = None
 ) -> InverseDynamics:
-    """Export the coordinates, convert the robot, run the tool.
+    """Compute the inverse dynamics: export the coordinates, convert the robot, run OpenSim's tool.
 
-    tau = M(q) ddq + C(q, dq) + g(q) + friction and damping of the URDF + B ddq. The logged effort is on the link's side
-    of the rotors, so B is zero unless the log holds efforts of motors.
+    tau = M(q) ddq + C(q, dq) + g(q) + friction and damping of the URDF + B ddq. The logged torque is on the link side
+    of the rotors, so B is zero unless the log has motor torques.
 
     Args:
-        source: a run with its description.
+        source: run with the robot's URDF.
         topic: topic of the control log; empty: the only one.
-        lowpass: cut-off of the tool's filter of the coordinates [Hz]; negative: none.
-        rotor: rotor inertia B of all joints [kg m^2].
-        output: output folder; default: inverse_dynamics in the run folder.
+        lowpass: cut-off frequency of the tool's low-pass of the coordinates [Hz]; negative: no filter.
+        rotor: rotor inertia B of each joint [kg m^2].
+        output: output folder; None: inverse_dynamics in the run folder.
 
     Raises:
         HricError: there is no control log or no URDF, the robot cannot be converted, or the tool fails.
@@ -130,7 +133,7 @@ def _compared(
     inside = (time >= log.time[0] + MARGIN) & (time <= log.time[-1] - MARGIN)
     time = time[inside]
     if len(time) < 2:
-        raise SolveError(f"the run is too short: {log.time[-1] - log.time[0]:.3f} s")
+        raise SolveError(f"the run is too short for inverse dynamics: {log.time[-1] - log.time[0]:.3f} s")
     torque, logged = np.empty((len(time), len(names))), np.empty((len(time), len(names)))
     for j, name in enumerate(names):
         unit = next(column.unit for column in log.columns if column.name == f"position.{name}")
@@ -150,7 +153,7 @@ def _compared(
 
 
 def render(dynamics: InverseDynamics) -> str:
-    """Return the result as text."""
+    """Return the result of the inverse dynamics as text."""
     error = dynamics.error
     cells = [["joint", "|tau| max", "error max", "error rms", "rotor inertia"], ["", "N m", "N m", "N m", "kg m^2"]]
     for j, name in enumerate(dynamics.joint_names):

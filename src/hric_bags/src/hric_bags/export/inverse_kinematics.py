@@ -1,4 +1,4 @@
-"""Inverse kinematics of a free body by OpenSim from motion capture markers, compared with the poses of the stream."""
+"""Inverse kinematics of a free body by OpenSim from mocap markers, compared with the poses that Motive streamed."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +17,7 @@ from hric_core.trial.opensim_text import read_storage
 
 MIN_MARKERS = 3
 ACCURACY = 1e-9
-"""Accuracy of the tool's optimiser [1]; its default, 1e-5, leaves some hundredths of a degree."""
+"""Accuracy of the tool's optimiser [1]; the tool's default, 1e-5, leaves errors of some hundredths of a degree."""
 COORDINATES = ("rx", "ry", "rz", "tx", "ty", "tz")
 
 
@@ -26,16 +26,16 @@ class InverseKinematics:
     """Result of the inverse kinematics.
 
     Attributes:
-        body: name of the body in the stream.
-        motion: .mot file: rotations, body-fixed x-y-z [deg], and translations [m] in OpenSim's ground.
-        model: the free body with its markers.
+        body: name of the body in the mocap stream.
+        motion: .mot file with rotations, body-fixed x-y-z [deg], and translations [m] in OpenSim's ground.
+        model: OpenSim model of the free body with its markers.
         frames: number of frames solved.
-        partial: number of frames with fewer than MIN_MARKERS visible markers: their pose is one of many, near that of
-            the frame before.
+        partial: number of frames with fewer than MIN_MARKERS visible markers, so that several poses fit; the solution
+            is one near the pose of the frame before.
         markers: number of markers of the body.
         residual: root mean square distance between markers and model [m].
-        position_error, angle_error: differences from the pose in the stream in all other frames with a tracked body,
-            shape (k,) [m], [rad].
+        position_error, angle_error: differences from the streamed pose in all other frames in which the body is
+            tracked, shape (k,) [m], [rad].
     """
 
     body: str
@@ -50,13 +50,13 @@ class InverseKinematics:
 
 
 def solve(source: ExportSource, topic: str = "", body: str = "", output: Path | None = None) -> InverseKinematics:
-    """Export the markers, make the model, run the tool.
+    """Compute the inverse kinematics: export the markers, create the model, run OpenSim's tool.
 
     Args:
-        source: run or bag.
+        source: run or bag with motion capture.
         topic: topic of the motion capture; empty: the only one.
         body: name of the body; empty: the first with MIN_MARKERS.
-        output: output folder; default: inverse_kinematics in the run folder.
+        output: output folder; None: inverse_kinematics in the run folder.
 
     Raises:
         HricError: there is no such topic or body, there are too few markers, or the tool fails.
@@ -77,7 +77,7 @@ def solve(source: ExportSource, topic: str = "", body: str = "", output: Path | 
 
 
 def _body(table: TopicTable, markers: OpenSimMarkers, requested: str) -> tuple[str, list[str]]:
-    """Return the body, and the names of its markers in the stream."""
+    """Return the requested body, or the first that suits, and the names of its markers in the stream."""
     of_body: dict[str, list[str]] = {}
     for name in markers.positions:
         of_body.setdefault(name.partition("/")[0], []).append(name)
@@ -94,7 +94,7 @@ def _body(table: TopicTable, markers: OpenSimMarkers, requested: str) -> tuple[s
 
 
 def _stream_poses(table: TopicTable, markers: OpenSimMarkers, body: str) -> FloatArray:
-    """Return the poses of the body in the ground from the stream, shape (n, 4, 4); NaN: not tracked."""
+    """Return the streamed poses of the body in OpenSim's ground, shape (n, 4, 4); NaN: not tracked."""
     cells = table.below(f"{RIGID_BODIES}.{body}")
     valid = (cells["tracking_valid"] == 1)[markers.rows]
     T = np.full((len(valid), 4, 4), np.nan)
@@ -111,7 +111,7 @@ def _stream_poses(table: TopicTable, markers: OpenSimMarkers, body: str) -> Floa
 
 
 def _in_body(poses: FloatArray, markers: OpenSimMarkers, names: list[str]) -> dict[str, FloatArray]:
-    """Return each marker's mean position on the body, over frames that show both, shape (3,) each [m]."""
+    """Return each marker's mean position on the body, over frames with marker and tracked body, shape (3,) [m]."""
     points = {}
     for name in names:
         relative = np.einsum("nji,nj->ni", poses[:, :3, :3], markers.positions[name] - poses[:, :3, 3])
@@ -119,7 +119,7 @@ def _in_body(poses: FloatArray, markers: OpenSimMarkers, names: list[str]) -> di
         if seen.any():
             points[name] = relative[seen].mean(axis=0)
     if len(points) < MIN_MARKERS:
-        raise SolveError(f"only {len(points)} markers were seen while their body was tracked; {MIN_MARKERS} are needed")
+        raise SolveError(f"only {len(points)} markers were visible while the body was tracked; needed: {MIN_MARKERS}")
     return points
 
 
@@ -198,18 +198,18 @@ def _compared(
 
 
 def render(solution: InverseKinematics) -> str:
-    """Return the result as text."""
+    """Return the result of the inverse kinematics as text."""
     if not len(solution.position_error):
         return (
-            f"{solution.body}: {solution.frames} frames; in none were {MIN_MARKERS} markers seen while it was "
-            f"tracked\nmotion: {solution.motion}\n"
+            f"{solution.body}: {solution.frames} frames, none with {MIN_MARKERS} visible markers and a tracked body\n"
+            f"motion: {solution.motion}\n"
         )
     p, angle = 1e3 * solution.position_error, np.degrees(solution.angle_error)
     return (
         f"{solution.body}: {solution.frames} frames, {solution.markers} markers, residual "
         f"{1e3 * solution.residual:.3g} mm rms; "
-        f"{solution.partial} frames have fewer than {MIN_MARKERS} markers: their pose is one of many\n"
-        f"to the stream's own pose, {len(p)} frames: position {p.max():.3g} mm at most, "
+        f"{solution.partial} frames have fewer than {MIN_MARKERS} markers, so that several poses fit\n"
+        f"difference from the streamed pose in {len(p)} frames: position {p.max():.3g} mm at most, "
         f"{np.sqrt(np.mean(p**2)):.3g} mm rms; "
         f"angle {angle.max():.3g} deg at most, {np.sqrt(np.mean(angle**2)):.3g} deg rms\n"
         f"motion: {solution.motion}\nmodel: {solution.model}\n"

@@ -1,4 +1,4 @@
-"""External loads on a body for OpenSim's own tools: force plates, and objects in its hands."""
+"""External loads on a body, for OpenSim's tools: forces of force plates, and of objects in the hands."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -16,21 +16,21 @@ GRIP = "hric_msgs/msg/HumanGrip"
 NEEDED = (CHUNK, GRIP, STATIC)
 """Message types from which loads follow."""
 NOTHING = (
-    f"no force plate ({CHUNK} with {' '.join(CHANNELS)}) and no hand that holds something ({GRIP}) among the topics, "
-    "nothing to write"
+    f"nothing to write, since the topics have no force plate ({CHUNK} with {' '.join(CHANNELS)}) and no hand that "
+    f"holds something ({GRIP})"
 )
 
 
 class ExportedLoad(NamedTuple):
-    """Force on a body over time.
+    """External force and torque on a body over time.
 
     Attributes:
-        name: prefix of its columns.
-        body: body of a model on which it acts; empty: not known.
-        time: shape (n,) [s].
+        name: name of the load, the prefix of its columns.
+        body: body of a model on which the load acts; empty: not known.
+        time: times, shape (n,) [s].
         columns: `<name>_force_v[xyz]` [N], `<name>_force_p[xyz]` [m] and `<name>_torque_[xyz]` [N m] in ground axes,
             the torque about the point; shape (n,) each.
-        axes: text on how the ground was determined.
+        axes: text on how the pose in OpenSim's ground was found.
     """
 
     name: str
@@ -46,12 +46,12 @@ def load(
     """Return a load from its vectors.
 
     Args:
-        name: see Load.
-        body: see Load.
-        time: see Load.
+        name: name of the load, the prefix of its columns.
+        body: body of a model on which the load acts; empty: not known.
+        time: times, shape (n,) [s].
         R: rotation from the axes of the vectors to those of the ground, shape (3, 3).
         vectors: force [N], point from the ground's origin [m] and torque about that point [N m], shape (n, 3) each.
-        axes: see Load.
+        axes: text on how the pose in OpenSim's ground was found.
     """
     columns = {
         f"{name}_{what}{axis}": values @ R[k]
@@ -62,18 +62,18 @@ def load(
 
 
 def of_plate(table: TopicTable, frames: FixedFrames, body: str = "", surface: float = 0.0) -> ExportedLoad:
-    """Return the load of a plate on the body that presses it.
+    """Return the load that a force plate exerts on the body that presses on it.
 
-    The channels are the load on the plate, in its frame at the middle of the surface with z along the normal, the
-    moments about its electrical origin:
+    The channels are the load on the plate in its frame (middle of the surface, z along the normal), with moments about
+    its electrical origin:
 
         px = (pz Fx - My) / Fz,  py = (Mx + pz Fy) / Fz,  Tz = Mz - px Fy + py Fx
 
     Args:
-        table: samples of the plate, see `is_plate`.
-        frames: frames of the run, with that of the plate.
-        body: body on which the load acts.
-        surface: height pz of the surface above that origin [m].
+        table: samples of the plate.
+        frames: frames of the run, with the plate's frame.
+        body: body of a model on which the load acts.
+        surface: height pz of the surface above the electrical origin [m].
     """
     time, rows = np.unique(table.time, return_index=True)
     values = {
@@ -93,7 +93,7 @@ def of_plate(table: TopicTable, frames: FixedFrames, body: str = "", surface: fl
 
 
 def of_grips(table: TopicTable, frames: FixedFrames) -> list[ExportedLoad]:
-    """Return the load of each grip on the holding hand; grips by robot links are left out."""
+    """Return the load of each grip on the hand that holds; grips by robot links are left out."""
     if table.type_name != GRIP:
         return []
     T, axes = frames.in_ground(table.frame)
@@ -115,12 +115,12 @@ def of_grips(table: TopicTable, frames: FixedFrames) -> list[ExportedLoad]:
 
 
 def write(loads: Sequence[ExportedLoad], path: Path, source: str = "") -> None:
-    """Write a .mot file with all loads at the times of the fastest; the others are interpolated.
+    """Write a .mot file with all loads at the times of the one with the most samples; others are interpolated.
 
     Args:
         loads: loads with different names.
         path: file to write.
-        source: topics, for the file header.
+        source: topics of the loads, for the file header.
     """
     time = max((load.time for load in loads), key=len)
     columns = {name: np.interp(time, load.time, values) for load in loads for name, values in load.columns.items()}
@@ -149,11 +149,11 @@ FORCE_XML = """      <ExternalForce name="{load}">
 
 
 def setup(bodies: Mapping[str, str], data: str) -> str:
-    """Return the set-up file that applies loads to bodies of a model.
+    """Return the text of OpenSim's set-up file that applies loads to bodies of a model.
 
     Args:
-        bodies: name of each load, as in the columns of the file -> body on which it acts.
-        data: name of that file.
+        bodies: name of the load, as in the columns of the data file -> body on which it acts.
+        data: name of the data file.
     """
     return LOADS_XML.format(
         forces="\n".join(FORCE_XML.format(load=load, body=body) for load, body in bodies.items()), data=data

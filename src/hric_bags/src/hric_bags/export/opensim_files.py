@@ -1,4 +1,4 @@
-"""Model and states of a run on OpenSim for OpenSim's own tools, made from the run folder alone."""
+"""OpenSim model and states of a run on OpenSim, for OpenSim's tools, made from the run folder alone."""
 
 from pathlib import Path
 from typing import Any
@@ -14,16 +14,16 @@ from hric_bags.run_folder import RunFolder
 
 MODEL, STATES = "model.osim", "states.sto"
 FRICTIONS = {"none": "none", "coulomb": "coulomb", "identified": "sigmoid"}
-"""Friction law of the plant -> name of the law in the converter."""
+"""Friction law of the simulated plant -> name of that law in the converter urdf_to_osim."""
 
 
 def write(folder: RunFolder, run: RunFile, log: ControlRecord) -> None:
     """Write model.osim (with Geometry/) and states.sto, replacing existing files.
 
-    The states are those of the control log; joints that it does not have keep the default of the model.
+    The states are those of the control log; joints that are not in it have the default of the model.
 
     Raises:
-        HricError: the description cannot be converted, or the files cannot be written.
+        HricError: the robot description cannot be converted, or the files cannot be written.
     """
     urdf = folder.urdf_path.read_text()
     conversion = urdf_to_osim.convert(urdf, options(run))
@@ -32,7 +32,7 @@ def write(folder: RunFolder, run: RunFile, log: ControlRecord) -> None:
 
 
 def options(run: RunFile) -> urdf_to_osim.Options:
-    """Return the conversion options of a run's model, with the friction that acted; run: contents of run.yaml."""
+    """Return the options for converting a run's robot, with the friction in that run; run: contents of run.yaml."""
     plant = robot_parameters(run).get("plant") or {}
     law = FRICTIONS[plant.get("friction", "none")]
     parameters = plant.get("friction_parameters") or {} if law == "sigmoid" else {}

@@ -1,4 +1,4 @@
-"""Tables as OpenSim files: markers in the axes of its ground, joint coordinates, other signals."""
+"""Writers of tables as OpenSim files: markers in the axes of OpenSim's ground, joint coordinates, other signals."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -13,11 +13,11 @@ from hric_bags.export.table import ExportError, FloatArray, IntArray, TopicTable
 
 MOCAP_TYPE, JOINTS_TYPE = "hric_msgs/msg/MocapData", "sensor_msgs/msg/JointState"
 CHANNELS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
-"""Channels of a force plate, named as in hric_perception.plate, which needs ROS's messages; export does not."""
+"""Channels of a force plate, as in hric_perception.plate, which is not imported because it needs ROS."""
 THRESHOLD = 20.0
-"""Smallest normal force with a centre of pressure [N], as in hric_perception.plate."""
+"""Normal force above which a centre of pressure is computed [N], as in hric_perception.plate."""
 SIGNALS = (*batches.BATCHED, batches.SYNCED, JOINTS_TYPE, "geometry_msgs/msg/WrenchStamped")
-"""Message types that are written as .sto."""
+"""Message types whose topics are written as .sto files."""
 NEEDED = {"trc": (MOCAP_TYPE, STATIC), "mot": (batches.CONTROL_LOG, JOINTS_TYPE), "sto": (*SIGNALS, batches.LAYOUT)}
 """Message types that each format needs."""
 MARKERS, RIGID_BODIES = "labelled_markers", "rigid_bodies"
@@ -28,12 +28,12 @@ class OpenSimMarkers:
     """Marker positions of a motion capture in OpenSim's ground.
 
     Attributes:
-        time: shape (n,) [s], rising.
-        positions: name as in the stream ("body/marker") -> shape (n, 3) [m]; NaN: not seen.
-        axes: text on the origin of the axes.
-        table: source table.
+        time: rising times, shape (n,) [s].
+        positions: positions by name in the stream ("body/marker"), shape (n, 3) [m]; NaN: not visible.
+        axes: text on how the axes were found.
+        table: table of the motion capture.
         T_ground_frame: pose of the stream's frame in the ground, shape (4, 4).
-        rows: rows of the table, shape (n,).
+        rows: indices of the table's rows, shape (n,).
     """
 
     time: FloatArray
@@ -45,15 +45,15 @@ class OpenSimMarkers:
 
 
 def is_capture(table: TopicTable) -> bool:
-    """Return True if a table holds motion capture."""
+    """Return True if a table has motion capture."""
     return table.type_name == MOCAP_TYPE
 
 
 def markers_of(table: TopicTable, frames: FixedFrames) -> OpenSimMarkers:
-    """Return the labelled markers or, if there are none, the origins of the rigid bodies.
+    """Return the labelled markers of a motion capture or, if there are none, the origins of its rigid bodies.
 
     Raises:
-        ExportError: there is neither.
+        ExportError: there are neither markers nor rigid bodies.
     """
     time, rows = np.unique(table.time, return_index=True)
     T, axes = frames.in_ground(table.frame)
@@ -79,7 +79,7 @@ def _prefixes(columns: Iterable[str], suffix: str) -> list[str]:
 
 
 def write_markers(markers: OpenSimMarkers, path: Path, name: str) -> None:
-    """Write a .trc file."""
+    """Write markers as a .trc file; name: final file name, which is written into the file."""
     write_trc(
         path, markers.time, {marker_name(marker): p for marker, p in markers.positions.items()}, name, markers.axes
     )
@@ -106,12 +106,12 @@ def write_coordinates(table: TopicTable, path: Path) -> None:
 
 
 def is_signal(table: TopicTable) -> bool:
-    """Return True if a table is written as .sto."""
+    """Return True if a table can be written as a .sto file."""
     return table.type_name in SIGNALS and len(table.time) > 1
 
 
 def write_signals(table: TopicTable, path: Path) -> None:
-    """Write a .sto file of all numbers of a table, in their own units and axes."""
+    """Write all numbers of a table as a .sto file, in the units and axes of the table."""
     time, rows = np.unique(table.time, return_index=True)
     numbers = {
         name: column
@@ -129,11 +129,11 @@ def write_signals(table: TopicTable, path: Path) -> None:
 
 
 def is_plate(table: TopicTable) -> bool:
-    """Return True if a table holds the samples of a force plate."""
+    """Return True if a table has the samples of a force plate."""
     return table.type_name == batches.CHUNK and all(table.column(name) is not None for name in CHANNELS)
 
 
 def plate_name(table: TopicTable) -> str:
-    """Return the identifier of a plate from its topic `.../<id>/samples`."""
+    """Return the id of a force plate from its topic `.../<id>/samples`."""
     parts = table.topic.strip("/").split("/")
     return parts[-2] if parts[-1] == "samples" and len(parts) > 1 else parts[-1]

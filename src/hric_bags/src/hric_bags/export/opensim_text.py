@@ -1,6 +1,6 @@
 """Writers of OpenSim's text formats: .trc for markers, .mot and .sto for everything else.
 
-They are written as OpenSim's own readers want them, and read by `hric_core.trial.opensim_text`.
+The files suit OpenSim's readers; `hric_core.trial.opensim_text` reads them, too.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,10 +19,10 @@ def write_trc(path: Path, time: FloatArray, markers: Mapping[str, FloatArray], n
 
     Args:
         path: file to write.
-        time: shape (n,) [s].
-        markers: name -> positions, shape (n, 3) [m]; NaN: not seen, written as an empty cell.
-        name: final file name, written into the file.
-        axes: axes, written on the first line.
+        time: times, shape (n,) [s].
+        markers: positions by name, shape (n, 3) [m]; NaN (not visible) is written as an empty cell.
+        name: final file name, which is written into the file.
+        axes: text on the axes, which is written on the first line.
     """
     rate = f"{_rate(time):.6g}"
     keys = [
@@ -56,15 +56,15 @@ def write_storage(
     degrees: bool = False,
     about: Mapping[str, str] | None = None,
 ) -> None:
-    """Write a .mot or .sto file.
+    """Write columns over time as a .mot or .sto file.
 
     Args:
         path: file to write.
-        time: shape (n,) [s].
-        columns: label -> values, shape (n,); labels without white space.
+        time: times, shape (n,) [s].
+        columns: values by label, shape (n,).
         name: name of the contents.
         degrees: True if rotations are in degrees.
-        about: further entries of the header; no values that span lines.
+        about: further entries of the header, each value on one line.
     """
     matrix = np.column_stack([time, *columns.values()]).tolist()
     head = [
@@ -82,12 +82,12 @@ def write_storage(
 
 
 def label(text: str) -> str:
-    """Return a column label without white space."""
+    """Return a column label in which white space is replaced by "_"."""
     return "_".join(text.split())
 
 
 def marker_name(text: str) -> str:
-    """Return a marker's name as OpenSim takes it, without a path."""
+    """Return a marker's name in which characters that OpenSim does not accept are replaced by "_"."""
     return "_".join(text.replace("/", " ").replace("\\", " ").replace("*", " ").replace("+", " ").split())
 
 

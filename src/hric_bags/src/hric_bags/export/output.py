@@ -1,4 +1,4 @@
-"""Folder of an export: complete files and a list of them, so that an interrupted export can resume."""
+"""Folder of an export, with complete files and a list of them, so that an interrupted export can resume."""
 
 import hashlib
 import json
@@ -11,32 +11,32 @@ from hric_bags.export.table import ExportError
 
 LIST = "export.json"
 VERSION = 1
-"""Version of the files' contents; files of another version do not count as done."""
+"""Version of the exported files' contents; files of another version are written again."""
 
 
 class FormatEntry(TypedDict, total=False):
-    """Files of a format, relative to the folder; finished: there are no more."""
+    """Files of a format, relative to the export's folder; finished: True if the format is complete."""
 
     files: list[str]
     finished: bool
 
 
 class ExportFolder:
-    """The folder of one export.
+    """Folder of one export, with the list of its files.
 
     Args:
-        folder: folder of the export, made if missing.
-        bags: parts of the exported bag; files of another bag, or of this one before it changed, do not count as done.
-        request: settings of the caller besides the formats; files made with others do not count either.
-        again: True: nothing counts as done.
-        words: words that name the person in an anonymised export; None: not anonymised. Its list has a hash in place of
-            names.
+        folder: folder of the export, created if missing.
+        bags: parts of the exported bag; files of another bag, or of this one before it changed, are written again.
+        request: settings of the export besides the formats; files made with other settings are written again.
+        again: True: all files are written again.
+        words: words that identify the person in an anonymised export, whose list has a hash instead of names; None: not
+            anonymised.
 
     Attributes:
-        folder: see above.
+        folder: folder of the export.
 
     Raises:
-        ExportError: one of this export and the one in the folder is anonymised, the other is not.
+        ExportError: the folder has an export that, unlike this one, is anonymised or is not.
     """
 
     def __init__(
@@ -63,22 +63,22 @@ class ExportFolder:
             self._formats = listed.get("formats") or {}
 
     def done(self, kind: str) -> list[Path] | None:
-        """Return the files of a finished format; None: it is not finished."""
+        """Return the files of a finished format; None: the format is not finished."""
         entry = self._formats.get(kind) or FormatEntry()
         paths = [self.folder / name for name in entry.get("files", ())]
         return paths if entry.get("finished") and all(path.is_file() for path in paths) else None
 
     def write(self, kind: str, name: str, writer: Callable[[Path], object], *, again: bool = False) -> None:
-        """Write one file of a format, unless it exists already, and note it.
+        """Write one file of a format, unless it exists already, and add it to the list.
 
         Args:
-            kind: the format.
+            kind: name of the format.
             name: file name.
             writer: function that writes to the path passed to it.
             again: True: write the file also if it exists.
 
         Raises:
-            FileError: the disk refuses.
+            FileError: the system refuses to write the file.
         """
         relative = f"{kind}/{name}"
         entry = self._formats.setdefault(kind, {"files": []})
@@ -93,7 +93,7 @@ class ExportFolder:
         self._note()
 
     def finish(self, kind: str) -> None:
-        """Note that a format is complete."""
+        """Mark a format as complete in the list."""
         self._formats.setdefault(kind, {"files": []})["finished"] = True
         self._note()
 
@@ -103,7 +103,7 @@ class ExportFolder:
 
 
 def _read(path: Path) -> Any:
-    """Return the list of an earlier export; empty: there is none."""
+    """Return the list of an earlier export, read from `path`; empty: there is none."""
     try:
         data = json.loads(path.read_text())
     except (OSError, ValueError):

@@ -1,4 +1,4 @@
-"""Tables as NumPy, CSV and Parquet files, each with its topic, frame, axes, rate and units."""
+"""Writers of tables as NumPy, CSV and Parquet files, each with its topic, frame, axes, rate and units."""
 
 import json
 import zipfile
@@ -13,7 +13,7 @@ from hric_bags.export.table import ABOUT, TopicTable
 
 
 def write_npz(table: TopicTable, path: Path) -> None:
-    """Write arrays `time`, `stamp` and one per column, and `about` as JSON text."""
+    """Write a table as .npz: arrays `time`, `stamp` and one per column, and the description `about` as JSON text."""
     arrays = {ABOUT: np.array(table.about_text()), **{name: column.values for name, column in table.named().items()}}
     # numpy.savez does not accept a column named "file".
     with zipfile.ZipFile(path, "w", zipfile.ZIP_STORED) as archive:
@@ -23,7 +23,7 @@ def write_npz(table: TopicTable, path: Path) -> None:
 
 
 def write_csv(table: TopicTable, path: Path) -> None:
-    """Write CSV below lines with # that describe the columns; `pandas.read_csv(path, comment="#")` reads it."""
+    """Write a table as CSV below lines with # that describe it; `pandas.read_csv(path, comment="#")` reads it."""
     lines = [f"# {key}: {json.dumps(value)}" for key, value in table.about().items() if key != "units"]
     lines += [f"# unit of {name}: {column.unit or 'none or not known'}" for name, column in table.named().items()]
     with path.open("wb") as file:
@@ -32,7 +32,7 @@ def write_csv(table: TopicTable, path: Path) -> None:
 
 
 def write_parquet(table: TopicTable, path: Path) -> None:
-    """Write Parquet with units in the metadata of the fields, the rest in that of the schema under "hric"."""
+    """Write a table as Parquet; units are in the metadata of fields, the description in that of the schema, "hric"."""
     pyarrow.parquet.write_table(_arrow(table), path)
 
 
@@ -47,4 +47,4 @@ def _arrow(table: TopicTable) -> pa.Table:
 
 
 WRITERS = {"npz": write_npz, "csv": write_csv, "parquet": write_parquet}
-"""Format, which is also the file extension -> its writer."""
+"""Name of the format, which is also the file extension -> its writer."""

@@ -1,4 +1,4 @@
-"""Reader of a bag into tables, by the rosbags library alone."""
+"""Reader of a bag into one table per topic, without ROS."""
 
 import contextlib
 from collections.abc import Collection, Iterator
@@ -26,12 +26,12 @@ RUN_CLOCK, BAG_CLOCK = "the start of the run", "the first recording of the bag"
 
 @dataclass(frozen=True)
 class ExportSource:
-    """Bag to be exported, with its run if there is one.
+    """Bag to be exported, with its run folder if there is one.
 
     Attributes:
-        bags: parts of the bag; adjacent parts overlap.
-        folder: run folder; None: a bag without run.
-        run: contents of run.yaml; empty for a bag without run.
+        bags: files of the bag: its parts, of which adjacent ones overlap.
+        folder: run folder; None: a bag without one.
+        run: contents of run.yaml; empty for a bag without a run folder.
         urdf: URDF of the robot; empty: not known.
     """
 
@@ -47,19 +47,19 @@ class ExportSource:
 
     @property
     def output(self) -> Path:
-        """Default folder of the exports."""
+        """Default folder of an export."""
         return self.bag.with_name(f"{self.bag.stem}_export") if self.folder is None else self.folder.path / "export"
 
 
 def find(name: str, root: Path | None = None) -> ExportSource:
-    """Return the bag of a run, or a bag without run.
+    """Return the bag of a run, or a bag without a run folder.
 
     Args:
-        name: a bag, a run folder, or its name ("latest" too).
+        name: path of a bag or run folder, or name of a run, such as "latest".
         root: folder of all runs.
 
     Raises:
-        HricError: there is no such bag, or its recording did not end.
+        HricError: there is no such bag, or it was not closed.
     """
     bags, folder = examine.find(name, root)
     for bag in bags:
@@ -71,7 +71,7 @@ def find(name: str, root: Path | None = None) -> ExportSource:
 
 @contextlib.contextmanager
 def open_reader(source: ExportSource) -> Iterator[PartsReader]:
-    """Yield an open reader of the bag.
+    """Yield an open reader of the bag to be exported.
 
     Raises:
         ExportError: the system refuses to read the bag.
@@ -91,17 +91,17 @@ def read(
     types: Collection[str] = (),
     anonymous: Anonymiser | None = None,
 ) -> dict[str, TopicTable]:
-    """Return the tables of the topics.
+    """Read topics of a bag, and return their tables by topic.
 
     Args:
         source: bag to be read.
         topics: topic names; empty: all.
         progress: True to draw a progress bar.
         types: message types to read, e.g. "hric_msgs/msg/MocapData"; empty: all.
-        anonymous: removes the person; None: nothing is removed.
+        anonymous: anonymiser of the messages; None: they are not anonymised.
 
     Raises:
-        HricError: the bag is damaged, or has no such topic.
+        HricError: the bag is damaged, or does not have a requested topic.
     """
     with open_reader(source) as reader:
         for topic in topics:
@@ -115,7 +115,7 @@ def read(
 
 
 class _Gathering:
-    """One pass over the messages; control logs are also read for the clock alone."""
+    """Collector of the messages of one pass; control logs are always read, since they define the clock."""
 
     def __init__(
         self,
@@ -136,7 +136,7 @@ class _Gathering:
         self._layout: Any = None
 
     def takes(self, connection: Connection) -> bool:
-        """Return True if messages of a connection are read."""
+        """Return True if the messages of a connection have to be read."""
         if self._anonymous is not None and self._anonymous.hides(connection.msgtype):
             return False
         return connection.msgtype == batches.CONTROL_LOG or self._is_requested(connection)
@@ -171,7 +171,7 @@ class _Gathering:
         self._gatherers[topic].add(stamp, message)
 
     def tables(self, begin: int) -> dict[str, TopicTable]:
-        """Return the tables by topic; begin: time of the bag's first message [ns]."""
+        """Return the tables by topic; begin: recording time of the bag's first message [ns]."""
         timing, clock = self._timing(begin)
         tables = [gatherer.table(timing, clock) for gatherer in self._gatherers.values()]
         tables += [

@@ -1,4 +1,4 @@
-"""Resampling of samples with their own times to an even time grid."""
+"""Resampling of a topic's samples to an even time grid."""
 
 from collections.abc import Sequence
 
@@ -7,24 +7,24 @@ import numpy as np
 from hric_bags.export.table import FloatArray, TopicTable
 
 ALMOST = 1e-3
-"""Share of a period that is negligible [1]."""
+"""Share of a sample period that is negligible [1]."""
 SAME = 1e-6
-"""Largest distance from the times of the grid at which samples are used as they are [s]."""
+"""Largest distance between samples and the times of the grid with which samples are used unchanged [s]."""
 GAP = 3.0
-"""Distance between samples, in periods, beyond which others were lost; a straight line bridges it."""
+"""Time between samples beyond which samples were lost, so that a straight line bridges the gap [periods]."""
 DRIFT = 0.1
-"""Largest drift, in periods, at which the frame rate counts as a whole number (default chosen by this project)."""
+"""Largest drift with which the frame rate counts as a whole number [periods] (default chosen by this project)."""
 
 
 class SampledTopic:
-    """Samples of a topic.
+    """Samples of a topic that can be evaluated at other times.
 
     Args:
-        table: table with rising times, two at least.
+        table: table of the topic, with at least two times.
 
     Attributes:
-        time: shape (n,) [s], rising.
-        rate: sampling rate [Hz].
+        time: rising times, shape (n,) [s].
+        rate: sample rate [Hz].
     """
 
     def __init__(self, table: TopicTable) -> None:
@@ -36,7 +36,7 @@ class SampledTopic:
         self.gaps = int(np.sum(np.diff(self.time) * self.rate > GAP))
 
     def values(self, names: Sequence[str], times: FloatArray) -> FloatArray:
-        """Return columns at some times, shape (times, names): as recorded if the times match, else by cubic splines."""
+        """Return columns at `times`, shape (times, names): as recorded if the times match, else by cubic splines."""
         columns = {column.name: column.values for column in self._table.columns}
         data = np.column_stack([np.asarray(columns[name], dtype=float)[self._rows] for name in names])
         nearest = self._nearest(times)
@@ -45,7 +45,7 @@ class SampledTopic:
         return np.column_stack([self._spline(column, times) for column in data.T])
 
     def how(self, times: FloatArray) -> str:
-        """Return a text on how `values` gets its result."""
+        """Return a text on how `values` computes its result at `times`."""
         same = len(times) and np.abs(self.time[self._nearest(times)] - times).max() < SAME
         how = "as recorded" if same else f"from {self.rate:g} Hz by cubic splines"
         return f"{self._table.topic} {how}" + (f", straight lines over {self.gaps} gaps" if self.gaps else "")
@@ -78,11 +78,11 @@ class SampledTopic:
 
 
 def frame_grid(time: FloatArray, numbers: FloatArray) -> tuple[float, float]:
-    """Return (rate [Hz], time of one of the frames [s]) of the even grid on which frames were taken.
+    """Return (rate [Hz], time of one of its frames [s]) of the even time grid on which cameras took frames.
 
     Args:
-        time: times of the frames, shape (n,), rising [s].
-        numbers: frame numbers, shape (n,); empty, or not rising: only the times count.
+        time: rising times of the frames, shape (n,) [s].
+        numbers: frame numbers, shape (n,); if empty or not rising, only the times are used.
     """
     if len(time) < 2:
         return 1.0, float(time[0])

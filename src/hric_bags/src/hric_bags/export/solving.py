@@ -1,4 +1,4 @@
-"""Functions shared by the commands that run OpenSim's tools."""
+"""Functions for commands that run OpenSim's inverse kinematics and dynamics tools on exported files."""
 
 import contextlib
 import os
@@ -15,19 +15,19 @@ from hric_core.errors import HricError, failing
 
 
 class SolveError(HricError):
-    """Error for a tool of OpenSim that failed, or data that it cannot take."""
+    """Error for a tool of OpenSim that failed, or for data that the tool cannot process."""
 
 
 def only(tables: Mapping[str, TopicTable], topic: str, what: str) -> TopicTable:
-    """Return the only table of a topic.
+    """Return the table of a topic, or the only table there is.
 
     Args:
         tables: tables of the right type, by topic.
-        topic: topic name; "": there is one table.
-        what: name of the type in the error message.
+        topic: topic name; "": the only table.
+        what: what the table contains, for the error message.
 
     Raises:
-        SolveError: there is none, or more than one.
+        SolveError: there is no such table, or more than one.
     """
     matches = [table for name, table in tables.items() if topic in ("", name)]
     if len(matches) != 1:
@@ -37,7 +37,7 @@ def only(tables: Mapping[str, TopicTable], topic: str, what: str) -> TopicTable:
 
 
 def exported(source: ExportSource, kind: str, topic: str) -> Path:
-    """Return the exported file of a topic, written now if it does not exist.
+    """Return the exported file of a topic in a format; it is written if it does not exist.
 
     Raises:
         ExportError: the file cannot be written.
@@ -51,10 +51,10 @@ def exported(source: ExportSource, kind: str, topic: str) -> Path:
 
 
 def output_folder(source: ExportSource, name: str, requested: Path | None) -> Path:
-    """Return the folder of the results, made if missing.
+    """Return the folder of a tool's results, created if missing.
 
     Raises:
-        FileError: the folder cannot be made.
+        FileError: the folder cannot be created.
     """
     folder = (requested or (source.output.parent if source.folder is not None else source.output) / name).absolute()
     files.make_folder(folder)
@@ -63,7 +63,7 @@ def output_folder(source: ExportSource, name: str, requested: Path | None) -> Pa
 
 @contextlib.contextmanager
 def output_to(log: Path) -> Iterator[None]:
-    """Redirect OpenSim's output to a file: its tools write to the process's own stdout and stderr."""
+    """Redirect output to a file within a block: OpenSim's tools write to the process' stdout and stderr."""
     sys.stdout.flush()
     copies = [os.dup(number) for number in (1, 2)]
     try:
@@ -79,7 +79,7 @@ def output_to(log: Path) -> Iterator[None]:
 
 
 def load_model(path: Path) -> Any:
-    """Return a model from its file, ready for a tool; OpenSim's output is dropped."""
+    """Load an OpenSim model from its file, ready for a tool; OpenSim's output is dropped."""
     import opensim
 
     with output_to(Path(os.devnull)):
@@ -89,10 +89,10 @@ def load_model(path: Path) -> Any:
 
 
 def run_tool(tool: Any, motion: Path, name: str) -> None:
-    """Run a tool of OpenSim that has to write `motion`.
+    """Run a tool of OpenSim that writes the file `motion`; its output goes to a .log file beside it.
 
     Raises:
-        SolveError: the tool fails.
+        SolveError: the tool fails, or does not write the file.
     """
     log = motion.with_suffix(".log")
     motion.unlink(missing_ok=True)
@@ -101,7 +101,7 @@ def run_tool(tool: Any, motion: Path, name: str) -> None:
             done = tool.run()
     except RuntimeError as error:
         raise SolveError(
-            f"OpenSim's {name} failed: {str(error).strip().splitlines()[0]}; its messages: {log}"
+            f"OpenSim's {name} failed: {str(error).strip().splitlines()[0]}; its messages are in {log}"
         ) from error
     if not done or not motion.is_file():
-        raise SolveError(f"OpenSim's {name} failed; its messages: {log}")
+        raise SolveError(f"OpenSim's {name} failed; its messages are in {log}")

@@ -1,4 +1,4 @@
-"""One topic as a table: one row per sample, one column per value."""
+"""Table of one topic: one row per sample, one column per value."""
 
 import json
 from dataclasses import dataclass
@@ -15,12 +15,12 @@ IntArray = npt.NDArray[np.int64]
 
 
 class ExportError(HricError):
-    """Error for something that cannot be exported; the message says what is available."""
+    """Error for data that cannot be exported; the message states what is available."""
 
 
 @dataclass(frozen=True)
 class TopicColumn:
-    """One value of a topic over time.
+    """Column of a table: one value of a topic over time.
 
     Attributes:
         name: path of the field with labels of joints, channels and bodies, e.g. "position.panda_joint1".
@@ -42,10 +42,10 @@ class TopicTable:
         type_name: message type as rosbags writes it, e.g. "sensor_msgs/msg/JointState".
         frame: frame_id of the messages' headers; empty: none.
         time: times of measurement, shape (n,) [s], on the clock that `clock` names.
-        stamp: the same times as in the bag, shape (n,) [ns].
-        columns: in the order of the message definition.
+        stamp: stamps of the samples as in the bag, shape (n,) [ns].
+        columns: columns in the order of the message definition.
         clock: event at which `time` is 0.
-        notes: remarks for the reader, a sentence each.
+        notes: sentences for the reader of an exported file.
     """
 
     topic: str
@@ -69,7 +69,7 @@ class TopicTable:
         return self.topic.strip("/").replace("/", ".")
 
     def named(self) -> dict[str, TopicColumn]:
-        """Return time, stamp and all columns by their names in a file; a taken name gets "field." before it."""
+        """Return time, stamp and all columns by their names in a file; a name in use gets the prefix "field."."""
         columns = {"time": TopicColumn("time", "s", self.time), "stamp": TopicColumn("stamp", "ns", self.stamp)}
         for column in self.columns:
             name = column.name
@@ -83,12 +83,12 @@ class TopicTable:
         return next((column for column in self.columns if column.name == name), None)
 
     def below(self, path: str) -> dict[str, FloatArray]:
-        """Return the values of the fields below a path, by the rest of their names; path: without the last dot."""
+        """Return the values of the columns whose names begin with `path` and a dot, by the rest of their names."""
         start = f"{path}."
         return {column.name[len(start) :]: column.values for column in self.columns if column.name.startswith(start)}
 
     def about(self) -> dict[str, object]:
-        """Return the description in a file: topic, type, frame, axes, rate, clock, units by column, notes."""
+        """Return the description that is written into files: topic, type, frame, axes, rate, clock, units, notes."""
         return {
             "topic": self.topic,
             "type": self.type_name,
@@ -101,7 +101,7 @@ class TopicTable:
         }
 
     def about_text(self) -> str:
-        """Return the description as JSON on one line."""
+        """Return the description that is written into files as JSON on one line."""
         return json.dumps(self.about())
 
 
@@ -111,10 +111,13 @@ AXES = "right-handed, those of the frame; z up where the frame is the robot's ba
 
 
 class Export:
-    """Format of another package, a plugin `hric_bags::Export`: a file per topic, with the plugin's name as ending."""
+    """Export format of another package, a plugin `hric_bags::Export` that writes one file per topic.
+
+    The plugin's name is the name of the format and the extension of its files.
+    """
 
     def write(self, table: TopicTable, path: Path) -> None:
-        """Write a topic into a new file.
+        """Write the table of a topic to a new file.
 
         Raises:
             ExportError: the topic does not suit the format.

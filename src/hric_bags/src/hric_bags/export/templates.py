@@ -1,4 +1,4 @@
-"""Anonymisation of messages without decoding, if they have the texts and lengths of one that was decoded."""
+"""Anonymisation of messages without decoding them, if texts and lengths equal those of a message decoded before."""
 
 import re
 from collections.abc import Callable
@@ -17,23 +17,23 @@ NO_DATE = {
     "int64": rb".{7}[\0\x80-\xff]",
     "uint64": rb".{7}\0",
 }
-"""Patterns of single numbers that are certainly no dates, by their highest bytes.
+"""Type of a number -> regular expression for the bytes of numbers that are certainly no dates.
 
-Dates are numbers from 1e9 to 4e9 [s], or 2**56 [ns] and later. Numbers of other types are never dates, nor are those in
-arrays other than float64.
+Dates are numbers from 1e9 to 4e9 [s], or from 2**56 [ns] on. Numbers of other types are never dates, nor are those in
+arrays of other types than float64.
 """
 _STAMP, _LENGTH = Struct("<iI"), Struct("<I")
 
 
 class Template:
-    """Common part of messages of one type that differ only in numbers and stamps.
+    """Pattern of messages of one type that differ only in numbers and stamps, made from one of them.
 
     Args:
         store: definitions of the message types.
         kind: message type.
         message: one of the messages, as recorded.
-        text: function from a field and its text to the text that is passed on.
-        exact: function that returns True for fields whose numbers must be those of the message.
+        text: function from the name of a field and its text to the anonymised text.
+        exact: function that returns True for fields whose numbers must equal those of `message`.
     """
 
     def __init__(
@@ -48,17 +48,17 @@ class Template:
         self._size = 0
         self._parts: list[bytes] = []
         self._edits: list[tuple[int, int, bytes]] = []
-        """(begin, end, replacement) in a message; a stamp has none, because its new value is computed."""
+        """(begin, end, replacement) of bytes in a message; for stamps b"", since their replacement is computed."""
         self._walk("", Nodetype.NAME, kind, message)
         self._pattern = re.compile(b"".join(self._parts), re.DOTALL)
 
     def cleaned(self, raw: bytes, time: Callable[[int], int], first_second: int) -> bytes | None:
-        """Return a serialised message without texts and dates; None: it does not match, or has further dates.
+        """Return a serialised message anonymised; None: it does not match this template, or may have other dates.
 
         Args:
             raw: serialised message.
-            time: function from a date [ns] to the time that is passed on.
-            first_second: smallest stamp that is a date [s].
+            time: function from a date [ns] to the time that is exported [ns].
+            first_second: smallest stamp that counts as a date [s].
         """
         if self._pattern.fullmatch(raw) is None:
             return None
@@ -75,7 +75,7 @@ class Template:
         return b"".join((*parts, raw[at:])) if parts else raw
 
     def _walk(self, field: str, node: Nodetype, about: Any, value: Any) -> None:
-        """Add the pattern of a value; node, about: its type, as rosbags has it."""
+        """Add the pattern of a field's value; node, about: type of the value, as rosbags describes it."""
         if node == Nodetype.NAME and about not in TIMES:
             for name, (inner, of) in self._store.fielddefs[about][1]:
                 self._walk(name, inner, of, getattr(value, name))

@@ -1,6 +1,6 @@
 """Bag with one message per sample, for viewers that draw one value per message.
 
-Control logs and chunks of samples are split, the rest is copied.
+Messages with many samples (control logs, sample chunks) are split; all others are copied.
 """
 
 import re
@@ -22,7 +22,7 @@ from hric_bags.parts import PartsReader
 from hric_bags.reader import ARRAYS
 
 Fields = dict[str, npt.NDArray[Any]]
-"""Field of a message -> its values, one row per sample."""
+"""Field of a message -> values of that field, one row per sample."""
 
 
 def write(
@@ -33,14 +33,14 @@ def write(
     progress: bool = False,
     anonymous: Anonymiser | None = None,
 ) -> int:
-    """Copy a bag with its topics and types, each sample at its own time.
+    """Write a copy of a bag in which each sample is a message, recorded at the time of the sample.
 
     Args:
         source: bag to be read.
         target: path of the new bag; must not exist.
         topics: topics to be copied; empty: all.
         progress: True to draw a progress bar.
-        anonymous: removes the person; None: nothing is removed.
+        anonymous: anonymiser of the messages; None: they are not anonymised.
 
     Returns:
         Number of messages written.
@@ -75,7 +75,7 @@ def _add(writer: ChunkedWriter, connection: Any, anonymous: Anonymiser | None) -
     return writer.add_connection(
         name(connection.topic),
         connection.msgtype,
-        msgdef=definition if anonymous is None else re.sub(r"[ \t]*#.*", "", definition),  # comments are text, too
+        msgdef=definition if anonymous is None else re.sub(r"[ \t]*#.*", "", definition),  # comments are texts
         md5sum=connection.digest,
         callerid=None if connection.ext.callerid is None else name(connection.ext.callerid),
         latching=connection.ext.latching,
@@ -100,14 +100,13 @@ def _parts(
     if not len(offsets):
         return
     values["sec"], values["nanosec"] = (part.astype("<u4") for part in np.divmod(stamp + offsets, 1_000_000_000))
-    # The last sample of a batch was taken about when the batch was recorded; the stamps give the distance of the
-    # others from it.
+    # The last sample was taken about when the message was recorded; the times between samples follow from the stamps.
     times = np.maximum(time + offsets - offsets[-1], 0).tolist()
     yield from zip(times, _serialised(reader, kind, message, values), strict=True)
 
 
 def _cycles(message: Any) -> tuple[IntArray, Fields]:
-    """Return the time of each cycle since the first [ns], and the fields that differ between cycles."""
+    """Return the time of each cycle since the first one [ns], and the fields that differ between cycles."""
     n = int(message.n_cycles)
     rows = {name: getattr(message, name).reshape(n, -1) for name in ("time", *ARRAYS)}
     numbers = {"first_cycle": message.first_cycle + np.arange(n, dtype="<u8"), "n_cycles": np.ones(n, "<u4")}
@@ -115,7 +114,7 @@ def _cycles(message: Any) -> tuple[IntArray, Fields]:
 
 
 def _samples(message: Any) -> tuple[IntArray, Fields]:
-    """Return the time of each sample since the first [ns], and the fields that differ between samples."""
+    """Return the time of each sample since the first one [ns], and the fields that differ between samples."""
     width = max(len(message.channels), 1)
     n = len(message.data) // width
     step = 1e9 / message.rate if message.rate > 0 else 0.0
@@ -127,13 +126,15 @@ def _samples(message: Any) -> tuple[IntArray, Fields]:
 
 
 def _serialised(reader: PartsReader, kind: str, message: Any, values: Fields) -> Iterator[bytes]:
-    """Yield messages that differ in some fields: one is serialised with marks, which are then overwritten.
+    """Yield serialised messages that differ only in some fields.
+
+    One message is serialised with a mark in each of these fields; the marks are then overwritten by the values.
 
     Args:
         reader: reader of the bag.
         kind: message type.
         message: one of the messages.
-        values: values of the fields and of the stamp, one row per message, in the types of ROS.
+        values: values of the fields and of the stamp, one row per message, in ROS's data types.
     """
     marks = _marks(tuple((name, rows.shape[1:], rows.dtype) for name, rows in values.items()))
     fields = {name: mark if mark.ndim else int(mark) for name, mark in marks.items()}
@@ -150,6 +151,6 @@ def _serialised(reader: PartsReader, kind: str, message: Any, values: Fields) ->
 
 @cache
 def _marks(fields: tuple[tuple[str, tuple[int, ...], np.dtype[Any]], ...]) -> Fields:
-    """Return a mark for each field, given name, shape and type."""
+    """Return a mark for each field, given its name, shape and type: random numbers, found again by their bytes."""
     random = np.random.default_rng(0)
     return {name: random.integers(1 << 30, 1 << 31, shape).astype(kind) for name, shape, kind in fields}

@@ -46,9 +46,9 @@ _ALL = {
     **sync_units.UNITS,
 }
 UNITS = {(kind.replace("/", "/msg/"), field): unit for (kind, field), unit in _ALL.items()}
-"""Units by (message type of rosbags, field), for all below the field: those of the synchroniser, and more."""
+"""(message type as in rosbags, field) -> unit of that field and of all fields in it."""
 COMMAND_UNITS = {"effort": "N m", "velocity": "rad/s", "position": "rad"}
-"""Kind of command in the control log -> unit."""
+"""Command interface in the control log -> unit of the command."""
 _PRISMATIC = re.compile(r"<joint\s+(?=[^>]*\btype=\"prismatic\")[^>]*\bname=\"([^\"]+)\"")
 
 

@@ -1,1 +1,1 @@
-"""Health of bags: damage, rates, gaps, order, clock, and remains of a killed recorder; needs no ROS."""
+"""Health checks of bags: damage, rates, gaps, order, clock, and bags that a killed recorder left. No ROS."""

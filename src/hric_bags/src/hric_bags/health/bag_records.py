@@ -1,4 +1,4 @@
-"""Scan of a bag in file order, also of a damaged or unfinished one, by the public format description, version 2.0."""
+"""Scan of a bag in file order, even of a damaged or unfinished one, by ROS's bag format 2.0."""
 
 import os
 import struct
@@ -35,18 +35,18 @@ _TIME, _POSITION, _ENTRY, _COUNT = (struct.Struct(layout) for layout in ("<II", 
 
 
 class NotABagError(HricError):
-    """Error for a file that is no bag of version 2.0."""
+    """Error for a file that is not a bag of format version 2.0."""
 
 
 @dataclass(frozen=True)
 class BagConnection:
-    """Publisher and topic of messages: the fields of a connection record.
+    """Connection record of a bag: topic, type and publisher of messages.
 
     Attributes:
         topic, type_name, md5sum, definition: name and type of the topic; type_name as ROS 1 writes it, e.g.
             "std_msgs/String".
-        caller: name of the publishing node, may be empty.
-        latching: True if late subscribers receive the last message again.
+        caller: name of the publishing node; may be empty.
+        latching: True if new subscribers receive the last message.
     """
 
     topic: str
@@ -59,7 +59,7 @@ class BagConnection:
 
 @dataclass
 class _Chunk:
-    """Chunk with the entries of its index and its summary in the index at the end."""
+    """Chunk of a bag, with the index records after it and its summary in the index at the file's end."""
 
     record: Record
     index: list[Record]
@@ -67,14 +67,14 @@ class _Chunk:
 
 
 class BagScan:
-    """One pass over the file by `messages`, which fills the attributes.
+    """Scan of a bag: one pass over the file by `messages`, which fills the attributes.
 
     Attributes:
         path: path of the bag.
         connections: connections by number.
         chunks: number of closed chunks.
-        damage: damage of the file, a sentence each.
-        doubtful: messages that may have wrong values because the checksum of their chunk is wrong, a sentence each.
+        damage: sentences on damage of the file.
+        doubtful: sentences on messages that may have wrong values, because the checksum of their chunk is wrong.
     """
 
     def __init__(self, path: Path) -> None:
@@ -88,7 +88,7 @@ class BagScan:
         self._used: set[int] = set()
 
     def messages(self) -> Iterator[tuple[int, int, bytes]]:
-        """Yield (number of the connection, time of recording [ns], serialised message) in the order of the file.
+        """Yield (number of the connection, recording time [ns], serialised message) in the order of the file.
 
         Raises:
             NotABagError: the file is empty or of another format.
@@ -101,7 +101,7 @@ class BagScan:
             self.damage.append(f"the index has no record of the connections {missing}: readers miss their messages")
 
     def _chunks(self, view: FileView) -> list[_Chunk]:
-        """Read everything except the data of the chunks."""
+        """Read everything except the data of the chunks, and return these."""
         kinds = (BAG_HEADER, INDEX, CHUNK, CHUNK_INFO, CONNECTION)
         records = list(file_records.walk(view, len(MAGIC), kinds))
         self._check_begin(view, records)
@@ -130,14 +130,14 @@ class BagScan:
     def _check_begin(self, view: FileView, records: list[Record]) -> None:
         begins = view[: len(MAGIC)] == MAGIC
         if (kind := foreign.describe(self.path)) or not (begins or any(record.kind == CHUNK for record in records)):
-            raise NotABagError(kind or f"{self.path} is no bag of version 2.0 ({len(view)} bytes)")
+            raise NotABagError(kind or f"{self.path} is not a bag of version 2.0 ({len(view)} bytes)")
         if not begins:
-            self.damage.append("its first bytes are not those of a bag: readers refuse it")
+            self.damage.append("the first bytes are not those of a bag: readers refuse the file")
         if records and (name := records[0].fields.get(b"encryptor")):
             raise NotABagError(f"{self.path} is encrypted ({name.decode(errors='replace')}); decrypt it first")
 
     def _check_index(self, view: FileView, records: list[Record], complete: bool) -> None:
-        """Compare the index at the end with the counts of the head, and note stretches that are no records."""
+        """Compare the index at the file's end with the counts in its head, and note bytes that are not records."""
         head = next((record.fields for record in records if record.kind == BAG_HEADER), {})
         begin = _POSITION.unpack(head.get(b"index_pos", bytes(8)))[0]
         counts = Counter(record.kind for record in records if record.offset >= begin)
@@ -149,25 +149,25 @@ class BagScan:
                 self.damage.append(f"bytes {record.start} to {record.end} are damaged")
             if record.open:
                 self.damage.append(
-                    f"the last chunk was not closed ({record.end - record.start} bytes of it are there): the recorder "
-                    "was killed"
+                    f"the last chunk was not closed ({record.end - record.start} bytes of it exist): the recorder was "
+                    "killed"
                 )
             elif not record.exact and record.end == len(view):
                 self.damage.append("the file ends within a record: it was cut off")
             elif not record.exact and record.kind != CHUNK:
                 self.damage.append(f"the record at byte {record.offset} has a wrong length")
         if begin == 0 or begin not in offsets or [counts[CONNECTION], counts[CHUNK_INFO]] != expected or not complete:
-            self.damage.append("it has no index, or a damaged one: readers cannot open it, or miss something")
+            self.damage.append("the index is missing or damaged: readers cannot open the bag, or miss messages")
 
     def _messages(self, view: FileView, chunk: _Chunk) -> Iterator[tuple[int, int, bytes]]:
-        """Yield the messages of a chunk, and note its damage."""
+        """Yield the messages of a chunk as `messages` does, and note damage of the chunk."""
         record = chunk.record
         stated = record.fields[b"compression"].decode(errors="replace")
         unpacked = unpack(view[record.start : record.end], stated)
         self.chunks += not record.open
         entries = _entries(view, chunk.index)
         indexed, times, counts, lost = bool(entries), list[int](), Counter[int](), not unpacked.complete
-        begin = None  # connection record before a message: some programs let the index point to it
+        begin = None  # offset of a connection record before a message, to which the index of some programs points
         for inner in file_records.walk(unpacked.data, 0, (MESSAGE, CONNECTION)):
             data = unpacked.data[inner.start : inner.end]
             if inner.kind == CONNECTION:
@@ -193,7 +193,7 @@ class BagScan:
             self._judge(chunk, unpacked, times, counts, lost or bool(entries) or (bool(times) and not indexed))
 
     def _judge(self, chunk: _Chunk, unpacked: Unpacked, times: list[int], counts: Counter[int], differs: bool) -> None:
-        """Note the damage of a chunk that was read; times [ns] and counts by connection: messages read."""
+        """Note damage of a chunk, given recording times [ns] and counts by connection of the messages read from it."""
         offset, fields = chunk.record.offset, chunk.record.fields
         stated = fields[b"compression"].decode(errors="replace"), LENGTH.unpack(fields[b"size"])[0]
         differs |= stated != (unpacked.compression, len(unpacked.data)) or not chunk.record.exact
@@ -202,7 +202,7 @@ class BagScan:
             differs |= (_nanoseconds(first), _nanoseconds(last), expected) != (min(times), max(times), dict(counts))
         if differs:
             self.damage.append(
-                f"the chunk at byte {offset} is damaged, or its index: {len(times)} messages are readable"
+                f"the chunk at byte {offset}, or its index, is damaged: {len(times)} messages are readable"
             )
         if not unpacked.complete and times:
             begin, end = min(times) * 1e-9, max(times) * 1e-9
@@ -212,7 +212,7 @@ class BagScan:
             )
 
     def _is_readable(self, number: int, data: bytes) -> bool:
-        """Return False for a message that does not match its type; True also if the type is not known."""
+        """Return False if a message cannot be deserialised as its type; True also if the type is not known."""
         known = self.connections.get(number)
         store = None if known is None else _store(known)
         if known is None or store is None:
@@ -224,13 +224,13 @@ class BagScan:
         return True
 
     def _connection(self, fields: Fields, data: bytes, *, confirmed: bool) -> None:
-        """Store a connection record, unless a better copy is known; confirmed: by a checksum."""
+        """Store a connection record, unless a better copy is known; confirmed: True if a checksum confirms it."""
         number, inner = LENGTH.unpack(fields[b"conn"])[0], fields_of(data)
         if inner is None:
             self.damage.append(f"a record of the connection {number} is damaged: readers refuse the bag")
             return
         text = {key: value.decode("utf-8", "replace") for key, value in inner.items()}
-        # The topic is in the record's header: the data have the name before remapping.
+        # The topic is taken from the record's header, since the data have its name before remapping.
         connection = BagConnection(
             fields[b"topic"].decode("utf-8", "replace"),
             text.get(b"type", ""),
@@ -248,13 +248,13 @@ class BagScan:
 
 
 def _is_sound(connection: BagConnection, topic: str) -> bool:
-    """Return True if a connection's checksum matches its definition, and its topic is `topic`."""
+    """Return True if a connection's MD5 sum matches its message definition, and its topic is `topic`."""
     return _store(connection) is not None and connection.topic == topic
 
 
 @lru_cache
 def _store(connection: BagConnection) -> Typestore | None:
-    """Return the typestore that reads messages of a connection; None: its definition is damaged."""
+    """Return the typestore that reads messages of a connection; None: its message definition is damaged."""
     store, name = get_typestore(Stores.EMPTY), connection.type_name.replace("/", "/msg/")
     try:
         store.register(get_types_from_msg(connection.definition, name))
@@ -264,7 +264,7 @@ def _store(connection: BagConnection) -> Typestore | None:
 
 
 def _entries(view: FileView, index: list[Record]) -> dict[int | None, tuple[int, bytes]]:
-    """Return the entries of a chunk's index: offset in the chunk -> (number of the connection, time)."""
+    """Return the index of a chunk: offset of a message in the chunk -> (number of its connection, time)."""
     entries: dict[int | None, tuple[int, bytes]] = {}
     for record in index:
         number = LENGTH.unpack(record.fields[b"conn"])[0]
@@ -273,7 +273,7 @@ def _entries(view: FileView, index: list[Record]) -> dict[int | None, tuple[int,
 
 
 def _unpacked(layout: struct.Struct, view: FileView, record: Record) -> Iterator[tuple[Any, ...]]:
-    """Yield the complete entries of a record, which may be cut off."""
+    """Yield the complete entries of a record with a layout; the record may be cut off."""
     return layout.iter_unpack(view[record.start : record.end - (record.end - record.start) % layout.size])
 
 

@@ -9,17 +9,20 @@ from hric_bags.health.bag_records import BagScan
 from hric_bags.health.streams import TopicStream
 
 GAP_FACTOR = 3.0
-"""Distance between stamps of a regular stream that is a gap, in periods [1]; project default, unconfirmed."""
+"""Time between stamps of a regular stream that counts as a gap [median periods]; project default, unconfirmed."""
 MIN_GAP = 0.02
-"""Shortest gap beyond a period [s]; project default, unconfirmed."""
+"""Smallest excess of the time between stamps over the period that is a gap [s]; project default, unconfirmed."""
 REGULAR_SHARE = 0.8
-"""Share of periods within half of the median that makes a stream regular [1]; project default, unconfirmed."""
+"""Share of periods that must be within 50 % of the median in a regular stream [1]; project default, unconfirmed."""
 MIN_MESSAGES = 20
-"""Fewest messages of a regular stream; shorter ones count as events [1]; project default, unconfirmed."""
+"""Minimum number of messages of a regular stream; fewer count as events; project default, unconfirmed."""
 LATE, EARLY = 1.0, 0.1
-"""Limits for a stamp that is older (LATE) or younger (EARLY) than its recording [s]; project defaults, unconfirmed."""
+"""Largest valid time by which a stamp is older (LATE) or younger (EARLY) than its recording [s].
+
+Project defaults, unconfirmed.
+"""
 JUMP = 1.0
-"""Step back between two recording times that is a jump of the clock [s]; project default, unconfirmed."""
+"""Backward step between recording times that counts as a jump of the clock [s]; project default, unconfirmed."""
 DAMAGED, PROBLEM, NOTE = "damaged", "problem", "note"
 
 
@@ -28,9 +31,9 @@ class HealthFinding:
     """One finding of a health report.
 
     Attributes:
-        level: DAMAGED: readers fail, or miss something; PROBLEM: a stream is faulty; NOTE: information.
+        level: DAMAGED: readers fail or miss messages; PROBLEM: a stream is faulty; NOTE: information.
         topic: topic concerned; empty: the complete bag.
-        text: what, where, how much.
+        text: description of the finding, with place and amount.
     """
 
     level: str
@@ -42,7 +45,7 @@ class HealthFinding:
 
 
 def is_regular(stream: TopicStream) -> bool:
-    """Return True if header stamps come evenly; False for events, latched topics and topics without header."""
+    """Return True if header stamps are evenly spaced; False for events, latched topics and topics without header."""
     if stream.judged is None or len(stream.judged) < MIN_MESSAGES:
         return False
     periods = np.diff(np.unique(stream.judged) * 1e-9)
@@ -51,17 +54,17 @@ def is_regular(stream: TopicStream) -> bool:
 
 
 def of_file(scan: BagScan) -> list[HealthFinding]:
-    """Return the damage of the file; scan: a scan whose messages were read."""
+    """Return findings on damage of a file; scan: scan of which all messages were read."""
     return [HealthFinding(DAMAGED, "", text) for text in scan.damage]
 
 
 def of_streams(streams: list[TopicStream]) -> list[HealthFinding]:
-    """Return the problems of the streams of a bag."""
+    """Return findings on problems of the streams of a bag."""
     offset = _clock_offset(streams)
     findings = []
     if abs(offset) > LATE:
         findings.append(
-            HealthFinding(NOTE, "", f"stamps and times of recording are on different clocks, {offset:+.3f} s apart")
+            HealthFinding(NOTE, "", f"header stamps and recording times are on different clocks, {offset:+.3f} s apart")
         )
     for stream in streams:
         problems = (*_numbers(stream), *_gaps(stream), *_order(stream), *_clock(stream, offset))
@@ -78,13 +81,13 @@ def _numbers(stream: TopicStream) -> Iterator[str]:
 
 
 def _gaps(stream: TopicStream) -> Iterator[str]:
-    """Yield the gaps of a stream without running number, by its stamps."""
+    """Yield a text on gaps in the header stamps of a stream whose messages have no running number."""
     if stream.counts or stream.judged is None or len(stream.judged) < MIN_MESSAGES:
         return
     stamps = np.unique(stream.judged) * 1e-9
     periods = np.diff(stamps)
     if not len(periods):
-        yield f"all {len(stream.judged)} stamps are the same"
+        yield f"all {len(stream.judged)} stamps are equal"
     elif is_regular(stream):
         median = float(np.median(periods))
         gaps = np.flatnonzero(periods > longest_period(median))
@@ -92,17 +95,17 @@ def _gaps(stream: TopicStream) -> Iterator[str]:
             longest = gaps[np.argmax(periods[gaps])]
             yield (
                 f"{len(gaps)} gap{'s' * (len(gaps) > 1)}, the longest {periods[longest]:.3f} s from "
-                f"{stamps[longest] - stamps[0]:.3f} s on; its period is {median:.4f} s"
+                f"{stamps[longest] - stamps[0]:.3f} s on; the stream's period is {median:.4f} s"
             )
 
 
 def longest_period(period: float) -> float:
-    """Return the longest time between two stamps that is no gap [s]; period: of the stream [s]."""
+    """Return the longest time between two stamps that is not a gap [s]; period: median period of the stream [s]."""
     return max(GAP_FACTOR * period, period + MIN_GAP)
 
 
 def _order(stream: TopicStream) -> Iterator[str]:
-    """Yield stamps that go back, per publisher: messages of several nodes on one topic have no common order."""
+    """Yield a text on stamps that go back, per publisher: several nodes on one topic have no common order."""
     if stream.judged is None:
         return
     its = "" if len(stream.publishers) == 1 else "its "

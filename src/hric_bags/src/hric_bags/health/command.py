@@ -1,4 +1,4 @@
-"""Command `health`."""
+"""Command `hric health`: examines bags, and salvages damaged ones."""
 
 import argparse
 import sys
@@ -15,31 +15,31 @@ from hric_core.command import Argument, Command
 
 
 class HealthCommand(Command):
-    """Examine a bag, or each part of one and where they meet: rates, gaps, order, clock, and damage.
+    """Examine a bag, or each part of a split bag and their seams: rates, gaps, order, clock, and damage.
 
-    Needs no ROS master.
+    No ROS master is needed.
     """
 
     epilog = (
-        "exit codes: 0 healthy; 3 readable, with problems; 4 damaged; 2 cannot be examined. With --salvage, of "
-        "the salvaged bag."
+        "exit codes: 0 healthy; 3 readable, with problems; 4 damaged; 2 cannot be examined. With --salvage, the "
+        "code is for the salvaged bag."
     )
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments."""
+        """Return the command-line arguments of `hric health`."""
         return [
             *run_arguments(),
             Argument(
                 "--salvage",
                 action="store_true",
-                help="write the readable messages of a damaged bag into a complete one; the damaged bag stays",
+                help="write the readable messages of a damaged bag to a new, complete bag; the damaged bag is kept",
             ),
-            Argument("--json", type=Path, metavar="FILE", help="file to which the findings are written, too"),
-            Argument("--quiet", action="store_true", help="print only the findings, without progress bar"),
+            Argument("--json", type=Path, metavar="FILE", help="also write the findings to this file"),
+            Argument("--quiet", action="store_true", help="print only the findings, and show no progress bar"),
         ]
 
     def run(self, arguments: argparse.Namespace) -> int:
-        """Examine a bag; return 0 (healthy), 3 (readable, with problems) or 4 (damaged)."""
+        """Examine a bag, and print the report; return 0 (healthy), 3 (readable, with problems) or 4 (damaged)."""
         parts, folder = examine.find(arguments.run, arguments.runs)
         reports = [_examine(path, folder, arguments) for path in parts]
         joined = seams.of_parts([(health.path, health.streams) for health in reports])

@@ -1,4 +1,4 @@
-"""Decompression of the chunk of a bag, as far as it can be read."""
+"""Decompression of a bag's chunk, as far as it is readable."""
 
 import bz2
 from dataclasses import dataclass
@@ -11,13 +11,13 @@ from hric_bags.health.file_records import LENGTH
 LARGEST_CHUNK = 1 << 30
 """Largest chunk that is decompressed [B]; project default, unconfirmed."""
 _LZ4, _BZ2 = b"\x04\x22\x4d\x18", b"BZh"
-"""First bytes of compressed data."""
+"""First bytes of data in each compression format."""
 _LARGEST_BLOCK = 4 << 20
 """Largest block of the LZ4 frame format [B]."""
 _WINDOW = 1 << 16
-"""Window of an LZ4 frame: how far back a block may refer to the blocks before it [B]."""
+"""Distance over which a block of an LZ4 frame may refer to the blocks before it [B]."""
 _ENDS = (RuntimeError, OSError, ValueError, EOFError)
-"""Errors that the libraries raise for damaged data."""
+"""Errors that the decompression libraries raise for damaged data."""
 
 
 @dataclass(frozen=True)
@@ -26,8 +26,8 @@ class Unpacked:
 
     Attributes:
         data: readable bytes.
-        compression: "none", "lz4" or "bz2", as the data show.
-        complete: True if the data are complete and no checksum contradicts.
+        compression: "none", "lz4" or "bz2", by the first bytes of the data.
+        complete: True if the data are complete and no checksum is wrong.
         verified: True if a checksum confirms the data.
     """
 
@@ -38,7 +38,7 @@ class Unpacked:
 
 
 def unpack(packed: bytes, stated: str) -> Unpacked:
-    """Decompress a chunk; stated: compression in its header, used if the data do not show theirs."""
+    """Decompress a chunk; stated: compression in its header, used if the first bytes do not show it."""
     if packed.startswith(_LZ4) or (stated == "lz4" and not packed.startswith(_BZ2)):
         data, complete = _expand(lz4.frame.LZ4FrameDecompressor(), packed)
         if complete:
@@ -59,7 +59,7 @@ def _expand(expander: lz4.frame.LZ4FrameDecompressor | bz2.BZ2Decompressor, pack
 
 
 def _blocks(packed: bytes) -> bytes:
-    """Decompress an LZ4 frame block by block up to the first unreadable one, without regard to checksums."""
+    """Decompress an LZ4 frame block by block up to the first unreadable block, ignoring checksums."""
     flags = packed[4] if len(packed) > 4 else 0
     position, data = 7 + 8 * bool(flags & 0x08) + 4 * bool(flags & 0x01), bytearray()
     while len(head := packed[position : position + 4]) == 4 and (size := LENGTH.unpack(head)[0]):

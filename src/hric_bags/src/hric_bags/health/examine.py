@@ -1,4 +1,4 @@
-"""Examination of a run folder or a bag, with findings and a report."""
+"""Examination of a bag, or of the bag in a run folder, with findings and a report."""
 
 import math
 import re
@@ -27,13 +27,13 @@ class HealthError(HricError):
 
 @dataclass(frozen=True)
 class BagHealth:
-    """Topics and findings of a bag.
+    """Health of a bag: its topics and findings.
 
     Attributes:
         path: path of the bag.
         size: file size [B].
-        streams: its topics.
-        findings: damage first.
+        streams: topics of the bag.
+        findings: findings, damage first.
     """
 
     path: Path
@@ -48,16 +48,16 @@ class BagHealth:
 
 
 def code_of(findings: list[HealthFinding]) -> int:
-    """Return the exit code of some findings."""
+    """Return the exit code for the worst of some findings; notes do not count."""
     levels = {finding.level for finding in findings}
     return DAMAGED if checks.DAMAGED in levels else PROBLEMS if checks.PROBLEM in levels else HEALTHY
 
 
 def find(name: str, root: Path | None = None) -> tuple[list[Path], RunFolder | None]:
-    """Return the parts of a bag, each finished or not, and its run folder.
+    """Return the parts of a bag, closed or not, and its run folder, if any.
 
     Args:
-        name: a bag, a run folder, or its name ("latest" too).
+        name: path of a bag or run folder, or name of a run, such as "latest".
         root: folder of all runs.
 
     Raises:
@@ -76,7 +76,7 @@ def find(name: str, root: Path | None = None) -> tuple[list[Path], RunFolder | N
 
 
 def _parts(path: Path) -> list[Path]:
-    """Return all parts of a bag from its first part on, finished or not; else the bag alone."""
+    """Return all parts of a split bag, closed or not, if `path` is its first part; else that bag alone."""
     numbered = re.fullmatch(r"(.+_)0\.bag(\.active)?", path.name)
     parts, names = [path], numbered[1] if numbered is not None else ""
     while names and (
@@ -94,15 +94,15 @@ def _part(bag: Path) -> Path:
 
 
 def examine(path: Path, *, progress: bool = False, doubtful: Sequence[str] = ()) -> BagHealth:
-    """Read a bag from its first byte to its last.
+    """Examine a bag by reading the complete file.
 
     Args:
         path: path of the bag.
         progress: True to draw a progress bar.
-        doubtful: doubts about its values that are known already, a sentence each.
+        doubtful: sentences on messages that may have wrong values, known from before.
 
     Raises:
-        HricError: the file is no bag, or cannot be read.
+        HricError: the file is not a bag, or cannot be read.
     """
     scan = BagScan(path)
     gatherer = StreamGatherer()
@@ -130,7 +130,7 @@ def examine(path: Path, *, progress: bool = False, doubtful: Sequence[str] = ())
 
 
 def render(health: BagHealth) -> str:
-    """Return the report as text."""
+    """Return the report on a bag's health as text."""
     cells = [["topic", "messages", "rate", "period", "from", "to"], ["", "", "Hz", "s", "s", "s"]]
     begin = min((float(stream.recorded.min()) for stream in health.streams if len(stream.recorded)), default=0.0)
     for stream in health.streams:
@@ -165,7 +165,7 @@ def render(health: BagHealth) -> str:
 
 
 def to_dict(health: BagHealth) -> dict[str, object]:
-    """Return the report as data for a program: JSON without NaN."""
+    """Return the report on a bag's health as data for JSON, without NaN."""
     topics = {
         stream.topic: {
             "type": stream.type_name,

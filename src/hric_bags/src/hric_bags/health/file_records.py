@@ -1,6 +1,6 @@
-"""Search for the records of a bag, or of one of its chunks, one after the other and past damage.
+"""Search for the records of a bag, or of one of its chunks, one after the other and across damaged bytes.
 
-Records are found by the lengths that they state; where a length leads to no record, by the structure of the next one.
+A record ends where its stated length says; if no other record follows there, the next one is found by its structure.
 Format: ROS bag, version 2.0.
 """
 
@@ -12,7 +12,7 @@ from typing import BinaryIO, Protocol
 
 LENGTH = struct.Struct("<I")
 MESSAGE, BAG_HEADER, INDEX, CHUNK, CHUNK_INFO, CONNECTION = range(2, 8)
-"""Kinds of records: INDEX locates the messages of a connection in a chunk, CHUNK_INFO locates a chunk."""
+"""Kinds of records in a bag; INDEX locates messages of one connection in a chunk, CHUNK_INFO locates a chunk."""
 _REQUIRED: dict[int, dict[bytes, int]] = {
     MESSAGE: {b"conn": 4, b"time": 8},
     BAG_HEADER: {b"index_pos": 8, b"conn_count": 4, b"chunk_count": 4},
@@ -21,26 +21,26 @@ _REQUIRED: dict[int, dict[bytes, int]] = {
     CHUNK_INFO: {b"ver": 4, b"chunk_pos": 8, b"start_time": 8, b"end_time": 8, b"count": 4},
     CONNECTION: {b"conn": 4, b"topic": 0},
 }
-"""Required fields of each kind and their sizes [B]; 0: any."""
+"""Kind of record -> its required fields and their sizes [B]; 0: any size."""
 _ENTRY = {INDEX: 12, CHUNK_INFO: 8}
-"""Size of one counted entry of such a record [B]."""
+"""Kind of record with counted entries -> size of one entry [B]."""
 _LARGEST_HEADER = 1 << 20
-"""Largest header [B]; real ones have some hundred bytes."""
+"""Largest header of a record that is accepted [B]; real headers have some hundred bytes."""
 _LOOK_BACK = 512
-"""Longest way from the field `op` back to the begin of its header [B]; project default: topics are shorter."""
+"""Longest distance from the field `op` back to the begin of its header [B]; project default, beyond any topic name."""
 _BLOCK = 1 << 20
-"""Bytes read at a time while the next record is searched [B]."""
+"""Number of bytes read at a time while the next record is searched for."""
 Fields = dict[bytes, bytes]
 
 
 class View(Protocol):
-    """Bytes that are read by slices: a chunk in memory, or a file."""
+    """Bytes that can be read by slices: a chunk in memory, or a file."""
 
     def __len__(self) -> int:
         """Return the number of bytes."""
 
     def __getitem__(self, part: slice, /) -> bytes:
-        """Return the bytes of a slice, fewer at the end."""
+        """Return the bytes of a slice; fewer if it exceeds the end."""
 
 
 class FileView:
@@ -54,7 +54,7 @@ class FileView:
         return self._size
 
     def __getitem__(self, part: slice) -> bytes:
-        """Return the bytes of a slice, fewer at the end."""
+        """Return the bytes of a slice; fewer if it exceeds the end."""
         start, stop, _ = part.indices(self._size)
         self._file.seek(start)
         return self._file.read(max(stop - start, 0))
@@ -62,15 +62,15 @@ class FileView:
 
 @dataclass(slots=True)
 class Record:
-    """One record, or bytes that are no record.
+    """Record of a bag, or bytes that are not a record.
 
     Attributes:
-        kind: kind of the record; 0: no record.
-        fields: fields of its header.
-        offset, start, end: first byte of the record, of its data, and after it [B].
-        certain: True if its end is certain: another record or nothing follows it.
-        exact: True if its end is where its length says.
-        open: True for a chunk that was not closed: its length is missing, or beyond the end.
+        kind: kind of the record; 0: not a record.
+        fields: fields of the record's header.
+        offset, start, end: offsets of the record, of its data, and of the byte after it [B].
+        certain: True if the end is certain, because another record or nothing follows it.
+        exact: True if the end is where the stated length says.
+        open: True for a chunk that was not closed: its length is missing, or exceeds the file.
     """
 
     kind: int
@@ -84,13 +84,13 @@ class Record:
 
 
 def walk(view: View, begin: int, kinds: tuple[int, ...]) -> Iterator[Record]:
-    """Yield the records from an offset to the end, and the stretches between them that are no records.
+    """Yield the records from an offset to the end, and the bytes between them that are not records.
 
-    Where the length of a chunk leads to no record, it ends at the next record found; other records end there or at
-    their stated length, whichever comes first.
+    If no record follows at the stated end of a chunk, it ends at the next record found; other records end there or at
+    their stated end, whichever comes first.
 
     Args:
-        view: the file, or a chunk.
+        view: bytes of the file or of a chunk.
         begin: offset of the first record [B].
         kinds: kinds of records that may occur.
     """
@@ -110,7 +110,7 @@ def walk(view: View, begin: int, kinds: tuple[int, ...]) -> Iterator[Record]:
 
 
 def _find_end(view: View, record: Record, kinds: tuple[int, ...]) -> None:
-    """Set the end of a record whose length leads to no record."""
+    """Set the end of a record that is not followed by another record at its stated end."""
     chunk, stated = record.kind == CHUNK, record.end
     following_offset = _search(view, record.start, tuple(kind for kind in kinds if not chunk or kind != CONNECTION))
     padded = record.start < stated <= following_offset and not any(view[stated:following_offset])
@@ -121,7 +121,7 @@ def _find_end(view: View, record: Record, kinds: tuple[int, ...]) -> None:
 
 
 def _search(view: View, start: int, kinds: tuple[int, ...]) -> int:
-    """Return the offset of the next record before another record or the end; without one, the size of the view."""
+    """Return the offset of the next record that is followed by another one or the end; else the size of the view."""
     pattern = re.compile(b"\x04\x00\x00\x00op=[" + re.escape(bytes(kinds)) + b"]")
     for block in range(start, len(view), _BLOCK):
         for match in pattern.finditer(view[block : block + _BLOCK + 8]):
@@ -142,7 +142,7 @@ def _is_followed(view: View, end: int, kinds: tuple[int, ...]) -> bool:
 
 
 def _record(view: View, offset: int, kinds: tuple[int, ...]) -> Record | None:
-    """Return the record at an offset, whose data may end beyond the view; None: there is no record."""
+    """Return the record at an offset, whose data may exceed the view; None: there is no record."""
     head = view[offset : offset + 4]
     length = LENGTH.unpack(head)[0] if len(head) == 4 else 0
     if not 0 < length <= _LARGEST_HEADER:
@@ -166,7 +166,7 @@ def _record(view: View, offset: int, kinds: tuple[int, ...]) -> Record | None:
 
 
 def fields_of(header: bytes) -> Fields | None:
-    """Return the name=value pairs of a header; None: the bytes are no header."""
+    """Return the name=value pairs of a record's header; None: the bytes are not a header."""
     fields: Fields = {}
     position, end = 0, len(header)
     while position + 4 <= end:

@@ -1,4 +1,4 @@
-"""Salvage of a damaged bag: its readable messages are copied to a new bag, and the damaged bag is not deleted."""
+"""Salvage of a damaged bag: its readable messages are copied to a new bag; the damaged bag is not deleted."""
 
 import contextlib
 import os
@@ -14,18 +14,18 @@ ACTIVE, DAMAGED = ".active", ".damaged"
 
 
 class SalvageError(HricError):
-    """Error for a bag that cannot be salvaged now."""
+    """Error for a bag that cannot be salvaged at present."""
 
 
 @dataclass(frozen=True)
 class Salvaged:
-    """Complete bag made from a damaged one.
+    """Result of a salvage: a complete bag made from a damaged one.
 
     Attributes:
         bag: path of the complete bag.
-        original: present path of the damaged bag.
+        original: path of the damaged bag after the salvage.
         messages: number of messages in the complete bag.
-        doubtful: messages that may have wrong values, a sentence each.
+        doubtful: sentences on messages that may have wrong values.
     """
 
     bag: Path
@@ -35,12 +35,12 @@ class Salvaged:
 
 
 def salvage(path: Path) -> Salvaged:
-    """Copy the readable messages of a damaged bag to a new bag with the recorder's name for a complete one.
+    """Copy the readable messages of a damaged bag to a new bag, which gets the name of a complete recording.
 
-    From `x.bag.active` it makes `x.bag`, and both stay; a damaged `x.bag` is renamed to `x.bag.damaged`.
+    `x.bag.active` is copied to `x.bag`, and both remain; a damaged `x.bag` is first renamed to `x.bag.damaged`.
 
     Raises:
-        SalvageError: a process still writes the bag, the new name is taken, or the disk refuses.
+        SalvageError: a process still writes the bag, a file of the new name exists, or writing failed.
     """
     if in_use(path):
         raise SalvageError(f"{path.name} is being written by a recorder; end the recording first")

@@ -1,4 +1,4 @@
-"""Checks where two parts of a recording meet: their order, and gaps of a stream between them."""
+"""Checks of seams, where one part of a recording follows another: order of the parts, gaps between them."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -14,11 +14,11 @@ from hric_bags.health.streams import TopicStream
 
 @dataclass(frozen=True)
 class Seam:
-    """Transition between two parts of a recording.
+    """Transition from one part of a recording to the next.
 
     Attributes:
-        before, after: names of the two bags.
-        overlap: time that both recorded [s]; negative: gap between them. NaN: one of them is empty.
+        before, after: names of the two parts' files.
+        overlap: time that both parts recorded [s]; negative: gap between them; NaN: one of them is empty.
         findings: problems of the transition.
     """
 
@@ -28,7 +28,7 @@ class Seam:
     findings: list[HealthFinding]
 
     def render(self, quiet: bool = False) -> str:
-        """Return the seam as text; quiet: its findings only."""
+        """Return the report on the seam as text; quiet: True for the findings only."""
         relation = (
             f"recorded together for {self.overlap:.3f} s" if self.overlap >= 0.0 else f"are {-self.overlap:.3f} s apart"
         )
@@ -37,7 +37,7 @@ class Seam:
 
 
 def of_parts(parts: Sequence[tuple[Path, Sequence[TopicStream]]]) -> list[Seam]:
-    """Return all seams of a recording; parts: bag and topics of each part, in order."""
+    """Return all seams of a recording; parts: (path, topics) of each part, in order."""
     return [_seam(before[0].name, before[1], after[0].name, after[1]) for before, after in pairwise(parts)]
 
 
@@ -65,14 +65,14 @@ def _seam(before: str, old: Sequence[TopicStream], after: str, new: Sequence[Top
 
 
 def _problems(before: TopicStream, after: TopicStream) -> Iterator[str]:
-    """Yield missing numbers or a gap of one topic between two parts."""
+    """Yield texts on missing running numbers, or on a gap, of one topic between two parts."""
     if before.latched:
         return
     if before.counts and after.first > before.next:
         yield f"{after.first - before.next} {before.counts} are missing between the parts, from number {before.next} on"
     elif before.counts and after.first < before.next and after.recorded.min() > before.recorded.max():
-        yield f"the {before.counts} of the two parts overlap in number but not in time: the source restarted"
+        yield f"the {before.counts} of both parts overlap in number but not in time: the source restarted"
     elif not before.counts and before.stamps is not None and after.stamps is not None and checks.is_regular(before):
         gap = float(after.stamps.min() - before.stamps.max()) * 1e-9
         if gap > checks.longest_period(before.period):
-            yield f"a gap of {gap:.3f} s between the parts; its period is {before.period:.4f} s"
+            yield f"a gap of {gap:.3f} s between the parts; the stream's period is {before.period:.4f} s"

@@ -1,4 +1,4 @@
-"""Counts, stamps and running numbers of each topic of a bag, gathered message by message."""
+"""Message counts, stamps and running numbers of each topic of a bag, collected message by message."""
 
 import re
 import struct
@@ -24,9 +24,9 @@ COUNTED: dict[str, tuple[str, Callable[[Any], tuple[int, int]]]] = {
     "hric_msgs/MocapData": ("frames", lambda message: (int(message.frame_number), 1)),
     "hric_msgs/SyncedSample": ("samples", lambda message: (int(message.header.seq), 1)),
 }
-"""Message types with a running number: what it counts, and function to (first number, how many) of a message."""
+"""Message type with a running number -> unit that it counts, function from message to (first number, how many)."""
 _WRAP = 1 << 32
-"""Number of values of a 32-bit counter, which goes on at 0; no gap of a 64-bit counter is half as long."""
+"""Number of values of a 32-bit counter, which wraps to 0; gaps of 64-bit counters are below half of this."""
 
 
 @dataclass
@@ -38,12 +38,12 @@ class TopicStream:
         latched: True if a publisher latches the topic.
         recorded: recording times in the order of the file, shape (n,) [ns].
         stamps: header stamps, shape (n,) [ns]; None: the type has no header.
-        publishers: callerids of the publishing nodes in the order of their first messages; "": the bag names none.
+        publishers: names of the publishing nodes in the order of their first messages; "": not in the bag.
         published_by: publisher of each message as an index into `publishers`, shape (n,).
-        counts: unit of its running number, e.g. "samples"; "": it has none.
+        counts: unit of the running number, e.g. "samples"; "": messages have none.
         missing: running numbers that are not in the bag, as (first, how many).
-        repeated: running numbers at which the count went back (repeats or a restarted source), as (first, how many).
-        first, next: first running number, and the one that would follow the last message; 0: it has none.
+        repeated: running numbers at which the count went back, by repeats or a restarted source, as (first, how many).
+        first, next: first running number, and the one that would follow the last message; 0: messages have none.
     """
 
     topic: str
@@ -61,12 +61,12 @@ class TopicStream:
 
     @property
     def judged(self) -> IntArray | None:
-        """Header stamps that must be in order and without gaps, shape (n,) [ns]; None: latched, or no header."""
+        """Header stamps that are checked for order and gaps, shape (n,) [ns]; None: latched topic, or no header."""
         return None if self.latched else self.stamps
 
     @property
     def period(self) -> float:
-        """Median time between header stamps, or recordings without header [s]; NaN: fewer than two messages."""
+        """Median time between header stamps or, without header, recordings [s]; NaN: fewer than two messages."""
         times = np.sort(self.recorded if self.stamps is None else self.stamps)
         return float(np.median(np.diff(times))) * 1e-9 if len(times) > 1 else float("nan")
 
@@ -107,7 +107,7 @@ class _Gathered:
 
 
 class StreamGatherer:
-    """Collector of streams from serialised messages."""
+    """Collector that makes a stream per topic from serialised messages."""
 
     def __init__(self) -> None:
         self._topics: dict[str, _Gathered] = {}

@@ -1,1 +1,1 @@
-"""Records of persons, contacts and objects in a bag, as arrays."""
+"""Readers of what a bag has on persons, contacts, objects and the safety supervisor, as arrays."""

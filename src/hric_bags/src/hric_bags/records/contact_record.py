@@ -1,4 +1,4 @@
-"""Contact forces of a run from gazebo_msgs/ContactsState in its bag, and which of them may be assessed. No ROS."""
+"""Contact forces in a bag (gazebo_msgs/ContactsState), and which of them may be compared with limits. No ROS."""
 
 import math
 from collections.abc import Callable, Iterable, Sequence
@@ -19,7 +19,7 @@ REMEDY = (
 
 
 class RigidForceError(HricError):
-    """Error for the assessment of a force that no sensor would read."""
+    """Error for a contact force that must not be assessed, because no real sensor would measure it."""
 
 
 @dataclass
@@ -28,9 +28,9 @@ class PairForce:
 
     Attributes:
         body_a, body_b: "model::link" names, in alphabetical order.
-        kind: "penalty", "rigid", or "unknown" (bags older than this field); of several kinds, one that may not be
-            assessed.
-        peak_force: largest force; for penalty contact of all steps, else of the recorded instants [N].
+        kind: contact model: "penalty" (spring and damper), "rigid", or "unknown" in old bags; of several kinds one that
+            must not be assessed.
+        peak_force: largest force [N]; for penalty contact of all simulation steps, else of the recorded instants.
         time: robot time of the message with the largest force [s].
         first, last: robot time of the first and the last message with this pair [s].
     """
@@ -45,7 +45,7 @@ class PairForce:
 
 
 def read(bag: Path | Bag, robot_time: Callable[[float], float]) -> list[PairForce]:
-    """Return all pairs of a bag with all its parts; empty: nothing touched, or the bag has no such topic."""
+    """Return all pairs of bodies that touched in a bag; empty: no contact, or the bag has no such topic."""
     pairs: dict[tuple[str, str], PairForce] = {}
     with opened(bag) as reader:
         contacts = [c for c in reader.connections if c.msgtype == CONTACTS_TYPE]
@@ -56,7 +56,7 @@ def read(bag: Path | Bag, robot_time: Callable[[float], float]) -> list[PairForc
 
 
 def add_to(pairs: dict[tuple[str, str], PairForce], message: Any, time: float) -> None:
-    """Add a message of a time [s]; pairs: contacts so far, by both bodies."""
+    """Add the contacts of a message at a robot time [s]; pairs: contacts so far, by the names of both bodies."""
     for state in message.states:
         _add(pairs, state, time)
 
@@ -75,10 +75,10 @@ def _add(pairs: dict[tuple[str, str], PairForce], state: Any, time: float) -> No
 
 
 def assessable(pairs: Iterable[PairForce]) -> list[PairForce]:
-    """Return the pairs for a comparison of their forces with limits for persons.
+    """Return the pairs, after checking that their forces may be compared with limits for persons.
 
     Raises:
-        RigidForceError: a pair has no penalty contact; the message names the pair and the remedy.
+        RigidForceError: the contact of a pair is not a penalty contact; the message names the pair and the remedy.
     """
     known = list(pairs)
     for pair in known:
@@ -86,7 +86,7 @@ def assessable(pairs: Iterable[PairForce]) -> list[PairForce]:
             why = (
                 "the kind of contact is not known"
                 if pair.kind == contact_info.UNKNOWN
-                else "it reads two to six times the elastic transient"
+                else "it is two to six times the transient of an elastic contact"
             )
             raise RigidForceError(
                 f"the force of {pair.body_a} on {pair.body_b} ({pair.kind} contact) cannot be assessed: {why}; {REMEDY}"
@@ -95,7 +95,7 @@ def assessable(pairs: Iterable[PairForce]) -> list[PairForce]:
 
 
 def cells(pairs: Sequence[PairForce]) -> list[tuple[str, ...]]:
-    """Return a row of text for each pair."""
+    """Return one row of a table for each pair, with the columns of `HEAD`."""
     return [
         (
             f"{pair.body_a}, {pair.body_b}",
@@ -110,14 +110,14 @@ def cells(pairs: Sequence[PairForce]) -> list[tuple[str, ...]]:
 
 
 HEAD = ("contact between", "kind", "peak force [N]", "time of peak [s]", "first [s]", "last [s]")
-"""Head of the table of `cells`."""
+"""Column heads of the table that `cells` returns."""
 
 
 def note(pairs: Sequence[PairForce]) -> str:
-    """Return a warning about forces that may not be assessed; empty: all may be assessed."""
+    """Return a warning about forces that must not be assessed; empty: all may be assessed."""
     if all(pair.kind == PENALTY for pair in pairs):
         return ""
     return (
-        "Forces that are not of penalty contact read two to six times the elastic transient: not to be "
-        f"assessed; {REMEDY}."
+        "Forces of contacts other than penalty contacts are two to six times the transient of an elastic contact and "
+        f"must not be assessed; {REMEDY}."
     )

@@ -1,4 +1,4 @@
-"""Record of a simulated person in a run, from the topics in the person's own namespace in a bag. No ROS."""
+"""Record of a simulated person in a run, from topics in the person's namespace in a bag. No ROS."""
 
 from array import array
 from collections.abc import Callable, Iterable
@@ -26,19 +26,19 @@ GRIP_TYPE, TORQUE_TYPE = "hric_msgs/msg/HumanGrip", "hric_msgs/msg/JointTorque"
 EVENT_TYPE = "hric_msgs/msg/HumanEvent"
 TYPES = (GRIP_TYPE, TORQUE_TYPE, EVENT_TYPE, CONTACTS_TYPE)
 REAL = "/hric/person/"
-"""Part of the topics of a real person in front of the cameras, which are none of the simulated human."""
+"""Part of the names of a real person's topics, which are not those of a simulated person."""
 
 
 @dataclass(frozen=True)
 class GripRecord:
-    """One grip over time.
+    """Record of one grip, by which a hand holds an object or handle, over time.
 
     Attributes:
-        name, held, holder: names of the grip and of both bodies.
+        name, held, holder: names of the grip, of the held body and of the body that holds it.
         time: robot time, shape (n,) [s].
-        closed: True where the grip holds and its point is known, which it is from its first step on, shape (n,).
+        closed: True while the grip is closed and its point is known, as it is from its first step on, shape (n,).
         force, torque: wrench on the holder, world frame, shape (n, 3) [N], [N m].
-        point: point where the wrench acts, world frame, shape (n, 3) [m].
+        point: point at which the wrench acts, world frame, shape (n, 3) [m].
         slipped: distance slipped since the grip closed, shape (n,) [m].
     """
 
@@ -55,7 +55,7 @@ class GripRecord:
 
 @dataclass(frozen=True)
 class RecordedHumanEvent:
-    """Event of a simulated person. Attributes: see hric_msgs/HumanEvent; time: robot time [s]."""
+    """Event of a simulated person at a robot time [s], with the fields of hric_msgs/HumanEvent."""
 
     time: float
     kind: str
@@ -66,13 +66,13 @@ class RecordedHumanEvent:
 
 @dataclass(frozen=True)
 class HumanRecord:
-    """One person in one run; what the bag does not have is empty.
+    """Record of one person in one run; data that the bag does not have are empty.
 
     Attributes:
         joints: joint names.
         time: robot time, shape (n,) [s].
         position: joint positions, shape (n, j) [rad].
-        torque_time: times of the rows of `torque`, shape (m,) [s].
+        torque_time: robot time of the rows of `torque`, shape (m,) [s].
         torque: joint torques, shape (m, j) [N m].
         share: torque as a share of the joint's strength, shape (m, j) [1].
         clipped: number of times each joint was limited to its strength.
@@ -80,10 +80,10 @@ class HumanRecord:
         contacts: contacts with a force, by link.
         events: events in order of time.
         region_contacts: contacts with begin and peak, in the order in which they ended.
-        muscles: muscle data; None: the joints have no muscles.
-        root: root pose of a walking person; None: the person stays at the spawn pose.
+        muscles: muscle data; None: the body has no muscles.
+        root: root pose of a walking person; None: the person's root does not move.
         name: namespace of the person.
-        stream: recorded contact messages; None: the bag has no such topic.
+        stream: times and losses of the recorded contact messages; None: the bag has no such topic.
     """
 
     joints: tuple[str, ...]
@@ -104,7 +104,7 @@ class HumanRecord:
 
 
 def read(bag: Path | Bag, robot_time: Callable[[float], float]) -> HumanRecord | None:
-    """Read the first person of a bag, with motion and torques; None: nobody has both."""
+    """Read the first person in a bag; None: the bag has no person with both motion and torques."""
     with opened(bag) as reader:
         names = human_names(reader.connections)
         if not names:
@@ -129,7 +129,7 @@ def read(bag: Path | Bag, robot_time: Callable[[float], float]) -> HumanRecord |
 def human_names(connections: Iterable[Any]) -> list[str]:
     """Return the namespaces of persons with recorded torques, grips or contacts, simulated persons first.
 
-    A contact topic with another name than `contacts` counts as a namespace.
+    A contact topic that is not named `contacts` counts as a namespace itself.
     """
     names = set[str]()
     for connection in connections:
@@ -142,7 +142,7 @@ def human_names(connections: Iterable[Any]) -> list[str]:
 
 
 def _is_real(name: str) -> bool:
-    """Return True for the namespace of a real person, whose motion is read elsewhere."""
+    """Return True for the namespace of a real person, whose motion other code reads."""
     return REAL in f"{name}/"
 
 
@@ -151,8 +151,8 @@ class HumanMessages:
 
     Args:
         name: namespace of the person.
-        rate: highest rate of stored joint states, torques, root poses and each grip [Hz]; None: all. Everything else is
-            stored.
+        rate: highest rate at which joint states, torques, root poses and each grip are stored [Hz]; None: all. All
+            other messages are stored.
     """
 
     def __init__(self, name: str, rate: float | None = None) -> None:
@@ -169,30 +169,30 @@ class HumanMessages:
         self._contacts: RegionMessages | None = None
 
     def wants(self, connection: Any) -> bool:
-        """Return True if a connection belongs to this person."""
+        """Return True if a connection has messages of this person that are collected."""
         return self.takes(connection.topic, connection.msgtype)
 
     def takes(self, topic: str, kind: str) -> bool:
-        """Return True if a topic belongs to this person."""
+        """Return True if messages of a topic and type are collected for this person."""
         return topic in (self._states, self._torques, self._roots) or (
             topic in self._others and kind in (GRIP_TYPE, EVENT_TYPE, CONTACTS_TYPE)
         )
 
     def note(self, connection: Any, raw: bytes) -> None:
-        """Count a message, also one that is not `due`; raw: serialised message."""
+        """Count a contact message, even one that `due` leaves out; raw: serialised message."""
         if connection.msgtype == CONTACTS_TYPE:
             self._contacts = self._contacts or RegionMessages()
             self._contacts.note(raw)
 
     def due(self, connection: Any, raw: bytes) -> bool:
-        """Return True if a message is needed at this rate; raw: serialised message."""
+        """Return True if a message has to be read at the limited rate; raw: serialised message."""
         if self._thin is None or connection.msgtype in (EVENT_TYPE, CONTACTS_TYPE):
             return True
         name = _second_text(raw) if connection.msgtype == GRIP_TYPE else b""
         return self._thin.due((connection.topic, name), raw)
 
     def add(self, topic: str, kind: str, message: Any) -> None:
-        """Add a message."""
+        """Add a message of this person."""
         stamp = seconds(message.header.stamp)
         if topic == self._states:
             self._position.add(stamp, message)
@@ -209,7 +209,7 @@ class HumanMessages:
             self._contacts.add(stamp, message)
 
     def record(self, robot_time: Callable[[float], float]) -> HumanRecord:
-        """Return the record of all messages."""
+        """Return the person's record from all messages; robot_time: function from stamps to robot time [s]."""
         position, torque, contacts = self._position, self._torque, self._contacts or RegionMessages()
         time, q = position.columns(robot_time)
         torque_time, tau, share = torque.columns(robot_time)
@@ -240,13 +240,13 @@ class HumanMessages:
 
 
 def _second_text(raw: bytes) -> bytes:
-    """Return the text after the header of a serialised message."""
+    """Return the text that follows the header in a serialised message."""
     begin = 20 + int.from_bytes(raw[12:16], "little")
     return bytes(raw[begin : begin + int.from_bytes(raw[begin - 4 : begin], "little")])
 
 
 class _Grips:
-    """Messages of one grip; first: its first message."""
+    """Collector of the messages of one grip; first: the first of them."""
 
     def __init__(self, first: Any) -> None:
         self._first, self._stamps, self._rows = first, array("d"), array("d")

@@ -1,6 +1,6 @@
-"""Muscle data of a simulated human in a run, from the topics in its bag. No ROS.
+"""Muscle data of a simulated human in a run, from topics in its bag. No ROS.
 
-All of them are estimates of a model.
+All muscle data are estimates by a model.
 """
 
 from collections.abc import Callable, Iterable
@@ -13,23 +13,23 @@ import numpy.typing as npt
 from hric_bags.reader import FloatArray, seconds
 
 TOPICS = ("activation", "muscle_force", "joint_reactions")
-"""Topics below the human's namespace."""
+"""Names of the topics with muscle data in the human's namespace."""
 
 
 @dataclass(frozen=True)
 class MuscleRecord:
-    """Muscle data of one run.
+    """Muscle data of one human in one run.
 
     Attributes:
         names: names of k muscles and of the ideal actuators of joints without muscles.
         is_muscle: True for a muscle, shape (k,).
         time: robot time, shape (n,) [s].
         activation: activations, shape (n, k) [1].
-        limited: number of times a muscle was required to give more than it can, by name.
+        limited: number of times a muscle would have needed more activation than it can have, by name.
         force: largest force of each muscle, by name [N].
-        outside: share of the time in which the posture was outside the range of muscle paths [1].
-        contact_time: times of the rows of `contact`, shape (m,) [s].
-        contact: magnitude of the joint contact force, by joint centre, shape (m,) [N].
+        outside: share of the time in which the posture was outside the range for which muscle paths are fitted [1].
+        contact_time: robot time of the rows of `contact`, shape (m,) [s].
+        contact: magnitude of the contact force between the bones of a joint, by joint, shape (m,) [N].
     """
 
     names: tuple[str, ...]
@@ -44,12 +44,12 @@ class MuscleRecord:
 
     @property
     def muscles(self) -> tuple[str, ...]:
-        """Names of the muscles alone."""
+        """Names of the muscles, without ideal actuators."""
         return tuple(name for name, is_muscle in zip(self.names, self.is_muscle, strict=True) if is_muscle)
 
 
 class MuscleMessages:
-    """Collector of muscle messages.
+    """Collector of messages with muscle data of simulated humans.
 
     Args:
         humans: namespaces of the humans.
@@ -60,15 +60,15 @@ class MuscleMessages:
         self._rows: dict[str, list[tuple[float, Any]]] = {topic: [] for topic in TOPICS}
 
     def wants(self, connection: Any) -> bool:
-        """Return True if a connection is a muscle topic of these humans."""
+        """Return True if a connection has muscle data of these humans."""
         return connection.topic in self._topics
 
     def add(self, topic: str, message: Any) -> None:
-        """Add a message."""
+        """Add a message of a topic with muscle data."""
         self._rows[self._topics[topic]].append((seconds(message.header.stamp), message))
 
     def record(self, robot_time: Callable[[float], float]) -> MuscleRecord | None:
-        """Return the record of all messages; None: the joints have no muscles."""
+        """Return the record of all messages; None: the bodies have no muscles."""
         activations, forces, reactions = (self._rows[topic] for topic in TOPICS)
         if not activations or not forces:
             return None

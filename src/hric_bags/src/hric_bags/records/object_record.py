@@ -1,4 +1,4 @@
-"""Poses of the objects of a world over a run. No ROS."""
+"""Poses of the objects in a simulated world over a run. No ROS."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -19,13 +19,13 @@ STATES_TYPE = "gazebo_msgs/msg/ModelStates"
 
 @dataclass(frozen=True)
 class ObjectRecord:
-    """Pose of an object over time.
+    """Pose of an object of the simulated world over time.
 
     Attributes:
-        name: name of its model.
+        name: name of the object's model.
         description: URDF of the object.
         time: robot time, shape (n,) [s].
-        pose: pose of its root link in the world: position and quaternion x y z w, shape (n, 7) [m].
+        pose: pose of the root link in the world: position [m] and quaternion x y z w, shape (n, 7).
     """
 
     name: str
@@ -35,10 +35,10 @@ class ObjectRecord:
 
 
 def models(plant: Mapping[str, object]) -> list[Model]:
-    """Return the objects of a plant's world; empty if that world does not exist any more.
+    """Return the models of the objects in a plant's world; empty if the world file does not exist any more.
 
     Args:
-        plant: parameters of the plant.
+        plant: parameters of the simulated plant, with the world.
     """
     try:
         objects = load_world(str(plant.get("world") or ""), WindowlessConfig().contact_stiffness)
@@ -48,11 +48,11 @@ def models(plant: Mapping[str, object]) -> list[Model]:
 
 
 def read(bag: Path | Bag, plant: Mapping[str, object], robot_time: Callable[[float], float]) -> list[ObjectRecord]:
-    """Return the recorded objects of a world, planes left out; in live runs the times are those of recording.
+    """Return the recorded objects of a world, without planes; in live runs, times are those of the recording.
 
     Args:
         bag: bag of the run.
-        plant: parameters of the plant.
+        plant: parameters of the simulated plant, with the world.
         robot_time: function from a stamp to robot time [s].
     """
     known = {model.name: model for model in models(plant) if not model.planes}

@@ -1,4 +1,4 @@
-"""Detection of joint states of two bodies on one topic, by the bytes of all messages. No ROS."""
+"""Detection of two bodies that publish joint states on one topic, from the bytes of all messages. No ROS."""
 
 from array import array
 from collections import deque
@@ -15,45 +15,46 @@ BoolArray = np.ndarray[Any, np.dtype[np.bool_]]
 WINDOW = 200
 """Number of successive messages that are examined together (project default)."""
 BLOCK = 5 * WINDOW
-"""Number of messages that are copied before they are examined (project default)."""
+"""Number of messages that are stored before they are examined (project default)."""
 FASTEST_JOINT = 150.0
-"""Fastest joint of a person [rad/s]; a baseball pitcher's shoulder: about 7000 deg/s, 122 rad/s (unconfirmed)."""
+"""Largest joint velocity of a person [rad/s]; a baseball pitcher's shoulder has 122 rad/s (unconfirmed)."""
 FASTEST_AXIS = 20.0
-"""Fastest joint of an arm [rad/s], above 12.6 rad/s (720 deg/s) of small industrial wrists (unconfirmed)."""
+"""Largest joint velocity of an arm [rad/s]; small industrial wrists have 12.6 rad/s (unconfirmed)."""
 STEP = 1e-3
-"""Shortest time between two poses [s], so that two equal stamps do not give an infinite speed."""
+"""Minimum time between two poses from which a speed is computed [s], so that equal stamps do not give infinity."""
 SWITCHES, BACK = 3, 0.25
-"""Limits of jumps away and back of one source within WINDOW messages (project defaults, unconfirmed).
+"""Limits for jumps of a joint away and back in the next message, as of two mixed sources.
 
-SWITCHES: number of such jumps; BACK: share of the jump within which the joint is back [1].
+One source makes at most SWITCHES of them within WINDOW messages. A joint is back if it is nearer to its position before
+than the share BACK of the jump [1] (project defaults, unconfirmed).
 """
 MANY_PAIRS = 20
-"""Number of successive pairs of stamps that jitter cannot explain (project default, unconfirmed)."""
+"""Largest number of successive pairs of close stamps that jitter can explain (project default, unconfirmed)."""
 ARM_JOINTS = 4
-"""Fewest joints of an arm; a gripper on the same topic has fewer (project default, unconfirmed)."""
+"""Minimum number of joints of an arm; a gripper on the same topic has fewer (project default, unconfirmed)."""
 JOINTS = frozenset(joint.name for joint in joints(PARTS["whole_body"]))
-"""Names of the joints of a body of `hric_human`."""
+"""Names of the joints of human bodies, as `hric_human` describes them."""
 PERSONS = "two persons in one namespace cannot be told apart; valid: a namespace for each, such as hric/human2"
 ARMS = "two arms on one topic cannot be told apart; valid: a topic for each"
 
 
 def publishers(connections: Iterable[Any]) -> list[str]:
-    """Return the names of the publishing nodes of some connections, as far as the bag holds them."""
+    """Return the names of the nodes that publish some connections, as far as the bag has them."""
     return sorted({name for c in connections if (name := getattr(getattr(c, "ext", None), "callerid", None))})
 
 
 def check_names(topic: str, names: Iterable[str]) -> None:
-    """Raise BagError if a message of a topic has a name twice."""
+    """Raise BagError if the names in a message of a topic are not unique."""
     counted = list(names)
     if double := sorted({name for name in counted if counted.count(name) > 1}):
         raise BagError(f"{topic}: {', '.join(double)} twice in one message; valid: each name once")
 
 
 class RecordedJointStates:
-    """Joint states of one topic, checked as they arrive.
+    """Checker of the joint states on one topic: they must come from one person, or one arm.
 
     Args:
-        topic: absolute name.
+        topic: absolute name of the topic.
     """
 
     def __init__(self, topic: str) -> None:
@@ -63,7 +64,7 @@ class RecordedJointStates:
         self._changes: deque[int] = deque(maxlen=SWITCHES + 1)
 
     def note(self, connection: Any, raw: bytes) -> None:
-        """Add one serialised message.
+        """Check the next serialised message.
 
         Raises:
             BagError: the messages come from two bodies, or a name occurs twice.
@@ -78,12 +79,12 @@ class RecordedJointStates:
         self._count += 1
 
     def end(self) -> None:
-        """Check the last messages; raises as `note`."""
+        """Check the messages that were not examined yet. Raises BagError as `note`."""
         for body in self._bodies.values():
             self._check(body)
 
     def _change(self, block: bytes) -> None:
-        """Switch to messages with other names; block: serialised names."""
+        """Switch to messages with other joint names, and check if they may alternate; block: serialised names."""
         if self._last:
             self._changes.append(self._count)
         self._last = block
@@ -109,7 +110,7 @@ class RecordedJointStates:
 
 
 class _Body:
-    """Joint states that share one list of joint names; block: the names as serialised."""
+    """Collector of joint states with one list of joint names; block: the names as serialised."""
 
     def __init__(self, block: bytes) -> None:
         self.names, at = list[str](), 4
@@ -130,7 +131,7 @@ class _Body:
         return len(self._stamps) >= BLOCK
 
     def mixed(self) -> str:
-        """Return the evidence that two publishers alternate, else ""; drop all but the last WINDOW messages."""
+        """Return evidence that two publishers alternate, else ""; drop all but the last WINDOW messages."""
         numbers, stamps = np.array(self._numbers), np.array(self._stamps)
         positions = np.array(self._positions).reshape(len(stamps), len(self.names))
         for values, width in ((self._numbers, 1), (self._stamps, 1), (self._positions, positions.shape[-1])):
@@ -149,7 +150,7 @@ class _Body:
 
 
 def _away_and_back(stamps: FloatArray, positions: FloatArray, fastest: float) -> BoolArray:
-    """Return a mask of poses that jump faster than `fastest` [rad/s] and back in the next message, shape (n - 2,)."""
+    """Return a mask, shape (n - 2,), of poses that jump faster than `fastest` [rad/s] and back in the next message."""
     if len(stamps) < 3 or not positions.size:
         return np.zeros(0, dtype=bool)
     steps = np.maximum(np.diff(stamps)[:-1], STEP)
@@ -160,7 +161,7 @@ def _away_and_back(stamps: FloatArray, positions: FloatArray, fastest: float) ->
 
 
 def _many(events: BoolArray) -> int | None:
-    """Return the first index from which more than SWITCHES events lie within WINDOW messages; None: there is none."""
+    """Return the first index from which over SWITCHES events are within WINDOW messages; None: there is none."""
     at = np.flatnonzero(events)
     near = np.flatnonzero(at[SWITCHES:] - at[: max(len(at) - SWITCHES, 0)] < WINDOW)
     return int(at[near[0]]) if len(near) else None

@@ -1,6 +1,6 @@
-"""Everything in a bag for an assessment: arm, person, contacts, in one pass. No ROS.
+"""Reader of everything in a bag that an assessment needs, in one pass: arm, persons, contacts. No ROS.
 
-Streams are thinned, so that an hour fits into memory.
+Streams are stored at a limited rate, so that an hour fits into memory.
 """
 
 import math
@@ -35,18 +35,18 @@ from hric_core.geometry import Pose
 RATE = 100.0
 """Highest rate of a stored stream [Hz]; project default."""
 SAMPLES = 150_000
-"""Largest number of stored samples of a stream; an hour is stored at a lower rate; project default."""
+"""Largest number of stored samples of a stream, so that an hour is stored at a lower rate; project default."""
 STATES_TYPE, TRACKING_TYPE = "sensor_msgs/msg/JointState", "hric_msgs/msg/PersonTracking"
 ACTIVATION_TYPE, STATIC_TYPE = "hric_msgs/msg/MuscleActivation", "tf2_msgs/msg/TFMessage"
 REACTIONS_TYPE = "hric_msgs/msg/JointReactions"
 TEXT_TYPE = "std_msgs/msg/String"
 _THINNED = (STATES_TYPE, TRACKING_TYPE, ACTIVATION_TYPE, TORQUE_TYPE, REACTIONS_TYPE, STATE_TYPE)
 NAMES = {TORQUE_TYPE: "name", ACTIVATION_TYPE: "name", REACTIONS_TYPE: "joint_names", LOG_TYPE: "joint_names"}
-"""Fields with the names of joints and muscles; joint states are checked in all messages."""
+"""Message type -> field with names of joints or muscles, which must be unique in each message that is read."""
 ONE_PUBLISHER = (LOG_TYPE, TORQUE_TYPE, TRACKING_TYPE, ACTIVATION_TYPE)
-"""Message types that only one node may publish on a topic."""
+"""Message types that only one node may publish on one topic."""
 SLACK = 1.0
-"""Longest time by which a bag may begin before, and end after, the samples of arm and persons [s].
+"""Time by which a bag may begin before, and end after, the samples of arm and persons without extending them [s].
 
 Recorders are started first and stopped last (project default).
 """
@@ -54,13 +54,13 @@ Recorders are started first and stopped last (project default).
 
 @dataclass(frozen=True)
 class Columns:
-    """Named values over time.
+    """Named values of one topic over time.
 
     Attributes:
         topic: source topic.
         names: names of the columns.
         time: robot time, shape (n,) [s].
-        values: shape (n, k); NaN where a message does not have one.
+        values: values, shape (n, k); NaN if a message does not have one.
     """
 
     topic: str
@@ -75,11 +75,11 @@ class TrackedRoot:
 
     Attributes:
         topic: source topic.
-        frame: frame of the pose.
+        frame: tf frame in which the pose is given.
         time: robot time, shape (n,) [s].
-        pose: position and quaternion x y z w, NaN while the person is lost, shape (n, 7) [m].
-        residual: residual of the markers, shape (n,) [m].
-        calibrated: True if the body was fitted to the person.
+        pose: position [m] and quaternion x y z w, shape (n, 7); NaN while the person is lost.
+        residual: distance between measured and model markers, root mean square, shape (n,) [m].
+        calibrated: True if the body model was fitted to the person.
     """
 
     topic: str
@@ -92,26 +92,26 @@ class TrackedRoot:
 
 @dataclass(frozen=True)
 class Recording:
-    """One bag, with at most RATE and SAMPLES of a stream.
+    """Contents of one bag for an assessment; each stream has at most RATE and SAMPLES.
 
     Attributes:
-        topics: message counts by topic.
-        kinds: message types.
+        topics: number of messages by topic.
+        kinds: message types in the bag.
         begin, end: robot time of the first and the last sample of arm or persons, or of a message of any topic that is
             more than SLACK beyond them [s].
         robot_time: function from stamps to robot time.
         log: control log of the arm; None: the bag has none.
         humans: simulated persons by namespace.
         pairs: pairs of bodies that touched, from /sim/contacts; None: the bag has no such topic.
-        people: joint states of bodies of `hric_human`, by topic.
-        tracked: roots of real persons, by topic.
+        people: joint positions of persons, simulated or real, by topic.
+        tracked: root poses of real persons, by topic.
         activation: muscle activations, by topic.
         contact: magnitude of the contact forces between bones [N], by topic; only with an activation in the same
             namespace.
-        shares: shares of joint strength of real persons, by topic.
-        description: URDF of the robot; "": none in the bag.
+        shares: joint torques of real persons as shares of joint strength [1], by topic.
+        description: URDF of the robot; "": not in the bag.
         safety: decisions of a supervisor; None: there was no supervisor.
-        static: poses of child frames in their parents, by (parent, child).
+        static: poses of static tf frames in their parents, by (parent, child).
     """
 
     topics: dict[str, int]
@@ -133,7 +133,7 @@ class Recording:
 
 
 def read(bag: Path | Bag) -> Recording:
-    """Return everything in a bag, read in one pass.
+    """Read everything in a bag that an assessment needs, in one pass.
 
     Raises:
         BagError: the bag is missing or damaged, or two persons share a namespace.
@@ -149,7 +149,7 @@ def read(bag: Path | Bag) -> Recording:
 
 
 class _Taken:
-    """Collector of messages of one pass."""
+    """Collector of the messages in one pass over a bag."""
 
     def __init__(self, reader: Bag, rate: float) -> None:
         self._humans = [HumanMessages(name, rate) for name in human_names(reader.connections)]
@@ -168,7 +168,7 @@ class _Taken:
         self.description = ""
 
     def wants(self, connection: Any) -> bool:
-        if connection.msgtype == REACTIONS_TYPE:  # robot joints have no muscles in their namespace
+        if connection.msgtype == REACTIONS_TYPE:  # reactions of a robot's joints are in a namespace without muscles
             return str(connection.topic).rpartition("/")[0] in self._beside
         kinds = (*_THINNED, LOG_TYPE, PAIRS_TYPE, EVENT_TYPE)
         if connection.msgtype in kinds or connection.topic in self._topics:
@@ -176,14 +176,14 @@ class _Taken:
         return str(connection.topic).endswith(("/robot_description", "/tf_static"))
 
     def note(self, connection: Any, raw: bytes) -> None:
-        """Count a message of a person, read or not, and look for a second body on a topic of joint states."""
+        """Count a message, whether it is read or not, and check that joint states on its topic come from one body."""
         if connection.msgtype == STATES_TYPE:
             self._states.setdefault(connection.topic, RecordedJointStates(connection.topic)).note(connection, raw)
         if connection.topic in self._topics:
             self._topics[connection.topic].note(connection, raw)
 
     def due(self, connection: Any, raw: bytes) -> bool:
-        """Return True if a message has to be read."""
+        """Return True if a message has to be read at the limited rate."""
         if connection.topic in self._topics:
             return self._topics[connection.topic].due(connection, raw)
         if self._people.get(connection.topic, self) is None:
@@ -245,7 +245,7 @@ class _Taken:
         """Return the recording of all messages.
 
         Raises:
-            BagError: there are two control logs, or two publishers of one.
+            BagError: there are two control logs, or two publishers of one topic.
         """
         self._check_publishers(reader)
         topics = {topic: info.msgcount for topic, info in reader.topics.items()}
@@ -287,7 +287,7 @@ class _Taken:
 
 
 class _Named:
-    """Named values; the names may differ between messages."""
+    """Collector of named values; the names may differ between messages."""
 
     def __init__(self) -> None:
         self._names: dict[str, int] = {}
@@ -321,7 +321,7 @@ def _columns(streams: dict[str, _Named], robot_time: RobotTime) -> dict[str, Col
 
 
 class _Roots:
-    """Messages of one tracked person."""
+    """Collector of root poses of one tracked person."""
 
     def __init__(self) -> None:
         self._stamps, self._rows = array("d"), array("d")
@@ -333,7 +333,7 @@ class _Roots:
         self._last = message
 
     def tracked(self, topic: str, robot_time: RobotTime) -> TrackedRoot:
-        """Return the root link over time."""
+        """Return the root link of the person over time."""
         rows = np.array(self._rows).reshape(-1, 8)
         time = times(self._stamps, robot_time)
         frame = str(self._last.header.frame_id).strip("/")
@@ -341,7 +341,7 @@ class _Roots:
 
 
 class _ThinLog:
-    """Cycles of the control log at a limited rate [Hz]; repeated cycles are stored once."""
+    """Collector of control log cycles at a limited rate [Hz]; repeated cycles are stored once."""
 
     def __init__(self, rate: float) -> None:
         self._rate, self._slot, self._last = rate, -math.inf, -math.inf
@@ -372,11 +372,11 @@ class _ThinLog:
 
     @property
     def robot_time(self) -> RobotTime | None:
-        """Function from stamps to robot time; None: there is no log."""
+        """Function from stamps to robot time [s]; None: there is no control log."""
         return robot_time_of(self._clock) if self._clock else None
 
     def record(self) -> ControlRecord | None:
-        """Return the stored cycles; None: there are none."""
+        """Return the record of the stored cycles; None: there are none."""
         if self._message is None:
             return None
         n, names = len(self._time), tuple(self._message.joint_names)

@@ -1,4 +1,4 @@
-"""Contacts of a person over time, from hric_msgs/RegionContacts in a bag. No ROS."""
+"""Contacts on a person's body over time, from hric_msgs/RegionContacts in a bag. No ROS."""
 
 import math
 from array import array
@@ -18,16 +18,16 @@ CONTACTS_TYPE = "hric_msgs/msg/RegionContacts"
 
 @dataclass(frozen=True)
 class ContactRecord:
-    """Force on one link over time.
+    """Contact force on one link of a person over time.
 
     Attributes:
-        link: link of the human.
-        regions: regions of ISO/TS 15066 that the link belongs to.
+        link: link of the person's body.
+        regions: body regions of ISO/TS 15066 to which the link belongs.
         time: robot time, shape (n,) [s].
-        force: largest force of all contacts at an instant, or the peak of one that has ended since the instant before;
-            0: no contact, or only contacts without a meaningful force; shape (n,) [N].
-        point: point where it acts, world frame, shape (n, 3) [m].
-        normal: unit vector along which it acts on the link, world frame, shape (n, 3).
+        force: largest force of all contacts at each message, or the peak of a contact that has ended since the message
+            before, shape (n,) [N]; 0: no contact, or only rigid contacts, whose force is not meaningful.
+        point: point at which the force acts, world frame, shape (n, 3) [m].
+        normal: unit vector along which the force acts on the link, world frame, shape (n, 3).
     """
 
     link: str
@@ -40,12 +40,12 @@ class ContactRecord:
 
 @dataclass(frozen=True)
 class ContactStream:
-    """Recorded messages of a contact topic.
+    """Times and losses of the messages on a contact topic.
 
     Attributes:
         time: robot time of each message, shape (n,) [s].
-        silent: number of messages without a present or ended contact.
-        lost: begin and end of each stretch in which sequence numbers are missing, robot time [s].
+        silent: number of messages without a current or ended contact.
+        lost: begin and end of each time in which sequence numbers are missing, robot time [s].
     """
 
     time: FloatArray
@@ -55,7 +55,7 @@ class ContactStream:
 
 @dataclass
 class _Contact:
-    """Messages of one contact: the last one, the number of its instant, and the rows of its time series."""
+    """Collected messages of one contact: the last one, the number of its instant, and rows of the time series."""
 
     last: Any
     rows: "array[float]" = field(default_factory=lambda: array("d"))
@@ -69,7 +69,7 @@ class _Contact:
 
 
 class RegionMessages:
-    """Collector of the messages of one topic in their order."""
+    """Collector of the messages on one contact topic, in their order."""
 
     def __init__(self) -> None:
         self._stamps = array("d")
@@ -80,14 +80,14 @@ class RegionMessages:
         self._instant = 0
 
     def note(self, raw: bytes) -> None:
-        """Count a message, read or not; raw: serialised message."""
+        """Count a message, whether it is read or not; raw: serialised message."""
         number, seconds, nanoseconds = (int.from_bytes(raw[k : k + 4], "little") for k in (0, 4, 8))
         self._numbers.append(number)
         self._all_stamps.append(seconds + 1e-9 * nanoseconds)
         self._silent += raw[-8:] == bytes(8) and len(raw) == 24 + int.from_bytes(raw[12:16], "little")
 
     def stream(self, robot_time: Callable[[float], float]) -> ContactStream:
-        """Return the stream of recorded messages."""
+        """Return times and losses of all messages; robot_time: function from stamps to robot time [s]."""
         time, numbers = times(self._all_stamps, robot_time), np.array(self._numbers)
         lost = np.flatnonzero(np.diff(numbers) > 1)
         return ContactStream(time, self._silent, tuple((float(time[k]), float(time[k + 1])) for k in lost))
@@ -128,7 +128,7 @@ class RegionMessages:
             rows.extend((index, stamp, force, *xyz(contact.point), *xyz(contact.normal)))
 
     def by_link(self, robot_time: Callable[[float], float]) -> dict[str, ContactRecord]:
-        """Return forces at the times of the messages; a peak between two messages counts at the later one."""
+        """Return contact forces by link at the times of the messages; a peak between two counts at the later one."""
         time = times(self._stamps, robot_time)
         records, n = dict[str, ContactRecord](), len(time)
         for link, (regions, values) in self._links.items():
@@ -143,7 +143,7 @@ class RegionMessages:
         return records
 
     def region_contacts(self, robot_time: Callable[[float], float]) -> list[RegionContact]:
-        """Return all contacts in the order in which they ended; those that did not end come last."""
+        """Return all contacts in the order in which they ended; contacts that did not end are last."""
         open_contacts = [contact for contact in self._contacts.values() if not contact.ended]
         return [_region_contact(contact, robot_time) for contact in (*self._order, *open_contacts)]
 
@@ -155,7 +155,7 @@ def _region_contact(contact: _Contact, robot_time: Callable[[float], float]) -> 
     series = ContactSeries(time, force, reached, reached_time, since_begin, rows[:, 5:8], rows[:, 8:])
     kind = last.kind if len(contact.kinds) == 1 else " and ".join(sorted(contact.kinds))
     known = kind == "penalty"
-    stated = math.isfinite(last.begin)  # else it begins with its first message, of unknown duration
+    stated = math.isfinite(last.begin)  # otherwise begin is that of the first message, and the duration unknown
     return RegionContact(
         last.link,
         tuple(contact.regions),

@@ -1,4 +1,4 @@
-"""Pose of the root link of a body in the world over a run. No ROS."""
+"""Pose of a body's root link in the world over a run. No ROS."""
 
 from dataclasses import dataclass
 
@@ -10,11 +10,11 @@ from hric_core.geometry import Pose
 
 @dataclass(frozen=True)
 class RootRecord:
-    """Pose of one root link over time.
+    """Pose of a body's root link in the world over time.
 
     Attributes:
-        time: robot time, rising, shape (n,) [s].
-        pose: position and unit quaternion x y z w, shape (n, 7) [m].
+        time: rising robot time, shape (n,) [s].
+        pose: position [m] and unit quaternion x y z w, shape (n, 7).
         fixed: True if the body does not move, so that one pose is enough.
     """
 
@@ -24,17 +24,17 @@ class RootRecord:
 
     @classmethod
     def still(cls, T_world_root: Pose) -> "RootRecord":
-        """Return the record of a body that does not move."""
+        """Return the record of a body that does not move; T_world_root: its pose in the world."""
         return cls(np.zeros(1), np.array([[*T_world_root.position, *T_world_root.orientation]]), fixed=True)
 
     def at(self, time: FloatArray) -> FloatArray:
-        """Return interpolated positions and unit quaternions, shape (n, 7) [m]; time: shape (n,) [s].
+        """Return positions [m] and unit quaternions at robot times, shape (n,) [s]: shape (n, 7).
 
-        Interpolation is linear; the first and the last sample are held outside.
+        Interpolation is linear; before the first and after the last sample the pose is constant.
         """
         q = self.pose[:, 3:]
         flips = np.cumprod(np.where(np.sum(q[1:] * q[:-1], axis=1) < 0.0, -1.0, 1.0))
-        smooth = np.vstack([q[:1], q[1:] * flips[:, None]])  # same rotations on a continuous curve
+        smooth = np.vstack([q[:1], q[1:] * flips[:, None]])  # signs chosen so that the quaternions are continuous
         columns = np.hstack([self.pose[:, :3], smooth])
         pose = np.array([np.interp(time, self.time, column) for column in columns.T]).T
         norm = np.linalg.norm(pose[:, 3:], axis=1, keepdims=True)
@@ -42,7 +42,7 @@ class RootRecord:
         return pose
 
     def transforms(self, time: FloatArray) -> FloatArray:
-        """Return T_world_root, shape (n, 4, 4); time: shape (n,) [s]."""
+        """Return the poses T_world_root at robot times, shape (n,) [s]: shape (n, 4, 4)."""
         pose = self.at(time)
         x, y, z, w = pose[:, 3:].T
         T = np.tile(np.eye(4), (len(pose), 1, 1))

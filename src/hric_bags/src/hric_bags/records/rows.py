@@ -1,4 +1,4 @@
-"""Arrays of numbers from messages, collected without storing the messages. No ROS."""
+"""Collection of numbers from messages in arrays, without storing the messages. No ROS."""
 
 from array import array
 from collections.abc import Callable, Iterable
@@ -11,12 +11,12 @@ from hric_core.geometry import Vector
 
 
 def times(stamps: Iterable[float], robot_time: Callable[[float], float]) -> FloatArray:
-    """Return the robot times of stamps, shape (n,) [s]."""
+    """Return the robot times of stamps [s], shape (n,) [s]."""
     return np.array([robot_time(stamp) for stamp in stamps])
 
 
 def xyz(v: Any) -> Vector:
-    """Return the components of a point or a vector."""
+    """Return the components x, y, z of a point or vector message."""
     return v.x, v.y, v.z
 
 
@@ -32,19 +32,19 @@ def stamp_of(raw: bytes) -> int:
 
 
 class Thinning:
-    """Filter of messages whose stamps are too close to that of the last one kept.
+    """Filter that drops messages whose stamps follow that of the last chosen one too closely.
 
-    Recording times do not count: those of a busy machine come in bursts.
+    Recording times are not used, because on a busy machine messages are recorded in bursts.
 
     Args:
-        rate: highest rate of a stream [Hz].
+        rate: highest rate at which messages of a stream are chosen [Hz].
     """
 
     def __init__(self, rate: float) -> None:
         self.period, self._last = round(0.99e9 / rate), dict[Any, int]()
 
     def due(self, stream: Any, raw: bytes) -> bool:
-        """Return True if a message is kept; raw: serialised message that begins with a header."""
+        """Return True if a message of a stream is chosen; raw: serialised message that begins with a header."""
         stamp = stamp_of(raw)
         if stream in self._last and abs(stamp - self._last[stream]) < self.period:
             return False
@@ -53,13 +53,13 @@ class Thinning:
 
 
 class RecordRows:
-    """Rows of arrays of one length.
+    """Collector of array fields of messages as rows of equal length, one value per name.
 
     Args:
-        fields: fields of the messages.
+        fields: names of the messages' array fields.
 
     Attributes:
-        last: last message; None: there was none.
+        last: last message that was added; None: none was.
     """
 
     def __init__(self, *fields: str) -> None:
@@ -68,7 +68,7 @@ class RecordRows:
         self.last: Any = None
 
     def add(self, stamp: float, message: Any) -> None:
-        """Add a message unless it has other joints or lacks values; stamp: header stamp [s]."""
+        """Add a message, unless it has other names or lacks values; stamp: header stamp [s]."""
         rows = {name: np.asarray(getattr(message, name), dtype=float) for name in self._values}
         names = message.name if self.last is None else self.last.name
         if list(message.name) != list(names) or any(len(row) != len(names) for row in rows.values()):
@@ -79,7 +79,7 @@ class RecordRows:
         self.last = message
 
     def columns(self, robot_time: Callable[[float], float]) -> list[FloatArray]:
-        """Return the times and the values of each field, shape (n, j)."""
+        """Return the robot times, shape (n,) [s], and the values of each field, shape (n, j)."""
         n = len(self._stamps)
         width = 0 if self.last is None else -1
         return [times(self._stamps, robot_time), *(np.array(v).reshape(n, width) for v in self._values.values())]

@@ -1,4 +1,4 @@
-"""Decisions and events of the supervisor of a collaboration in a run. No ROS."""
+"""Decisions and events of the safety supervisor of a human-robot collaboration in a run. No ROS."""
 
 from array import array
 from collections.abc import Callable
@@ -15,7 +15,7 @@ STATE_TYPE, EVENT_TYPE = "hric_msgs/msg/SafetyState", "hric_msgs/msg/SafetyEvent
 TYPES = (STATE_TYPE, EVENT_TYPE)
 FREE, SLOWED, STOPPED = "free", "slowed", "stopped"
 STATES = (FREE, SLOWED, STOPPED)
-"""States of the supervisor; a code in `SafetyRecord.state` is an index here."""
+"""States of the supervisor; `SafetyRecord.state` has indices into this tuple."""
 
 
 class SafetyEvent(NamedTuple):
@@ -24,7 +24,7 @@ class SafetyEvent(NamedTuple):
     Attributes:
         time: robot time [s].
         kind, text: as in hric_msgs/SafetyEvent.
-        separation, margin: distance at that time, and that minus the protective distance [m]; NaN where not known.
+        separation, margin: distance at that time, and this minus the protective distance [m]; NaN if not known.
     """
 
     time: float
@@ -41,14 +41,14 @@ class SafetyRecord:
     Attributes:
         mode: mode of the supervisor.
         time: robot time, shape (n,) [s].
-        state: index in STATES, shape (n,) ints.
-        fault: True where nothing could be decided, shape (n,) bools.
-        violation: True where the arm moved closer than permitted, shape (n,) bools.
+        state: state as index into STATES, shape (n,), integers.
+        fault: True if a fault made a decision impossible, shape (n,), booleans.
+        violation: True if the arm moved closer than permitted, shape (n,), booleans.
         scale: requested speed scale, shape (n,) [1].
-        separation, protective: smallest distance, and S_p of the body part with the smallest margin, shape (n,) [m];
-            NaN with a fault.
-        margin: margin of that body part, shape (n,) [m].
-        latency: time from a pose to the cycle that applied its request, shape (n,) [s]; NaN where none did.
+        separation, protective: smallest distance, and protective distance S_p of the body part with the smallest
+            margin, shape (n,) [m]; NaN with a fault.
+        margin: smallest margin of all body parts, separation minus S_p, shape (n,) [m].
+        latency: time from a pose to the control cycle that applied the decision on it, shape (n,) [s]; NaN if none did.
         events: events in the order of time.
     """
 
@@ -65,19 +65,19 @@ class SafetyRecord:
     events: tuple[SafetyEvent, ...]
 
     def share(self, state: str) -> float:
-        """Return the share of a state in the time from the first to the last decision [1]."""
+        """Return the share of the time from first to last decision in which the supervisor was in a state [1]."""
         if len(self.time) < 2:
             return float(np.mean(self.state == STATES.index(state)))
         period = np.diff(self.time)
         return float(period[self.state[:-1] == STATES.index(state)].sum() / period.sum())
 
     def stretches(self, state: str) -> list[tuple[float, float]]:
-        """Return begin and end of each stretch of time in a state [s]; the last one ends with the record."""
+        """Return begin and end of each time interval in a state [s]; the last one ends with the record."""
         return self._stretches(self.state == STATES.index(state))
 
     @property
     def violations(self) -> list[tuple[float, float]]:
-        """Begin and end of each stretch of time in which the arm moved closer than permitted [s]."""
+        """Begin and end of each time interval in which the arm moved closer than permitted [s]."""
         return self._stretches(self.violation)
 
     def _stretches(self, chosen: np.ndarray) -> list[tuple[float, float]]:
@@ -87,13 +87,13 @@ class SafetyRecord:
 
 
 class SafetyMessages:
-    """Collector of the messages of a supervisor."""
+    """Collector of the messages of a safety supervisor."""
 
     def __init__(self) -> None:
         self._mode, self._rows, self._events = "", array("d"), list[tuple[float, Any]]()
 
     def add(self, kind: str, message: Any) -> None:
-        """Add a message of one of TYPES."""
+        """Add a hric_msgs/SafetyState or hric_msgs/SafetyEvent; kind: its message type, one of TYPES."""
         stamp = seconds(message.header.stamp)
         if kind == EVENT_TYPE:
             self._events.append((stamp, message))
@@ -137,7 +137,7 @@ class SafetyMessages:
 
 
 def read(bag: Path | Bag, robot_time: Callable[[float], float]) -> SafetyRecord | None:
-    """Return the record of a bag with all its parts; None: there was no supervisor.
+    """Read the record of the safety supervisor from a bag with all its parts; None: there was no supervisor.
 
     Raises:
         BagError: the bag is missing or damaged.

@@ -1,6 +1,6 @@
-"""Muscle load of a real person after a run, from the motion capture frames and hand forces in its bag. No ROS.
+"""Muscle load of a real person, computed after a run from mocap frames and hand forces in its bag. No ROS.
 
-It uses the code by which the node `person` of hric_perception does the same live.
+The code is that by which the node `person` of hric_perception computes the load live.
 """
 
 from collections.abc import Callable, Iterator
@@ -24,12 +24,12 @@ FRAMES = "hric_msgs/msg/MocapData"
 
 @dataclass(frozen=True)
 class TrackedMuscleLoad:
-    """Muscle load of a tracked person.
+    """Muscle load of a tracked person over a run.
 
     Attributes:
         load: load at all instants.
-        body: body of the person.
-        notes: sentences on how the person was tracked, and what is not known.
+        body: body model of the person.
+        notes: sentences on how the person was tracked, and which data are missing.
     """
 
     load: PersonLoad
@@ -44,12 +44,12 @@ def tracked(
     anatomy: Anatomy,
     strength: float = 1.0,
 ) -> TrackedMuscleLoad:
-    """Return the muscle load of the person over a run.
+    """Compute the muscle load of a real person over a run.
 
     Args:
         reader: reader of the bag.
         robot_time: function from stamps to robot time [s].
-        settings: settings with the person's body and what measures the force on the hand.
+        settings: settings with the person's body and the sensor of the force on the hand.
         anatomy: anatomy of the person's muscles.
         strength: strength factor of the muscles [1].
 
@@ -71,8 +71,8 @@ def tracked(
     load = live.take()
     if load is None:
         raise BagError(
-            f"the bag has {frames} frames of motion capture, and none of them shows the person; a load needs some of "
-            f"{', '.join(settings.worn)}, at least three of them on the trunk"
+            f"the bag has {frames} frames of motion capture, and none of them shows the person; needed are some of the "
+            f"markers {', '.join(settings.worn)}, at least three of them on the trunk"
         )
     fitted = "fitted to the person in a still pose" if calibrated else "NOT calibrated"
     note = f"motion: {frames} frames, markers {1e3 * np.nanmean(residuals):.1f} mm from those of the body, {fitted}"
@@ -82,7 +82,7 @@ def tracked(
 def _messages(
     reader: Bag, robot_time: Callable[[float], float], chosen: Callable[[Any], bool]
 ) -> Iterator[tuple[float, Any]]:
-    """Yield times [s] and messages of the chosen topics."""
+    """Yield robot time [s] and message of each message on the chosen topics."""
     for connection, _, raw in reader.chosen(chosen):
         message = reader.deserialize(raw, connection.msgtype)
         yield robot_time(seconds(message.header.stamp)), message
@@ -93,7 +93,7 @@ def _of_force(load: PersonLoad, settings: PersonSettings) -> str:
         return "external forces: none measured (person.force.source)"
     shares = {state: 100.0 * np.mean(np.array(load.force) == state) for state in (MISSING, AWAY)}
     return (
-        f"forces act on: the {settings.side} hand, measured by the {settings.force.source}; not on it for "
+        f"forces act on: the {settings.side} hand, measured by the {settings.force.source}; too far from the hand for "
         f"{shares[AWAY]:.1f} % of the time, missing for {shares[MISSING]:.1f} %"
     )
 
@@ -104,7 +104,7 @@ def _of_arms(load: PersonLoad) -> list[str]:
         lost, bridged = (100.0 * np.mean(np.array(states) == state) for state in (LOST, BRIDGED))
         outside = 100.0 * load.load.outside[side].mean()
         notes.append(
-            f"{side} arm: lost for {lost:.1f} % of the time, bridged for {bridged:.1f} %, outside the range that "
-            f"muscle paths were fitted in, where its muscles are left out, for {outside:.1f} %"
+            f"{side} arm: lost for {lost:.1f} % of the time, bridged for {bridged:.1f} %, outside the range in "
+            f"which muscle paths were fitted, so that its muscles are left out, for {outside:.1f} %"
         )
     return notes

@@ -1,4 +1,4 @@
-"""Joint limits: values, loading, enforcement, counts. Import them from this module."""
+"""Joint limits: values, loading, enforcement, and counts of limited commands. Import all names from here."""
 
 from hric_control.limits.counts import LimitCounts
 from hric_control.limits.effort import EffortLimiter, Limiter

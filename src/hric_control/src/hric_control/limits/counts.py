@@ -1,4 +1,4 @@
-"""Counts of the commands that joint limits changed, so that limits never act silently."""
+"""Counts of the commands that joint limits changed, by which users notice that limits act."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -9,20 +9,20 @@ from hric_msgs.msg import JointLimitCounts
 
 
 class LimitCounts:
-    """Number of commands that each limit changed, and largest excess over a limit. Plain lists in the order of `names`.
+    """Counts of the commands that joint limits changed, and largest measured values. Lists are in the order of `names`.
 
     Attributes:
         names: joint names.
-        cycles: cycles in which limits were enforced.
-        position, velocity, effort, effort_rate: cycles in which that limit changed the command by more than 1e-12, per
-            joint. Acceleration counts as velocity; a command that is not finite counts as effort, velocity or position,
-            by its interface.
+        cycles: number of cycles in which limits were enforced.
+        position, velocity, effort, effort_rate: number of cycles in which this limit changed the command by more than
+            1e-12, per joint. Changes by an acceleration limit count as velocity. A command that is not finite counts as
+            effort, velocity or position, the kind of its interface.
         speed_limit: velocity limit per joint [rad/s].
         speed_max: largest measured speed per joint [rad/s].
-        position_excess_max: largest distance of the position beyond its range [rad].
-        started_outside: True if the joint began the run outside its range.
-        not_finite: commands that were not finite and were replaced by the previous one, per joint.
-        run: number of `clear` calls, by which limiters notice them.
+        position_excess_max: largest measured distance beyond the position range, per joint [rad].
+        started_outside: True if the joint was outside its position range at the start of the run.
+        not_finite: number of commands that were not finite and were replaced by the previous one, per joint.
+        run: number of calls of `clear`, by which limiters notice such a call.
     """
 
     __slots__ = (
@@ -66,11 +66,11 @@ class LimitCounts:
 
     @property
     def total(self) -> int:
-        """Sum over all joints and kinds; 0: no limit changed a command."""
+        """Number of limited commands, summed over joints and kinds of limit; 0: no limit changed a command."""
         return sum(self.position) + sum(self.velocity) + sum(self.effort) + sum(self.effort_rate)
 
     def clear(self) -> None:
-        """Reset all counts to zero; the next cycle is the start of a run. The lists stay the same objects."""
+        """Reset all counts to zero at the start of a run. The lists stay the same objects."""
         for values in (self.position, self.velocity, self.effort, self.effort_rate, self.not_finite):
             values[:] = [0] * len(self.names)
         self.speed_max[:] = [0.0] * len(self.names)
@@ -81,7 +81,7 @@ class LimitCounts:
         self.start_checked = False
 
     def copy(self) -> "LimitCounts":
-        """Return a snapshot."""
+        """Return a copy of the present counts."""
         snapshot = LimitCounts(self.names, self.speed_limit)
         for name in self.__slots__:
             value = getattr(self, name)
@@ -97,7 +97,7 @@ class LimitCounts:
         """Return the counts as hric_msgs/JointLimitCounts.
 
         Args:
-            stamp: genpy.Time of the header.
+            stamp: stamp of the header (genpy.Time).
         """
         message = JointLimitCounts(
             joint_names=list(self.names),

@@ -1,4 +1,4 @@
-"""Limits of effort commands, enforced between the controllers' update and the write to the robot."""
+"""Limiter of effort commands, applied between the controllers' update and the write to the robot."""
 
 import logging
 import math
@@ -13,10 +13,10 @@ from hric_core.errors import HricError, check_known
 from hric_core.native.vectors import touched
 
 TOUCHED = 1e-12
-"""Smallest change of a command that counts as limited."""
+"""Change of a command from which on it counts as limited."""
 
 FINITE = sys.float_info.max
-"""Bound of the quick tests if there is no limit, so that an infinite command is caught too."""
+"""Bound used instead of infinity in the quick test of commands, so that an infinite command fails it."""
 
 _log = logging.getLogger("hric")
 
@@ -27,23 +27,23 @@ def clamp(value: float, low: float, high: float) -> float:
 
 
 def counted(count: list[int], i: int, before: float, after: float) -> float:
-    """Return `after`, and count it for joint `i` if a limit changed the command."""
+    """Return `after`, and increase the count of joint `i` if a limit changed the command from `before`."""
     if abs(after - before) > TOUCHED:
         count[i] += 1
     return after
 
 
 class Limiter:
-    """Base of the limiters of all three interfaces: joints, counts, the start outside the range.
+    """Base class of the limiters of effort, velocity and position commands.
 
     Args:
-        states: measured state, on which the limits depend.
-        commands: written in place by `enforce`.
+        states: measured joint states.
+        commands: commands that `enforce` limits in place.
         limits: one per joint, in the order of the states.
-        counts: shared with other limiters of the robot; None: a new one.
+        counts: counts of limited commands, shared with other limiters of the robot; None: new ones.
 
     Raises:
-        HricError: the limits are not those of the joints.
+        HricError: names or order of the limits differ from those of the joints.
     """
 
     _kind: ClassVar[str] = ""
@@ -71,14 +71,14 @@ class Limiter:
         self._selected = [True] * n
         self._previous = [math.nan] * n
         self._period, self._run = math.nan, -1
-        self._been_inside = [False] * n  # was inside the range since the start, from when on the soft limits act
-        self._speed = [0.0] * n  # of the last position command [rad/s or m/s]
+        self._been_inside = [False] * n  # True once a joint was inside its range: from then on its soft limits act
+        self._speed = [0.0] * n  # speed of the last position command [rad/s or m/s]
         # Bounds within which no limit changes a command, see `native.vectors.touched`.
         self._low, self._high, self._bound, self._change = ([0.0] * n for _ in range(4))
         self._fastest, self._softness = [FINITE] * n, [0.0] * n
 
     def enforce(self, period: float) -> None:
-        """Limit the commands in place, in well below a microsecond for seven joints when no limit is near.
+        """Limit the commands in place; if no limit is near, this takes well below a microsecond for seven joints.
 
         Args:
             period: time since the last cycle [s].
@@ -94,11 +94,11 @@ class Limiter:
         last[:] = value
 
     def reset(self, previous: Sequence[float] | None = None) -> None:
-        """Set the command from which the rate limits start.
+        """Set the previous command, from which the next one may differ only by the rate limits.
 
         Args:
-            previous: n commands, in force until now. None: not known; the first effort command passes the rate limit,
-                the first velocity and position commands start from the measured state.
+            previous: n commands, in force until now. None: not known; then the first effort command is not limited in
+                rate, and the first velocity and position commands start from the measured state.
         """
         if previous is not None and len(previous) != len(self._previous):
             raise HricError(f"{type(self).__name__}.reset: {len(previous)} values for {len(self._previous)} joints")
@@ -107,9 +107,9 @@ class Limiter:
         )
 
     def select(self, names: Iterable[str] | None) -> None:
-        """Select the joints that are driven through this interface and limited; None: all.
+        """Select the joints that are driven through this interface, whose commands are limited; None: all joints.
 
-        Newly selected ones start as after `reset(None)`."""
+        For a newly selected joint the previous command counts as unknown, as after `reset(None)`."""
         selected = self.states.names if names is None else tuple(names)
         check_known("joint", selected, self.states.names, type(self).__name__)
         now = [name in selected for name in self.states.names]
@@ -120,27 +120,28 @@ class Limiter:
         self._period = math.nan
 
     def check_start(self) -> None:
-        """Log the joints that start outside their range, once per run.
+        """Log a warning for each joint that is outside its position range at the start of the run.
 
-        `enforce` calls it in the first cycle after construction or `counts.clear()`."""
+        `enforce` calls this in the first cycle after construction or `counts.clear()`."""
         self.counts.start_checked = True
         for i, (limit, position) in enumerate(zip(self.limits, self.states.position, strict=True)):
             if not limit.lower <= position <= limit.upper and not self.counts.started_outside[i]:
                 self.counts.started_outside[i] = True
                 _log.warning(
-                    "%s starts at %.4f %s, outside its range [%.4f, %.4f]: until it is inside it may only move inwards",
+                    "joint %s starts at %.4f %s, outside its range [%.4f, %.4f]: it may only move inwards until it is "
+                    "inside",
                     limit.name, position, limit.unit, limit.lower, limit.upper,
                 )  # fmt: skip
 
     def _begin(self, period: float) -> None:
-        """Prepare for a new period, a new selection or cleared counts; `enforce` calls it only after such a change."""
+        """Prepare the limiter after a change of the period, of the selected joints, or a reset of the counts."""
         if not self.counts.start_checked:
             self.check_start()
         self._period, self._run = period, self.counts.run
         self._prepare(period)
 
     def _prepare(self, period: float) -> None:
-        """Set the bounds in which no limit acts: `_low`, `_high`, `_bound`, `_change`; also `_fastest`, `_softness`."""
+        """Set the bounds of the quick test, within which no limit changes a command, e.g. `_low`, `_high`, `_bound`."""
         raise NotImplementedError
 
     def _limit(self, i: int, q: float, v: float, value: float, last: float) -> float:
@@ -158,17 +159,18 @@ class Limiter:
         return self._enforced(i, q, v, value, last)
 
     def _first(self, i: int, q: float, v: float) -> float:
-        """Return the start of the rate limits of a joint without previous command; NaN: no rate limit."""
+        """Return the value used as previous command of joint `i` if that is unknown; NaN: the rate is not limited."""
         return math.nan
 
     def _enforced(self, i: int, q: float, v: float, value: float, last: float) -> float:
-        """Return `value` after all limits in their order, each `counted`."""
+        """Return the command after all limits of the interface, applied in order and counted."""
         raise NotImplementedError
 
     def _note_not_finite(self, i: int) -> None:
         if not self.counts.not_finite[i]:
             _log.error(
-                "the command or the state of %s is not finite; the command before it stays in force",
+                "joint %s: its command or measured state is not finite; the previous command stays in force (reported "
+                "once)",
                 self.limits[i].name,
             )
         self.counts.not_finite[i] += 1
@@ -176,19 +178,19 @@ class Limiter:
 
 
 class EffortLimiter(Limiter):
-    """Limiter of effort commands: position, velocity, effort, then rate of effort, so that the result is continuous.
+    """Limiter of effort commands by position, velocity, effort and last rate of effort, so that they are continuous.
 
-    Position: outside the range only inward effort passes. With soft limits (k_position, k_velocity) the velocity bound
-    shrinks with the distance to the soft limit, v_max(q) = -k_position (q - soft), and the effort bound with the
-    remaining speed, -k_velocity (v - v_max(q)). A joint that started outside its range is not pushed in: its soft
-    limits act once it has been inside. Velocity: above the limit only braking effort passes; with k_velocity the bound
-    is -k_velocity (v - v_max).
+    Position: outside the range only an effort towards the range is allowed. With soft limits (gains k_position,
+    k_velocity) the velocity bound decreases with the distance to the soft limit, v_max(q) = -k_position (q - soft), and
+    the effort bound is -k_velocity (v - v_max(q)). A joint that started outside its range is not pushed inwards: its
+    soft limits act once it has been inside. Velocity: above the limit only a braking effort is allowed; with k_velocity
+    the effort bound is -k_velocity (v - v_max).
     """
 
     _kind = "effort"
 
     def check_start(self) -> None:
-        """Log the joints that start outside their range, and disable their soft limits until they have been inside."""
+        """Log the joints that start outside their range; their soft limits are disabled until they have been inside."""
         super().check_start()
         self._been_inside[:] = [False] * len(self._been_inside)
 
@@ -216,10 +218,10 @@ class EffortLimiter(Limiter):
         return tau
 
     def _soft_acts(self, i: int, q: float) -> bool:
-        """Return True if the soft limits of the joint act.
+        """Return True if the soft limits of joint `i` act at position `q`.
 
-        They would push a joint that started outside its range inwards with full effort, so they wait until it has been
-        inside."""
+        They would push a joint that started outside its range inwards with full effort, so they do not act until it has
+        been inside."""
         if self.limits[i].lower <= q <= self.limits[i].upper:
             self._been_inside[i] = True
         return self._been_inside[i] or not self.counts.started_outside[i]

@@ -15,10 +15,10 @@ from hric_core.urdf import BOUNDED, Limit, SafetyController, read
 
 URDF = "from the URDF"
 FAR_OUTSIDE = 0.5
-"""Distance beyond its range at which a joint may start [rad or m] (project default, unconfirmed).
+"""Largest distance beyond its position range at which a joint may start [rad or m] (project default, unconfirmed).
 
-It covers an arm that was pushed to its stops, or a pose that was rounded."""
-# Switch of a group of parameters -> parameter -> (field, value that means "not limited").
+It allows for an arm that was pushed against its stops, or a pose that was rounded."""
+# Name of a `has_..._limits` parameter -> parameters of its group -> (field of JointLimits, value for "not limited").
 _GROUPS: dict[str, dict[str, tuple[str, float]]] = {
     "has_position_limits": {"min_position": ("lower", -INFINITY), "max_position": ("upper", INFINITY)},
     "has_velocity_limits": {"max_velocity": ("velocity", INFINITY)},
@@ -37,15 +37,15 @@ _GROUPS: dict[str, dict[str, tuple[str, float]]] = {
 
 @dataclass(frozen=True)
 class LimitParameters(Settings):
-    """Parameters of one joint's limits, with ros_control's names."""
+    """Parameters that override one joint's limits of the URDF, with the names of ros_control."""
 
     has_position_limits: bool | None = flag(
         None,
         default_text=URDF,
-        text="`false` takes the range away; likewise the other `has_` switches for their limits",
+        text="`false`: no position limits; the other parameters `has_..._limits` do the same for their limits",
     )
-    min_position: float | None = number(None, default_text=URDF, unit="rad or m", text="lower end of the range")
-    max_position: float | None = number(None, default_text=URDF, unit="rad or m", text="upper end of the range")
+    min_position: float | None = number(None, default_text=URDF, unit="rad or m", text="lower position limit")
+    max_position: float | None = number(None, default_text=URDF, unit="rad or m", text="upper position limit")
     has_velocity_limits: bool | None = flag(None, default_text=URDF)
     max_velocity: float | None = number(None, minimum=0.0, default_text=URDF, unit="rad/s or m/s", text="largest speed")
     has_effort_limits: bool | None = flag(None, default_text=URDF)
@@ -60,11 +60,15 @@ class LimitParameters(Settings):
         minimum=0.0,
         default_text="not limited",
         unit="rad/s^2 or m/s^2",
-        text="for velocity and position commands, where the robot uses it",
+        text="largest acceleration, for velocity and position commands, if the robot enforces it",
     )
     has_jerk_limits: bool | None = flag(None, default_text="`false`")
     max_jerk: float | None = number(
-        None, minimum=0.0, default_text="not limited", unit="rad/s^3 or m/s^3", text="read for planners; not enforced"
+        None,
+        minimum=0.0,
+        default_text="not limited",
+        unit="rad/s^3 or m/s^3",
+        text="largest jerk, for planners; not enforced",
     )
     has_soft_limits: bool | None = flag(None, default_text=URDF)
     k_position: float | None = number(
@@ -72,22 +76,18 @@ class LimitParameters(Settings):
         minimum=0.0,
         default_text=URDF,
         unit="1/s",
-        text="speed allowed per distance to the soft range; 0: no soft range",
+        text="allowed speed per distance to the soft position limit; 0: no soft limits",
     )
     k_velocity: float | None = number(
         None,
         minimum=0.0,
         default_text=URDF,
         unit="N m s/rad",
-        text="effort allowed per speed left; 0: hard velocity limit",
+        text="allowed effort per difference to the allowed speed; 0: hard velocity limit",
     )
-    soft_lower_limit: float | None = number(
-        None, default_text=URDF, unit="rad or m", text="lower end of the soft range"
-    )
-    soft_upper_limit: float | None = number(
-        None, default_text=URDF, unit="rad or m", text="upper end of the soft range"
-    )
-    angle_wraparound: bool = flag(False, text="`true`: no position range")
+    soft_lower_limit: float | None = number(None, default_text=URDF, unit="rad or m", text="lower soft position limit")
+    soft_upper_limit: float | None = number(None, default_text=URDF, unit="rad or m", text="upper soft position limit")
+    angle_wraparound: bool = flag(False, text="`true`: no position limits, as the joint turns endlessly")
 
 
 DEFAULT_KINDS = ("position", "velocity", "effort", "effort_rate", "soft")
@@ -103,24 +103,25 @@ ENFORCE_LIMITS: Any = either(
     default=True,
     made=_kinds,
     name="enforce_limits",
-    text="`true`: position, velocity, effort, effort_rate, soft; `false`: none; or the kinds named",
+    text="kinds of limit to enforce; `true`: position, velocity, effort, effort_rate, soft; `false`: none",
 )
-"""Kinds of limit that a robot enforces, as the `use` of `load_limits`."""
+"""Parameter `enforce_limits`: kinds of limit that a robot enforces, as the argument `use` of `load_limits`."""
 
 
 def load_limits(
     urdf_xml: str, node: Node | None, joint_names: Sequence[str], use: Sequence[str] = DEFAULT_KINDS
 ) -> list[JointLimits]:
-    """Return the limits of the joints, in order.
+    """Return the limits of joints from the URDF, overridden by parameters; in the order of the names.
 
     Args:
         urdf_xml: robot description; `<limit>` and `<safety_controller>` of each joint are read.
         node: node whose parameters `joint_limits/<joint>/...` override the URDF; None: the URDF alone.
         joint_names: names of the joints.
-        use: kinds to keep, of `joint_limits.KINDS`; the others are returned as not limited.
+        use: kinds of limit to return, of `limits.KINDS`; the others are set to "not limited".
 
     Raises:
-        ParameterError, DescriptionError, UnknownNameError: with the joint and the parameter or element.
+        ParameterError, DescriptionError, UnknownNameError: a parameter, the description, or a joint's name is wrong;
+            the message names joint and parameter or element.
     """
     check_kinds(tuple(use))
     joints = read(urdf_xml).joints
@@ -137,16 +138,16 @@ def load_limits(
 
 
 def check_start(urdf_xml: str, joint_names: Sequence[str], q: Sequence[float], where: str) -> None:
-    """Refuse a start pose with a joint further than `FAR_OUTSIDE` beyond its range.
+    """Refuse a start pose in which a joint is further than `FAR_OUTSIDE` beyond its position range.
 
     Args:
         urdf_xml: robot description.
         joint_names: names of the joints.
         q: joint positions [rad or m].
-        where: full name of the parameter.
+        where: full name of the parameter with the pose.
 
     Raises:
-        ParameterError: with the joint, its range, and the unit that was probably meant.
+        ParameterError: the pose is refused; the message names joint, range, and the unit that was probably meant.
     """
     for name, position, limit in zip(
         joint_names, q, load_limits(urdf_xml, None, joint_names, ("position",)), strict=True
@@ -161,9 +162,9 @@ def check_start(urdf_xml: str, joint_names: Sequence[str], q: Sequence[float], w
 def _of_joint(
     name: str, kind: str, limit: Limit | None, safety: SafetyController | None, parameters: str, where: str
 ) -> JointLimits:
-    """Return the limits of a joint from its description and its parameters (JSON).
+    """Return the limits of a joint from its URDF elements and its parameters (as JSON text).
 
-    Cached: robot, controllers and the next run read the same."""
+    The result is cached, as robot, controllers and the next run read the same limits."""
     values, overrides = _from_urdf(name, kind, limit, safety), json.loads(parameters)
     if overrides is not None:
         _override(values, overrides, where)
@@ -206,4 +207,4 @@ def _override_group(
         elif getattr(parameters, name) is not None:
             values[field] = getattr(parameters, name)
         elif enabled and values.get(field, unlimited) == unlimited and not name.startswith("k_"):
-            raise ParameterError(f"{where}: {switch} is true, but {name} is not given, and the URDF has none")
+            raise ParameterError(f"{where}: {switch} is true, but {name} is not set, and the URDF has no such limit")

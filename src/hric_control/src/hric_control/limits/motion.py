@@ -1,4 +1,4 @@
-"""Limits of velocity and position commands."""
+"""Limiters of velocity and position commands."""
 
 import math
 
@@ -7,13 +7,13 @@ from hric_control.limits.values import INFINITY, JointLimits
 
 
 def stopping_speed(distance: float, acceleration: float, period: float) -> float:
-    """Return the largest speed from which a joint, braked in steps of `period`, still stops within `distance` [rad/s].
+    """Return the largest speed [rad/s] from which a joint can still stop within a distance, if braked once per period.
 
-    In units of a dt (speed) and a dt^2 (distance), braking from n + f covers n (n + 1) / 2 + (n + 1) f, with n whole
-    and 0 <= f < 1. Without an acceleration limit the whole distance may be covered in one step.
+    With speed in units of a dt and distance in units of a dt^2, braking from speed n + f (n whole, 0 <= f < 1) takes
+    the distance n (n + 1) / 2 + (n + 1) f. Without an acceleration limit the whole distance may be covered in one step.
 
     Args:
-        distance: distance to the limit [rad]; 0 when at or beyond it.
+        distance: distance to the limit [rad]; 0 if the joint is at or beyond it.
         acceleration: largest deceleration [rad/s^2].
         period: cycle time [s].
     """
@@ -32,7 +32,7 @@ def stopping_speed(distance: float, acceleration: float, period: float) -> float
 
 
 def _speeds(limit: JointLimits, position: float, period: float) -> tuple[float, float]:
-    """Return the smallest and largest velocity [rad/s] allowed by the end of the range and the soft limits."""
+    """Return the smallest and largest velocity [rad/s] that range and soft limits allow at a position [rad]."""
     low = -stopping_speed(position - limit.lower, limit.acceleration, period)
     high = stopping_speed(limit.upper - position, limit.acceleration, period)
     if limit.has_soft_range:
@@ -42,9 +42,10 @@ def _speeds(limit: JointLimits, position: float, period: float) -> tuple[float, 
 
 
 class VelocityLimiter(Limiter):
-    """Limiter of velocity commands: velocity, braking before the end of the range or soft limit, acceleration last.
+    """Limiter of velocity commands by velocity limit, position range, soft limits, and last acceleration.
 
-    Outside the range only inward velocity passes. Acceleration is the change of the command per cycle.
+    The command is limited so that the joint can brake before the end of its range; outside the range only a velocity
+    towards the range is allowed. The acceleration limit acts on the change of the command per cycle.
     """
 
     _kind = "velocity"
@@ -75,9 +76,9 @@ class VelocityLimiter(Limiter):
 
 
 class PositionLimiter(Limiter):
-    """Limiter of position commands: range and soft limits, then change per cycle by velocity and acceleration.
+    """Limiter of position commands by range and soft limits; the change per cycle by velocity and acceleration limits.
 
-    A command that starts outside the range is moved back to it at the velocity limit, not in one jump.
+    If the joint starts outside its range, the command moves back into the range at the velocity limit, without a jump.
     """
 
     _kind = "position"
@@ -89,7 +90,7 @@ class PositionLimiter(Limiter):
             if chosen:
                 low, high = max(limit.lower, -FINITE), min(limit.upper, FINITE)
                 self._low[i], self._high[i] = limit.full_speed_range(low, high)
-                # With an acceleration limit each command depends on the last speed: no quick test.
+                # With an acceleration limit each command depends on the last speed, so the quick test must fail.
                 self._change[i] = limit.velocity * period if limit.acceleration == INFINITY else -1.0
 
     def _first(self, i: int, q: float, v: float) -> float:
@@ -101,7 +102,7 @@ class PositionLimiter(Limiter):
         goal = clamp(value, limit.lower, limit.upper)
         if limit.has_soft_range:
             low, high = limit.soft_speeds(last)
-            # If they allow the full speed, the velocity limit below acts and is counted.
+            # If the soft limits allow the full speed, only the velocity limit below acts, and is counted.
             low, high = low if low > -limit.velocity else -INFINITY, high if high < limit.velocity else INFINITY
             goal = clamp(goal, last + min(low, 0.0) * period, last + max(high, 0.0) * period)
         counted(counts.position, i, value, goal)

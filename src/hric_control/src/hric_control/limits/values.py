@@ -1,4 +1,4 @@
-"""Limits of one joint as checked values."""
+"""Limits of one joint, with checks of their values."""
 
 import math
 from dataclasses import dataclass, fields
@@ -7,7 +7,7 @@ from hric_core.errors import ParameterError
 
 INFINITY = math.inf
 KINDS = ("position", "velocity", "effort", "effort_rate", "acceleration", "jerk", "soft")
-"""Kinds of limit that can be enforced; `use` and `enforce_limits` take names from here."""
+"""Kinds of joint limit; the valid names in the parameter `enforce_limits`."""
 
 _KIND_FIELDS: dict[str, dict[str, float]] = {
     "position": {"lower": -INFINITY, "upper": INFINITY},
@@ -22,9 +22,9 @@ _KIND_FIELDS: dict[str, dict[str, float]] = {
 
 @dataclass(frozen=True)
 class JointLimits:
-    """Limits of one joint, in units of a revolute joint; read m and N for a prismatic one.
+    """Limits of one joint. Units are those of a revolute joint; for a prismatic one, m and N replace rad and N m.
 
-    An infinite limit, or a gain of 0, limits nothing.
+    An infinite limit, or a gain of 0, means that nothing is limited.
 
     Attributes:
         name: joint name.
@@ -34,9 +34,10 @@ class JointLimits:
         effort_rate: largest rate of effort [N m/s].
         acceleration: largest acceleration [rad/s^2]; used for velocity and position commands.
         jerk: largest jerk [rad/s^3]; for motion planners, no limiter enforces it.
-        k_position: speed allowed per distance to the soft range [1/s]; 0: no soft range.
-        k_velocity: effort allowed per remaining speed [N m s/rad]; 0: hard velocity limit for effort commands.
-        soft_lower, soft_upper: soft position range, inside the range [rad].
+        k_position: allowed speed per distance to the soft position limit [1/s]; 0: no soft limits.
+        k_velocity: allowed effort per difference to the allowed speed [N m s/rad]; 0: hard velocity limit for effort
+            commands.
+        soft_lower, soft_upper: soft position limits, inside the range [rad].
         unit: unit of the position, "rad" or "m".
     """
 
@@ -76,10 +77,10 @@ class JointLimits:
         return self.k_position > 0.0 and (self.soft_lower > -INFINITY or self.soft_upper < INFINITY)
 
     def only(self, kinds: tuple[str, ...] | list[str]) -> "JointLimits":
-        """Return the same limits without the kinds that are not named.
+        """Return a copy in which all kinds of limit that are not named are set to "not limited".
 
         Raises:
-            ParameterError: a kind that does not exist.
+            ParameterError: there is no such kind.
         """
         check_kinds(kinds)
         dropped = {
@@ -89,9 +90,9 @@ class JointLimits:
         return JointLimits(**{**values, **dropped})
 
     def soft_speeds(self, position: float) -> tuple[float, float]:
-        """Return the smallest and largest velocity allowed at `position` [rad/s].
+        """Return the smallest and largest velocity [rad/s] that the soft limits allow at a position q [rad].
 
-        -k_position (q - soft limit), within the velocity limit."""
+        They are -k_position (q - soft limit), clamped to the velocity limit."""
         low, high = -self.velocity, self.velocity
         if self.k_position > 0.0:
             low = min(max(-self.k_position * (position - self.soft_lower), low), high)
@@ -107,11 +108,11 @@ class JointLimits:
 
 
 def check_kinds(kinds: tuple[str, ...] | list[str]) -> None:
-    """Refuse names that are not a kind of limit.
+    """Check names of kinds of limit.
 
     Raises:
-        ParameterError: with the valid kinds.
+        ParameterError: a name does not exist; the message lists the valid ones.
     """
     unknown = [str(kind) for kind in kinds if kind not in KINDS]
     if unknown:
-        raise ParameterError(f"no kind of limit {', '.join(unknown)}; valid: {', '.join(KINDS)}")
+        raise ParameterError(f"unknown kind of joint limit: {', '.join(unknown)}; valid: {', '.join(KINDS)}")

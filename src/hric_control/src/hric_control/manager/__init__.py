@@ -1,1 +1,1 @@
-"""Loading, switching, updating and listing controllers; services and tools around it."""
+"""Controller manager: loading, switching, updating and listing controllers; its services and command-line tools."""

@@ -1,4 +1,4 @@
-"""Client of a controller manager's services, for the command-line tools. Needs no `rospy.init_node`."""
+"""Client of a controller manager's services, for command-line tools. It needs no `rospy.init_node`."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -26,7 +26,7 @@ def check_master() -> None:
     """Raise an error if there is no ROS master, for which rospy itself would wait silently.
 
     Raises:
-        HricError: gives the address that was tried.
+        HricError: no master responds; the message has its address.
     """
     if not rosgraph.is_master_online():
         raise FailureError(
@@ -35,7 +35,7 @@ def check_master() -> None:
 
 
 class ManagerClient:
-    """Client of one controller manager's services; raises an error if a request is refused.
+    """Client of one controller manager's services; it raises FailureError if the manager refuses a request.
 
     Args:
         namespace: namespace of the robot; a relative name is resolved in the process's namespace.
@@ -45,25 +45,25 @@ class ManagerClient:
         self._prefix = f"{namespace.rstrip('/')}/controller_manager" if namespace else "controller_manager"
 
     def service(self, name: str) -> str:
-        """Return the absolute name of a service."""
+        """Return the absolute name of a service of the manager."""
         resolved: str = rospy.resolve_name(f"{self._prefix}/{name}")
         return resolved
 
     def wait(self, timeout: float | None, say: Callable[[str], None]) -> None:
-        """Wait for the services, and report the missing one each 5 s.
+        """Wait for the manager's services, and report a missing one every 5 s.
 
         Args:
-            timeout: longest wait [s of wall time]; None = for ever.
-            say: takes one line of text.
+            timeout: longest wait [s of wall time]; None: no limit.
+            say: function that prints a line of text.
 
         Raises:
-            HricError: a service did not appear in time.
+            HricError: a service is still missing after the timeout.
         """
         begin = reported = time.monotonic()
         for name in map(self.service, SERVICES):
             while not _service_is_there(name, 0.5):
                 if rospy.is_shutdown():
-                    raise FailureError(f"ended while waiting for the service {name}")
+                    raise FailureError(f"interrupted while waiting for the service {name}")
                 now = time.monotonic()
                 if timeout is not None and now - begin > timeout:
                     raise FailureError(
@@ -79,22 +79,22 @@ class ManagerClient:
         return controllers
 
     def types(self) -> Sequence[tuple[str, str]]:
-        """Return the types that can be loaded, with their base classes."""
+        """Return (type, base class) of the controllers that can be loaded."""
         response = self._call("list_controller_types", ListControllerTypes)
         return list(zip(response.types, response.base_classes, strict=True))
 
     def load(self, name: str) -> None:
-        """Load a controller."""
+        """Load the controller with this name."""
         self._demand(self._call("load_controller", LoadController, name), f"{name} could not be loaded")
 
     def unload(self, name: str) -> None:
-        """Unload a controller."""
+        """Unload the controller with this name."""
         self._demand(self._call("unload_controller", UnloadController, name), f"{name} could not be unloaded")
 
     def switch(
         self, start: Sequence[str], stop: Sequence[str], strictness: int = SwitchControllerRequest.STRICT
     ) -> None:
-        """Start and stop controllers in one cycle."""
+        """Stop and start controllers within one control cycle; for `strictness` see SwitchController.srv."""
         request = SwitchControllerRequest(start_controllers=start, stop_controllers=stop, strictness=strictness)
         action = " and ".join(
             f"{verb} {', '.join(names)}" for verb, names in (("start", start), ("stop", stop)) if names
@@ -102,7 +102,7 @@ class ManagerClient:
         self._demand(self._call("switch_controller", SwitchController, request), f"could not {action}")
 
     def reload(self, force_kill: bool) -> None:
-        """Reload the controllers' modules."""
+        """Reload the Python modules of the controllers; `force_kill`: stop and unload all controllers first."""
         self._demand(
             self._call("reload_controller_libraries", ReloadControllerLibraries, force_kill),
             "could not reload the libraries",

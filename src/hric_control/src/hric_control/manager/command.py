@@ -1,4 +1,4 @@
-"""Command-line tool `controller_manager`: each command is a request to a controller manager."""
+"""Command-line tool `controller_manager`: each command sends requests to a robot's controller manager."""
 
 import argparse
 import time
@@ -16,7 +16,7 @@ _NAMED: dict[str, tuple[list[str], str, list[str]]] = {
     "spawn": (["sp"], "load and start controllers", ["load", "start"]),
     "kill": (["kl"], "stop and unload controllers", ["stop", "unload"]),
 }
-"""Commands for controllers by name: aliases, help text, and what they do one after the other."""
+"""Commands that take controllers' names: their aliases, help text, and actions in order."""
 
 
 def parser() -> argparse.ArgumentParser:
@@ -25,10 +25,10 @@ def parser() -> argparse.ArgumentParser:
         prog="controller_manager", description="List, load, start or stop the controllers of a robot."
     )
     top.add_argument(
-        "--namespace", metavar="NS", default="", help="namespace of the robot, where controller_manager stands"
+        "--namespace", metavar="NS", default="", help="namespace of the robot, which contains controller_manager"
     )
     top.add_argument(
-        "--timeout", metavar="T", type=float, default=30.0, help="how long to wait for the services [s] (default: 30)"
+        "--timeout", metavar="T", type=float, default=30.0, help="longest wait for the services [s] (default: 30)"
     )
     commands = top.add_subparsers(dest="command", required=True, metavar="command")
     loaded = "list the loaded controllers with state, type and claimed joints"
@@ -38,14 +38,14 @@ def parser() -> argparse.ArgumentParser:
     )
     for name, (aliases, text, verbs) in _NAMED.items():
         command = commands.add_parser(name, aliases=aliases, help=text)
-        command.add_argument("controllers", nargs="+", metavar="controller", help="name")
+        command.add_argument("controllers", nargs="+", metavar="controller", help="name of a controller")
         command.set_defaults(work=_named, verbs=verbs)
     reload = commands.add_parser(
         "reload-libraries", help="stop and unload all controllers, then load their modules again"
     )
     reload.set_defaults(work=_reload)
     reload.add_argument(
-        "--restore", action="store_true", help="load the controllers again afterwards and start those that ran"
+        "--restore", action="store_true", help="load the controllers again afterwards and start those that were running"
     )
     return top
 
@@ -94,7 +94,7 @@ def _reload(client: ManagerClient, args: argparse.Namespace) -> None:
     before: Sequence[Any] = client.list()
     begin = time.monotonic()
     client.reload(force_kill=True)
-    print(f"reloaded in {time.monotonic() - begin:.2f} s")
+    print(f"controller modules reloaded in {time.monotonic() - begin:.2f} s")
     if args.restore:
         for controller in before:
             client.load(controller.name)

@@ -17,16 +17,16 @@ from hric_core.node import Node
 from hric_core.scoped_node import ScopedNode
 
 LOOP_TIMEOUT = 2.0
-"""Longest wait of a switch for the loop to begin it [s of wall time]."""
+"""Longest wait for the control loop to begin a requested switch of controllers [s of wall time]."""
 
 
 def import_controllers(root_node: Node) -> list[str]:
-    """Import the modules of all controllers configured below the robot's namespace.
+    """Import the modules of all controllers configured in the robot's namespace.
 
-    Loading one later then does not hold the loop.
+    So the control loop is not delayed by an import when a controller is loaded later.
 
     Returns:
-        the type names imported. One that cannot be imported is logged and left for `load` to refuse.
+        the imported controller types. A type that cannot be imported is logged; `load` will refuse it.
     """
     everything = root_node.param(root_node.namespace, {})
     exported = plugins.names(plugins.CONTROLLER)
@@ -46,17 +46,20 @@ def import_controllers(root_node: Node) -> list[str]:
 
 
 class ControllerManager:
-    """Manager of one robot's controllers. `update` belongs to the control loop, everything else to any other thread.
+    """Manager of one robot's controllers.
+
+    The control loop calls `update`; all other methods may be called from any other thread.
 
     Args:
         robot_hw: the robot, initialised.
-        root_node: the robot's namespace; a controller's parameters are below `<root>/<name>/`.
-        classes: controllers by type string that no package exports, for scripts and tests; looked up first.
+        root_node: node of the robot's namespace; a controller's parameters are in `<root>/<name>/`.
+        classes: additional controller classes by type string, which no package exports, for scripts and tests; they
+            take precedence.
 
     Attributes:
-        loop_running: True if the loop carries out a `switch`, False if the caller's thread does so at once (before a
-            headless run).
-        loop_timeout: longest wait of a switch for the loop to begin it [s of wall time].
+        loop_running: True if the control loop executes a `switch`; False if the calling thread does so at once (before
+            a run without ROS begins).
+        loop_timeout: longest wait for the loop to begin a switch [s of wall time].
     """
 
     def __init__(
@@ -83,18 +86,18 @@ class ControllerManager:
 
     @property
     def switch_pending(self) -> bool:
-        """True if the last `update` called the robot's `do_switch`, or the robot is not ready yet after a switch.
+        """True if the last `update` called the robot's `do_switch`, or if the robot is not ready yet after a switch.
 
-        `on_cycle` returns its opposite, so that a robot leaves its mode in the same cycle. It is no reason to end a
-        run."""
+        In that case `on_cycle` returns False, so that the robot leaves its command mode in the same cycle. The run is
+        not ended by it."""
         return self._loop.mode_changed
 
     def load(self, name: str) -> None:
-        """Construct and initialise the controller configured under `<root>/<name>`.
+        """Construct and initialise the controller that is configured in the namespace `<root>/<name>`.
 
         Raises:
-            HricError: loaded already, no type, unknown type, its `init` refused, or a parameter was set that its `init`
-                does not read.
+            HricError: the controller is loaded already, has no type or an unknown one, its `init` failed, or a
+                parameter is set that its `init` does not read.
         """
         with self._exclusive():
             if name in self._loaded:
@@ -102,10 +105,10 @@ class ControllerManager:
             self._loaded[name] = self._create(name)
 
     def unload(self, name: str) -> None:
-        """Shut a controller down and remove it.
+        """Shut down a controller and remove it.
 
         Raises:
-            HricError: it is not loaded, or it is running.
+            HricError: the controller is not loaded, or is running.
         """
         with self._exclusive():
             check_known("controller", [name], self._loaded, "the manager, to unload")
@@ -123,26 +126,28 @@ class ControllerManager:
         *,
         loop_running: bool | None = None,
     ) -> None:
-        """Stop and start controllers within one cycle of the loop; return when it is done.
+        """Stop and start controllers within one control cycle; return when this is done.
 
         Args:
             start: names of loaded controllers to start.
             stop: names of loaded controllers to stop.
-            strictness: STRICT refuses the request for any name that cannot be switched, BEST_EFFORT leaves such names
-                out.
-            start_asap: start each controller as soon as the robot is ready for it, not all together.
-            timeout: how long the robot may take to be ready [s of robot time]; 0 = for ever.
-            loop_running: False acts at once, when no loop runs; by default the attribute of this name.
+            strictness: STRICT refuses the whole request if one controller cannot be switched, BEST_EFFORT omits such
+                controllers.
+            start_asap: True to start each controller as soon as the robot is ready for it, False to start all together.
+            timeout: longest time until the robot is ready [s of robot time]; 0: no limit.
+            loop_running: False to execute the switch in the calling thread, as no loop is running; by default the
+                attribute `loop_running`.
 
         Raises:
-            HricError: refused, with the reason; a conflict over a joint names both controllers.
+            HricError: the request is refused; the message gives the reason, and for a conflict over a joint both
+                controllers.
         """
         if not (math.isfinite(timeout) and timeout >= 0.0):
-            raise HricError(f"timeout of a switch must be 0 (for ever) or a positive number of seconds, not {timeout}")
+            raise HricError(f"timeout of a switch must be 0 (no limit) or a positive number of seconds, not {timeout}")
         with self._exclusive():
             plan = plan_switch(self._loaded, start, stop, self._strictness(strictness))
             for text in plan.skipped:
-                self._node.log_warn(f"left out of the switch: {text}")
+                self._node.log_warn(f"switch of controllers: omitted: {text}")
             if not plan.start and not plan.stop:
                 return
             self._check(plan)
@@ -152,10 +157,10 @@ class ControllerManager:
                 raise HricError("; ".join(request.failures))
 
     def reload(self, force_kill: bool = False) -> None:
-        """Reload the controllers' modules.
+        """Reload the Python modules of the controllers.
 
         Args:
-            force_kill: stop and unload all controllers first.
+            force_kill: True to stop and unload all controllers first.
 
         Raises:
             HricError: controllers are loaded and `force_kill` is False, or a module cannot be loaded.
@@ -173,20 +178,20 @@ class ControllerManager:
         return [entry.status() for entry in tuple(self._loaded.values())]
 
     def types(self) -> dict[str, str]:
-        """Return the base class of every controller type that can be loaded, by type string."""
+        """Return the name of the base class of each controller type that can be loaded, by type string."""
         names = sorted({*self._classes, *plugins.names(plugins.CONTROLLER)})
         return dict.fromkeys(names, plugins.CONTROLLER)
 
     def statistics(self) -> Sequence[UpdateStatistics]:
-        """Return the durations of the controllers' updates."""
+        """Return statistics of the durations of the controllers' updates."""
         return [entry.statistics() for entry in tuple(self._loaded.values())]
 
     def call_periodically(self, period: float, tick: Callable[[float], None] | None) -> None:
-        """Call `tick(time)` from the loop every `period` seconds of robot time; None ends it. `tick` must not block."""
+        """Let the loop call `tick(time)` every `period` seconds of robot time; None: no more. `tick` must not block."""
         self._loop.call_periodically(period, tick)
 
     def shutdown(self) -> None:
-        """Stop and unload all controllers, after the loop has ended."""
+        """Stop and unload all controllers; to be called after the loop has ended."""
         with self._lock:
             for entry in reversed(self._loop.running):
                 self._loop.release(entry)
@@ -195,7 +200,9 @@ class ControllerManager:
 
     @contextlib.contextmanager
     def _exclusive(self) -> Iterator[None]:
-        """Admit one request at a time. The loop's own thread must not wait for a request that waits for the loop."""
+        """Execute one request at a time; raise HricError in the loop's thread if another request is being executed.
+
+        The loop's thread must not wait for a request that in turn waits for the loop."""
         in_loop = threading.get_ident() == self._loop_thread
         if not self._lock.acquire(blocking=not in_loop):
             raise HricError("the controller manager is executing another request; try again")
@@ -210,8 +217,8 @@ class ControllerManager:
         if strictness != 0:
             raise HricError(f"strictness must be {BEST_EFFORT} (BEST_EFFORT) or {STRICT} (STRICT), not {strictness}")
         self._node.log_warn(
-            f"a switch without strictness is taken as BEST_EFFORT ({BEST_EFFORT}); say {BEST_EFFORT} or {STRICT} "
-            "(STRICT)"
+            f"switch of controllers: strictness is not set, BEST_EFFORT is used; set it to {BEST_EFFORT} (BEST_EFFORT) "
+            f"or {STRICT} (STRICT)"
         )
         return BEST_EFFORT
 
@@ -234,7 +241,8 @@ class ControllerManager:
             if request.waiting:
                 self._loop.withdraw(request)
                 raise HricError(
-                    f"the robot is not ready for {', '.join(entry.name for entry in request.waiting)} and no loop runs"
+                    f"the robot is not ready to start {', '.join(entry.name for entry in request.waiting)}, and no "
+                    "control loop is running that could wait for it"
                 )
 
     def _wait_for_loop(self, request: SwitchRequest) -> None:
@@ -242,15 +250,16 @@ class ControllerManager:
         if not request.done.wait(self.loop_timeout) and request.begin.acquire(blocking=False):
             self._loop.withdraw(request)
             raise HricError(
-                f"the control loop is not running (paused?): the switch was cancelled after {self.loop_timeout:g} s, "
-                "nothing changed"
+                f"the control loop is not running (paused?): the switch was cancelled after {self.loop_timeout:g} s; "
+                "nothing was changed"
             )
         cycles = self._loop.cycles
         while not request.done.wait(self.loop_timeout):
             if self._loop.cycles == cycles and request.finish.acquire(blocking=False):
                 self._loop.withdraw(request)
                 raise HricError(
-                    "the control loop stopped while the robot was switching; the controllers to start are aborted"
+                    "the control loop stopped while the robot was switching; the controllers that were to start are "
+                    "aborted"
                 )
             cycles = self._loop.cycles
 
@@ -285,7 +294,7 @@ class ControllerManager:
     def _dispose(self, entry: LoadedController) -> None:
         try:
             entry.controller.shutdown()
-        except BaseException as error:  # it is unloaded anyway
+        except BaseException as error:  # the controller is unloaded in any case
             pass_ctrl_c(error)
             self._node.log_error(f"controller {entry.name} failed in shutdown: {describe(error)}")
         entry.scope.close()

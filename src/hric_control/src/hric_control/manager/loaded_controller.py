@@ -1,4 +1,4 @@
-"""Loaded controller: its state, its claims, and the durations of its updates."""
+"""Loaded controller with its state, claims, and statistics of its updates' durations."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from hric_core.scoped_node import ScopedNode
 
 
 class ControllerState(StrEnum):
-    """States as controller_manager_msgs spells them."""
+    """States of a controller, spelled as in controller_manager_msgs."""
 
     INITIALIZED = "initialized"
     RUNNING = "running"
@@ -22,15 +22,15 @@ class ControllerState(StrEnum):
 
 @dataclass(frozen=True)
 class ControllerStatus:
-    """Status of a controller, as returned by `list`.
+    """Status of a controller, as `ControllerManager.list` returns it.
 
     Attributes:
-        name: instance name.
+        name: name of the controller.
         type: plugin type string.
-        state: initialized, running, stopped, waiting (for the hardware) or aborted.
+        state: "initialized", "running", "stopped", "waiting" (for the robot) or "aborted".
         claims: claimed joints by the ros_control name of the interface; also the speed scale, if the controller obeys
             it.
-        error: reason why it is aborted; else empty.
+        error: reason why the controller is aborted; else empty.
     """
 
     name: str
@@ -46,11 +46,11 @@ class UpdateStatistics:
 
     Attributes:
         name, type: name and type of the controller.
-        running: True if it is running.
+        running: True if the controller is running.
         updates: number of updates.
-        max_time, mean_time: [s].
-        variance_time: [s^2].
-        overruns: updates that took longer than the period.
+        max_time, mean_time: largest and mean duration [s].
+        variance_time: variance of the duration [s^2].
+        overruns: number of updates that took longer than the period.
         last_overrun: robot time of the last overrun [s]; negative if there was none.
     """
 
@@ -66,10 +66,10 @@ class UpdateStatistics:
 
 
 class LoadedController:
-    """Controller with its state.
+    """Loaded controller with its state.
 
-    The loop reads `controller` and `update` and writes the statistics, which are plain floats. `obeys`: True if the
-    controller has declared that it reads the robot's speed scale. `error`: reason of the last abort."""
+    The control loop reads `controller` and `update` and writes the statistics, which are plain floats. `obeys`: True if
+    the controller has declared that it obeys the robot's speed scale. `error`: reason of the last abort."""
 
     __slots__ = (
         "controller",
@@ -95,26 +95,26 @@ class LoadedController:
 
     @property
     def name(self) -> str:
-        """Instance name."""
+        """Name of the controller."""
         return self.info.name
 
     @property
     def running(self) -> bool:
-        """True if it is updated each cycle."""
+        """True if the controller is updated in each cycle."""
         return self.state is ControllerState.RUNNING
 
     def abort(self, error: str) -> None:
-        """Set the state to aborted, which ends the updates; error: reason."""
+        """Set the state to aborted, which ends the controller's updates; `error`: reason."""
         self.state, self.error = ControllerState.ABORTED, error
 
     def clear_statistics(self) -> None:
-        """Reset the durations when the controller starts."""
+        """Reset the statistics of the updates' durations; called when the controller starts."""
         self.updates = self.overruns = 0
         self.max_time = self.mean_time = self.squares = 0.0
         self.last_overrun = -1.0
 
     def status(self) -> ControllerStatus:
-        """Return a snapshot for `list`."""
+        """Return the present status of the controller."""
         claims = {interface: tuple(sorted(joints)) for interface, joints in self.info.claims.items()}
         if self.obeys:
             claims[SpeedScaleInterface.cpp_name] = (RESOURCE,)
@@ -122,7 +122,7 @@ class LoadedController:
         return ControllerStatus(self.name, self.info.type, self.state.value, claims, error)
 
     def statistics(self) -> UpdateStatistics:
-        """Return a snapshot of the durations."""
+        """Return the present statistics of the updates' durations."""
         variance = self.squares / self.updates if self.updates else 0.0
         return UpdateStatistics(
             self.name,

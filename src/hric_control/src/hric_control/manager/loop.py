@@ -1,4 +1,4 @@
-"""Part of the manager that runs in the control loop: updates, and switches between two cycles."""
+"""Part of the controller manager that runs in the control loop: updates of controllers, and switches between cycles."""
 
 import math
 import signal
@@ -14,9 +14,7 @@ from hric_core.errors import HricError
 
 
 def describe(error: BaseException) -> str:
-    """Return an error as one line, the same on every machine.
-
-    A HricError gives its text; any other error gives type, text, and file and line."""
+    """Return an error as one line: the text of a HricError; type, text, file name and line of any other error."""
     if isinstance(error, HricError):
         return str(error)
     frames = traceback.extract_tb(error.__traceback__)
@@ -25,25 +23,25 @@ def describe(error: BaseException) -> str:
 
 
 def pass_ctrl_c(error: BaseException) -> None:
-    """Raise a Ctrl-C again that Python itself delivers, in a script.
+    """Raise a KeyboardInterrupt again if Ctrl-C caused it, which is so in a script that does not handle SIGINT.
 
-    Commands and nodes handle the signal; a KeyboardInterrupt there was raised by the controller."""
+    Commands and nodes handle the signal, so that there a KeyboardInterrupt was raised by a controller itself."""
     if isinstance(error, KeyboardInterrupt) and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         raise error
 
 
 class ManagerLoop:
-    """Loop part of the manager, which updates the running controllers and carries out one switch request at a time.
+    """Loop part of the manager: updates the running controllers and executes one switch request at a time.
 
     Args:
         robot_hw: the robot.
-        report: takes one line of error text; must not block.
+        report: function that logs a line of error text; must not block.
 
     Attributes:
-        running: controllers that are updated, in the order of their start.
+        running: running controllers, in the order of their start, which is that of their updates.
         time: robot time of the last cycle [s].
-        cycles: cycles so far.
-        mode_changed: the last cycle called `do_switch`, or the hardware is not ready yet.
+        cycles: number of cycles so far.
+        mode_changed: True if the last cycle called the robot's `do_switch`, or the robot is not ready yet after it.
         updating: True during a cycle.
     """
 
@@ -52,19 +50,19 @@ class ManagerLoop:
         self.running: tuple[LoadedController, ...] = ()
         self.time, self.cycles = 0.0, 0
         self.mode_changed = self.updating = False
-        self._switching = False  # checked each cycle: a request waits, or `mode_changed` must be reset
+        self._switching = False  # checked in each cycle: a request is pending, or `mode_changed` must be reset
         self._request: SwitchRequest | None = None
         self._tick_at, self._tick_period = math.inf, math.inf
         self._tick: Callable[[float], None] | None = None
 
     def update(self, time: float, period: float, reset_controllers: bool = False) -> None:
-        """Run one cycle: restart if requested, switch if a request waits, then update every running controller.
+        """Run one cycle: execute a pending switch request, then update every running controller.
 
         Args:
             time: robot time [s].
             period: time since the last cycle [s].
-            reset_controllers: stop and start the running controllers first (the robot was reset or re-entered its
-                mode).
+            reset_controllers: True to stop and start the running controllers first, as the robot was reset or
+                re-entered its command mode.
         """
         self.updating = True
         self.time = time
@@ -77,7 +75,7 @@ class ManagerLoop:
             begin = perf_counter()
             try:
                 entry.update(time, period)
-            except BaseException as error:  # one controller's failure must not stop the others, nor end the run
+            except BaseException as error:  # one controller's failure must neither stop the others nor end the run
                 pass_ctrl_c(error)
                 self._abort(entry, time, "update", error)
                 continue
@@ -99,29 +97,29 @@ class ManagerLoop:
         self.updating = False
 
     def call_periodically(self, period: float, tick: Callable[[float], None] | None) -> None:
-        """Call `tick(time)` from the loop every `period` seconds of robot time; None ends it."""
+        """Let the loop call `tick(time)` every `period` seconds of robot time; None: no more."""
         self._tick, self._tick_period = tick, period
         self._tick_at = self.time if tick is not None else math.inf
 
     def hand_over(self, request: SwitchRequest) -> None:
-        """Pass a request to the loop, from another thread."""
+        """Pass a switch request to the loop; called from another thread."""
         self._request = request
         self._switching = True
 
     def withdraw(self, request: SwitchRequest) -> None:
-        """Remove a cancelled request; abort controllers that wait for it."""
+        """Remove a cancelled switch request, and abort the controllers that wait to be started by it."""
         if self._request is request:
             self._request = None
         for entry in request.waiting:
-            entry.abort("the switch that was to start it was withdrawn")
+            entry.abort("the switch that was to start it was cancelled")
 
     def apply(self, request: SwitchRequest, time: float) -> None:
-        """Carry out a request now: when no loop runs, or from the loop's own thread between two cycles."""
+        """Execute a switch request now: if no loop is running, or from the loop's own thread between two cycles."""
         self.hand_over(request)
         self._switch(time)
 
     def release(self, entry: LoadedController) -> None:
-        """Stop a controller without switching the robot, after the loop has ended."""
+        """Stop a controller without calling the robot's `do_switch`; used after the loop has ended."""
         self._stop(entry, self.time)
 
     def _switch(self, time: float) -> None:
@@ -139,11 +137,11 @@ class ManagerLoop:
             request.done.set()
 
     def _begin(self, request: SwitchRequest, time: float) -> bool:
-        if not request.begin.acquire(blocking=False):  # the caller gave up
+        if not request.begin.acquire(blocking=False):  # the requesting thread has cancelled it
             return False
         request.begun_at = time
         for entry in request.plan.stop:
-            if entry.running:  # it may have been aborted since the request was checked
+            if entry.running:  # the controller may have been aborted since the request was checked
                 self._stop(entry, time)
         self.mode_changed = True
         try:
@@ -210,7 +208,7 @@ class ManagerLoop:
     def _call_stopping(self, entry: LoadedController, time: float) -> None:
         try:
             entry.controller.stopping(time)
-        except BaseException as error:  # it is stopped anyway
+        except BaseException as error:  # the controller is stopped in any case
             pass_ctrl_c(error)
             self._report(f"controller {entry.name} failed in stopping: {describe(error)}")
 
@@ -231,5 +229,5 @@ class ManagerLoop:
         self._switching = self.mode_changed = True
         try:
             self._hw.do_switch([], [entry.info])
-        except BaseException as failure:  # the manager has released the joints; the robot's own run reports its state
-            self._report(f"the robot could not release the joints of {entry.name}: {describe(failure)}")
+        except BaseException as failure:  # the manager has released the joints; `run` of the robot reports its state
+            self._report(f"the robot could not release the joints of controller {entry.name}: {describe(failure)}")

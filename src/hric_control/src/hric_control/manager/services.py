@@ -1,4 +1,4 @@
-"""The controller manager's services and statistics, with ros_control's names and types, on any node."""
+"""Services and statistics topic of the controller manager, with the names and types of ros_control."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -33,20 +33,20 @@ from hric_core.robot_time import stamps
 
 NAMESPACE = "controller_manager"
 REFUSAL = "refusal"
-"""Parameter below the namespace: reason of the last refusal."""
+"""Name of the parameter with the reason of the last refused request, in the manager's namespace."""
 STATISTICS_PERIOD = 1.0
 """Time between two statistics messages [s of robot time]."""
 
 
 class ManagerServices:
-    """Services and statistics of ros_control below `<node>/controller_manager`, until the node is closed.
+    """Services and statistics topic of ros_control in the namespace `<node>/controller_manager`.
 
-    A refused request gets the response false; its reason is logged, and stored in the parameter `refusal`, since the
+    The response to a refused request has `ok` false. The reason is logged and stored in the parameter `refusal`, as the
     services' types have no field for it.
 
     Args:
-        manager: the manager whose control loop runs elsewhere.
-        node: the robot's namespace.
+        manager: controller manager; its control loop runs in another thread.
+        node: node of the robot's namespace.
     """
 
     def __init__(self, manager: ControllerManager, node: Node) -> None:
@@ -125,8 +125,8 @@ def _statistics(snapshot: Sequence[UpdateStatistics], time: float) -> Any:
             running=entry.running,
             max_time=stamps.to_duration(entry.max_time),
             mean_time=stamps.to_duration(entry.mean_time),
-            # A duration cannot hold a variance: the standard deviation is sent, as by pr2_controller_manager, which
-            # defined the message.
+            # The field is a duration, so it contains the standard deviation instead of the variance, as in
+            # pr2_controller_manager, which defined the message.
             variance_time=stamps.to_duration(math.sqrt(entry.variance_time)),
             num_control_loop_overruns=entry.overruns,
             time_last_control_loop_overrun=stamps.to_time(max(entry.last_overrun, 0.0)),

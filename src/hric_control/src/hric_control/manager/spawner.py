@@ -1,4 +1,4 @@
-"""Tools `spawner` and `unspawner`, which start or stop controllers for as long as the tool runs."""
+"""Command-line tools `spawner` and `unspawner`: controllers are started or stopped while the tool runs."""
 
 import argparse
 import signal
@@ -29,7 +29,7 @@ def spawner_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--stopped", action="store_true", help="load the controllers, but do not start them")
     parser.add_argument(
-        "--wait-for", metavar="TOPIC", default="", help="wait for True on this topic (std_msgs/Bool) first"
+        "--wait-for", metavar="TOPIC", default="", help="first wait for a message True on this topic (std_msgs/Bool)"
     )
     return parser
 
@@ -45,47 +45,50 @@ def _parser(tool: str, text: str, controllers: str) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog=tool, description=text)
     parser.add_argument("controllers", nargs="+", metavar="controller", help=controllers)
     parser.add_argument(
-        "--namespace", metavar="NS", default="", help="namespace of the robot, where controller_manager is"
+        "--namespace", metavar="NS", default="", help="namespace of the robot, which contains controller_manager"
     )
     parser.add_argument(
-        "--timeout", metavar="T", type=float, default=30.0, help="how long to wait for the services [s] (default: 30)"
+        "--timeout", metavar="T", type=float, default=30.0, help="longest wait for the services [s] (default: 30)"
     )
-    parser.add_argument("--no-timeout", action="store_true", help="wait for the services for ever")
+    parser.add_argument("--no-timeout", action="store_true", help="wait for the services without a limit")
     parser.add_argument(
         "--shutdown-timeout",
         metavar="T",
         type=float,
         default=2.0,
-        help="time for the clean-up at the end [s] (default: 2)",
+        help="longest time for the clean-up when the program ends [s] (default: 2)",
     )
     return parser
 
 
 class Spawner:
-    """Loader and starter of controllers. `down` may be called from another thread, at any moment of `up`."""
+    """Work of the tool `spawner`: loads and starts controllers, and unloads them at the end.
+
+    `down` may be called from another thread while `up` is running."""
 
     def __init__(self, client: ManagerClient) -> None:
         self._client = client
         self._loaded: list[str] = []
         self._started: list[str] = []
-        # A request and the record of its result are one step: an end between the two would leave a controller loaded.
+        # A request and the recording of its result are one step; otherwise an end in between would leave a controller
+        # loaded.
         self._step = threading.Lock()
         self._ended = False
 
     def up(self, names: Sequence[str], start: bool) -> None:
-        """Load the controllers, and start them in one STRICT switch.
+        """Load controllers, and start them in one STRICT switch.
 
-        A controller that is loaded already is used unchanged and stays when the spawner ends.
+        A controller that is loaded already is used unchanged, and remains loaded when the spawner ends.
 
         Raises:
-            HricError: one was refused, or `down` was called meanwhile; the controllers loaded by this call are unloaded
-                again.
+            HricError: a request was refused, or `down` was called meanwhile; the controllers that this call has loaded
+                are unloaded again.
         """
         states = {controller.name: controller.state for controller in self._client.list()}
         try:
             for name in names:
                 if name in states:
-                    rospy.logwarn("%s is loaded already", name)
+                    rospy.logwarn("controller %s is loaded already: it is used as it is", name)
                     continue
                 with self._request():
                     self._client.load(name)
@@ -98,11 +101,13 @@ class Spawner:
         except HricError:
             self.down()
             raise
-        rospy.loginfo("loaded: %s; started: %s", ", ".join(self._loaded) or "none", ", ".join(self._started) or "none")
+        rospy.loginfo(
+            "controllers loaded: %s; started: %s", ", ".join(self._loaded) or "none", ", ".join(self._started) or "none"
+        )
 
     def down(self) -> None:
-        """Stop the started controllers and unload the loaded ones; `up` makes no further request."""
-        self._ended = True  # before the lock is free: `up` might be the first to take it again
+        """Stop and unload the controllers that `up` has started and loaded; `up` makes no further request."""
+        self._ended = True  # set before the lock is free, as `up` might be the first to acquire it again
         with self._step:
             if self._started:
                 self._client.switch([], self._started, SwitchControllerRequest.BEST_EFFORT)
@@ -114,21 +119,23 @@ class Spawner:
     def _request(self) -> Iterator[None]:
         with self._step:
             if self._ended:
-                raise HricError("ended before all controllers were up")
+                raise HricError("interrupted before all controllers were loaded and started")
             yield
 
 
 class Unspawner:
-    """Holder of stopped controllers. `release` may be called from another thread, at any moment of `hold`."""
+    """Work of the tool `unspawner`: stops controllers, and starts them again at the end.
+
+    `release` may be called from another thread while `hold` is running."""
 
     def __init__(self, client: ManagerClient, names: Sequence[str]) -> None:
         self._client, self._names = client, names
         self._stopped: list[str] = []
-        self._step = threading.Lock()  # a release during a switch must know which controllers it stopped
+        self._step = threading.Lock()  # `release` during a switch must know which controllers were stopped by it
         self._ended = False
 
     def hold(self) -> None:
-        """Stop the named controllers that are running; do nothing after `release`."""
+        """Stop those of the named controllers that are running; do nothing after `release`."""
         with self._step:
             if self._ended:
                 return
@@ -139,7 +146,7 @@ class Unspawner:
             ]
             if running:
                 self._client.switch([], running, SwitchControllerRequest.BEST_EFFORT)
-                rospy.loginfo("stopped: %s", ", ".join(running))
+                rospy.loginfo("controllers stopped: %s", ", ".join(running))
                 self._stopped.extend(name for name in running if name not in self._stopped)
 
     def release(self) -> None:
@@ -191,13 +198,15 @@ def run_unspawner(argv: Sequence[str]) -> int:
 
 
 def read_words(parser: argparse.ArgumentParser, argv: Sequence[str]) -> argparse.Namespace:
-    """Parse the command line of a tool, with or without ROS arguments; a private parameter is refused."""
+    """Parse the command line of a tool, which may contain ROS arguments; exit with an error for _PARAMETER:=VALUE."""
     check_private(parser.prog, words=argv)
     return parser.parse_args(rospy.myargv([parser.prog, *argv])[1:])
 
 
 def run_tool(name: str, work: Callable[[], None]) -> int:
-    """Run a tool's work: a HricError becomes one line on stderr; Ctrl-C and a shutdown request are a normal end."""
+    """Run the work of a tool and return the exit code: 0 also after Ctrl-C or a shutdown request.
+
+    A HricError is printed as one line on stderr."""
 
     def until_shutdown() -> None:
         try:
@@ -221,9 +230,9 @@ def _connect(name: str, args: argparse.Namespace) -> ManagerClient:
 
 
 def _end(*_: Any) -> None:
-    """Shut down in another thread.
+    """Handle a signal by a shutdown in another thread.
 
-    rospy's handler would run on top of the main thread's work, and may wait for a lock held there."""
+    rospy's own handler would interrupt the main thread, and may wait for a lock that the main thread holds."""
     threading.Thread(target=rospy.signal_shutdown, args=("signal",)).start()
 
 
@@ -237,7 +246,7 @@ def _wait_for_true(topic: str) -> None:
     subscriber = rospy.Subscriber(topic, Bool, receive)
     while not received.wait(0.1):
         if rospy.is_shutdown():
-            raise HricError(f"ended while waiting for {topic}")
+            raise HricError(f"interrupted while waiting for True on {topic}")
         if not rospy.core.is_shutdown_requested():
             rospy.loginfo_throttle(5.0, f"waiting for True on {rospy.resolve_name(topic)}")
     subscriber.unregister()
@@ -250,18 +259,18 @@ def _controllers(argument: str) -> dict[str, object]:
         return {argument: None}
     content = read_yaml(path)
     if not isinstance(content, dict) or not content:
-        raise HricError(f"{path} must hold the controllers' configuration by name")
+        raise HricError(f"{path} must be a mapping of controllers' names to their configurations")
     return {str(name): configuration for name, configuration in content.items()}
 
 
 def _bounded(work: Callable[[], None], timeout: float) -> None:
-    """Run the clean-up for at most `timeout` [s]: the robot may end at the same moment and never respond."""
+    """Run the clean-up for at most `timeout` [s], as the robot may end at the same time and never respond."""
 
     def run() -> None:
         try:
             work()
         except HricError as error:
-            rospy.logwarn("clean-up: %s", error)
+            rospy.logwarn("clean-up of the controllers at the end failed: %s", error)
 
     thread = threading.Thread(target=run, daemon=True)
     thread.start()

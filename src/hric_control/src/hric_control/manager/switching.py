@@ -1,4 +1,4 @@
-"""Rules of a switch request, and the request that is passed to the loop."""
+"""Rules for switching controllers, and the switch request that is passed to the control loop."""
 
 import threading
 from collections.abc import Mapping, Sequence
@@ -8,18 +8,18 @@ from hric_control.manager.loaded_controller import LoadedController
 from hric_core.errors import HricError, UnknownNameError
 
 BEST_EFFORT = 1
-"""Strictness that skips names that cannot be switched."""
+"""Strictness of a switch request that omits the controllers which cannot be switched."""
 STRICT = 2
-"""Strictness that refuses the whole request if one name cannot be switched."""
+"""Strictness of a switch request that is refused as a whole if one controller cannot be switched."""
 
 
 @dataclass(frozen=True)
 class SwitchPlan:
-    """Controllers that a request starts and stops.
+    """Controllers that a switch request starts and stops.
 
     Attributes:
         start, stop: controllers to start and to stop, in the order of the request.
-        skipped: reasons why names were left out (BEST_EFFORT).
+        skipped: reasons why controllers were omitted (BEST_EFFORT), one text for each.
     """
 
     start: tuple[LoadedController, ...]
@@ -33,7 +33,7 @@ def plan_switch(
     """Apply the rules of ros_control's switch_controller and return the plan.
 
     Raises:
-        HricError: the request is refused; says which name and why.
+        HricError: the request is refused; the message names the controller and the reason.
     """
     skipped: list[str] = []
 
@@ -50,14 +50,14 @@ def plan_switch(
         if name not in loaded:
             fault(UnknownNameError("controller", name, loaded, "the manager, to stop"))
         elif not loaded[name].running:
-            fault(HricError(f"{name} cannot be stopped: it is {loaded[name].state.value}, not running"))
+            fault(HricError(f"controller {name} cannot be stopped: it is {loaded[name].state.value}, not running"))
         else:
             to_stop.append(loaded[name])
     for name in dict.fromkeys(start):
         if name not in loaded:
             fault(UnknownNameError("controller", name, loaded, "the manager, to start (load it first)"))
         elif loaded[name].running:
-            fault(HricError(f"{name} cannot be started: it is running already"))
+            fault(HricError(f"controller {name} cannot be started: it is running already"))
         else:
             to_start.append(loaded[name])
     return SwitchPlan(tuple(to_start), tuple(to_stop), tuple(skipped))
@@ -65,18 +65,18 @@ def plan_switch(
 
 @dataclass
 class SwitchRequest:
-    """Planned switch on its way through the loop.
+    """Switch request that is passed to the control loop, with the state of its execution.
 
     Attributes:
         plan: controllers to start and stop.
-        start_asap: start each controller as soon as the hardware is ready for it, not all together.
-        timeout: longest wait for the hardware [s of robot time]; 0 = for ever.
-        begin, finish: acquired once, without waiting, by the loop that acts or by the caller who gives up. So a request
-            is carried out or cancelled, never both.
-        begun_at: robot time at which the hardware was switched [s]; None before.
-        waiting: controllers that wait for the hardware.
-        failures: errors in the loop.
-        done: set by the loop when the request is finished.
+        start_asap: True to start each controller as soon as the robot is ready for it, not all together.
+        timeout: longest wait for the robot to be ready [s of robot time]; 0: no limit.
+        begin, finish: locks that are acquired only once, without waiting, either by the loop that executes the request
+            or by the caller who cancels it. So a request is executed or cancelled, never both.
+        begun_at: robot time at which the robot's mode was switched [s]; None before.
+        waiting: controllers that wait for the robot to be ready.
+        failures: texts of the errors in the loop.
+        done: event that the loop sets when the request is finished.
     """
 
     plan: SwitchPlan

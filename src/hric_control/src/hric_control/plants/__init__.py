@@ -1,6 +1,6 @@
 """Common parts of all plants, independent of the engine: worlds, surfaces, wrenches, friction, stops, parameters.
 
-Import them from this module, except `faces` (contact areas of two shapes) and `resources` (files).
+Import all names from here, except those of `faces` (contact areas of two shapes).
 """
 
 from hric_control.plant import Surface

@@ -1,10 +1,10 @@
-"""Bushings: elastic connections of two bodies, as a hand around a handle. Their law, and the active ones.
+"""Bushings: elastic connections between two bodies, e.g. a hand around a handle.
 
-A spring between the origins of the two grip frames and one of the rotation vector between them, each with a damper,
-evaluated at the start of a step and held over it. Force and torque act on both bodies with opposite signs at the origin
-of body b's grip frame, so that momentum and angular momentum are conserved. A grip slips as a plastic element does:
-beyond its limit the load stays at the limit, and body a's grip frame moves along, so that the spring keeps the stretch
-that belongs to the limit.
+Each body has a grip frame. A translational spring acts on the distance of the two origins and a rotational spring on
+the rotation vector between the frames, each with a damper. The load is computed at the start of a step and constant
+during it. Force and torque act on both bodies with opposite signs at the origin of body b's grip frame, so that
+momentum and angular momentum are conserved. The connection slips like a plastic element: if the load would exceed its
+limit, it stays at the limit, and the grip frame in body a is moved so that the spring has the corresponding stretch.
 """
 
 import math
@@ -25,10 +25,10 @@ ZERO: Vector = (0.0, 0.0, 0.0)
 
 
 class LinkMotion(NamedTuple):
-    """Pose and velocity of a link's frame, world frame.
+    """Pose and velocity of a link's frame, in the world frame.
 
     Attributes:
-        position: position of the origin [m].
+        position: position of the link frame's origin [m].
         orientation: unit quaternion (x, y, z, w).
         linear, angular: velocity of the origin [m/s], angular velocity [rad/s].
     """
@@ -40,10 +40,10 @@ class LinkMotion(NamedTuple):
 
 
 class BushingLaw:
-    """Law of one bushing, with its accumulated slip.
+    """Force law of one bushing, with its accumulated slip.
 
     Args:
-        bushing: checked by `Bushings.connect`.
+        bushing: parameters of the bushing, checked by `Bushings.connect`.
 
     Attributes:
         load: load in the last step.
@@ -56,7 +56,7 @@ class BushingLaw:
         self.restart()
 
     def restart(self) -> None:
-        """Reset to the state at connection, without slip."""
+        """Reset the bushing to its state when it was connected, without slip."""
         (self._at_a, self._rotation_a), (self._at_b, self._rotation_b) = (
             _split(T) for T in (self.bushing.T_a_grip, self.bushing.T_b_grip)
         )
@@ -68,7 +68,7 @@ class BushingLaw:
         lever_a, lever_b = rotated(a.orientation, self._at_a), rotated(b.orientation, self._at_b)
         grip_a, point = _sum(a.position, lever_a), _sum(b.position, lever_b)
         stretch = _difference(point, grip_a)
-        # Both velocities at the point where the force acts, so that the damper only dissipates energy.
+        # Both velocities are taken at the point where the force acts, so that the damper only dissipates energy.
         velocity_a = _sum(a.linear, cross(a.angular, _difference(point, a.position)))
         velocity = _difference(_sum(b.linear, cross(b.angular, lever_b)), velocity_a)
         rotation_a = quaternions.product(a.orientation, self._rotation_a)
@@ -92,7 +92,7 @@ class BushingLaw:
 def _limited(
     stretch: Vector, velocity: Vector, stiffness: float, damping: float, limit: float
 ) -> tuple[Vector, Vector | None]:
-    """Return the load of spring and damper, and the slip of the spring's end; None if it does not slip."""
+    """Return the load of a spring and damper, within its limit, and the slip of the spring's end; None: no slip."""
     x = stiffness * stretch[0] + damping * velocity[0]
     y = stiffness * stretch[1] + damping * velocity[1]
     z = stiffness * stretch[2] + damping * velocity[2]
@@ -121,11 +121,11 @@ def _difference(a: Vector, b: Vector) -> Vector:
 
 
 class Bushings:
-    """Active bushings by name.
+    """All present bushings by name.
 
     Args:
-        full_name: function that returns "model::link" of a body's name; raises UnknownNameError.
-        near: function that returns "model::link" of all links that a grip on the given link does not collide with.
+        full_name: function that returns the name "model::link" of a body; raises UnknownNameError.
+        near: function that returns the names "model::link" of a link and of its neighbours.
     """
 
     def __init__(self, full_name: Callable[[str], str], near: Callable[[str], Sequence[str]]) -> None:
@@ -133,13 +133,16 @@ class Bushings:
         self.laws: dict[str, BushingLaw] = {}
 
     def connect(self, name: str, bushing: Bushing) -> None:
-        """Add a bushing; see `hric_control.plant.Articulated.connect`.
+        """Add a bushing between two bodies.
 
         Raises:
-            HricError: as in `Articulated.connect`.
+            HricError: the name is taken, a body does not exist, both bodies are the same, or a transform or number is
+                invalid.
         """
         if not name or name in self.laws:
-            raise HricError(f"connection {name!r} exists or has no name; connected: {', '.join(self.laws) or 'none'}")
+            raise HricError(
+                f"connection name {name!r} is empty or taken; taken names: {', '.join(self.laws) or 'none'}"
+            )
         a, b = self._full_name(bushing.body_a), self._full_name(bushing.body_b)
         if a == b:
             raise HricError(f"connection {name}: both bodies are {a}")
@@ -151,7 +154,7 @@ class Bushings:
         del self.laws[self._known(name)]
 
     def load(self, name: str) -> BushingLoad:
-        """Return the load of the last step. Raises UnknownNameError."""
+        """Return the load of a bushing in the last step. Raises UnknownNameError."""
         return self.laws[self._known(name)].load
 
     def forget_model(self, model: str) -> None:
@@ -163,16 +166,16 @@ class Bushings:
         }
 
     def restart(self) -> None:
-        """Reset the slip of all bushings after bodies were moved."""
+        """Reset the slip of all bushings; called after bodies were moved."""
         for law in self.laws.values():
             law.restart()
 
     def pairs(self) -> Iterable[tuple[str, str]]:
-        """Return the full names of the connected links."""
+        """Return the pairs of connected links, by their names "model::link"."""
         return [(law.bushing.body_a, law.bushing.body_b) for law in self.laws.values()]
 
     def apart(self) -> list[tuple[str, str]]:
-        """Return the full names of the links without contact with each other."""
+        """Return the pairs of links, "model::link", without contact: connected links and the neighbours of both."""
         return [pair for a, b in self.pairs() for pair in product(self._near(a), self._near(b))]
 
     def _known(self, name: str) -> str:

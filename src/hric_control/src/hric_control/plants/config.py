@@ -1,4 +1,4 @@
-"""Parameters common to all plants."""
+"""Parameters that are common to the plants of all physics engines."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -23,11 +23,11 @@ from hric_core.parameters import (
 )
 
 LARGEST_GRAVITY = 10.0
-"""[m/s^2]; Earth's is 9.83 at most, at the poles (WGS 84)."""
+"""Largest valid magnitude of gravity [m/s^2]; Earth's is at most 9.83, at the poles (WGS 84)."""
 
 
 def _gravity(vector: Vector) -> Vector:
-    """Refuse what pulls upwards, and more than Earth's."""
+    """Refuse gravity that points upwards or is larger than LARGEST_GRAVITY."""
     if vector[2] > 0.0 or math.hypot(*vector) > LARGEST_GRAVITY:
         raise ValueError
     return vector
@@ -41,57 +41,63 @@ GRAVITY.accepts = f"three finite numbers, {LARGEST_GRAVITY:g} at most in size an
 
 @dataclass(frozen=True)
 class PlantConfig(Settings):
-    """Checked parameters of a plant, rotor inertia per joint. A plant with more parameters adds fields and `check`."""
+    """Parameters of a plant; a plant with further parameters derives a class from this one."""
 
-    time_step: float = number(0.001, above=0.0, maximum=0.1, unit="s", text="step of physics and control")
-    integrator: str = choice("accurate", "semi_implicit", text="see above")
+    time_step: float = number(
+        0.001, above=0.0, maximum=0.1, unit="s", text="time step of the physics engine and of the control loop"
+    )
+    integrator: str = choice("accurate", "semi_implicit", text="integration method")
     rotor_inertia: tuple[float, ...] = per_joint(
         number(minimum=0.0, unit="kg m^2"),
         0.1,
         others=0.0,
-        text="rotor inertia seen at the joint; 0 for joints that a mapping leaves out",
+        text="rotor inertia, seen at the joint; 0 for joints that are missing in a mapping",
     )
     friction: str = choice("none", "coulomb", "identified", text="joint friction")
     friction_parameters: Mapping[str, object] = mapping(
         default={},
         unit="N m, s/rad, rad/s",
-        text="`phi1`, `phi2`, `phi3`, each a list; or by joint; and `breakaway` [N m], 0 if absent",
+        text="parameters of friction `identified`: lists `phi1`, `phi2`, `phi3` and optionally `breakaway` [N m], or a "
+        "mapping of these by joint",
     )
-    passive_joints: str = choice("free", "locked", text="joints without transmission")
-    collision: bool = flag(True, text="collision shapes of the robot")
-    self_collision: bool = flag(True, text="contact between links of the robot")
+    passive_joints: str = choice("free", "locked", text="behaviour of joints without transmission")
+    collision: bool = flag(True, text="`false`: the robot collides with nothing")
+    self_collision: bool = flag(True, text="`false`: links of the robot do not collide with each other")
     collision_masks: str = text(
         "",
         valid="a path or package://",
         default_text="`package://hric_control/config/collision_masks.yaml`",
-        text="path or package://: pairs of link patterns that do not collide",
+        text="file with pairs of link name patterns that do not collide, path or package://",
     )
     contact_stiffness: float = number(
-        75000.0, above=0.0, unit="N/m", text="stiffness of penalty contact for objects that give none"
+        75000.0, above=0.0, unit="N/m", text="stiffness of penalty contact for objects that set none"
     )
     surfaces: tuple[SurfaceRule, ...] = listing(
         section(SurfaceRule),
         default=(),
         unit="N/m, N s/m",
-        text="surfaces of single links, see pybullet_ros_control, Surfaces",
+        text="rules for contact surfaces of single links, see pybullet_ros_control, Surfaces",
     )
     world: str = text(
         "", valid="a path or package://", text="world file, path or package://; see pybullet_ros_control, Worlds"
     )
     gravity: Vector = GRAVITY
-    gui: bool = flag(False, text="window of the engine; needs a display")
-    half_step_readout: bool = flag(True, text="semi-implicit: read q - dt dq/2 instead of the engine's q")
-    seed: int = whole(0, text="recorded with the run; this plant uses no random numbers")
+    gui: bool = flag(False, text="`true`: open the window of the engine; needs a display")
+    half_step_readout: bool = flag(
+        True,
+        text="semi-implicit integrator: return the position at the instant of the velocity, q - dt dq/2",
+    )
+    seed: int = whole(0, text="seed, recorded with the run; this plant uses no random numbers")
 
 
 @dataclass(frozen=True)
 class WindowlessConfig(PlantConfig):
-    """Parameters of a plant without a window, which would take the loop's time; rviz displays it."""
+    """Parameters of a plant without a window of its own, which would slow down the loop; rviz displays the robot."""
 
     gui: bool = flag(False, text="must be false: this plant has no window")
 
     def check(self, where: str) -> None:
-        """Raise an error if a window is requested."""
+        """Raise ParameterError if a window is requested."""
         if self.gui:
             raise refused(f"{where}gui", True, "false: this plant has no window of its own; look at the robot in rviz")
 

@@ -1,4 +1,4 @@
-"""Rule for a diverged simulation, the same for all plants."""
+"""Detection of a diverged simulation, by the same rule for all plants."""
 
 import math
 from collections.abc import Sequence
@@ -6,23 +6,23 @@ from collections.abc import Sequence
 from hric_core.errors import FailureError
 
 VELOCITY_FACTOR = 100.0
-"""Multiple of its velocity limit up to which a joint has not diverged [1] (project default, unconfirmed)."""
+"""Ratio of a joint's speed to its velocity limit up to which it has not diverged [1] (project default, unconfirmed)."""
 LOWEST_BOUND = 1000.0
-"""Speed up to which no joint has diverged, whatever its limit [rad/s or m/s] (project default, unconfirmed).
+"""Speed up to which no joint has diverged, whatever its velocity limit [rad/s or m/s] (project default, unconfirmed).
 
-Gravity alone moves joints far beyond the limits of their drives: a rod of length L that falls from upright passes below
-at sqrt(6 g / L), 77 rad/s at 1 cm and 243 rad/s at 1 mm, and a sliding body reaches this speed after falling for 100 s.
-An integrator cannot follow a turn of 1 rad in a step of 1 ms."""
+Gravity alone can move joints far beyond the limits of their drives: a rod of length L that falls from upright reaches
+sqrt(6 g / L), 77 rad/s for 1 cm and 243 rad/s for 1 mm, and a sliding body reaches 1000 m/s after falling for 100 s. On
+the other hand, no integrator can follow a rotation of 1 rad within a step of 1 ms."""
 
 
 class DivergedError(FailureError):
-    """Error of a diverged simulation; the message has joint, simulation time and value in one line.
+    """Diverged simulation; the message names joint, simulation time and value in one line.
 
     Attributes:
         joint: joint name in the description.
         time: simulation time at the end of the step [s].
-        quantity: position, speed or effort.
-        value: not finite, or beyond the bound [rad or m, rad/s or m/s, N m or N].
+        quantity: "position", "speed" or "effort".
+        value: value of the quantity, not finite or beyond its bound [rad or m, rad/s or m/s, N m or N].
     """
 
     def __init__(self, joint: str, time: float, quantity: str, value: float, unit: str, why: str) -> None:
@@ -31,17 +31,17 @@ class DivergedError(FailureError):
 
 
 class Divergence:
-    """Check for divergence after each step of a plant; well under a microsecond in the normal case.
+    """Check for divergence after each step of a plant; it usually takes well under a microsecond.
 
     Args:
-        joints: names of all moving joints, passive ones too.
-        velocity_limits: limits of the description, infinite if there is none, n floats [rad/s or m/s].
+        joints: names of all moving joints, including passive ones.
+        velocity_limits: velocity limits in the description, infinite if there is none, n floats [rad/s or m/s].
         prismatic: True for each prismatic joint, n values.
         time_step: time step of the plant [s].
 
     Attributes:
-        quiet: speed up to which no joint has diverged [rad/s or m/s].
-        steps: number of steps checked.
+        quiet: speed up to which none of the joints has diverged [rad/s or m/s].
+        steps: number of checked steps.
     """
 
     def __init__(
@@ -54,23 +54,24 @@ class Divergence:
         self._time_step, self.steps = time_step, 0
 
     def check(self, q: Sequence[float], dq: Sequence[float], *, quiet: bool = False) -> None:
-        """Check the state after a step; called once a step.
+        """Check the joint state; to be called once after each step.
 
         Args:
             q: positions of all moving joints, n floats [rad or m].
-            dq: their speeds [rad/s or m/s].
-            quiet: True if all values are known to be finite, and no joint faster than the attribute `quiet`.
+            dq: velocities of all moving joints, n floats [rad/s or m/s].
+            quiet: True if the values are known to be finite and no joint is faster than the attribute `quiet`.
 
         Raises:
-            DivergedError: a joint is not finite, or too fast.
+            DivergedError: a joint's position or velocity is not finite, or its speed is beyond its bound.
         """
         self.steps += 1
-        # The norms carry NaN and infinity, and no joint is faster than the norm: the check of each joint is rare.
+        # A norm is NaN or infinite if an element is, and no joint is faster than the norm: so the check of every
+        # single joint is rarely needed.
         if not (quiet or (math.hypot(*dq) <= self.quiet and math.hypot(*q) < math.inf)):
             self._look(q, dq)
 
     def check_efforts(self, efforts: Sequence[float]) -> None:
-        """Check efforts before an integrator with error control gets them; it would hang on one that is not finite.
+        """Check efforts before a step; an integrator with error control would hang if one was not finite.
 
         Args:
             efforts: efforts of all moving joints, n floats [N m or N].
@@ -85,11 +86,13 @@ class Divergence:
                     raise DivergedError(joint, self.steps * self._time_step, "effort", value, unit, "not finite")
 
     def fail(self, dq: Sequence[float], why: str) -> DivergedError:
-        """Return the error of a step that an integrator could not make, naming the joint fastest for its bound.
+        """Return the error for a step that the integrator could not make.
+
+        It names the joint whose speed is largest relative to its bound.
 
         Args:
-            dq: speeds of all moving joints before the step [rad/s or m/s].
-            why: message of the integrator.
+            dq: velocities of all moving joints before the step [rad/s or m/s].
+            why: error message of the integrator.
         """
         worst = self._fastest(dq)
         return DivergedError(
@@ -119,6 +122,6 @@ def bound(velocity_limit: float) -> float:
     """Return the speed beyond which a joint has diverged [rad/s or m/s].
 
     Args:
-        velocity_limit: limit of the description, infinite if there is none [rad/s or m/s].
+        velocity_limit: velocity limit in the description, infinite if there is none [rad/s or m/s].
     """
     return max(VELOCITY_FACTOR * velocity_limit if math.isfinite(velocity_limit) else 0.0, LOWEST_BOUND)

@@ -1,4 +1,4 @@
-"""Joints of a model around the robot: common part of all engines."""
+"""Joints of an articulated model in the robot's surroundings: part that is common to all engines."""
 
 from collections.abc import Sequence
 
@@ -9,16 +9,16 @@ from hric_core import urdf
 
 
 class DrivenJoints:
-    """Moving joints of one model, driven by efforts; this class itself serves a model without moving joints.
+    """Moving joints of one model, driven by efforts. This base class is used for a model without moving joints.
 
     Args:
         model: name of the model.
-        joints: its moving joints, all of them actuated.
+        joints: moving joints of the model, all of them actuated.
         config: the plant's parameters.
 
     Attributes:
         joints: the moving joints.
-        losses: their friction.
+        losses: friction of the moving joints.
     """
 
     def __init__(self, model: str, joints: Sequence[urdf.Joint], config: PlantConfig) -> None:
@@ -30,27 +30,29 @@ class DrivenJoints:
         self._start = self.joints.start(zeros, zeros, zeros)
 
     def _inertias(self) -> Sequence[float]:
-        """Return the inertia that each joint moves [kg m^2 or kg]."""
+        """Return the effective inertia at each joint, n floats [kg m^2 or kg]."""
         return []
 
     def read(self, q: list[float], dq: list[float]) -> None:
-        """Write the state at the measuring instant into the lists in place [rad or m], [rad/s or m/s]."""
+        """Write joint positions q [rad or m] and velocities dq [rad/s or m/s] into the lists, in place."""
         q[:], dq[:] = (), ()
 
     def put(self, q: Sequence[float], dq: Sequence[float] | None) -> None:
-        """Put the joints at q, dq now and at each start. Raises CommandError if not one finite number per joint."""
+        """Set the joint positions q and velocities dq (None: zero), now and after each reset.
+
+        Raises CommandError unless there is one finite number per joint."""
         zeros = self.joints.zeros
         self._start = self.joints.start(q, zeros if dq is None else dq, zeros)
         self.begin()
 
     def begin(self) -> None:
-        """Put the joints at the last set positions."""
+        """Set the joints to the state that was set last."""
 
     def drive(self, efforts: Sequence[float]) -> None:
-        """Set the efforts from the next step on [N m or N]. Raises CommandError if not one per joint."""
+        """Set the joint efforts from the next step on [N m or N]. Raises CommandError unless there is one per joint."""
         self._efforts = self.joints.command(efforts)
 
     def reset(self) -> None:
-        """Return to the last set positions, without drive efforts."""
+        """Set the joints to the state that was set last, and their efforts to zero."""
         self._efforts = self.joints.zeros
         self.begin()

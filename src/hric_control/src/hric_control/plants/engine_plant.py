@@ -1,4 +1,4 @@
-"""Common part of the plants of all engines: what robot and world do alike."""
+"""Base class of the plants of all engines, which contain a robot and a world of models."""
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
@@ -18,13 +18,15 @@ from hric_core.urdf import read
 
 
 class EnginePlant(DrivenPlant, Articulated):
-    """Plant of a robot and a world in one engine; a subclass makes both, then puts the robot at zero with `_put`.
+    """Plant with a robot and a world in one physics engine.
+
+    The constructor of a subclass creates `robot` and `world`, and then sets all joints to zero with `_put`.
 
     Attributes:
         config: checked parameters.
         tree: description of the robot.
-        robot: the robot.
-        world: everything around it.
+        robot: the simulated robot.
+        world: all models around the robot.
     """
 
     config_type: ClassVar[type[PlantConfig]] = PlantConfig
@@ -52,19 +54,19 @@ class EnginePlant(DrivenPlant, Articulated):
         self.world.forget_contacts()
 
     def reset(self, q: Sequence[float], dq: Sequence[float] | None = None) -> None:
-        """Reset the robot to q, dq, and the world to its start."""
+        """Set the robot's joint positions q and velocities dq (None: zero), and reset the world to its start."""
         self.world.reset()
         self._put(q, dq)
 
     def set_configuration(self, q: Sequence[float]) -> None:
-        """Put the robot at q at rest; the world does not change."""
+        """Set the robot's joint positions [rad or m], with zero velocity; the world is not changed."""
         self._put(q)
 
     def read_state(self, q: list[float], dq: list[float], tau: list[float]) -> None:
-        """Read position, velocity and effort at the measuring instant.
+        """Write joint positions, velocities and efforts at the measuring instant into the lists, in place.
 
-        Semi-implicit, the position belongs to the end of the step and the velocity to its middle; q - dt dq/2
-        synchronises both.
+        With the semi-implicit integrator, q is the position at the end of the step and dq the velocity at its middle;
+        q - dt dq/2 is the position at the instant of dq.
         """
         robot = self.robot
         robot.joints.read((robot.at, robot.dq, robot.effort), q, dq, tau)
@@ -74,24 +76,24 @@ class EnginePlant(DrivenPlant, Articulated):
         return self.robot.joints.pick(self.robot.motor_effort)
 
     def engine_state(self) -> tuple[list[float], list[float]]:
-        """Return the engine's raw q, dq."""
+        """Return the joint positions and velocities as the engine has them."""
         robot = self.robot
         return robot.joints.pick(robot.q), robot.joints.pick(robot.dq)
 
     def mass_matrix(self) -> FloatArray:
-        """Return the engine's own mass matrix at the present engine position, shape (n, n) [kg m^2]."""
+        """Return the mass matrix of the actuated joints as the engine computes it now, shape (n, n) [kg m^2]."""
         J = self.robot.joints.law_jacobian()[:, self.robot.joints.user]
         return np.asarray(J.T @ self.robot.mass_matrix() @ J)
 
     # -- commands ------------------------------------------------------------------------------------------------------
 
     def set_modes(self, modes: Sequence[Mode]) -> None:
-        """Set each joint's command mode: effort, or target of a stiff velocity or position drive within URDF limits."""
+        """Set each joint's command mode: effort, or setpoint of a stiff velocity or position drive with URDF limits."""
         self._check_length(modes, "modes")
         self.robot.set_modes(modes)
 
     def set_brakes(self, on: Sequence[bool]) -> None:
-        """Lock or free each joint."""
+        """Lock (True) or release (False) the brake of each joint."""
         self._check_length(on, "brakes")
         self.robot.set_brakes(on)
 
@@ -102,18 +104,18 @@ class EnginePlant(DrivenPlant, Articulated):
             )
 
     def apply(self, tau: Sequence[float]) -> None:
-        """Set the commands for the next step: efforts [N m], or values by `set_modes`."""
+        """Set the commands for the next step: efforts [N m or N], or velocities or positions as set by `set_modes`."""
         self._values = self.robot.joints.command(tau)
 
     def set_load(self, load: Load | None, link: str | None = None) -> None:
-        """Fix a payload to `link` (default: the link behind the last joint) instead of the previous one."""
+        """Replace the payload; `link`: link with the new payload, by default the child of the last actuated joint."""
         link = link or self.tree.joints[self.joint_names[-1]].child
         self.tree.check_link(link)
         self._set_load(None if load is None else (link, payload(load)))
 
     @abstractmethod
     def _set_load(self, load: tuple[str, MassProperties] | None) -> None:
-        """Set the payload: its link, and its mass properties in the link's frame. All states are kept."""
+        """Set the payload (link, mass properties in the link's frame); None: no payload. All states are unchanged."""
 
     def apply_wrench(
         self, body: str, force: Sequence[float], torque: Sequence[float], point: Sequence[float], duration: float
@@ -122,7 +124,7 @@ class EnginePlant(DrivenPlant, Articulated):
         self.world.wrenches.add(self.world.full_name(body), force, torque, point, duration)
 
     def clear_wrenches(self, body: str | None = None) -> None:
-        """End the wrenches on one body ("model" for all its links), or all."""
+        """Remove the applied wrenches on one body (a model's name: on all its links), or on all bodies."""
         if body is None:
             self.world.wrenches.clear()
         elif "::" not in body and self.world.has(body):
@@ -131,7 +133,7 @@ class EnginePlant(DrivenPlant, Articulated):
             self.world.wrenches.clear_link(self.world.full_name(body))
 
     def take_contact_peaks(self) -> dict[tuple[str, str], float]:
-        """Return the largest spring contact force of each pair since the last call [N]."""
+        """Return the largest penalty contact force of each pair of bodies since the last call [N]."""
         return self.world.springs.take_peaks()
 
     # -- models --------------------------------------------------------------------------------------------------------
@@ -142,11 +144,11 @@ class EnginePlant(DrivenPlant, Articulated):
         self.world.spawn(name, urdf_xml, T_world_model, fixed, surfaces)
 
     def delete(self, name: str) -> None:
-        """Remove a model, the wrenches on it, and its bushings."""
+        """Remove a spawned model, the wrenches on it, and its connections."""
         self.world.delete(name)
 
     def model_names(self) -> list[str]:
-        """Return the names of all models but the robot."""
+        """Return the names of all models except the robot."""
         return list(self.world.models)
 
     def base_link(self, model: str) -> str:
@@ -158,32 +160,32 @@ class EnginePlant(DrivenPlant, Articulated):
         return tuple(self.world.joints_of(model).joints.names)
 
     def read_joints(self, model: str, q: list[float], dq: list[float]) -> None:
-        """Write the state of a model's joints at the measuring instant into the lists in place."""
+        """Write a model's joint positions [rad or m] and velocities [rad/s or m/s] into the lists, in place."""
         self.world.joints_of(model).read(q, dq)
 
     def set_joints(self, model: str, q: Sequence[float], dq: Sequence[float] | None = None) -> None:
-        """Put a model's joints at q, dq, now and after each reset."""
+        """Set a model's joint positions and velocities (None: zero), now and after each reset."""
         self.world.joints_of(model).put(q, dq)
         self.world.forget_contacts()
 
     def drive_joints(self, model: str, tau: Sequence[float]) -> None:
-        """Set efforts of a model's joints from the next step on."""
+        """Set the efforts of a model's joints from the next step on [N m or N]."""
         self.world.joints_of(model).drive(tau)
 
     def connect(self, name: str, bushing: Bushing) -> None:
-        """Connect two bodies from the next step on."""
+        """Connect two bodies by a bushing (spring and damper) from the next step on."""
         self.world.bushings.connect(name, bushing)
         self.world.bind_connected()
 
     def disconnect(self, name: str) -> None:
-        """Remove a connection."""
+        """Remove a connection between two bodies."""
         self.world.bushings.disconnect(name)
         self.world.bind_connected()
 
     def connections(self) -> list[str]:
-        """Return the names of the connections."""
+        """Return the names of the present connections between bodies."""
         return list(self.world.bushings.laws)
 
     def bushing_load(self, name: str) -> BushingLoad:
-        """Return the load of a bushing in the last step."""
+        """Return the load of a connection between two bodies in the last step."""
         return self.world.bushings.load(name)

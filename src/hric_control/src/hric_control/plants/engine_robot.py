@@ -1,4 +1,4 @@
-"""Common part of the robots of all engines: modes, brakes and stops of the joints, and their state after a step."""
+"""Base class of the simulated robots of all engines: modes, brakes, stops and state of the joints."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
@@ -9,24 +9,24 @@ from hric_control.plants.moving_joints import MovingJoints
 from hric_control.plants.stops import StopMemory
 
 _FAR = 1e9
-"""Joint limit that no joint reaches [rad or m]."""
+"""Position of a joint stop that no joint reaches, which disables the stop [rad or m]."""
 
 
 class EngineRobot(ABC):
-    """One robot with a fixed base; vectors are in the order of its moving joints.
+    """Robot with a fixed base in a physics engine; vectors are in the order of its moving joints.
 
     Args:
-        joints: moving joints.
+        joints: moving joints of the robot.
         config: the plant's parameters.
 
     Attributes:
-        joints: moving joints.
-        losses: losses of all moving joints.
-        stops: stops of all moving joints that wait for their joint.
-        q, dq: the engine's state after the last step [rad or m, rad/s or m/s].
-        at: positions at the measuring instant, which is that of the speeds [rad or m].
+        joints: moving joints of the robot.
+        losses: friction of all moving joints.
+        stops: stops of all moving joints; the stop of a joint outside its range is disabled until the joint is inside.
+        q, dq: the engine's joint positions and velocities after the last step [rad or m, rad/s or m/s].
+        at: joint positions at the measuring instant, which is that of `dq` [rad or m].
         motor_effort: efforts of the joints' motors in the last step [N m or N].
-        effort: efforts behind the rotors, where an arm's torque sensors are [N m or N].
+        effort: efforts on the link's side of the rotors, as an arm's torque sensors measure them [N m or N].
     """
 
     def __init__(self, joints: MovingJoints, config: PlantConfig) -> None:
@@ -40,45 +40,45 @@ class EngineRobot(ABC):
 
     @abstractmethod
     def put(self, q: Sequence[float], dq: Sequence[float]) -> None:
-        """Put the actuated joints at q, dq; the others keep their positions, at rest."""
+        """Set positions q and velocities dq of the actuated joints; other joints keep their position, at zero speed."""
 
     @abstractmethod
     def mass_matrix(self) -> FloatArray:
-        """Return the engine's mass matrix of all moving joints without rotors, shape (m, m) [kg m^2]."""
+        """Return the engine's mass matrix of all m moving joints, without rotor inertia, shape (m, m) [kg m^2]."""
 
     def set_modes(self, modes: Sequence[Mode]) -> None:
-        """Set the meaning of the commands of the actuated joints."""
+        """Set the command modes of the actuated joints."""
         self._actuated_modes = list(modes)
         self._send_modes()
 
     def set_brakes(self, on: Sequence[bool]) -> None:
-        """Lock or free the actuated joints."""
+        """Lock (True) or release (False) the brakes of the actuated joints."""
         self._brakes = [bool(b) for b in on]
         self._send_modes()
 
     def _modes(self) -> list[Mode]:
-        """Return the modes of all moving joints, including brakes and passive joints."""
+        """Return the modes of all moving joints, including passive ones; a locked joint has the mode BRAKE."""
         return self.joints.modes(self._actuated_modes, self._brakes, locked=self._locked)
 
     @abstractmethod
     def _send_modes(self) -> None:
-        """Apply the modes of all moving joints in the engine."""
+        """Set the modes of all moving joints in the engine."""
 
     def _send_stops(self, joints: Iterable[int]) -> None:
-        """Apply the stops of some moving joints in the engine."""
+        """Set the stops of some moving joints in the engine; `joints`: their indices."""
         for i in joints:
             low, high = self.stops.limits[i]
             below, above = self.stops.waiting.get(i, (False, False))
             self._send_stop(i, -_FAR if below else low, _FAR if above else high)
 
     def _send_stop(self, i: int, low: float, high: float) -> None:  # noqa: B027  (an engine may have no stops)
-        """Apply the stops of one moving joint in the engine."""
+        """Set the stops of moving joint `i` in the engine, at the positions low and high [rad or m]."""
 
     def _check_state(self, *, quiet: bool = False) -> None:
-        """Check the state after a step, and activate the stops of joints that are inside their range again.
+        """Check the state after a step, and enable the stops of joints that are inside their range again.
 
         Raises:
-            DivergedError: a joint is not finite, or too fast; see `Divergence.check`.
+            DivergedError: a joint's state is not finite, or its speed is beyond its bound.
         """
         self._divergence.check(self.q, self.dq, quiet=quiet)
         if self.stops.waiting:

@@ -1,10 +1,11 @@
-"""Contact area of two shapes: the corners of the overlap of their facing sides.
+"""Contact area of two convex shapes: the corners of the intersection of the sides that face each other.
 
-A collision library returns the deepest point of two convex shapes. Where a side lies on a side that point jumps from
-corner to corner, and a spring there would turn what should be pushed straight. So the side that each shape turns to the
-other is taken as a polygon (a box, the end of a cylinder, a hull), a line (a capsule, the side of a cylinder) or
-nothing (a ball); both are projected along the normal, intersected, and the overlap is taken at each corner of the
-intersection. Plain floats: sides have few corners.
+A collision library returns only the deepest point. If a flat side lies on another, this point jumps from corner to
+corner, and the force of a contact spring in it would rotate a body that should only be pushed. So the side of each
+shape that faces the other is described as a polygon (of a box, the end of a cylinder, a hull), a line (of a capsule,
+the side of a cylinder) or nothing (of a sphere). Both are projected along the contact normal and intersected, and the
+overlap along the normal is computed at each corner of the intersection. All computations use plain floats, as sides
+have few corners.
 """
 
 import math
@@ -19,20 +20,20 @@ from hric_core.geometry.transforms import FloatArray, cross
 
 KINDS = ("sphere", "capsule", "cylinder", "box", "plane", "hull")
 _ROUND = 12
-"""Number of corners that approximate the edge of a round end (project default, unconfirmed)."""
+"""Number of corners of the polygon that approximates the round end of a cylinder (project default, unconfirmed)."""
 _LYING = 0.7
-"""Cosine above which a cylinder lies on its end: axis within 45 degrees of the normal."""
+"""Smallest cosine of the angle between axis and contact normal at which a cylinder touches with an end (45 deg)."""
 _PARALLEL = 0.05
-"""Sine of the angle below which two lines are parallel (project default, unconfirmed)."""
+"""Largest sine of the angle between two lines that count as parallel (project default, unconfirmed)."""
 _FLAT = 1e-3
-"""Distance from a hull's outermost side within which its points belong to that side, per size of the hull."""
+"""Largest distance of a hull's point from its outermost point on the same side, relative to the hull's size [1]."""
 _AGREES = 1e-4
-"""Tolerance between the deepest corner and the deepest point of the shapes, plus a twentieth of the depth [m].
+"""Largest difference in depth of the deepest corner and the collision library's deepest point [m].
 
-Beyond it the contact is not one of sides."""
+A twentieth of the depth is added. Beyond it, the contact is not between two sides, and only the point is used."""
 _TINY = 1e-9
 SOFTNESS = 5e-4
-"""Difference of depth over which the force moves from one corner of a side to another [m].
+"""Difference in depth of two corners over which the contact force moves to the deeper one [m].
 
 Project default, unconfirmed."""
 
@@ -43,9 +44,9 @@ class Corner(NamedTuple):
     """Corner of a contact area.
 
     Attributes:
-        position: shape (3,) [m].
-        depth: overlap along the normal, negative for a gap [m].
-        share: part of the area's outline that is nearest to this corner; the sum over an area is 1.
+        position: position in the world frame, shape (3,) [m].
+        depth: overlap of the shapes along the normal, negative for a gap [m].
+        share: weight of the corner: the part of the area's outline that is nearest to it; all shares add up to 1.
     """
 
     position: FloatArray
@@ -55,12 +56,12 @@ class Corner(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """Convex shape in a link.
+    """Convex collision shape of a link.
 
     Attributes:
-        kind: one of KINDS; capsules and cylinders lie along z, a plane is the half-space below z = 0.
+        kind: one of KINDS; the axis of capsules and cylinders is z, a plane is the half-space below z = 0.
         size: sphere: radius; capsule, cylinder: radius, length between the ends; box: three edges; else empty [m].
-        T_link_solid: pose of the shape, shape (4, 4).
+        T_link_solid: pose of the shape in the link, shape (4, 4).
         points: points of a hull, shape (n, 3) [m].
     """
 
@@ -97,9 +98,9 @@ def _cylinder_side(radius: float, length: float, d: FloatArray) -> FloatArray:
 
 
 def _hull_side(points: FloatArray, d: FloatArray) -> FloatArray:
-    """Return the hull's points that are outermost along d, within a tolerance, in any order.
+    """Return the points of a hull that are outermost in direction d, within a tolerance, in any order.
 
-    Their convex hull is taken later, in the plane of the contact."""
+    Their convex hull is computed later, in the plane of the contact."""
     heights = points @ d
     size = float(np.ptp(points, axis=0).max())
     side: FloatArray = points[heights > heights.max() - _FLAT * size]
@@ -107,9 +108,9 @@ def _hull_side(points: FloatArray, d: FloatArray) -> FloatArray:
 
 
 def _side(solid: Solid, T_world_link: FloatArray, direction: FloatArray) -> FloatArray | None:
-    """Return the corners of the side turned to a direction, world frame, shape (n, 3).
+    """Return the corners of a shape's side that faces a direction, in the world frame, shape (n, 3) [m].
 
-    Two for a line; one or None for a shape without a side."""
+    A line has two corners. The result is None or a single point for a shape without a side."""
     if solid.kind in ("sphere", "plane"):
         return None
     T = T_world_link @ solid.T_link_solid
@@ -131,7 +132,7 @@ def _side(solid: Solid, T_world_link: FloatArray, direction: FloatArray) -> Floa
 
 
 def _across(normal: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return two unit vectors perpendicular to a normal."""
+    """Return two unit vectors that are perpendicular to a normal and to each other."""
     e = np.zeros(3)
     e[int(np.argmin(np.abs(normal)))] = 1.0
     s = cross(normal, e)
@@ -140,7 +141,9 @@ def _across(normal: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _convex(points: Sequence[Point]) -> list[Point]:
-    """Return the convex hull, counter-clockwise (Andrew's monotone chain); one or two points are returned unchanged."""
+    """Return the corners of the convex hull, counter-clockwise (Andrew's monotone chain).
+
+    One or two points are returned unchanged."""
     ordered = sorted(set(points))
     if len(ordered) < 3:
         return ordered
@@ -160,7 +163,7 @@ def _area(a: Point, b: Point, c: Point) -> float:
 
 
 def _cut(shape: list[Point], window: list[Point]) -> list[Point]:
-    """Return the part of a convex polygon, or a line, within a convex polygon (Sutherland and Hodgman)."""
+    """Return the part of a convex polygon or line within the convex polygon `window` (Sutherland and Hodgman)."""
     for i, a in enumerate(window):
         b, corners = window[(i + 1) % len(window)], []
         sides = [_area(a, b, p) for p in shape]
@@ -179,7 +182,7 @@ def _cut(shape: list[Point], window: list[Point]) -> list[Point]:
 
 
 def _common(a: list[Point], b: list[Point]) -> list[Point]:
-    """Return the corners of the intersection of two shapes; none for lines that cross."""
+    """Return the corners of the intersection of two sides, each a polygon or line; none for lines that cross."""
     if len(b) > 2:
         return _cut(a, b)
     if len(a) > 2:
@@ -196,12 +199,13 @@ def _common(a: list[Point], b: list[Point]) -> list[Point]:
 
 
 class _Heights:
-    """Plane through the corners of a side: its height along the normal at any point of the contact plane.
+    """Plane fitted through the corners of a side, as height along the normal over points of the contact plane.
 
     For a line, the plane has no slope across the line.
 
     Args:
-        points, heights: positions and heights of the corners [m].
+        points: positions of the corners in the contact plane [m].
+        heights: heights of the corners along the normal [m].
     """
 
     def __init__(self, points: Sequence[Point], heights: Sequence[float]) -> None:
@@ -231,16 +235,16 @@ def corners(
     deepest: FloatArray,
     depth: float,
 ) -> list[Corner]:
-    """Return the corners of the contact area of two shapes: the deepest point alone unless two sides face each other.
+    """Return the corners of the contact area of two shapes; only the deepest point if no two sides face each other.
 
     Args:
         a: first shape.
-        T_world_a: pose of its link, shape (4, 4).
+        T_world_a: pose of the first shape's link, shape (4, 4).
         b: second shape.
-        T_world_b: pose of its link, shape (4, 4).
-        normal: from b to a, unit vector, shape (3,).
-        deepest: middle of the overlap at the deepest point, shape (3,) [m].
-        depth: overlap there, negative for a gap [m]."""
+        T_world_b: pose of the second shape's link, shape (4, 4).
+        normal: unit vector from b to a, shape (3,).
+        deepest: middle of the overlap at the deepest point, in the world frame, shape (3,) [m].
+        depth: overlap at the deepest point, negative for a gap [m]."""
     alone = [Corner(deepest, depth, 1.0)]
     side_a, side_b = _side(a, T_world_a, -normal), _side(b, T_world_b, normal)
     round_ones = [side is None and solid.kind != "plane" for side, solid in ((side_a, a), (side_b, b))]
@@ -270,14 +274,16 @@ def corners(
 
 
 def _shares(shape: list[Point]) -> list[float]:
-    """Return half the length of the edges at each corner, as parts of the outline's length."""
+    """Return for each corner of a polygon half the length of its two edges, relative to the length of the outline."""
     n = len(shape)
     edges = [math.dist(shape[k], shape[(k + 1) % n]) + _TINY for k in range(n)]
     return [0.5 * (edges[k - 1] + edges[k]) / sum(edges) for k in range(n)]
 
 
 def mean_normal(near: Sequence[tuple[float, FloatArray]]) -> FloatArray:
-    """Return the normal of the deepest point (depth [m], normal), or the mean of overlapping ones weighted by depth."""
+    """Return the mean contact normal of points (depth [m], normal): of overlapping points, weighted by depth.
+
+    If fewer than two points overlap, it is the normal of the deepest point."""
     overlapping = [(depth, normal) for depth, normal in near if depth > 0.0]
     if len(overlapping) < 2:
         return max(near, key=lambda point: point[0])[1]
@@ -287,18 +293,18 @@ def mean_normal(near: Sequence[tuple[float, FloatArray]]) -> FloatArray:
 
 
 def centre(corners: Sequence[Corner], deepening: Sequence[float] = (), ahead: float = 0.0) -> tuple[FloatArray, float]:
-    """Return (position, shape (3,), depth [m]) at which one spring acts in place of a contact area.
+    """Return (position, shape (3,) [m], depth [m]) of the single spring that represents a contact area.
 
-    Depth is D = s ln(sum_i a_i exp(d_i / s)) over the depths d_i of the corners, a_i their shares of their sides, s a
-    softness: for equal depths D is that depth, and one far deeper corner gives its own. The position is the mean of the
-    corners weighted by the derivatives of D, so that the spring's force and its moment have one potential: it returns
-    the energy that it took, also if the side tilts meanwhile. (The mean by depth has none: 12 % of the energy were
-    gained in one impact of the hand on a box.)
+    The depth is D = s ln(sum_i a_i exp(d_i / s)) over the depths d_i of the corners, with their shares a_i and a
+    softness s. For equal depths, D is that depth; if one corner is far deeper than the others, D is about its depth.
+    The position is the mean of the corners weighted by the derivatives of D. So force and moment of the spring have a
+    common potential: the spring returns the energy that it has stored, even if the side tilts meanwhile. (A mean
+    weighted by depth has no potential: 12 % of the energy was gained in one impact of a hand on a box.)
 
     Args:
-        corners: corners, of all shapes of a pair of links.
-        deepening: speed at which each depth grows [m/s]; empty if the corners have the depths to use.
-        ahead: time until the depths to use [s].
+        corners: corners of the contact areas of all shapes of a pair of links.
+        deepening: rate at which the depth of each corner increases [m/s]; empty: the present depths are used.
+        ahead: time for which the depths are extrapolated at these rates [s].
     """
     depths = [corner.depth for corner in corners]
     if deepening:

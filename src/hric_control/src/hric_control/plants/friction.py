@@ -1,13 +1,13 @@
-"""Friction of a joint: the sigmoid of the velocity identified on the Panda, and a bristle that holds the joint at rest.
+"""Friction of a joint: a sigmoid of the velocity, as identified on the Panda, and a bristle that holds it at rest.
 
-The sigmoid is zero at rest, so that by itself it lets a joint creep under the smallest effort. The bristle bends by the
-travel z of the joint and exerts breakaway * z/GIVE, up to a bound that falls with the speed from breakaway at rest to
-nothing at FADE:
+The sigmoid is zero at rest, so on its own it lets a joint creep under the smallest effort. The bristle is a spring: it
+is deflected by the joint's motion and exerts the torque breakaway * z/GIVE for a deflection z. The deflection is
+bounded, by GIVE at rest, decreasing with the speed to 0 at FADE:
     dz/dt = dq while |z| < GIVE (1 - (dq/FADE)^2)^2, else z follows this bound.
-This is the elasto-plastic law (Dupont, Hayward, Armstrong, Altpeter, Single state elastoplastic friction models, IEEE
-Transactions on Automatic Control 47, 2002) in its limit, with no creep at all below the bound. LuGre's was not taken:
-its bristles give a little in every cycle of a load below the breakaway, and noise alone would walk the arm away.
-Beyond FADE the sigmoid acts alone, as it was identified. A bristle gives back no more than it has stored.
+This is the limit of the elasto-plastic law (Dupont, Hayward, Armstrong, Altpeter, Single state elastoplastic friction
+models, IEEE Transactions on Automatic Control 47, 2002) that has no creep below the bound. The LuGre model is not used:
+its bristles creep a little in every cycle of a load below the breakaway torque, so that noise alone would move the arm.
+Above the speed FADE only the sigmoid acts, as it was identified. A bristle returns no more energy than it has stored.
 """
 
 import math
@@ -22,21 +22,22 @@ from hric_core.parameters import Mistakes, as_number, refused, unknown
 
 PHI = ("phi1", "phi2", "phi3")
 Phi = tuple[float, float, float]
-"""phi1 [N m], phi2 [s/rad], phi3 [rad/s] of one joint."""
+"""Parameters of the sigmoid friction of one joint: phi1 [N m], phi2 [s/rad], phi3 [rad/s]."""
 BREAKAWAY = "breakaway"
-"""Optional key next to phi1 to phi3: effort that the bristle of a joint at rest withstands [N m]."""
+"""Optional key in `friction_parameters`: largest effort that the bristle of a joint at rest withstands [N m]."""
 GIVE = 1e-4
 """Deflection of a bristle at breakaway [rad] (project default, unconfirmed).
 
-No source for this arm; 1e-5 to 1e-3 rad would do, and the drift at rest is of this size."""
+There is no measured value for this arm; 1e-5 to 1e-3 rad is realistic. The drift of a joint at rest is of this size."""
 FADE = 0.1
 """Speed above which a bristle has no effect [rad/s] (project default, unconfirmed).
 
-The residual of the published sigmoid in a real arm's log near rest, 0.05 to 0.2 N m, fades from 0.1 to 0.3 rad/s."""
+In a log of a real arm, the friction near rest that the published sigmoid does not explain, 0.05 to 0.2 N m, vanishes
+between 0.1 and 0.3 rad/s."""
 
 
 def sigmoid_torque(dq: npt.NDArray[np.float64], phi: Sequence[float]) -> npt.NDArray[np.float64]:
-    """Return the friction of one joint over many velocities, as a plant subtracts it.
+    """Return the sigmoid friction of one joint at many velocities; a plant subtracts it from the joint's effort.
 
     Args:
         dq: joint velocity, shape (n,) [rad/s].
@@ -51,7 +52,9 @@ def sigmoid_torque(dq: npt.NDArray[np.float64], phi: Sequence[float]) -> npt.NDA
 
 
 def sigmoid_parameters(parameters: Any, joint_names: Sequence[str]) -> list[Phi]:
-    """Return (phi1 [N m], phi2 [s/rad], phi3 [rad/s]) of each joint, in the order of `joint_names`.
+    """Return the sigmoid friction parameters of each joint, in the order of `joint_names`.
+
+    They are (phi1 [N m], phi2 [s/rad], phi3 [rad/s]) for each joint.
 
     Args:
         parameters: either {phi1: [n], phi2: [n], phi3: [n]} or {joint: {phi1: .., phi2: .., phi3: ..}}.
@@ -77,16 +80,18 @@ def sigmoid_parameters(parameters: Any, joint_names: Sequence[str]) -> list[Phi]
                 f"{dict(parameters)}"
             ) from error
         if phi[0] < 0.0 or phi[1] < 0.0:
-            raise refused(f"friction_parameters: (phi1, phi2) of {joint}", phi[:2], "0 or more each: friction brakes")
+            raise refused(
+                f"friction_parameters: (phi1, phi2) of {joint}", phi[:2], "0 or more each, as friction opposes motion"
+            )
         result.append(phi)
     return result
 
 
 def refuse_other_joints(parameters: Any, joint_names: Sequence[str]) -> None:
-    """Refuse friction parameters that `sigmoid_parameters` and `breakaways` would pass over.
+    """Refuse keys in `friction_parameters` that would have no effect.
 
     Raises:
-        ParameterError: lists each key that is neither a joint nor a parameter, and each list of another length.
+        ParameterError: a key is neither a joint nor a parameter, or a list has the wrong length; all are listed.
     """
     mistakes, valid = Mistakes(), (*PHI, BREAKAWAY)
     for key, value in parameters.items() if isinstance(parameters, Mapping) else ():
@@ -105,14 +110,14 @@ def refuse_other_joints(parameters: Any, joint_names: Sequence[str]) -> None:
 
 
 def bristle_torque(dq: npt.NDArray[np.float64], time: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Return the torque of a bristle of breakaway 1 N m along a motion that starts at rest, as a plant subtracts it.
+    """Return the friction torque of a bristle with breakaway 1 N m during a motion that starts at rest.
 
     Args:
         dq: velocity of the joint, shape (m,) [rad/s].
-        time: rising, shape (m,) [s].
+        time: times of the samples, increasing, shape (m,) [s].
 
     Returns:
-        shape (m,) [N m]; it is proportional to the breakaway.
+        torque that a plant subtracts from the joint's effort, shape (m,) [N m]; proportional to the breakaway.
     """
     bound = np.maximum(1.0 - (dq / FADE) ** 2, 0.0) ** 2
     strains = np.diff(time, prepend=time[:1]) * dq / GIVE
@@ -124,7 +129,7 @@ def bristle_torque(dq: npt.NDArray[np.float64], time: npt.NDArray[np.float64]) -
 
 
 def breakaways(parameters: Mapping[str, Any], joint_names: Sequence[str]) -> list[float]:
-    """Return the breakaway of each joint [N m], from the parameters of `sigmoid_parameters`.
+    """Return the breakaway torque of each joint's bristle [N m], from `friction_parameters`; 0 if none is given.
 
     Raises:
         ParameterError: a value is not a finite number of 0 or more.

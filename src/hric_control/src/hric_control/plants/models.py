@@ -1,4 +1,4 @@
-"""Models around a robot, each with its description; a plain shape of a world file gets one."""
+"""Models in the surroundings of a robot. Each has a URDF; for simple shapes of a world file it is generated."""
 
 import math
 from abc import ABC, abstractmethod
@@ -25,11 +25,11 @@ from hric_core.resources import read_description
 from hric_core.urdf import Robot, read, write_inertial
 
 _PLANE_DRAWN = 2.0
-"""Side of the square that represents a plane in pictures [m]; project default, unconfirmed."""
+"""Edge length of the square that represents a plane in images [m] (project default, unconfirmed)."""
 TRACE = 1e-12
-"""Mass [kg] and moments of inertia [kg m^2] of a moving massless link whose children have mass.
+"""Mass [kg] and moments of inertia [kg m^2] used for a moving link without mass whose children have mass.
 
-Engines refuse zero; the value is too small to have an effect. Project default, unconfirmed."""
+Engines refuse zero; this value is too small to have an effect (project default, unconfirmed)."""
 JointsT = TypeVar("JointsT", bound=DrivenJoints)
 
 
@@ -38,16 +38,17 @@ class Model:
     """Model in the world, other than the robot.
 
     Attributes:
-        name, xml: name of the model, and its URDF.
-        tree: parsed description.
+        name: name of the model.
+        xml: URDF of the model.
+        tree: parsed URDF.
         T_world_start: pose of the root link at the start, shape (4, 4).
-        fixed: True if it is fixed to the world.
-        surface: surface of its links.
-        surfaces: surfaces of single links by name, which replace `surface`.
-        linear, angular: velocity of the root link's origin at the start, world frame [m/s], [rad/s].
-        T_world_origin: current frame of its free joint: coordinates at zero put the root link there.
+        fixed: True if the root link is fixed to the world.
+        surface: contact surface of the links.
+        surfaces: contact surfaces of single links by name, which replace `surface`.
+        linear, angular: velocity of the root link's origin at the start, in the world frame [m/s], [rad/s].
+        T_world_origin: present pose of the free joint's frame, the root link's pose if the joint's coordinates are 0.
         planes: links whose collision shape is the half-space below z = 0.
-        plain: object of a world file of which it is a plain shape; None of a URDF.
+        plain: object of a world file, if the model is a simple shape; None for a model with a URDF file.
     """
 
     name: str
@@ -67,18 +68,18 @@ class Model:
 
     @property
     def free_joint(self) -> str:
-        """Name of the model's joint to the world, unique in the world."""
+        """Name of the free joint between world and model, unique in the world."""
         return f"{self.name}::free"
 
 
 def model_of_urdf(
     name: str, xml: str, T_world_model: FloatArray, *, fixed: bool, surface: Surface | None = None
 ) -> Model:
-    """Return a model from a URDF. Raises DescriptionError when it cannot be used."""
+    """Return a model with a given URDF. Raises DescriptionError if the URDF is not usable."""
     tree = read(xml, f"model {name}")
     if not fixed and not _has_moving_mass(tree):
         raise DescriptionError(
-            f"link {tree.root} of model {name}: it moves, but neither it nor what is fixed to it has a mass"
+            f"link {tree.root} of model {name}: it can move, but neither it nor a link fixed to it has a mass"
         )
     return Model(name, xml, tree, T_world_model.copy(), fixed, surface or Surface())
 
@@ -90,7 +91,7 @@ def _has_moving_mass(tree: Robot) -> bool:
 
 
 def model_of_object(item: WorldObject) -> Model:
-    """Return a model from an object of a world file."""
+    """Return the model of an object in a world file."""
     fixed = item.mass == 0.0
     if item.urdf is not None:
         text = read_description(item.urdf)
@@ -105,7 +106,7 @@ def model_of_object(item: WorldObject) -> Model:
 
 
 def _moments(shape: str, size: Sequence[float], mass: float) -> tuple[float, float, float]:
-    """Return the principal moments of a solid of even density about its centre [kg m^2]; textbook formulas."""
+    """Return the principal moments of inertia of a solid of uniform density about its centre [kg m^2]."""
     if shape == "box":
         x, y, z = size
         return mass / 12 * (y * y + z * z), mass / 12 * (x * x + z * z), mass / 12 * (x * x + y * y)
@@ -115,7 +116,7 @@ def _moments(shape: str, size: Sequence[float], mass: float) -> tuple[float, flo
     if shape == "cylinder":
         across = mass / 12 * (3 * r * r + length * length)
         return across, across, 0.5 * mass * r * r
-    # A capsule: a cylinder, and two half balls whose centres of mass lie 3 r / 8 beyond its ends.
+    # A capsule is a cylinder and two hemispheres, whose centres of mass are 3 r / 8 beyond the cylinder's ends.
     volume = math.pi * r * r * length + 4 / 3 * math.pi * r**3
     rod, balls = mass * math.pi * r * r * length / volume, mass * 4 / 3 * math.pi * r**3 / volume
     across = rod * (3 * r * r + length * length) / 12 + balls * (
@@ -138,7 +139,7 @@ def _shape_urdf(item: WorldObject) -> str:
 
 
 def _parts(shape: str, size: Sequence[float]) -> list[tuple[Element, float]]:
-    """Return (URDF shape, z of its centre [m]) for each part; a capsule is a cylinder and two balls."""
+    """Return (URDF geometry element, z of its centre [m]) of each part; a capsule is a cylinder and two spheres."""
     if shape == "box":
         return [(Element("box", size=" ".join(map(repr, size))), 0.0)]
     if shape == "sphere":
@@ -152,56 +153,60 @@ def _parts(shape: str, size: Sequence[float]) -> list[tuple[Element, float]]:
 
 
 def payload(load: Load) -> MassProperties:
-    """Return the mass properties of a load. Raises ParameterError if they are invalid."""
+    """Return the mass properties of a payload. Raises ParameterError if they are invalid."""
     if load.mass < 0.0 or len(load.com) != 3 or len(load.inertia) != 9:
-        raise ParameterError(f"a load needs mass >= 0, com of 3 and inertia of 9 numbers; got {load}")
+        raise ParameterError(f"a payload needs mass >= 0, com with 3 and inertia with 9 numbers; got {load}")
     return MassProperties(
         float(load.mass), np.array(load.com, dtype=float), np.array(load.inertia, dtype=float).reshape(3, 3)
     )
 
 
 def moving_body(tree: Robot, link: str, total: MassProperties) -> MassProperties:
-    """Return the mass of a moving link and the links fixed to it, changed to what an engine accepts.
+    """Return the mass properties of a moving link and the links fixed to it, adapted to what an engine accepts.
+
+    A zero mass or inertia is replaced by a very small one.
 
     Args:
-        tree: the description.
-        link: topmost link of the rigid group.
-        total: sum of the group's masses, in axes of the link.
+        tree: robot description.
+        link: topmost link of the group of links that are fixed to each other.
+        total: mass properties of the group, in the frame of the link.
 
     Raises:
-        DescriptionError: the mass is zero, and no link beyond has one: nothing would resist the joint.
+        DescriptionError: neither the group nor any link below it has a mass, so that nothing would resist the joint.
     """
     if total.mass <= 0.0:
         outer = (tree.links[joint.child].mass for joint, _ in tree.beyond(link))
         if total.inertia.any() or not any(mass is not None and mass.mass > 0.0 for mass in outer):
-            raise DescriptionError(f"link {link}: it moves, but neither it nor what is fixed to it has a mass")
+            raise DescriptionError(f"link {link}: it can move, but neither it nor a link fixed to it has a mass")
         total = MassProperties(TRACE, np.zeros(3), np.zeros((3, 3)))
     return as_point(total) if np.abs(total.inertia).max() < TRACE else total
 
 
 def as_point(body: MassProperties) -> MassProperties:
-    """Return the body with a trace of inertia added, as for a point mass."""
+    """Return a body's mass properties with a very small inertia added, which makes a point mass usable in an engine."""
     return MassProperties(body.mass, body.com, body.inertia + TRACE * np.eye(3))
 
 
 class Models(ABC, Generic[JointsT]):
-    """Models around a robot by name. Each change rebuilds the engine's model; all states are kept.
+    """Models in the surroundings of a robot, by name.
+
+    Adding or removing a model rebuilds the engine's model; the states of all other models are preserved.
 
     Args:
-        tree: the robot's description.
-        objects: objects of the world file; a subclass admits them by `_restore` when it is ready.
-        rules: surfaces of single links.
+        tree: robot description.
+        objects: objects of the world file; a subclass adds them by `_restore` when its engine is ready.
+        rules: rules for the contact surfaces of single links.
         config: the plant's parameters.
 
     Attributes:
         models: all models except the robot.
-        joints: joints of models by name; a model without moving joints may be missing.
-        wrenches: external wrenches.
+        joints: joints of a model by the model's name; a model without moving joints may be missing.
+        wrenches: external wrenches that act now.
         springs: springs of penalty contact.
-        bushings: bushings between links.
+        bushings: connections between links.
 
     Raises:
-        HricError: an object or a rule that cannot be used.
+        HricError: an object or a rule is not usable.
     """
 
     bushings: Bushings
@@ -216,18 +221,18 @@ class Models(ABC, Generic[JointsT]):
 
     @abstractmethod
     def reset(self) -> None:
-        """Reset all models to their start, and clear wrenches, drives and the memory of contact and slip."""
+        """Reset all models to their start, remove wrenches and joint efforts, and clear contact and slip states."""
 
     @abstractmethod
     def forget_contacts(self) -> None:
-        """Forget contacts and spring memory, after bodies were put elsewhere."""
+        """Discard contacts and the states of contact springs; called after bodies were moved."""
 
     @abstractmethod
     def bind_connected(self) -> None:
-        """Update the engine after a change of the connections."""
+        """Update the engine after connections between bodies were added or removed."""
 
     def joints_of(self, model: str) -> DrivenJoints:
-        """Return the joints of a model around the robot. Raises UnknownNameError."""
+        """Return the joints of a model. Raises UnknownNameError if there is no such model."""
         self._check_model(model)
         return self.joints.get(model) or DrivenJoints(model, (), self._config)
 
@@ -235,38 +240,41 @@ class Models(ABC, Generic[JointsT]):
         if name not in self.models:
             raise UnknownNameError("model", name, self.models, "the world")
 
-    # -- coming and going ----------------------------------------------------------------------------------------------
+    # -- adding and removing models ------------------------------------------------------------------------------------
 
     @abstractmethod
     def _build(self, begin: Sequence[Model] = ()) -> None:
-        """Rebuild the engine's model with the current models. All states are kept, except those of `begin`.
+        """Rebuild the engine's model with the present models.
 
-        Raises HricError; the engine's model is then unchanged."""
+        The models `begin` are set to their start; the states of all others are preserved. If a HricError is raised, the
+        engine's model is unchanged."""
 
     def _check_name(self, name: str) -> None:
         taken = [self._name, *self.models]
         if not name or "::" in name or name in taken:
-            raise HricError(f"model name {name!r} is taken, empty or has '::' in it; taken: {', '.join(sorted(taken))}")
+            raise HricError(
+                f"model name {name!r} is taken, empty or contains '::'; taken names: {', '.join(sorted(taken))}"
+            )
 
     def _admit(self, model: Model) -> None:
-        """Add a model to the next build.
+        """Add a model, which appears in the engine after the next `_build`.
 
-        Raises UnknownNameError when a rule for it fits none of its links; nothing has changed then."""
+        Raises UnknownNameError if a surface rule for the model matches none of its links; then nothing is changed."""
         self._surfaces[model.name] = self._rules.of_model(model.name, model.tree.links, model.surface, model.surfaces)
         self.models[model.name] = model
 
     def _dismiss(self, name: str) -> None:
-        """Remove a model from the next build, the wrenches on it, and its bushings."""
+        """Remove a model with its wrenches and connections; it disappears from the engine at the next `_build`."""
         del self.models[name], self._surfaces[name]
         self.joints.pop(name, None)
         self.bushings.forget_model(name)
         self.wrenches.clear_model(name)
 
     def _restore(self) -> None:
-        """Admit the missing objects of the world file, and put all of them first.
+        """Add the missing objects of the world file, and put all of its objects first in `models`.
 
         Raises:
-            HricError: the name of one is taken or bad, or a rule does not fit it.
+            HricError: the name of an object is taken or invalid, or a surface rule matches none of its links.
         """
         for name, model in self._start.items():
             if name not in self.models:
@@ -277,10 +285,10 @@ class Models(ABC, Generic[JointsT]):
     def spawn(
         self, name: str, urdf_xml: str, T_world_model: FloatArray, fixed: bool, surfaces: Mapping[str, Surface]
     ) -> None:
-        """Add a model with its root link at T_world_model, shape (4, 4); surfaces: surfaces of its links, by name.
+        """Add a model with its root link at T_world_model, shape (4, 4); `surfaces`: contact surfaces by link name.
 
         Raises:
-            HricError: the name is taken, or the URDF or a surface is bad; the world is then unchanged.
+            HricError: the name is taken, or the URDF or a surface is invalid; the world is then unchanged.
         """
         self._check_name(name)
         model = model_of_urdf(name, urdf_xml, T_world_model, fixed=fixed)
@@ -293,10 +301,10 @@ class Models(ABC, Generic[JointsT]):
             raise
 
     def delete(self, name: str) -> None:
-        """Remove a model other than the robot; an object of the world file returns with the next reset.
+        """Remove a model; an object of the world file is added again by the next reset.
 
         Raises:
-            UnknownNameError: no such model.
+            UnknownNameError: there is no such model.
         """
         self._check_model(name)
         self._dismiss(name)
@@ -305,20 +313,20 @@ class Models(ABC, Generic[JointsT]):
     # -- names ---------------------------------------------------------------------------------------------------------
 
     def has(self, model: str) -> bool:
-        """Return True if there is such a model; the robot counts."""
+        """Return True if `model` is the name of the robot or of a model."""
         return model == self._name or model in self.models
 
     def _description(self, model: str) -> Robot:
-        """Return the description of a model or the robot. Raises UnknownNameError."""
+        """Return the parsed URDF of a model or of the robot. Raises UnknownNameError if there is no such model."""
         if not self.has(model):
             raise UnknownNameError("model", model, [self._name, *self.models], "the world")
         return self._tree if model == self._name else self.models[model].tree
 
     def find(self, body: str) -> tuple[str, str]:
-        """Return (model, link) of "link" (of the robot) or "model::link".
+        """Return (model, link) of a body's name, "link" (of the robot) or "model::link".
 
         Raises:
-            UnknownNameError: no such model or link.
+            UnknownNameError: there is no such model or link.
         """
         model, separator, link = body.rpartition("::")
         model = model if separator else self._name
@@ -328,20 +336,20 @@ class Models(ABC, Generic[JointsT]):
         return model, link
 
     def full_name(self, body: str) -> str:
-        """Return "model::link" of a body that `find` takes. Raises UnknownNameError."""
+        """Return the name "model::link" of a body that is given as "link" or "model::link". Raises UnknownNameError."""
         return "::".join(self.find(body))
 
     def near(self, body: str) -> list[str]:
-        """Return "model::link" of all links that a grip on a body does not collide with. Raises UnknownNameError."""
+        """Return the names "model::link" of a link and its neighbours in its model. Raises UnknownNameError."""
         model, link = self.find(body)
         return [f"{model}::{name}" for name in self._description(model).near(link)]
 
     def base_link(self, model: str) -> str:
-        """Return the root link of a model or the robot. Raises UnknownNameError."""
+        """Return the name of the root link of a model or of the robot. Raises UnknownNameError."""
         return self._description(model).root
 
     def _surfaces_of_links(self) -> dict[str, Surface]:
-        """Return the surfaces by "model::link", including the robot's links."""
+        """Return the contact surfaces of all links by "model::link", including the robot's links."""
         return {
             f"{model}::{link}": surface for model, links in self._surfaces.items() for link, surface in links.items()
         }

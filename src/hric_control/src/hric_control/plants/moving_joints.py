@@ -1,4 +1,4 @@
-"""Moving joints of a robot in the engine's order, with the indices of the actuated ones."""
+"""Conversion between vectors of all moving joints, in the engine's order, and of the actuated ones, in the user's."""
 
 import math
 from collections.abc import Sequence
@@ -22,11 +22,11 @@ class Losses:
     """Friction and rotor inertia of one joint.
 
     Attributes:
-        rotor: inertia of the rotor at the joint [kg m^2].
+        rotor: rotor inertia, seen at the joint [kg m^2].
         coulomb: Coulomb friction [N m].
-        damping: viscous friction [N m s/rad].
-        sigmoid: phi1 [N m], phi2 [s/rad], phi3 [rad/s] of `hric_control.plants.friction`.
-        breakaway: breakaway torque of its bristle [N m].
+        damping: viscous friction coefficient [N m s/rad].
+        sigmoid: phi1 [N m], phi2 [s/rad], phi3 [rad/s] of the sigmoid friction (`hric_control.plants.friction`).
+        breakaway: breakaway torque of the friction bristle [N m].
     """
 
     rotor: float = 0.0
@@ -36,38 +36,40 @@ class Losses:
     breakaway: float = 0.0
 
     def sigmoid_row(self) -> list[float]:
-        """Return a, b, c, d of the sigmoid as a (tanh(b (dq + c)) - d), which does not overflow at high speed."""
+        """Return a, b, c, d of the sigmoid friction a (tanh(b (dq + c)) - d), a form that does not overflow."""
         phi1, phi2, phi3 = self.sigmoid
         return [0.5 * phi1, 0.5 * phi2, phi3, math.tanh(0.5 * phi2 * phi3)]
 
     def bristle_row(self) -> list[float]:
-        """Return breakaway [N m], deflection there [rad], and the speed above which the bristle is off [rad/s]."""
+        """Return breakaway torque [N m], deflection at breakaway [rad], and speed above which there is none [rad/s]."""
         return [self.breakaway, GIVE, FADE]
 
 
 Follower = tuple[int, int, float, float]
-"""Joint that mimics another: index, leader's index, multiplier, offset [rad or m]; q = multiplier q_leader + offset.
+"""Mimic joint: its index, index of its leader, multiplier, offset [rad or m]; q = multiplier q_leader + offset.
 
-The leader is the joint at the end of the chain of mimic joints."""
+The leader is the joint at the end of a chain of mimic joints; it mimics no other joint."""
 
 
 class MovingJoints:
-    """Vectors of all moving joints, in the engine's order, and of the actuated ones, in the user's order.
+    """Moving joints of a robot or model; converts vectors of all of them to vectors of the actuated ones, and back.
+
+    Vectors of all moving joints are in the engine's order, those of the actuated joints in the user's order.
 
     Args:
         joints: all moving joints, in the engine's order.
-        actuated: names in the user's order.
-        robot: name of the robot, for messages.
+        actuated: names of the actuated joints, in the user's order.
+        robot: name of the robot, for error messages.
 
     Attributes:
         names: names of all moving joints.
-        user: indices of the actuated joints among them, in the user's order.
-        followers: joints that mimic others.
-        straight: True if both orders are the same and all joints are actuated.
-        zeros: one zero per moving joint.
+        user: indices of the actuated joints in `names`, in the user's order.
+        followers: mimic joints.
+        straight: True if all joints are actuated and both orders are the same.
+        zeros: list with a zero for each moving joint.
 
     Raises:
-        UnknownNameError: an actuated joint is not among them.
+        UnknownNameError: an actuated joint is not among the moving joints.
     """
 
     def __init__(self, joints: Sequence[urdf.Joint], actuated: Sequence[str], robot: str) -> None:
@@ -87,7 +89,7 @@ class MovingJoints:
         self._straight_length = len(joints) if self.straight else -1
 
     def spread(self, values: Sequence[float], rest: Sequence[float]) -> list[float]:
-        """Return values of all moving joints from those of the actuated ones; `rest` fills the others."""
+        """Return values of all moving joints, from values of the actuated ones; the others are taken from `rest`."""
         if len(values) != len(self.actuated):
             raise CommandError(f"got {len(values)} values for {len(self.actuated)} joints ({', '.join(self.actuated)})")
         full = list(rest)
@@ -96,12 +98,12 @@ class MovingJoints:
         return full
 
     def command(self, values: Sequence[float] | FloatArray) -> list[float]:
-        """Return commands of all moving joints from those of the actuated ones, the others zero, as a new list."""
+        """Return commands of all moving joints as a new list, from those of the actuated ones; the others are zero."""
         floats: list[float] = values.tolist() if isinstance(values, np.ndarray) else list(values)
         return floats if len(floats) == self._straight_length else self.spread(floats, self.zeros)
 
     def pick(self, values: Sequence[T]) -> list[T]:
-        """Return the actuated joints' values from those of all moving joints."""
+        """Return the values of the actuated joints, from values of all moving joints."""
         return [values[i] for i in self.user]
 
     def read(
@@ -114,10 +116,10 @@ class MovingJoints:
         """Write position, velocity and effort of the actuated joints to q, dq and tau.
 
         Args:
-            state: position, velocity and effort of all moving joints.
+            state: positions, velocities and efforts of all moving joints.
             q: positions of the actuated joints, written in place [rad or m].
-            dq: their velocities [rad/s or m/s].
-            tau: their efforts [N m or N].
+            dq: velocities of the actuated joints, written in place [rad/s or m/s].
+            tau: efforts of the actuated joints, written in place [N m or N].
         """
         if self.straight:
             q[:], dq[:], tau[:] = state
@@ -125,12 +127,18 @@ class MovingJoints:
             q[:], dq[:], tau[:] = map(self.pick, state)
 
     def start(self, q: Sequence[float], dq: Sequence[float], now: Sequence[float]) -> tuple[list[float], list[float]]:
-        """Return positions and speeds of all moving joints [rad or m, rad/s or m/s] from those of the actuated ones.
+        """Return positions and velocities of all moving joints [rad or m, rad/s or m/s] for a given state.
 
-        Mimic joints follow their laws; the rest stays at the present position, at rest.
+        Mimic joints follow their laws; all other joints that are not actuated get their present position and velocity
+        zero.
+
+        Args:
+            q: positions of the actuated joints [rad or m].
+            dq: velocities of the actuated joints [rad/s or m/s].
+            now: present positions of all moving joints [rad or m].
 
         Raises:
-            CommandError: a value is not finite, or there are not as many as joints.
+            CommandError: a value is not finite, or there is not one value per actuated joint.
         """
         full_q, full_dq = self.spread(q, now), self.spread(dq, self.zeros)
         if not all(map(math.isfinite, full_q + full_dq)):
@@ -139,24 +147,24 @@ class MovingJoints:
         return full_q, full_dq
 
     def follow(self, q: list[float], dq: list[float]) -> None:
-        """Apply the laws of mimic joints to positions and speeds of all moving joints, in place."""
+        """Set the positions and velocities of mimic joints by their laws, in vectors of all moving joints, in place."""
         for i, leader, multiplier, offset in self.followers:
             q[i], dq[i] = multiplier * q[leader] + offset, multiplier * dq[leader]
 
     def law_jacobian(self) -> FloatArray:
-        """Return the change of all speeds per speed of each joint, mimic joints included, shape (n, n)."""
+        """Return the Jacobian of the mimic laws, shape (n, n): velocities of all joints per velocity of each joint."""
         J = np.eye(len(self.joints))
         for i, leader, multiplier, _ in self.followers:
             J[i, i], J[i, leader] = 0.0, multiplier
         return J
 
     def modes(self, modes: Sequence[Mode], brakes: Sequence[bool], *, locked: bool) -> list[Mode]:
-        """Return the modes of all moving joints; a mimic joint is never braked.
+        """Return the command modes of all moving joints; a mimic joint never has the mode BRAKE.
 
         Args:
-            modes: modes of the actuated joints.
-            brakes: brakes of the actuated joints; a brake overrides the mode.
-            locked: True if the other joints are braked.
+            modes: command modes of the actuated joints.
+            brakes: True for each actuated joint whose brake is locked; this overrides its mode.
+            locked: True if joints that are not actuated are locked.
         """
         full = [Mode.BRAKE if locked else Mode.EFFORT] * len(self.joints)
         for i, mode, braked in zip(self.user, modes, brakes, strict=True):
@@ -166,7 +174,7 @@ class MovingJoints:
         return full
 
     def losses(self, config: PlantConfig) -> list[Losses]:
-        """Return the friction and rotor inertia of all moving joints."""
+        """Return friction and rotor inertia of all moving joints, by the plant's parameters and the description."""
         coulomb = config.friction == "coulomb"
         losses = [
             Losses(rotor, joint.friction if coulomb else 0.0, joint.damping)
@@ -181,7 +189,7 @@ class MovingJoints:
         return losses
 
     def divergence(self, time_step: float) -> Divergence:
-        """Return the divergence check of these joints after each step of `time_step` [s]."""
+        """Return a divergence check for all moving joints, for a plant with this time step [s]."""
         limits, slides = (
             [joint.velocity for joint in self.joints],
             [joint.type == "prismatic" for joint in self.joints],

@@ -1,22 +1,25 @@
-"""Penalty contact within one step: the two bodies along their normal, as one mass on the spring.
+"""Penalty contact, integrated within a step of the engine: two bodies along their normal, as one mass on a spring.
 
-An engine holds a force over its step, and an impact on a stiff surface lasts a few steps only: a spring that is
-evaluated at one instant of the step gives a peak and an impulse that depend on where in the step the contact began.
-Here the motion along the normal is integrated through the step,
+An engine applies a constant force during its step, and an impact on a stiff surface lasts only a few steps. If the
+spring were evaluated at one instant of the step, peak and impulse would depend on when in the step the contact begins.
+So the motion along the normal is integrated through the step,
 
     x'' = a - w max(k x + c x', 0)    while x > 0,
 
-with the pair's inverse effective mass w = n' J (M + B)^-1 J' n and the acceleration a that the pair would have without
-the spring. The mean of the load is applied, which has the same impulse. The load at the end of the step is reported or,
-if it had its maximum within the step, this maximum: the reading of a sensor that samples once a step and holds a peak.
+with penetration x, stiffness k, damping c, the pair's inverse effective mass w = n' J (M + B)^-1 J' n, and the
+acceleration a that the pair would have without the spring. The mean of the force, which has the same impulse, is
+applied. The reported force is that at the end of the step or, if it is larger, the maximum within the step: the reading
+of a sensor with peak hold that is sampled once per step.
 
-Across the normal a bristle holds the two bodies, by the elasto-plastic law of the joints (`plants.friction`): a spring
-that yields when its force reaches friction times load, so that a body at rest on it does not creep. Its force f is also
-held over the step; with the speed u that the bodies would end the step with under the force of the last step,
+In the tangential plane a bristle holds the two bodies, by the elasto-plastic law also used for joints
+(`plants.friction`): a spring that yields when its force reaches friction coefficient times normal force, so that a body
+at rest does not creep. Its force f is also constant during the step. With the tangential velocity u at the end of the
+step that would result from the force of the last step, and the step h,
 
-    f = f_before - h k / (1 + C h^2 k w) u,    |f| <= friction * load,
+    f = f_before - h k / (1 + C h^2 k w) u,    |f| <= friction * normal force,
 
-which for C = 1 is the implicit Euler method on one contact with the inverse effective mass w across.
+where k is the bristle's stiffness and w the tangential inverse effective mass. For C = 1 this is the implicit Euler
+method for a single contact.
 """
 
 import math
@@ -28,30 +31,29 @@ import numpy as np
 from hric_control.plant import FloatArray
 
 _PARTS = 8
-"""Runge-Kutta substeps of a step for a spring that is slow compared with the step (project default, unconfirmed)."""
+"""Smallest number of Runge-Kutta substeps of a step, used for soft contacts (project default, unconfirmed)."""
 _PARTS_PER_RADIAN = 4
-"""Additional substeps per radian of a fast spring's oscillation."""
+"""Additional substeps per radian of the contact's oscillation, for stiff contacts."""
 _MAX_PARTS = 64
 BRISTLE_STIFFNESS = 1e6
-"""Stiffness of a bristle [N/m] (project default, unconfirmed): 10 N deflect it by 0.01 mm.
+"""Stiffness of the friction bristle of a contact [N/m] (project default, unconfirmed): 10 N deflect it by 0.01 mm.
 
-No source; far stiffer than the spring along the normal."""
+There is no source for it; it is much stiffer than the contact spring along the normal."""
 _SHARED = 4.0
-"""C in the module's docstring (project default, unconfirmed).
+"""Factor C in the bristle force f = f_before - h k / (1 + C h^2 k w) u (project default, unconfirmed).
 
-With it up to five contacts of one body, which are computed independently, stay stable with a bristle of any stiffness.
-"""
+With this value, up to five contacts of one body, which are computed independently of each other, are stable with a
+bristle of any stiffness."""
 
 
 @dataclass(frozen=True, slots=True)
 class SpringStep:
-    """Result of a spring in one step.
+    """Result of integrating a contact spring through one step.
 
     Attributes:
-        mean: impulse divided by the step [N].
-        reading: load at the end of the step, or its maximum if that lies within [N].
-        ahead: depth at the end of the step, minus the depth that the engine reaches with the mean held over the step
-            [m].
+        mean: mean force, the impulse divided by the step [N].
+        reading: force at the end of the step, or its maximum within the step if that is larger [N].
+        ahead: depth at the end of the step, minus the depth that the engine reaches with the constant mean force [m].
     """
 
     mean: float
@@ -63,13 +65,13 @@ NOTHING = SpringStep(0.0, 0.0, 0.0)
 
 
 def _touch_time(depth: float, speed: float, acceleration: float, step: float) -> float:
-    """Return the time at which a gap closes [s]; `step` if it does not close within the step."""
+    """Return the time until a gap (negative depth) closes [s]; `step` if it does not close within the step."""
     if depth + speed * step + 0.5 * acceleration * step * step <= 0.0 and (speed <= 0.0 or acceleration >= 0.0):
         return step
     root = speed * speed - 2.0 * acceleration * depth
     if root <= 0.0:
         return step
-    # The root without cancellation.
+    # This form of the root has no cancellation of digits.
     pace = speed + math.sqrt(root)
     return min(-2.0 * depth / pace, step) if pace > 0.0 else step
 
@@ -77,16 +79,16 @@ def _touch_time(depth: float, speed: float, acceleration: float, step: float) ->
 def spring_step(
     depth: float, speed: float, acceleration: float, inverse_mass: float, stiffness: float, damping: float, step: float
 ) -> SpringStep:
-    """Integrate one step.
+    """Integrate the motion of two bodies along their contact normal, with a spring and damper, through one step.
 
     Args:
         depth: penetration at the start, negative for a gap [m].
-        speed: rate at which the depth grows [m/s].
-        acceleration: acceleration of the depth without the spring [m/s^2].
+        speed: closing speed at the start [m/s].
+        acceleration: closing acceleration without the spring [m/s^2].
         inverse_mass: inverse effective mass of the pair along the normal [1/kg].
-        stiffness: [N/m].
-        damping: [N s/m].
-        step: [s].
+        stiffness: stiffness of the contact [N/m].
+        damping: damping of the contact [N s/m].
+        step: time step of the engine [s].
     """
     left = step
     x, v = depth, speed
@@ -101,7 +103,7 @@ def spring_step(
     half, impulse = 0.5 * h, 0.0
     first = load = peak = _load(x, v, stiffness, damping)
     for _ in range(parts):
-        # Classical method of fourth order; the load of each stage enters the impulse.
+        # Classical Runge-Kutta method of fourth order; the impulse is the weighted sum of the stages' forces.
         a1 = acceleration - inverse_mass * load
         v2 = v + half * a1
         f2 = _load(x + half * v, v2, stiffness, damping)
@@ -121,7 +123,7 @@ def spring_step(
 
 
 def _load(x: float, v: float, stiffness: float, damping: float) -> float:
-    """Return the load of spring and damper [N]; a contact never pulls."""
+    """Return the force of spring and damper [N], at least 0, as a contact never pulls."""
     if x <= 0.0:
         return 0.0
     load = stiffness * x + damping * v
@@ -130,12 +132,12 @@ def _load(x: float, v: float, stiffness: float, damping: float) -> float:
 
 @dataclass(slots=True)
 class _Memory:
-    """State of a pair of links that passes from one step to the next.
+    """State of the contact of a pair of links that is kept for the next step.
 
     Attributes:
-        push: closing acceleration that the spring's mean took away [m/s^2].
-        ahead: see SpringStep.
-        rub: force of the bristle on a, shape (3,) [N]; None: the contact has just begun.
+        push: reduction of the closing acceleration by the spring's mean force [m/s^2].
+        ahead: error of the engine's depth, see SpringStep [m].
+        rub: friction force on the first link, shape (3,) [N]; None: the contact has just begun.
     """
 
     push: float = 0.0
@@ -145,13 +147,13 @@ class _Memory:
 
 @dataclass
 class Springs:
-    """Springs between all pairs of links, one each, with the state of one step and the peaks since `take_peaks`.
+    """Contact springs between pairs of links, one for each pair in contact, with the peak forces since `take_peaks`.
 
-    The acceleration without the spring is the one measured over the last step plus what the spring took away in it, so
-    that a body at rest on its spring stays there, whatever presses it.
+    The acceleration without the spring is estimated from the last step: the measured acceleration plus the reduction by
+    the spring's force. So a body at rest on its spring stays at rest, whatever force presses it.
 
     Args:
-        time_step: [s].
+        time_step: time step of the plant [s].
     """
 
     time_step: float
@@ -160,11 +162,11 @@ class Springs:
     _peaks: dict[tuple[str, str], float] = field(default_factory=dict)
 
     def forget(self) -> None:
-        """Forget all contacts after bodies were moved."""
+        """Discard the states of all contacts; called after bodies were moved."""
         self._now, self._before, self._peaks = {}, {}, {}
 
     def begin(self) -> None:
-        """Begin a new step; pairs without `push` in it are forgotten."""
+        """Begin a new step; the state of a pair is discarded unless `push` is called for it in this step."""
         self._before, self._now = self._now, {}
 
     def push(
@@ -176,10 +178,10 @@ class Springs:
         inverse_mass: float,
         law: tuple[float, float],
     ) -> SpringStep:
-        """Compute the spring of one pair in this step.
+        """Compute the normal force between a pair of links in this step.
 
         Args:
-            pair: names of its links.
+            pair: names of the links.
             depth: penetration at the start of the step [m].
             speed: closing speed at the start of the step [m/s].
             measured: closing acceleration over the last step [m/s^2].
@@ -190,7 +192,8 @@ class Springs:
         done = spring_step(depth + before.ahead, speed, measured + before.push, inverse_mass, *law, self.time_step)
         memory = self._now[pair] = _Memory(inverse_mass * done.mean)
         if done.mean > 0.0:
-            # In a smooth motion it is a twelfth of this; if the mass is not well known, errors must not add up.
+            # In a smooth motion `ahead` is inverse_mass * mean * time_step^2 / 12; the bound keeps errors from adding
+            # up if the mass is not known well.
             bound = inverse_mass * done.mean * self.time_step**2 / 4.0
             memory.ahead = min(max(before.ahead + done.ahead, -bound), bound)
             self._peaks[pair] = max(self._peaks.get(pair, 0.0), done.reading)
@@ -204,15 +207,15 @@ class Springs:
         relative: FloatArray,
         inverse_mass: Callable[[FloatArray], float],
     ) -> FloatArray:
-        """Return the friction force on a in this step, shape (3,) [N]; called after `push`.
+        """Return the friction force on link a in this step, shape (3,) [N]; to be called after `push`.
 
         Args:
-            pair: names of its links.
-            bound: friction times load [N].
-            normal: from b to a, unit vector, shape (3,).
-            relative: velocity of a relative to b at the contact now, and of the same material a step before, shape
-                (2, 3) [m/s].
-            inverse_mass: function from a unit vector to the pair's inverse effective mass along it [1/kg].
+            pair: names of the links a and b.
+            bound: largest friction force: friction coefficient times normal force [N].
+            normal: unit vector from b to a, shape (3,).
+            relative: velocity of a relative to b at the contact point now, and of the same material points one step
+                before, shape (2, 3) [m/s].
+            inverse_mass: function that returns the pair's inverse effective mass along a unit vector [1/kg].
         """
         before = self._before.get(pair) or _Memory()
         end = 2.0 * relative[0] - relative[1]
@@ -230,6 +233,6 @@ class Springs:
         return force
 
     def take_peaks(self) -> dict[tuple[str, str], float]:
-        """Return the largest reading per pair since the last call [N]."""
+        """Return the largest contact force of each pair of links since the last call [N]."""
         peaks, self._peaks = self._peaks, {}
         return peaks

@@ -1,8 +1,8 @@
-"""Joint stops: which of them act, and the stop law of spawned models.
+"""Joint stops: which of them are enabled, and the force law of the stops of spawned models.
 
-A stop acts only once the joint has been inside its range: a start outside, as the thesis has at q = 0, leaves it open
-until then. The engine implements the robot's stops; those of other models are a spring and a damper, alike in all
-engines.
+A stop is enabled only once the joint has been inside its range. If a joint starts outside its range, as in the thesis
+at q = 0, its stop is disabled until then. The engine implements the robot's stops; those of other models are a spring
+and a damper, the same in all engines.
 """
 
 import math
@@ -10,13 +10,13 @@ from collections.abc import Callable, Iterable, Sequence
 
 
 class StopMemory:
-    """Memory of the stops that are still open.
+    """Record of the joint stops that are still disabled, as their joint started outside its range.
 
     Args:
         limits: (lower, upper) per joint [rad or m], infinite if there is no stop.
 
     Attributes:
-        waiting: for each joint that started outside, by its index: (is below, is above); that stop is open.
+        waiting: (started below the range, started above it) by index of the joint; this stop is disabled.
     """
 
     def __init__(self, limits: Sequence[tuple[float, float]]) -> None:
@@ -24,7 +24,9 @@ class StopMemory:
         self.waiting: dict[int, tuple[bool, bool]] = {}
 
     def restart(self, q: Sequence[float]) -> set[int]:
-        """Decide again which stops act, with the robot put at q. Return the joints whose stops may have changed."""
+        """Determine which stops are disabled, after the robot was set to the joint positions q [rad or m].
+
+        Return the indices of the joints whose stops may have changed."""
         before = set(self.waiting)
         self.waiting = {
             i: (x < low, x > high)
@@ -34,7 +36,7 @@ class StopMemory:
         return before | set(self.waiting)
 
     def check(self, q: Sequence[float]) -> list[int]:
-        """Close an open stop once its joint is inside the range. Return the joints whose stops act from now on."""
+        """Enable the stops of joints that are inside their range now; return the indices of these joints."""
         inside = [i for i in self.waiting if self.limits[i][0] <= q[i] <= self.limits[i][1]]
         for i in inside:
             del self.waiting[i]
@@ -42,44 +44,45 @@ class StopMemory:
 
 
 STOP_RATE = 2.0 * math.pi * 50.0
-"""Natural frequency of a joint on its stop, critically damped [rad/s] (project default, unconfirmed).
+"""Natural frequency of a joint on its stop, which is critically damped [rad/s] (project default, unconfirmed).
 
-A third of a radian per step of 1 ms, so that a force held over the step causes no oscillation."""
+It is a third of a radian per step of 1 ms, so that the force, which is constant during a step, causes no oscillation.
+"""
 
 
 _STUCK = 1e-12
-"""Mobility below which a joint moves only by rounding [1/(kg m^2) or 1/kg] (project default, unconfirmed).
+"""Mobility (inverse inertia) up to which a joint counts as immovable [1/(kg m^2) or 1/kg].
 
-An example is a joint that mimics another with a multiplier of 0."""
+An example is a joint that mimics another with a multiplier of 0. Project default, unconfirmed."""
 
 
 def reciprocals(mobilities: Iterable[float]) -> list[float]:
-    """Return the inertias of joints from their mobilities [1/(kg m^2) or 1/kg]; 0 for a joint that cannot move."""
+    """Return the inertias of joints [kg m^2 or kg] from their mobilities (inverses); 0 for a joint that cannot move."""
     return [1.0 / float(mobility) if mobility > _STUCK else 0.0 for mobility in mobilities]
 
 
 class StopLaw:
-    """Stops of a spawned model's joints: k (limit - q) - c dq beyond the limit, never pulling outwards.
+    """Stops of a spawned model's joints: effort k (limit - q) - c dq beyond the limit, never pulling outwards.
 
-    k and c follow from STOP_RATE and the inertia at the stop, that of the joint while all others are free: in a light
-    wrist a quarter of what hangs on the joint, in a shoulder near its singular pose a thousandth, so that a force from
-    the inertia of all that hangs there would throw the arm.
+    Stiffness k and damping c follow from STOP_RATE and the effective inertia of the joint while all other joints are
+    free. In a light wrist this is a quarter of the inertia of all links beyond the joint, in a shoulder near its
+    singular pose a thousandth. So gains based on the inertia of all links beyond the joint would throw the arm.
 
     Args:
-        limits: (lower, upper) per joint [rad or m], in the order of all vectors here.
-        inertias: function that returns the current 1 / (M^-1)_ii of each joint, M of the whole model [kg m^2 or kg], 0
-            for a joint that cannot move; needed while a stop acts.
+        limits: (lower, upper) per joint [rad or m]; vectors of this class have the same order.
+        inertias: function that returns the effective inertia 1 / (M^-1)_ii of each joint, with the mass matrix M of the
+            whole model [kg m^2 or kg], 0 for a joint that cannot move; called while a stop acts.
     """
 
     def __init__(self, limits: Sequence[tuple[float, float]], inertias: Callable[[], Sequence[float]]) -> None:
         self._memory, self._inertias = StopMemory(limits), inertias
 
     def restart(self, q: Sequence[float]) -> None:
-        """Decide again which stops act, after the model was put at q."""
+        """Determine which stops are disabled, after the model was set to the joint positions q [rad or m]."""
         self._memory.restart(q)
 
     def add(self, q: Sequence[float], dq: Sequence[float], tau: Sequence[float]) -> list[float]:
-        """Return efforts tau with those of the stops at q, dq added [N m or N]."""
+        """Return the efforts tau plus the efforts of the stops at positions q and velocities dq [N m or N]."""
         if self._memory.waiting:
             self._memory.check(q)
         efforts, pushes = list(tau), self._pushes(q, dq)
@@ -90,7 +93,7 @@ class StopLaw:
         return efforts
 
     def _pushes(self, q: Sequence[float], dq: Sequence[float]) -> dict[int, float]:
-        """Return the acceleration that its stop alone gives each joint, by joint index [rad/s^2 or m/s^2]."""
+        """Return the acceleration [rad/s^2 or m/s^2] that a joint gets from its stop, by index of the joint."""
         memory, pushes = self._memory, dict[int, float]()
         for i, (x, (low, high)) in enumerate(zip(q, memory.limits, strict=True)):
             if low <= x <= high:

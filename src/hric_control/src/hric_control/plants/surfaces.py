@@ -1,4 +1,4 @@
-"""Contact surfaces: rigid, or a spring with damping and friction (penalty contact)."""
+"""Contact surfaces of links: rigid contact or penalty contact (spring and damper), and friction."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -11,20 +11,22 @@ from hric_core.parameters import Settings, choice, number, text
 
 @dataclass(frozen=True)
 class SurfaceSettings(Settings):
-    """Surface settings in files and parameters; those left out stay unchanged."""
+    """Settings of a contact surface in world files and parameters; settings that are left out do not change."""
 
     contact: str | None = choice("rigid", "penalty", default=None, text="contact law")
-    stiffness: float | None = number(None, above=0.0, unit="N/m", text="of penalty contact")
-    damping: float = number(0.0, minimum=0.0, unit="N s/m", text="of penalty contact")
-    friction: float | None = number(None, minimum=0.0, maximum=10.0, text="coefficient; a pair has the product of both")
+    stiffness: float | None = number(None, above=0.0, unit="N/m", text="stiffness of penalty contact")
+    damping: float = number(0.0, minimum=0.0, unit="N s/m", text="damping of penalty contact")
+    friction: float | None = number(
+        None, minimum=0.0, maximum=10.0, text="friction coefficient; two bodies in contact have the product of both"
+    )
 
     def check(self, where: str) -> None:
-        """Refuse a spring without `contact: penalty`."""
+        """Refuse stiffness or damping without `contact: penalty`."""
         if self.contact != "penalty" and (self.stiffness is not None or self.damping):
             raise ParameterError(f"{where}stiffness and {where}damping need {where}contact: penalty")
 
     def over(self, base: Surface, default_stiffness: float) -> Surface:
-        """Return the surface that results from `base`; default_stiffness: that of penalty contact if unset [N/m]."""
+        """Return the surface `base` with these settings applied; `default_stiffness`: used if none is set [N/m]."""
         friction = base.friction if self.friction is None else self.friction
         if self.contact is None:
             return replace(base, friction=friction)
@@ -42,13 +44,17 @@ def _split(link: str) -> str:
 
 @dataclass(frozen=True)
 class SurfaceRule(SurfaceSettings):
-    """Surface settings of links whose names match a pattern."""
+    """Rule that sets the contact surface of links whose names match a pattern."""
 
-    link: str = text(valid="model::link, each a name or a pattern such as *", made=_split, text="which links")
+    link: str = text(
+        valid="model::link, each a name or a pattern such as *",
+        made=_split,
+        text="links to which the rule applies, model::link",
+    )
 
 
 class Surfaces:
-    """Surfaces of all links by rules; a later rule overrides an earlier one.
+    """Contact surfaces of links, determined by rules; a later rule overrides an earlier one.
 
     Args:
         rules: rules of the world file and of the plant's parameters.
@@ -64,7 +70,7 @@ class Surfaces:
         """Return the surface of each link of a model: by the rules, else from `by_link`, else `base`.
 
         Raises:
-            UnknownNameError: a rule fits the model, but none of its links; `by_link` names an unknown link.
+            UnknownNameError: a rule names the model, but matches none of its links, or `by_link` has an unknown link.
         """
         surfaces = dict.fromkeys(links, base)
         check_known("link", by_link, surfaces, f"surfaces of model {model}")
@@ -81,9 +87,9 @@ class Surfaces:
 
 
 def combine(first: Surface, second: Surface) -> tuple[float, float, float] | None:
-    """Return (stiffness [N/m], damping [N s/m], friction) of a pair; None if both are rigid.
+    """Return (stiffness [N/m], damping [N s/m], friction coefficient) of two surfaces; None if both are rigid.
 
-    Two springs act in series; a rigid partner adds nothing."""
+    The stiffness is that of both springs in series, or of the only spring if one surface is rigid."""
     stiffnesses = [s.stiffness for s in (first, second) if s.stiffness is not None]
     if not stiffnesses:
         return None

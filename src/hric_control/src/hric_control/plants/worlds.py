@@ -1,4 +1,4 @@
-"""Objects around a robot, and pairs of links that are not checked for collision, from YAML files."""
+"""Objects in the surroundings of a robot, and pairs of links that are not checked for collision, read from YAML."""
 
 import math
 from collections.abc import Iterable
@@ -15,7 +15,7 @@ from hric_core.parameters import Settings, choice, listing, number, numbers, rea
 from hric_core.resources import resolve
 
 DENSEST = 2.3e4
-"""[kg/m^3]; the densest element, osmium, has 2.26e4."""
+"""Largest valid density of an object [kg/m^3]; the densest element, osmium, has 2.26e4."""
 SIZES = {
     "box": ("length", "width", "height"),
     "sphere": ("radius",),
@@ -24,26 +24,26 @@ SIZES = {
     "plane": (),
     "urdf": (),
 }
-"""Shapes, and the values of their size [m]."""
+"""Shapes of objects, and the values in their `size` [m]."""
 PLAIN_LINK = "link"
-"""Name of the link of a plain shape."""
+"""Name of the only link of an object that is a simple shape."""
 MASKS = "package://hric_control/config/collision_masks.yaml"
 """Default masks."""
 
 
 @dataclass(frozen=True)
 class WorldObject:
-    """Object of a world.
+    """Object in a world file.
 
     Attributes:
-        name: unique in its world.
-        shape: a key of SIZES.
-        size: see SIZES [m].
-        urdf: file, for shape urdf.
-        mass: [kg]; 0 is fixed in the world.
+        name: name, unique in its world.
+        shape: a key of SIZES, e.g. "box".
+        size: dimensions of the shape, in the order of SIZES [m].
+        urdf: URDF file, if the shape is "urdf".
+        mass: mass [kg]; 0: the object is fixed in the world.
         T_world_object: pose at the start, shape (4, 4).
-        linear, angular: velocity at the start, world frame [m/s], [rad/s].
-        surface: contact law and friction.
+        linear, angular: velocity at the start, in the world frame [m/s], [rad/s].
+        surface: contact surface.
     """
 
     name: str
@@ -71,7 +71,7 @@ class _Velocity(Settings):
 
 @dataclass(frozen=True)
 class _Object(SurfaceSettings):
-    """Object as written in the file."""
+    """Object as written in a world file."""
 
     name: str = text(empty=False)
     shape: str = choice(*SIZES, default=REQUIRED)
@@ -82,7 +82,7 @@ class _Object(SurfaceSettings):
     velocity: _Velocity = section(_Velocity)
 
     def check(self, where: str) -> None:
-        """Refuse a size that does not fit the shape, and a plane with a mass."""
+        """Refuse values that do not fit together: size and shape, a plane with a mass, an impossible density."""
         super().check(where)
         if len(self.size) != len(SIZES[self.shape]):
             raise refused(
@@ -96,16 +96,16 @@ class _Object(SurfaceSettings):
             raise ParameterError(f"{where}velocity has no effect without a mass; valid: with {where}mass above 0 [kg]")
         if self.size and self.mass > (heaviest := DENSEST * self._bound):
             grams = f"{self.mass:g} g would be {1e-3 * self.mass:g} kg"
-            raise refused(f"{where}mass", self.mass, f"up to {heaviest:.3g} [kg] of that size; {grams}")
+            raise refused(f"{where}mass", self.mass, f"up to {heaviest:.3g} [kg] for this size; {grams}")
 
     @property
     def _bound(self) -> float:
-        """Volume of a box that holds the shape [m^3]."""
+        """Volume of a box that contains the shape [m^3]."""
         first, last = self.size[0], self.size[-1]
         return math.prod(self.size) if self.shape == "box" else 4.0 * first**2 * (2.0 * first + last)
 
     def built(self, folder: Path, default_stiffness: float) -> WorldObject:
-        """Return the object; folder: start of relative addresses."""
+        """Return the object; `folder`: folder to which relative file names refer."""
         return WorldObject(
             self.name,
             self.shape,
@@ -125,15 +125,15 @@ class _World(Settings):
     surfaces: tuple[SurfaceRule, ...] = listing(section(SurfaceRule), default=())
 
     def check(self, where: str) -> None:
-        """Refuse a name that two objects have."""
+        """Refuse two objects with the same name."""
         names = [item.name for item in self.objects]
         doubles = sorted({name for name in names if names.count(name) > 1})
         if doubles:
-            raise ParameterError(f"{where}objects: names must differ; twice: {', '.join(doubles)}")
+            raise ParameterError(f"{where}objects: names must differ; used twice: {', '.join(doubles)}")
 
 
 def _read(address: str) -> tuple[_World, Path]:
-    """Return the world, and the folder of relative addresses."""
+    """Return the content of a world file, and the folder to which its relative file names refer."""
     if not address:
         return _World(), Path()
     try:
@@ -146,16 +146,18 @@ def _read(address: str) -> tuple[_World, Path]:
 
 
 def load_surfaces(address: str) -> tuple[SurfaceRule, ...]:
-    """Return the rules for surfaces of single links in a world file; argument and errors as in `load_world`."""
+    """Return the rules for contact surfaces of links in a world file; `address`: path, package://..., or empty.
+
+    Raises HricError if there is no such file, or a mistake in it."""
     return _read(address)[0].surfaces
 
 
 def load_world(address: str, default_stiffness: float) -> list[WorldObject]:
-    """Return the objects of a world.
+    """Return the objects of a world file.
 
     Args:
-        address: path, package://..., or "" for an empty world.
-        default_stiffness: stiffness of penalty contact if the object sets none [N/m].
+        address: path, package://..., or empty for an empty world.
+        default_stiffness: stiffness of penalty contact for objects that set none [N/m].
 
     Raises:
         HricError: no such file, or a mistake in it; the message names the object and the valid choices.
@@ -176,10 +178,10 @@ class _Masks(Settings):
 
 
 def load_masks(address: str) -> list[tuple[str, str]]:
-    """Return the patterns of link pairs.
+    """Read the pairs of link name patterns that are not checked for collision.
 
     Args:
-        address: path or package://..., "" for the masks of this package.
+        address: path or package://...; empty for the file of this package.
 
     Raises:
         HricError: an entry is not {links: [pattern, pattern], reason: text}.

@@ -1,4 +1,4 @@
-"""External wrenches that act for some steps."""
+"""External wrenches on bodies, each for a limited number of steps or until cleared."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -11,13 +11,13 @@ from hric_core.geometry import FloatArray
 
 @dataclass
 class Wrench:
-    """Wrench that acts for some steps.
+    """External wrench on a body.
 
     Attributes:
-        body: "model::link", with the name of the robot's model for its own links.
-        force, torque: world frame [N], [N m].
-        point: link frame [m].
-        steps_left: negative means until cleared.
+        body: name "model::link"; for the robot's links, the model is the robot's name.
+        force, torque: force and torque in the world frame, shape (3,) [N], [N m].
+        point: point of application in the link frame, shape (3,) [m].
+        steps_left: number of steps for which the wrench still acts; negative: until it is cleared.
     """
 
     body: str
@@ -29,7 +29,7 @@ class Wrench:
 
 @dataclass
 class Wrenches:
-    """Active wrenches.
+    """External wrenches that act now.
 
     Args:
         time_step: time step of the plant [s].
@@ -41,10 +41,10 @@ class Wrenches:
     def add(
         self, body: str, force: Sequence[float], torque: Sequence[float], point: Sequence[float], duration: float
     ) -> None:
-        """Add a wrench; see `hric_control.plant.Plant.apply_wrench`.
+        """Add a wrench for `duration` [s] (negative: until cleared); for the other arguments see `Wrench`.
 
         Raises:
-            ParameterError: not three finite numbers each.
+            ParameterError: force, torque or point does not have three finite numbers.
         """
         F, T, p = (np.array(v, dtype=float) for v in (force, torque, point))
         if any(v.shape != (3,) or not np.isfinite(v).all() for v in (F, T, p)):
@@ -57,7 +57,7 @@ class Wrenches:
             self.active.append(Wrench(body, F, T, p, steps))
 
     def count_step(self) -> None:
-        """Count a step, and remove the wrenches whose time is over."""
+        """Count a step of the plant, and remove the wrenches whose time is over."""
         for wrench in self.active:
             wrench.steps_left -= 1
         self.active = [wrench for wrench in self.active if wrench.steps_left != 0]

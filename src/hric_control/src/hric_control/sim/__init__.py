@@ -1,1 +1,1 @@
-"""Simulated robots: control loop, services and topics, and a robot for any description with transmissions."""
+"""Simulated robots: control loop, services and topics, and a RobotHW for any URDF with transmissions."""

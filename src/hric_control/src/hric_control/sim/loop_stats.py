@@ -1,24 +1,24 @@
-"""Statistics of a loop: cycle times, deadlines, achieved real-time factor."""
+"""Statistics of a simulation loop: cycle times, missed deadlines, achieved real-time factor."""
 
 import time as wall
 from dataclasses import dataclass
 
 WINDOW = 1.0
-"""Length of the window of the windowed statistics [s of wall time]."""
+"""Length of the time window over which statistics are computed [s of wall time]."""
 
 
 @dataclass(frozen=True)
 class LoopStats:
-    """Statistics of a loop.
+    """Statistics of a simulation loop. The time window is the last full second.
 
     Attributes:
-        cycles: cycles since the start of `run`.
-        cycle_time_mean: mean duration of a cycle's work over the last full window [s].
-        cycle_time_max: largest duration over the last full window [s].
-        rtf: robot time per wall time over the last full window [1]; 0 while paused.
-        rtf_mean: robot time per wall time since the start of `run`, without pauses [1].
-        missed_deadlines: cycles that ended after the next one should have begun, since the start.
-        slowed: pieces of 20 ms of the schedule that waited for a late loop, since the start.
+        cycles: number of cycles since the start of the run.
+        cycle_time_mean: mean computing time of a cycle in the time window [s].
+        cycle_time_max: largest computing time of a cycle in the time window [s].
+        rtf: robot time per wall time in the time window [1]; 0 while paused.
+        rtf_mean: robot time per wall time since the start of the run, without pauses [1].
+        missed_deadlines: number of cycles that ended after the next one should have begun, since the start of the run.
+        slowed: number of 20 ms steps in which the schedule of robot time was delayed, as the loop was late.
     """
 
     cycles: int
@@ -31,7 +31,7 @@ class LoopStats:
 
 
 class LoopMeter:
-    """Meter of a loop's statistics. Only the loop calls `cycle`; any thread may call `stats`.
+    """Collector of a loop's statistics. Only the loop calls `cycle`; any thread may call `stats`.
 
     Args:
         time_step: robot time per cycle [s].
@@ -54,11 +54,11 @@ class LoopMeter:
         self._start, self._n, self._busy, self._worst = now, 0, 0.0, 0.0
 
     def cycle(self, begin: float, end: float) -> None:
-        """Add one cycle's work.
+        """Record one cycle.
 
         Args:
-            begin: monotonic wall clock at its start [s].
-            end: monotonic wall clock at its end [s].
+            begin: monotonic clock at the start of the cycle's computation [s].
+            end: monotonic clock at its end [s].
         """
         spent = end - begin
         self._count += 1
@@ -72,7 +72,7 @@ class LoopMeter:
             self._close(end)
 
     def stand(self) -> None:
-        """Leave out the wall time that passes while the loop is paused."""
+        """Exclude the wall time that passes while the loop is paused; called repeatedly during a pause."""
         self._last_end = None
         now = wall.perf_counter()
         if now - self._start >= WINDOW:
@@ -84,7 +84,7 @@ class LoopMeter:
         self._open(now)
 
     def stats(self, slowed: int) -> LoopStats:
-        """Return the statistics of the last full window, or of the first so far. slowed: as in `LoopStats`."""
+        """Return the present statistics; before the first full time window, those so far. `slowed`: see `LoopStats`."""
         mean, worst, rtf = self._window
         if not (mean or rtf) and self._n:
             mean, worst = self._busy / self._n, self._worst

@@ -1,35 +1,39 @@
-"""Pace of a simulated robot: wall-clock pace, slower if the loop or a participant of the run does not keep up."""
+"""Pace of a simulation: a given robot time per wall time, slower if the loop or another process cannot keep up."""
 
 from collections.abc import Callable
 
 from hric_core.robot_time.schedule import NS, Schedule
 
 STEP = 20_000_000
-"""Time between knots of the schedule [ns of wall time]. All constants here are project defaults, unconfirmed."""
+"""Time between two knots of the schedule [ns of wall time].
+
+Project default, unconfirmed, as are all constants of this file."""
 LEAD = 25_000_000
-"""Time by which a knot of the schedule is announced ahead, so that all receive it in time [ns of wall time]."""
+"""Time by which a knot of the schedule is announced in advance, so that all processes get it in time [ns]."""
 CATCH_UP = 0.05
-"""Lateness up to which the loop catches up and the schedule goes on [s of wall time]."""
+"""Lateness up to which the loop may catch up, without a delay of the schedule [s of wall time]."""
 LATE = 0.005
-"""Lateness above which a knot counts as late [s of wall time]."""
+"""Lateness of the loop at a knot of the schedule above which the knot counts as late [s of wall time]."""
 PATIENCE = 25
-"""Excess of late knots over punctual ones from which the schedule waits for the loop's full lateness."""
+"""Excess of late knots over punctual ones from which on the schedule is delayed by the loop's whole lateness."""
 
 JUMP = 0.1
-"""Lead over the schedule above which the schedule follows at once: the loop has run unpaced [s of robot time]."""
+"""Lead of the loop over the schedule above which the schedule jumps to the loop's robot time [s of robot time].
+
+Such a lead arises if the loop has run unpaced."""
 
 
 class Pace:
-    """Schedule that announces, slightly ahead, when each robot time is due. Only the loop's thread calls it.
+    """Schedule that is announced slightly in advance and says when each robot time is due. For the loop's thread only.
 
     Args:
         factor: requested robot time per wall time, above 0.
 
     Attributes:
         factor: requested robot time per wall time; may be changed.
-        on_knot: callback for each knot: monotonic time [ns], robot time [s]; None: no callback.
-        limit: function from the next robot time of the schedule to the allowed one [s]; None: no limit.
-        slowed: knots at which the schedule waited for a late loop.
+        on_knot: callback (monotonic time [ns], robot time [s]) for each announced knot; None: no callback.
+        limit: function that returns the allowed robot time [s], given the next one of the schedule; None: no limit.
+        slowed: number of knots at which the schedule was delayed, as the loop was late.
     """
 
     def __init__(self, factor: float) -> None:
@@ -42,11 +46,11 @@ class Pace:
         self._late = 0
 
     def due(self, now: int, run: float) -> int | None:
-        """Return the monotonic time at which a robot time is due [ns]; None: not announced yet.
+        """Return the monotonic time [ns] at which the loop's next cycle is due; None: not announced yet.
 
         Args:
-            now: monotonic time [ns].
-            run: robot time that the loop has reached, at which its next cycle reads [s].
+            now: present monotonic time [ns].
+            run: robot time of the loop's next cycle [s].
         """
         if now >= self._next:
             self._extend(now, run)
@@ -54,7 +58,7 @@ class Pace:
         return self._schedule.monotonic(run)
 
     def stand(self, now: int, run: float) -> None:
-        """Announce a pause of the run at a robot time [s], or at a later one if that was announced already."""
+        """Announce a pause at a robot time [s], or at the last announced one if that is later."""
         schedule = self._begun(now, run)
         if now >= self._next:
             begin, reached = self._resume(schedule, now)
@@ -68,7 +72,9 @@ class Pace:
         return self._schedule
 
     def _resume(self, schedule: Schedule, now: int) -> tuple[int, float]:
-        """Return the start of the next piece; after a late call, announce that robot time stood since the last knot."""
+        """Return the start of the schedule's next piece: (monotonic time [ns], robot time [s]).
+
+        If the last knot is past already, robot time is announced as constant since then."""
         begin, reached = schedule.end
         if now > begin:
             self._announce(schedule, now, reached)
@@ -76,7 +82,7 @@ class Pace:
         return begin, reached
 
     def _extend(self, now: int, run: float) -> None:
-        """Announce the next piece: its length by the pace, less the loop's lateness, and up to the limit."""
+        """Announce the next knot, with robot time by the pace, minus the loop's lateness, and within the limit."""
         schedule = self._begun(now, run)
         late = schedule.robot_time(now) - run
         self._late = min(self._late + 1, 2 * PATIENCE) if late > LATE * self.factor else max(self._late - 1, 0)

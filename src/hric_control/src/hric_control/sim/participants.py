@@ -1,4 +1,4 @@
-"""Participants in the robot's plant, such as a person near the arm or a door; plugins found by name."""
+"""Participants: plugins that act in a simulated robot's plant, such as a simulated person near the arm or a door."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -10,45 +10,48 @@ from hric_core.node import Node
 
 
 class Participant(ABC):
-    """Agent that acts in the robot's plant.
+    """Base class of a participant: a simulated person or object that acts in each step of a robot's plant.
 
     Constructed after the plant as `ParticipantClass(name, plant, node, config)`:
-        name: name of its model and topics.
+        name: name of the participant's model and topics.
         plant: the robot's plant.
-        node: the robot's private names; a child of it, or `node.beside`, to publish.
-        config: its parameters, without `type`.
+        node: node of the robot's private namespace; the participant publishes through a child of it, or through names
+            from `node.beside`.
+        config: parameters of the participant, without `type`.
 
     Attributes:
-        epoch: time of the run at which robot time was 0 [s]; added to robot time in its stamps.
+        epoch: offset from robot time to the participant's message stamps [s].
     """
 
     epoch = 0.0
 
     @abstractmethod
     def reset(self) -> None:
-        """Reset after the plant was reset or created; robot time goes on."""
+        """Reset the participant, after the plant was created or reset; robot time is not reset."""
 
     @abstractmethod
     def act(self, time: float) -> None:
-        """Act in the coming step. Runs in the loop, so it must not block.
+        """Act on the plant for the next step. Called in the control loop, so it must not block.
 
         Args:
             time: robot time of the state at the start of the step [s].
         """
 
     def close(self) -> None:  # noqa: B027  (a participant without resources needs no override)
-        """Unregister topics and services; the plant is closed elsewhere."""
+        """Unregister topics and services; the plant is closed by its owner."""
 
 
 class Participants:
-    """Participants of a robot, from its private parameter `participants`: {name: {type: package/Class, ...}}.
+    """All participants of a robot, constructed from its private parameter `participants`.
+
+    The parameter is a mapping {name: {type: package/Class, ...}}.
 
     Args:
-        plant: plant after its construction.
+        plant: the robot's plant, already constructed.
         node: node with the robot's private parameters.
 
     Raises:
-        HricError: a type does not exist, or refuses its parameters; participants constructed before it are closed.
+        HricError: a type does not exist, or refuses its parameters; then all participants are closed.
     """
 
     def __init__(self, plant: Plant, node: Node) -> None:
@@ -64,17 +67,17 @@ class Participants:
             raise
 
     def set_epoch(self, epoch: float) -> None:
-        """Set the offset from robot time to the stamps of all participants [s]. May be called from any thread."""
+        """Set the offset from robot time to the message stamps of all participants [s]; from any thread."""
         for participant in self._all:
             participant.epoch = epoch
 
     def reset(self) -> None:
-        """Reset all participants after the plant was reset."""
+        """Reset all participants; called after the plant was reset."""
         for participant in self._all:
             participant.reset()
 
     def step(self, time: float) -> None:
-        """Let all participants act, then step the plant; time: robot time at the start of the step [s]."""
+        """Let all participants act, then step the plant; `time`: robot time at the start of the step [s]."""
         for participant in self._all:
             participant.act(time)
         self._plant.step()

@@ -1,4 +1,4 @@
-"""RobotHW on a physics plant for any robot with transmissions, like Gazebo's default robot simulation."""
+"""Simulated RobotHW for any URDF with transmissions, like Gazebo's default robot simulation (DefaultRobotHWSim)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -42,32 +42,37 @@ class SimSettings(Settings):
         number(None, unit="rad or m"),
         {},
         others=None,
-        default_text="0, or the end of the range next to 0",
-        text="of `RobotHWSim`: start pose; a joint outside its range is allowed, with a warning",
+        default_text="0, or the position limit next to 0",
+        text="`RobotHWSim` only: start pose; a joint outside its range is allowed, with a warning",
     )
     enforce_limits: tuple[str, ...] = limits.ENFORCE_LIMITS
-    brake_unclaimed: bool = flag(True, text="of `RobotHWSim`: brake the joints that no controller claims")
+    brake_unclaimed: bool = flag(True, text="`RobotHWSim` only: brake the joints that no controller claims")
 
 
 class RobotHWSim(SimulatedRobot):
-    """Robot whose joints with a transmission are simulated. No gravity compensation; unclaimed joints are braked.
+    """Simulated robot whose joints with a transmission can be commanded.
 
-    The interface defines the meaning of a joint's command. A position or velocity is controlled by the gains of
-    `gazebo_ros_control/pid_gains/<joint>` if set, else by the plant's stiff drive. Parameters: INTERFACE.md.
+    It has no gravity compensation; joints that no controller claims are braked. The claimed interface defines if the
+    command of a joint is an effort, a velocity or a position. A velocity or position is controlled by a PID controller
+    with the gains `gazebo_ros_control/pid_gains/<joint>` if they are set, else by the plant's stiff drive. Parameters:
+    INTERFACE.md.
 
     Attributes, in addition to those of `SimulatedRobot`:
-        transmissions: one per joint, in the order of the joints.
-        modes: current command mode of each joint.
+        transmissions: transmissions, one per joint, in the order of the joints.
+        modes: present command mode of each joint.
     """
 
     def init(self, root_node: Node, robot_hw_node: Node) -> None:
-        """Read the parameters, build the plant, put the robot at its start."""
+        """Read the parameters, construct the plant, and set the robot to its start pose."""
         node = robot_hw_node
         self.description = root_node.search_param("robot_description")
         self.transmissions = parse_transmissions(self.description)
         names = [transmission.joint for transmission in self.transmissions]
         if not names:
-            raise DescriptionError("the robot description has no transmission: no joint can be commanded")
+            raise DescriptionError(
+                "the robot description has no <transmission>, so no joint can be commanded; add one for each actuated "
+                "joint"
+            )
         settings = SimSettings.read(node, names)
         self._limits = limits.load_limits(self.description, root_node, names, settings.enforce_limits)
         ranges = limits.load_limits(self.description, None, names, ("position",))
@@ -104,8 +109,7 @@ class RobotHWSim(SimulatedRobot):
             if kinds and i not in self._pids:
                 raise HricError(
                     f"joint {transmission.joint} offers {', '.join(kinds)}, but {type(self.plant).__name__} has no "
-                    "drives: "
-                    f"give gazebo_ros_control/pid_gains/{transmission.joint}"
+                    f"velocity or position drives: set the gains gazebo_ros_control/pid_gains/{transmission.joint}"
                 )
 
     def _make_storage(self) -> None:
@@ -141,7 +145,7 @@ class RobotHWSim(SimulatedRobot):
                     seen[joint] = interface
 
     def do_switch(self, start: Sequence[ControllerInfo], stop: Sequence[ControllerInfo]) -> None:
-        """Set each joint to the mode of the interface that claims it; a changed joint starts with a command to stay."""
+        """Set each joint to the command mode of the interface that claims it; a changed joint first stays at rest."""
         before = dict(self._claimed)
         for info in stop:
             for joint in _claimed(info):
@@ -162,7 +166,7 @@ class RobotHWSim(SimulatedRobot):
             self._pids[i].reset()
 
     def _take_modes(self) -> None:
-        """Pass the mode of each joint to limiters and plant."""
+        """Pass the command mode of each joint to the limiters and the plant."""
         self.modes = [self._claimed.get(name, Mode.BRAKE) for name in self.states.names]
         self._all_effort = all(mode is Mode.EFFORT for mode in self.modes)
         self._kinds = ["none" if mode is Mode.BRAKE else mode.value for mode in self.modes]
@@ -185,7 +189,7 @@ class RobotHWSim(SimulatedRobot):
     # -- the cycle -----------------------------------------------------------------------------------------------------
 
     def write(self, time: float, period: float) -> None:
-        """Enforce the limits, then pass the commands to the plant."""
+        """Limit the commands, then pass them to the plant."""
         if not self._all_effort:
             self._write_mixed(period)
             return
@@ -211,7 +215,7 @@ class RobotHWSim(SimulatedRobot):
         self.plant.apply(values)
 
     def _gather(self) -> list[float]:
-        """Return the current command of each joint; zero for an unclaimed joint."""
+        """Return the present command of each joint; zero for a joint that no controller claims."""
         return [0.0 if mode is Mode.BRAKE else self._commands[mode].value[i] for i, mode in enumerate(self.modes)]
 
     def _settle(self, q: Sequence[float]) -> None:
@@ -223,18 +227,18 @@ class RobotHWSim(SimulatedRobot):
         for limiter in list(self._limiters.values())[:1]:  # one is enough, as the counts are shared
             limiter.check_start()
 
-    # -- what others read ----------------------------------------------------------------------------------------------
+    # -- values for logs and topics ------------------------------------------------------------------------------------
 
     def limiter_counts(self) -> limits.LimitCounts:
-        """Return the limit counts since the start, over all interfaces."""
+        """Return the counts of limited commands since the start, over all interfaces."""
         return self._counts
 
     def log_row(self) -> LogRow:
-        """Return the commands of the last cycle."""
+        """Return the commands of the last cycle, for the control log."""
         return self._kinds, self._raw, self._sent
 
     def actuator_states(self) -> dict[str, tuple[float, float, float]]:
-        """Return (position [rad or m], velocity, effort) of each actuator by name, through its transmission."""
+        """Return (position [rad or m], velocity, effort) of each actuator by name, computed from its joint's state."""
         result, motors = {}, self.plant.motor_effort()
         for i, transmission in enumerate(self.transmissions):
             result[transmission.actuator] = (

@@ -1,6 +1,6 @@
-"""Services of a simulated robot under `sim/`, with Gazebo's names and types.
+"""Services of a simulated robot in the namespace `sim`, with the names and types of Gazebo.
 
-Each runs in the loop, between two cycles."""
+They are executed in the control loop's thread, between two cycles."""
 
 from collections.abc import Callable
 from typing import Any
@@ -22,17 +22,18 @@ from hric_core.urdf import read
 from hric_msgs.srv import StepSimulation
 
 WORLD = ("", "world", "map")
-"""Names of the inertial frame, as Gazebo accepts them."""
+"""Accepted names of the world frame, as in Gazebo."""
 
 
 class SimServices:
-    """Services and topics below `<node>/sim`, until the node is closed.
+    """Services and topics of a simulated robot in the namespace `<node>/sim`.
 
-    A refusal is `success: False` with the reason in `status_message`, or a service error if the type has no such field.
+    The response to a refused request has `success` false and the reason in `status_message`; if its type has no such
+    field, the request ends with a service error.
 
     Args:
         hw: the simulated robot.
-        node: the robot's namespace.
+        node: node of the robot's namespace.
     """
 
     def __init__(self, hw: SimulatedRobot, node: Node) -> None:
@@ -109,7 +110,7 @@ class SimServices:
         )
 
     def _frame(self, name: str) -> FloatArray:
-        """Return T_world_frame, shape (4, 4), of a link or of the world itself."""
+        """Return T_world_frame, the pose of a frame in the world, shape (4, 4); `name`: a link or the world itself."""
         return np.eye(4) if name in WORLD else self._plant.link_state(name)[0]
 
     def _wrench(self, request: Any, _: Any) -> str:
@@ -121,7 +122,7 @@ class SimServices:
         duration, start = request.duration.to_sec(), request.start_time.to_sec()
         self._plant.link_state(body)  # refuses an unknown body now, not at the start time
         if duration == 0.0:
-            return "duration is 0: nothing to apply (negative: until cleared)"
+            return "duration is 0: no wrench is applied (a negative duration applies it until it is cleared)"
         span = f"for {duration:g} s" if duration > 0.0 else "until cleared"
 
         def apply() -> None:
@@ -134,7 +135,7 @@ class SimServices:
         return f"wrench on {body} {span}"
 
     def _start_waiting(self, time: float) -> None:
-        """Apply the wrenches that are due; after a cycle, so that they act from the next step on."""
+        """Apply the wrenches whose start time is reached; called after a cycle, they act from the next step on."""
         if not self._waiting:
             return
         next_cycle = time + self._loop.time_step
@@ -184,7 +185,7 @@ def sim_services(hw: RobotHW, node: Node) -> SimServices | None:
 
 
 def _silent(kind: Any, action: Callable[[Any], None]) -> Callable[[Any], Any]:
-    """Return the handler of a service whose response has no field."""
+    """Return the handler of a service whose response has no fields."""
 
     def handler(request: Any) -> Any:
         action(request)
@@ -194,7 +195,9 @@ def _silent(kind: Any, action: Callable[[Any], None]) -> Callable[[Any], Any]:
 
 
 def _responding(kind: Any, action: Callable[[Any, Any], str]) -> Callable[[Any], Any]:
-    """Return the handler of a service with success and text; `action` returns the text, or raises the reason."""
+    """Return the handler of a service with `success` and `status_message` in its response.
+
+    `action` returns the text of `status_message`, or raises HricError with the reason of a refusal."""
 
     def handler(request: Any) -> Any:
         response = kind._response_class()

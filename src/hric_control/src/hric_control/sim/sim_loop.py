@@ -1,12 +1,12 @@
-"""Clock and loop of a simulated robot: paced or not, with pause, single steps, and requests between two cycles.
+"""Loop and clock of a simulated robot: paced or not, with pause, single steps, and requests between two cycles.
 
-A simulated RobotHW owns one loop and drives it:
+A simulated RobotHW owns one loop and runs it:
 
     def run(self, on_cycle):
         self.loop.run(lambda time, period, reset: self._cycle(on_cycle, time, period, reset))
 
-where `_cycle` reads, calls `on_cycle`, writes, steps the plant, and returns True to go on. Everything that accesses the
-plant from outside (services) goes through `request`, so that only one thread ever uses the plant.
+where `_cycle` reads the states, calls `on_cycle`, writes the commands, steps the plant, and returns True to continue.
+All other access to the plant, e.g. by services, goes through `request`, so that only one thread uses the plant.
 """
 
 import math
@@ -25,9 +25,9 @@ from hric_core.parameters import number
 from hric_core.robot_time.schedule import NS
 
 Cycle = Callable[[float, float, bool], bool]
-"""Callback (robot time at the measuring instant [s], period [s], reset controllers) -> True to go on.
+"""Callback (robot time at the measuring instant [s], period [s], reset controllers) for one cycle of the loop.
 
-A cycle that returns False counts, and is the last one."""
+It returns True to continue. A cycle that returns False is counted, and is the last one."""
 
 REAL_TIME_FACTOR: Any = number(
     1.0,
@@ -37,33 +37,33 @@ REAL_TIME_FACTOR: Any = number(
     text="pace of a simulated robot; 0: as fast as possible",
 )
 NAP = 10_000_000
-"""Longest uninterrupted sleep, so that a slow loop announces its schedule and notices stop and pause [ns]."""
+"""Longest sleep of the loop at a time [ns], after which it announces its schedule and checks for stop and pause."""
 HELD_NAP = 0.002
-"""Sleep of a loop whose next cycle is not announced yet [s]."""
+"""Time between two checks while the next cycle is not in the announced schedule yet [s]."""
 PAUSE_POLL = 0.02
 """Period at which a paused loop calls `on_pause` [s]."""
 IDLE_PERIOD = 0.1
-"""Robot time between two calls of `on_idle` when the loop is not paced [s]."""
+"""Period at which a loop that is not paced calls `on_idle` [s of robot time]."""
 
 
 class SimLoop:
-    """Loop with a fixed time step, which owns robot time.
+    """Simulation loop with a fixed time step; it defines robot time.
 
-    Robot time is a whole number of cycles: it has no rounding drift and never goes back; a reset of the robot does not
-    change it.
+    Robot time is the number of cycles times the time step, so it has no rounding drift and never goes back; a reset of
+    the robot does not change it.
 
     Args:
-        time_step: period of the cycle [s].
+        time_step: period of a cycle [s].
         real_time_factor: robot time per wall time, 1.0 for real time; 0: as fast as possible.
 
     Attributes:
-        time_step: period of the cycle [s].
-        time: robot time of the state that the next cycle reads, or that the present cycle has read [s].
-        cycles: number of cycles finished.
-        pace: schedule by which the loop sleeps and which announces when a robot time is due.
-        after_cycle: callbacks in the loop after each finished cycle, with the robot time at which that cycle measured.
-        on_idle: called in the loop every 0.1 s of robot time when not paced, to let messages out. It may wait.
-        on_pause: called in the paused loop, every 20 ms of wall time.
+        time_step: period of a cycle [s].
+        time: robot time of the state that the present or next cycle reads [s].
+        cycles: number of finished cycles.
+        pace: schedule of a paced loop, which says when each robot time is due.
+        after_cycle: callbacks after each finished cycle, in the loop, with the robot time of the cycle's state [s].
+        on_idle: callback in a loop that is not paced, every 0.1 s of robot time, to send messages; it may block.
+        on_pause: callback in the paused loop, every 20 ms of wall time.
     """
 
     def __init__(self, time_step: float, real_time_factor: float = 1.0) -> None:
@@ -108,13 +108,13 @@ class SimLoop:
 
     @property
     def stats(self) -> LoopStats:
-        """Statistics; cheap, may be read from any thread."""
+        """Present statistics of the loop; fast, may be read from any thread."""
         return self._meter.stats(self.pace.slowed)
 
     def run(self, cycle: Cycle) -> None:
-        """Run cycles until `stop`, or until `cycle` returns False. Owns the calling thread; raises what `cycle` raises.
+        """Run cycles in the calling thread until `stop` is called or `cycle` returns False.
 
-        After a `stop` that came before `run`, it returns at once.
+        Errors raised by `cycle` are passed on. If `stop` was called before, this method returns at once.
         """
         with self._requests.lock:
             if self.running:
@@ -135,27 +135,27 @@ class SimLoop:
                     self._stepped.set()
 
     def stop(self) -> None:
-        """Let `run` return after the present cycle, also while paused. From any thread or a signal handler."""
+        """Let `run` return after the present cycle, also while paused; from any thread or a signal handler."""
         self._stop = True
         self._wake.put(None)
 
     def pause(self) -> None:
-        """Hold robot time after the present cycle; requests are still served."""
+        """Pause the loop after the present cycle: robot time stays constant, requests are still executed."""
         self._paused = True
 
     def unpause(self) -> None:
-        """Continue from the same robot time."""
+        """Continue a paused loop, at the robot time of the pause."""
         self._paused = False
         self._wake.put(None)
 
     def restart_controllers(self) -> None:
-        """Pass reset_controllers = True to the next cycle, after the robot was moved to another pose."""
+        """Let the next cycle restart the controllers; called after the robot was set to another pose."""
         self._reset = True
 
     def request(self, function: Callable[[], T]) -> T:
-        """Call `function` inside the loop between two cycles, and return its result or raise its error here.
+        """Call a function in the loop's thread between two cycles; return its result or raise its error here.
 
-        While no loop runs, and from the loop's own thread, it is called directly.
+        If the loop is not running, or the caller is the loop's thread, the function is called directly.
         """
         return self._requests.request(function)
 
@@ -164,13 +164,13 @@ class SimLoop:
             self._wake.put(None)
 
     def step(self, n: int) -> float:
-        """Run exactly `n` cycles while paused, as fast as possible, and wait for their end.
+        """Run exactly `n` cycles of the paused loop, as fast as possible, and wait for their end.
 
         Returns:
-            robot time afterwards [s].
+            robot time after these cycles [s].
 
         Raises:
-            HricError: the loop is not paused, not running, was stopped before the end; or n is below 1.
+            HricError: the loop is not paused, is not running, or was stopped before the end; or n is below 1.
         """
         if n < 1:
             raise HricError(f"the number of steps must be at least 1; got {n}")
@@ -189,7 +189,7 @@ class SimLoop:
 
     def _check_step(self) -> None:
         if not self.running:
-            raise HricError("the simulation loop is not running: nothing to step")
+            raise HricError("the simulation loop is not running, so no step can be made")
         if self._requests.thread == threading.get_ident():
             raise HricError("step must not be called from inside the loop")
         if not self._paused:
@@ -231,12 +231,12 @@ class SimLoop:
             self._stepped.set()
 
     def stand(self) -> None:
-        """Announce that robot time pauses for now, if the loop is paced."""
+        """Announce in the schedule that robot time is paused now, if the loop is paced."""
         if self._factor:
             self.pace.stand(monotonic_ns(), self.time)
 
     def _sleep(self) -> None:
-        """Wait until the next cycle is due by the schedule; count a deadline that has passed."""
+        """Wait until the next cycle is due by the schedule; if it is past due already, count a missed deadline."""
         pace, run = self.pace, self.time
         now = monotonic_ns()
         due = pace.due(now, run)
@@ -255,7 +255,7 @@ class SimLoop:
                 due = pace.due(now, run)
 
     def _wait(self) -> None:
-        """Sleep until there is a request, while paused."""
+        """Wait in a paused loop until there is a request, at most PAUSE_POLL."""
         self.stand()
         self._meter.stand()
         if self.on_pause is not None:

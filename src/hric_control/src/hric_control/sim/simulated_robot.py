@@ -1,4 +1,4 @@
-"""Base of simulated robots: a plant, the loop that steps it, and changes of the robot's pose."""
+"""Base class of simulated robots: a plant, the loop that steps it, and changes of the robot's pose."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -18,14 +18,17 @@ DEFAULT_PLANT = "pybullet_ros_control/PyBulletPlant"
 
 
 class SimulatedRobot(RobotHW):
-    """Base of robots on a plant. A subclass builds itself within `_new_plant`, and implements `write` and `_settle`.
+    """Base class of robots that are simulated by a plant.
+
+    A subclass initialises itself in a `with self._new_plant(...)` block, and implements `write` and `_settle`.
 
     Attributes:
-        description: the URDF.
+        description: URDF of the robot.
         q_start: joint positions after `reset`, n floats [rad or m].
         states: joint states at the measuring instant.
-        plant, loop: physics and clock.
-        rotor_inertia: rotor inertia of the plant's joints, n floats [kg m^2].
+        plant: simulated physics of the robot and its surroundings.
+        loop: simulation loop, which defines robot time.
+        rotor_inertia: rotor inertia at the plant's joints, n floats [kg m^2].
     """
 
     description: str
@@ -39,11 +42,13 @@ class SimulatedRobot(RobotHW):
     def _new_plant(
         self, node: Node, urdf_xml: str, joint_names: Sequence[str], config: Mapping[str, object]
     ) -> Iterator[None]:
-        """Build the plant of the parameter `plant_type`, its loop and states; a failure in the block closes it.
+        """Construct the plant selected by the parameter `plant_type`, its loop and the joint states.
+
+        If the block raises an error, the plant is closed.
 
         Args:
             node: node with the robot's private parameters.
-            urdf_xml: description of the plant's body, which may differ from the robot's.
+            urdf_xml: URDF for the plant, which may differ from the robot's description.
             joint_names: the actuated joints.
             config: parameters of the plant.
         """
@@ -61,12 +66,14 @@ class SimulatedRobot(RobotHW):
             self._held = held.pop_all()
 
     def read(self, time: float, period: float) -> None:
-        """Read the state of the plant at the measuring instant."""
+        """Read the joint states at the measuring instant from the plant."""
         states = self.states
         self.plant.read_state(states.position, states.velocity, states.effort)
 
     def run(self, on_cycle: OnCycle) -> None:
-        """Run cycles of read, controllers, write, step. Ignore the result of `on_cycle`: a switch needs no new run."""
+        """Run cycles: read, `on_cycle` (the controllers), write, step the plant.
+
+        The result of `on_cycle` is ignored, as a simulated robot changes its command mode without a new run."""
         read, write, step = self.read, self.write, self._participants.step
 
         def cycle(time: float, period: float, reset_controllers: bool) -> bool:
@@ -79,18 +86,20 @@ class SimulatedRobot(RobotHW):
         self.loop.run(cycle)
 
     def stop(self) -> None:
-        """Let `run` return after this cycle. May be called from any thread or a signal handler."""
+        """Let `run` return after the present cycle. May be called from any thread or a signal handler."""
         self.loop.stop()
 
     def reset(self, q: Sequence[float] | None = None) -> None:
-        """Put the robot at q (or `q_start`) at rest, reset the world, restart the controllers. Called in the loop.
+        """Set the joint positions to q (or `q_start`) at rest, reset the world, and restart the controllers.
 
-        Robot time goes on."""
+        Called in the loop; robot time is not reset."""
         self._put(self.q_start if q is None else q, self._reset_plant)
         self.loop.restart_controllers()
 
     def set_configuration(self, q: Sequence[float]) -> None:
-        """Put the robot at q at rest without changing the world, and restart the controllers. In the loop."""
+        """Set the joint positions to q at rest, without changing the world, and restart the controllers.
+
+        Called in the loop."""
         self._put(q, self.plant.set_configuration)
         self.loop.restart_controllers()
 
@@ -101,12 +110,12 @@ class SimulatedRobot(RobotHW):
     def _put(self, q: Sequence[float], put: Callable[[Sequence[float]], None]) -> None:
         names = self.states.names
         if len(q) != len(names) or not all(map(math.isfinite, q)):
-            raise CommandError(f"a pose is {len(names)} finite numbers for {', '.join(names)}; got {list(q)}")
+            raise CommandError(f"a pose must be {len(names)} finite numbers, for {', '.join(names)}; got {list(q)}")
         put(q)
         self._settle(q)
 
     def _settle(self, q: Sequence[float]) -> None:
-        """Read the state after the plant was put at q at rest, and set the commands that hold it there."""
+        """Read the state after the joints were set to q at rest, and set the commands that keep them there."""
         raise NotImplementedError(f"{type(self).__name__} has no _settle")
 
     def shutdown(self) -> None:

@@ -1,4 +1,4 @@
-"""Topics of a simulated robot under `sim/`: contacts, motor efforts, poses of models, loads of a ReactingPlant."""
+"""Topics of a simulated robot in the namespace `sim`: contacts, motor efforts, model poses, and joint loads."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -20,21 +20,21 @@ from hric_core.urdf import read
 from hric_msgs.msg import JointReactions
 
 CONTACTS_PERIOD = 0.01
-"""Period of `contacts` [s of robot time]."""
+"""Period of the topic `sim/contacts` [s of robot time]."""
 MODELS_PERIOD = 0.1
-"""Period of `model_states` [s of robot time]."""
+"""Period of the topic `sim/model_states` [s of robot time]."""
 REACTIONS_PERIOD = 0.01
-"""Period of `joint_reactions` [s of robot time]."""
+"""Period of the topic `sim/joint_reactions` [s of robot time]."""
 MOTORS_PERIOD = 0.01
-"""Period of `motor_efforts` [s of robot time]."""
+"""Period of the topic `sim/motor_efforts` [s of robot time]."""
 
 
 class SimTopics:
-    """Publisher of the topics; reads the engine in the loop and builds the messages in another thread.
+    """Publisher of a simulated robot's topics; it reads the plant in the loop and builds messages in another thread.
 
     Args:
         hw: the simulated robot.
-        node: namespace of the topics.
+        node: node of the topics' namespace.
         robot: name of the robot's model.
     """
 
@@ -74,7 +74,7 @@ class SimTopics:
             self._contacts.publish(contacts_message, contacts, time, peaks)
 
     def _state(self, name: str) -> tuple[FloatArray, FloatArray]:
-        """Return (T_world_base, twist) of a model; the origin, with one warning, if the plant has none."""
+        """Return (T_world_base, twist) of a model; the world's origin, with one warning, if the plant reports none."""
         try:
             body = self._root if name == self._robot else f"{name}::{self._plant.base_link(name)}"
             return self._plant.link_state(body)
@@ -90,10 +90,10 @@ def contacts_message(contacts: list[Contact], time: float, peaks: Mapping[tuple[
     """Return gazebo_msgs/ContactsState in the world frame, one state per pair of bodies; forces act on collision1.
 
     Args:
-        contacts: contacts of one cycle.
-        time: robot time at which that cycle measured [s].
-        peaks: peak penalty forces by pair since the last message [N]; a pair without contact now has a state without
-            points.
+        contacts: contacts in one cycle.
+        time: robot time of the cycle's state [s].
+        peaks: peak penalty contact forces since the last message by pair of bodies [N]; a pair that is not in contact
+            now gets a state without contact points.
     """
     message = ContactsState()
     message.header.stamp, message.header.frame_id = stamps.to_time(time), "world"
@@ -125,8 +125,8 @@ def motors_message(joint_names: Sequence[str], efforts: list[float], time: float
 
     Args:
         joint_names: names of the joints.
-        efforts: motor efforts of that cycle [N m or N].
-        time: robot time at which it measured [s].
+        efforts: motor efforts in this cycle [N m or N].
+        time: robot time of the cycle's state [s].
     """
     message = JointState()
     message.header.stamp, message.name, message.effort = stamps.to_time(time), list(joint_names), efforts
@@ -134,7 +134,7 @@ def motors_message(joint_names: Sequence[str], efforts: list[float], time: float
 
 
 def models_message(names: list[str], states: list[tuple[FloatArray, FloatArray]]) -> Any:
-    """Return gazebo_msgs/ModelStates in the world frame."""
+    """Return gazebo_msgs/ModelStates in the world frame, from (pose, shape (4, 4); twist, shape (6,)) of each model."""
     message = ModelStates(name=names)
     message.pose = [stamped.pose_message(pose_of_transform(T)) for T, _ in states]
     message.twist = [stamped.twist_message(twist.tolist()) for _, twist in states]
@@ -142,11 +142,11 @@ def models_message(names: list[str], states: list[tuple[FloatArray, FloatArray]]
 
 
 def reactions_message(reactions: list[JointReaction], time: float) -> Any:
-    """Return hric_msgs/JointReactions of one cycle.
+    """Return the joint loads in one cycle as hric_msgs/JointReactions.
 
     Args:
-        reactions: loads of that cycle.
-        time: robot time at which it measured [s].
+        reactions: joint loads in this cycle.
+        time: robot time of the cycle's state [s].
     """
     message = JointReactions()
     message.header = stamped.header(stamps.to_time(time), "world")

@@ -24,13 +24,17 @@ from hric_core.node import Node, ParameterValues
 
 
 class CartesianImpedanceController(Controller):
-    """Controller with the law of `cartesian_law` and a limited torque rate; parameters and topics: INTERFACE.md.
+    """Cartesian impedance controller: the law of module `law` with a limited torque rate.
 
-    A subclass may move the equilibrium by other means: it overrides the four methods of the input, and `_obeys`.
+    INTERFACE.md lists its parameters and topics. A subclass that gets its equilibrium from another source than the
+    topic `equilibrium_pose` overrides `_read_input`, `_open_input`, `_start_input`, `_lead` and `_obeys`.
     """
 
     def init(self, robot_hw: RobotHW, root_node: Node, controller_node: Node) -> None:
-        """Read all parameters and interfaces before advertising, so that an error leaves nothing behind."""
+        """Read the parameters, get the hardware interfaces, and then advertise the topics.
+
+        An error in a parameter or interface thus leaves no topic behind.
+        """
         node = self._node = controller_node
         settings, self._gain_settings = CartesianImpedanceSettings.read(node), ComplianceSettings.read(node)
         self._arm_id, self.joints = settings.arm_id, list(settings.joints)
@@ -52,11 +56,14 @@ class CartesianImpedanceController(Controller):
         self._open()
 
     def _obeys(self, filter_time: float) -> bool:
-        """Return True if the speed scale can slow the equilibrium down: not if it jumps."""
+        """Return True if the speed scale can slow the equilibrium down.
+
+        Without a filter (`filter_time` [s] is 0) the equilibrium jumps to its target, which cannot be slowed down.
+        """
         return filter_time > 0.0
 
     def _read_input(self) -> None:
-        """Read the parameters of the equilibrium's input."""
+        """Read the parameters of the equilibrium's input, here the topic `equilibrium_pose`."""
         self._jump = JumpSettings.read(self._node)
         self._target: realtime.LatestValue[Pose | None] = realtime.LatestValue(None)
 
@@ -65,11 +72,11 @@ class CartesianImpedanceController(Controller):
         self._node.subscribe("equilibrium_pose", PoseStamped, self._on_equilibrium, queue_size=1)
 
     def _start_input(self) -> None:
-        """Reset the equilibrium's input when the controller starts."""
+        """Discard what the equilibrium's input received before the controller's start."""
         self._target.take_new()
 
     def _lead(self, time: float, period: float) -> None:
-        """Advance the law's equilibrium by one period [s]."""
+        """Give the law the newest target of its equilibrium, at robot time `time` [s] in a cycle of `period` [s]."""
         target = self._target.take_new()
         if target is not None:
             self._law.target = target
@@ -85,20 +92,24 @@ class CartesianImpedanceController(Controller):
         self._open_input()
 
     def _on_gains(self, values: ParameterValues) -> ParameterValues:
-        """Apply changed live parameters: all of them, or none if a HricError is raised."""
+        """Pass changed live parameters to the loop and return the applied values."""
         requested = Compliance(**values)
         if requested != self._gains.get():
             self._gains.set(requested)
         return asdict(requested)
 
     def _on_equilibrium(self, message: Any) -> None:
-        """Pass the pose to the loop; the node logs a CommandError with the topic's name."""
+        """Check an equilibrium pose and pass it to the loop.
+
+        Raises:
+            CommandError: the pose is refused; the node logs the error's text with the topic's name.
+        """
         if not self._running:
             raise CommandError("the controller is not running, the pose is ignored; start it first")
         try:
             self._target.set(check_equilibrium(message, f"{self._arm_id}_link0", self._law.pose, self._jump))
         except CommandError as error:
-            raise CommandError(f"equilibrium pose refused, the one before stays: {error}") from None
+            raise CommandError(f"equilibrium pose refused, the present one is kept: {error}") from None
 
     def starting(self, time: float) -> None:
         """Set the equilibrium to the pose of the end effector."""
@@ -129,7 +140,7 @@ class CartesianImpedanceController(Controller):
             self._publish(measured)
 
     def _take_gains(self) -> None:
-        """Apply new gains and the force and stiffness limits of a supervisor."""
+        """Give the law new live gains, and the limits of force and stiffness that a supervisor has set."""
         law, scale = self._law, self._scale
         if self._gains.take_new() is not None or scale.stiffness != self._softest:
             self._softest = scale.stiffness
@@ -137,7 +148,7 @@ class CartesianImpedanceController(Controller):
         law.force_limit = scale.force
 
     def _command(self, tau: FloatArray, period: float) -> None:
-        """Limit the torque rate and command the torques."""
+        """Limit the rate of the torques (shape (7,) [N m]) and command them; `period`: time since the last ones [s]."""
         step = self._max_rate * period
         if step > 0.0:
             tau = np.minimum(np.maximum(tau, self._last - step), self._last + step)
@@ -152,5 +163,5 @@ class CartesianImpedanceController(Controller):
         self._publishers[2].publish(lambda: stamped.wrench_stamped(stamped.header(stamp, base), wrench))
 
     def stopping(self, time: float) -> None:
-        """Refuse poses from now on."""
+        """Stop accepting equilibrium poses."""
         self._running = False

@@ -7,7 +7,8 @@ matrix and B the rotor inertia:
     tau = J^T F + N tau_0 + C dq            tau_0 = k_n (q_n - q) - 2 sqrt(k_n) dq
     N   = 1 - J^T (J (M+B)^-1 J^T)^-1 J (M+B)^-1
 
-v is the velocity of an equilibrium on a planned motion, otherwise zero. The rules for D and tau_0 are those of
+q and dq are the joint positions and velocities, C dq is the Coriolis torque, q_n the posture, k_n the null-space
+stiffness, v the velocity of an equilibrium on a planned motion (otherwise zero). The rules for D and tau_0 are those of
 franka_ros's CartesianImpedanceExampleController. N is the dynamically consistent projector (Khatib 1987, "A unified
 approach for motion and force control of robot manipulators"): the posture torque does not accelerate the end effector.
 """
@@ -26,7 +27,7 @@ FloatArray = npt.NDArray[np.float64]
 SINGULAR = 1e-6
 """Regularisation of J (M+B)^-1 J^T, so that it can be inverted in singular poses [1/kg].
 
-N then lets the end effector move in the directions that it cannot control.
+Near a singular pose, N then does not protect the directions in which the joints cannot move the end effector.
 """
 _SINGULAR = SINGULAR * np.eye(6)
 
@@ -36,10 +37,10 @@ class Compliance:
     """Stiffnesses and damping ratios, adjustable while the controller runs.
 
     Attributes:
-        translational_stiffness: [N/m].
-        rotational_stiffness: [N m/rad].
-        translational_damping_ratio, rotational_damping_ratio: zeta [1].
-        nullspace_stiffness: [N m/rad].
+        translational_stiffness: stiffness of the end effector's position [N/m].
+        rotational_stiffness: stiffness of the end effector's orientation [N m/rad].
+        translational_damping_ratio, rotational_damping_ratio: damping ratios zeta of position and orientation [1].
+        nullspace_stiffness: stiffness k_n of the posture in the null space [N m/rad].
     """
 
     translational_stiffness: float
@@ -63,11 +64,11 @@ class Compliance:
         return replace(self, translational_stiffness=min(self.translational_stiffness, stiffness))
 
     def stiffness(self) -> FloatArray:
-        """Return the diagonal of K, shape (6,) [N/m], [N m/rad]."""
+        """Return the diagonal of the stiffness matrix K, shape (6,) [N/m], [N m/rad]."""
         return np.repeat((self.translational_stiffness, self.rotational_stiffness), 3)
 
     def damping(self) -> FloatArray:
-        """Return the diagonal of D, shape (6,) [N s/m], [N m s/rad]."""
+        """Return the diagonal of the damping matrix D, shape (6,) [N s/m], [N m s/rad]."""
         ratios = np.repeat((self.translational_damping_ratio, self.rotational_damping_ratio), 3)
         damping: FloatArray = 2.0 * ratios * np.sqrt(self.stiffness())
         return damping
@@ -83,7 +84,7 @@ class CartesianArmState:
 
     Attributes:
         q, dq: joint positions and velocities, 7 floats each [rad], [rad/s].
-        jacobian: end-effector Jacobian in the base, linear above angular, shape (6, 7).
+        jacobian: Jacobian of the end effector in base axes, shape (6, 7), linear rows above angular ones.
         mass: mass matrix with rotor inertia, shape (7, 7) [kg m^2].
         coriolis: Coriolis torque C dq, shape (7,) [N m].
     """
@@ -96,18 +97,19 @@ class CartesianArmState:
 
 
 class CartesianLaw:
-    """Impedance law with its state: the present equilibrium and gains, and their targets.
+    """Cartesian impedance law with its state: the present equilibrium and gains, and their targets.
 
     Args:
         compliance: gains at the start.
-        filter_time: time constant with which pose and gains approach their targets [s]; 0: at once.
+        filter_time: time constant with which equilibrium and gains approach their targets [s]; 0: at once.
 
     Attributes:
-        pose, target: present equilibrium, and the pose that it moves to.
+        pose, target: present equilibrium pose, and the pose that it moves to.
         force_limit: maximum force of the translational spring [N].
         compliance, target_compliance: present gains, and the gains that they approach.
+        posture: joint positions q_n that the null-space torque pulls to, shape (7,) [rad].
         twist: velocity v of the equilibrium, shape (6,) [m/s], [rad/s]; zero unless the caller sets it.
-        wrench: F of the last cycle, shape (6,) [N], [N m].
+        wrench: wrench F of spring and damper in the last cycle, shape (6,) [N], [N m].
     """
 
     def __init__(self, compliance: Compliance, filter_time: float) -> None:
@@ -120,7 +122,7 @@ class CartesianLaw:
         self._take_gains()
 
     def start(self, pose: poses.Pose, posture: Sequence[float]) -> None:
-        """Set equilibrium and null-space posture (7 floats [rad]), and apply pending gains at once."""
+        """Set equilibrium and null-space posture (7 floats [rad]), and the gains to their targets, all at once."""
         self.pose = self.target = pose
         self.twist = np.zeros(6)
         self.posture = np.array(posture)
@@ -131,7 +133,10 @@ class CartesianLaw:
         self._stiffness, self._damping = self.compliance.stiffness(), self.compliance.damping()
 
     def advance(self, period: float, scale: float = 1.0) -> None:
-        """Advance equilibrium and gains by one period [s], the equilibrium at `scale` (0 to 1) of its speed."""
+        """Move equilibrium and gains towards their targets for one period [s].
+
+        The equilibrium moves at the fraction `scale` (0 to 1) of its speed; the gains are not slowed down.
+        """
         if self.pose is self.target and self.compliance is self.target_compliance:
             return
         if self._share[0] != period:
@@ -149,7 +154,7 @@ class CartesianLaw:
             self._take_gains()
 
     def torque(self, measured: poses.Pose, arm: CartesianArmState) -> FloatArray:
-        """Return the joint torques without gravity, shape (7,) [N m]."""
+        """Return the joint torques of the law without gravity, shape (7,) [N m]; `measured`: end-effector pose."""
         J = arm.jacobian
         dq = np.array(arm.dq)
         spring = -self._stiffness * poses.difference(measured, self.pose)
@@ -167,7 +172,10 @@ class CartesianLaw:
 def null_space(J: FloatArray, mass: FloatArray, tau_0: FloatArray) -> FloatArray:
     """Return N tau_0, shape (7,) [N m]: the part of a joint torque that does not accelerate the end effector.
 
-    J: shape (6, 7); mass: with rotor inertia, shape (7, 7) [kg m^2]; tau_0: shape (7,) [N m].
+    Args:
+        J: Jacobian of the end effector, shape (6, 7).
+        mass: mass matrix with rotor inertia, shape (7, 7) [kg m^2].
+        tau_0: joint torque, shape (7,) [N m].
     """
     inverse_times_J = np.linalg.solve(mass, J.T)  # (M+B)^-1 J^T
     force = np.linalg.solve(J @ inverse_times_J + _SINGULAR, inverse_times_J.T @ tau_0)

@@ -1,4 +1,4 @@
-"""Cartesian pose controllers: follow a marker (thesis ch. 3.3) or move to commanded poses."""
+"""Controllers whose end effector follows a marker (thesis ch. 3.3) or moves to commanded poses."""
 
 import numpy as np
 
@@ -13,10 +13,16 @@ from hric_core.node import Node
 
 
 class CartesianPoseController(Controller):
-    """Controller that sends the poses of `PoseTracking` to the arm; parameters and topics: INTERFACE.md."""
+    """Controller that moves the end effector to a marker or commanded pose by the arm's own Cartesian pose motion.
+
+    `PoseTracking` computes the desired poses. INTERFACE.md lists the parameters and topics.
+    """
 
     def init(self, robot_hw: RobotHW, root_node: Node, controller_node: Node) -> None:
-        """Read all parameters and interfaces before advertising, so that an error leaves nothing behind."""
+        """Read the parameters, get the hardware interfaces, and then advertise the topics.
+
+        An error in a parameter or interface thus leaves no topic behind.
+        """
         node = controller_node
         arm_id = ArmSettings.read(node).arm_id
         self._arm = robot_hw.get(FrankaPoseCartesianInterface).handle(f"{arm_id}_robot")
@@ -29,22 +35,25 @@ class CartesianPoseController(Controller):
         self._tracking.start(self._arm.robot_state.O_T_EE_c)
 
     def update(self, time: float, period: float) -> None:
-        """Advance the motion by one cycle and command its pose."""
+        """Advance the motion by one cycle and command its pose to the arm."""
         tracking = self._tracking
         tracking.update(time, period)
         self._arm.set_command(tracking.transform())
         tracking.publish(time, self._arm.robot_state.O_T_EE)
 
     def stopping(self, time: float) -> None:
-        """Refuse commands from now on."""
+        """Stop accepting commanded poses."""
         self._tracking.stop()
 
 
 class CartesianPoseImpedanceController(CartesianImpedanceController):
-    """Impedance controller on efforts whose equilibrium follows `PoseTracking`; parameters and topics: INTERFACE.md."""
+    """Cartesian impedance controller whose equilibrium follows a marker or moves to commanded poses.
+
+    `PoseTracking` computes the equilibrium. INTERFACE.md lists the parameters and topics.
+    """
 
     def _obeys(self, filter_time: float) -> bool:
-        """Return True: the scale slows the motion down; the filter acts on gains only."""
+        """Return True: the speed scale slows the planned motion of the equilibrium down, with any filter time."""
         return True
 
     def _read_input(self) -> None:
@@ -58,7 +67,7 @@ class CartesianPoseImpedanceController(CartesianImpedanceController):
         self._tracking.start(self._robot.O_T_EE)
 
     def _lead(self, time: float, period: float) -> None:
-        """Set the equilibrium to the tracked pose, unfiltered since it is smooth, and its twist for the damper."""
+        """Set the equilibrium to the desired pose, without filter since its motion is smooth, and set its velocity."""
         tracking, law = self._tracking, self._law
         tracking.update(time, period)
         law.pose = law.target = tracking.pose
@@ -66,6 +75,6 @@ class CartesianPoseImpedanceController(CartesianImpedanceController):
         tracking.publish(time, self._robot.O_T_EE)
 
     def stopping(self, time: float) -> None:
-        """Refuse poses from now on."""
+        """Stop accepting commanded poses."""
         super().stopping(time)
         self._tracking.stop()

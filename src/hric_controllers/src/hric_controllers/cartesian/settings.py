@@ -10,7 +10,7 @@ from hric_core.parameters import Settings, names, number, per_joint, refused
 
 @dataclass(frozen=True)
 class CartesianImpedanceSettings(LawSettings, ArmSettings):
-    """Parameters of the controller, except for its gains and its input."""
+    """Parameters of the Cartesian impedance controller, except for its gains and its equilibrium's input."""
 
     joints: tuple[str, ...] = names(7, name="joint_names", text="`<arm_id>_joint1` to 7, in order")
     nullspace_posture: tuple[float, ...] | None = per_joint(
@@ -26,7 +26,7 @@ class CartesianImpedanceSettings(LawSettings, ArmSettings):
     state_publish_rate: float = state_rate(100.0)
 
     def check(self, where: str) -> None:
-        """Refuse joints in another order than the columns of the Jacobian."""
+        """Raise an error if the joints are not in the order of the Jacobian's columns."""
         expected = tuple(f"{self.arm_id}_joint{i}" for i in range(1, 8))
         if self.joints != expected:
             raise refused(f"{where}joint_names", list(self.joints), f"the arm's joints in order, {', '.join(expected)}")
@@ -39,11 +39,11 @@ class CartesianImpedanceSettings(LawSettings, ArmSettings):
 
 @dataclass(frozen=True)
 class ComplianceSettings(Settings):
-    """Live parameters; the fields of `Compliance`.
+    """Live parameters of the Cartesian impedance controller: stiffnesses and damping ratios, as in `Compliance`.
 
-    Sources: the defaults and the maximum null-space stiffness are those of franka_ros's example; the maximum Cartesian
-    stiffnesses are those that libfranka allows for the arm's internal impedance (setCartesianImpedance); the maximum
-    damping ratio of 2 is a project default, unconfirmed.
+    Sources: the defaults and the maximum null-space stiffness are those of franka_ros's
+    CartesianImpedanceExampleController; the maximum Cartesian stiffnesses are those that libfranka allows for the arm's
+    internal impedance (setCartesianImpedance); the maximum damping ratio of 2 is a project default, unconfirmed.
     """
 
     translational_stiffness: float = number(

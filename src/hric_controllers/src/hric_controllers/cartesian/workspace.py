@@ -1,4 +1,4 @@
-"""Workspace of the end effector, rotation of a marker's frame, and checks of equilibrium poses. No ROS."""
+"""Workspace of the end effector, rotation of marker coordinates to the base, checks of equilibrium poses. No ROS."""
 
 import math
 from collections.abc import Sequence
@@ -13,27 +13,31 @@ from hric_core.parameters import Settings, number, numbers, refused
 
 Rows = tuple[Vector, Vector, Vector]
 ORTHONORMAL = 1e-6
-"""Tolerance for the orthonormality of a rotation matrix: rounding in a YAML."""
+"""Tolerance for the orthonormality of a rotation matrix; covers the rounding of numbers in YAML files."""
 
 
 @dataclass(frozen=True)
 class Box(Settings):
-    """Workspace of the end effector in the base frame: lower and upper corner."""
+    """Workspace of the end effector: a box with axes along those of the base frame.
+
+    Attributes:
+        lower, upper: corners with the least and the largest coordinates, in the base frame [m].
+    """
 
     lower: Vector = numbers(3, unit="m")
     upper: Vector = numbers(3, unit="m")
 
     def check(self, where: str) -> None:
-        """Refuse an upper corner that is not above the lower one on each axis."""
+        """Raise an error if the upper corner is not above the lower one on each axis."""
         if not all(low < high for low, high in zip(self.lower, self.upper, strict=True)):
             raise refused(f"{where}upper", self.upper, f"above lower, {self.lower}, on each axis [m]")
 
     def contains(self, p: Sequence[float]) -> bool:
-        """Return True if a point is inside or on the border."""
+        """Return True if a point, in the base frame [m], is inside the box or on its border."""
         return all(low <= x <= high for x, low, high in zip(p, self.lower, self.upper, strict=True))
 
     def nearest(self, p: Sequence[float]) -> Vector:
-        """Return the point of the box that is nearest to `p` [m]."""
+        """Return the point of the box that is nearest to the point `p`, both in the base frame [m]."""
         x, y, z = (min(max(value, low), high) for value, low, high in zip(p, self.lower, self.upper, strict=True))
         return x, y, z
 
@@ -51,7 +55,7 @@ class FrameRotation:
     """Rotation R_base_marker of vectors in a marker's frame into the base frame.
 
     Attributes:
-        rows: three rows of three numbers.
+        rows: rows of the rotation matrix, three numbers each.
 
     Raises:
         HricError: the matrix is not a rotation.
@@ -67,7 +71,7 @@ class FrameRotation:
             )
 
     def rotated(self, v: Sequence[float]) -> Vector:
-        """Return R v."""
+        """Return the vector v, given in the marker's frame, in the base frame."""
         x, y, z = self.rows
         return _dot(x, v), _dot(y, v), _dot(z, v)
 
@@ -78,7 +82,7 @@ def _dot(a: Sequence[float], b: Sequence[float]) -> float:
 
 @dataclass(frozen=True)
 class JumpSettings(Settings):
-    """Limits for the distance between a new equilibrium and the present one."""
+    """Maximum distance and rotation between a new equilibrium pose and the present one."""
 
     largest_step: float = number(
         0.3, above=0.0, unit="m", text="largest distance of a new equilibrium from the one in force"
@@ -87,20 +91,21 @@ class JumpSettings(Settings):
 
 
 def check_equilibrium(message: Any, base: str, present: Pose, limit: JumpSettings | None = None) -> Pose:
-    """Return the pose of a geometry_msgs/PoseStamped, checked.
+    """Return the equilibrium pose in a geometry_msgs/PoseStamped, after checking it.
 
     Args:
-        message: pose in the frame `base`; an empty frame name means this frame.
-        base: name of the base frame.
+        message: message with a pose in the frame `base`; an empty frame name means this frame.
+        base: name of the robot's base frame.
         present: present equilibrium.
         limit: maximum distance from the present equilibrium; None: no limit.
 
     Raises:
-        CommandError: wrong frame, not finite, not a unit quaternion, or too far; the text gives valid values.
+        CommandError: the frame is not `base`, a number is not finite, the quaternion has no unit norm, or the pose is
+            too far from the present one; the text gives the valid values.
     """
     frame = message.header.frame_id.lstrip("/")
     if frame not in ("", base):
-        raise CommandError(f"it is given in the frame {frame!r}; valid: {base}")
+        raise CommandError(f"the pose is given in the frame {frame!r}; valid: {base}")
     p, o = message.pose.position, message.pose.orientation
     x, y, z = messages.finite("position", p.x, p.y, p.z)
     requested = Pose((x, y, z), messages.unit_quaternion(*messages.finite("orientation", o.x, o.y, o.z, o.w)))
@@ -117,5 +122,5 @@ def _check_jump(error: list[float], limit: JumpSettings) -> None:
     ):
         if distance > largest:
             raise CommandError(
-                f"{distance:.3g} {unit} from the equilibrium in force; valid: up to {largest:g} {unit} ({name})"
+                f"{distance:.3g} {unit} from the present equilibrium; valid: up to {largest:g} {unit} ({name})"
             )

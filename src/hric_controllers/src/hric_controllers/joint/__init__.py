@@ -1,1 +1,1 @@
-"""Joint-space PD and PID control."""
+"""Joint-space PD control."""

@@ -1,4 +1,4 @@
-"""Joint-space PD control with gravity compensation (thesis, eq. 3) and a limited torque rate."""
+"""Joint-space PD control with optional gravity compensation (thesis, eq. 3) and a limited torque rate."""
 
 import re
 from collections.abc import Sequence
@@ -23,23 +23,25 @@ from hric_core.node import LiveParameter, Node, ParameterValues
 from hric_core.parameters import Settings, flag, names, number, per_joint, section
 
 LARGEST_GAIN = 1e5
-"""Upper end of the range that dynamic_reconfigure shows for a gain; far above useful values."""
+"""Upper end of the range of a gain in dynamic_reconfigure [N m/rad], [N m s/rad]; far above useful values."""
 
 
 @dataclass(frozen=True)
 class PdGains:
-    """Stiffness [N m/rad] and damping [N m s/rad] of n joints."""
+    """Stiffness kp [N m/rad] and damping kd [N m s/rad] of n joints."""
 
     kp: tuple[float, ...]
     kd: tuple[float, ...]
 
 
 class LiveGains:
-    """Gains as live parameters: `kp_<joint>` and `kd_<joint>`; `kp_all` and `kd_all` set all joints, show the maximum.
+    """Gains of the joint PD controller as live parameters.
+
+    `kp_<joint>` and `kd_<joint>` set one joint. `kp_all` and `kd_all` set all joints and show the maximum of them.
 
     Args:
-        node: the controller's namespace.
-        joints: names, in the order of the gains.
+        node: namespace of the controller.
+        joints: names of the joints, in the order of the gains.
         gains: gains at the start.
     """
 
@@ -73,7 +75,7 @@ class LiveGains:
         return result
 
     def requested(self, values: ParameterValues) -> PdGains:
-        """Return the gains of these live values, which are already checked, without applying them."""
+        """Return the gains that result from changed live parameters, without applying them; `values`: in range."""
         before = self.values()
         return PdGains(self._gains("kp", before, values), self._gains("kd", before, values))
 
@@ -84,12 +86,13 @@ class LiveGains:
         return tuple(float(values.get(name, before[name])) for name in self._names[kind])
 
     def publish_start(self) -> None:
-        """Write the gains of the YAML to the parameter server under their live names.
+        """Write the gains at the start to the parameter server under the names of the live parameters.
 
-        So values that an earlier run left there do not apply.
+        Values that an earlier run of the controller left under these names are thus overwritten.
 
         Raises:
-            ParameterError: only some of the live names exist: no run left them, and they would have no effect.
+            ParameterError: some of the names exist on the parameter server, but not all. An earlier run leaves all, so
+                the user has set these, and they would be overwritten.
         """
         values = self.values()
         there = [name for name in values if self._node.has_param(name)]
@@ -104,7 +107,7 @@ class LiveGains:
 
 @dataclass(frozen=True)
 class ProfileSettings(Settings):
-    """Parameters of the trapezoidal velocity profile."""
+    """Parameters of the trapezoidal velocity profile by which the joints move to a setpoint."""
 
     enabled: bool = flag(True, text="trapezoidal velocity profile for setpoints; false: setpoints act at once")
     velocity: tuple[float, ...] = per_joint(number(above=0.0, unit="rad/s"), 1.0)
@@ -113,7 +116,7 @@ class ProfileSettings(Settings):
 
 @dataclass(frozen=True)
 class PdSettings(parameters.LawSettings):
-    """Parameters of the controller."""
+    """Parameters of the joint PD controller."""
 
     joints: tuple[str, ...] = names()
     kp: tuple[float, ...] = per_joint(number(minimum=0.0, unit="N m/rad"), text="stiffness")
@@ -129,10 +132,16 @@ class PdSettings(parameters.LawSettings):
 
 
 class JointPDController(Controller):
-    """PD controller tau = Kp (q_d - q) - Kd dq [+ g(q)]; parameters and topics: INTERFACE.md."""
+    """Joint PD controller: tau = Kp (q_d - q) - Kd dq, plus g(q) if the parameter `gravity` is true.
+
+    INTERFACE.md lists its parameters and topics.
+    """
 
     def init(self, robot_hw: RobotHW, root_node: Node, controller_node: Node) -> None:
-        """Read all parameters and interfaces before advertising, so that an error leaves nothing behind."""
+        """Read the parameters, get the hardware interfaces, and then advertise the topics.
+
+        An error in a parameter or interface thus leaves no topic behind.
+        """
         node = self._node = controller_node
         settings = PdSettings.read(node)
         self.joints = list(settings.joints)
@@ -144,7 +153,7 @@ class JointPDController(Controller):
         self._check_kd(settings.kd)
         self._profile = TrapezoidProfile(settings.profile.velocity, settings.profile.acceleration)
         self._go = self._profile.plan if settings.profile.enabled else self._profile.hold
-        # Only a profile can be slowed down: raw setpoints ignore the speed scale, without a message.
+        # Only a profile can be slowed down: setpoints that act at once ignore the speed scale, without a message.
         scale = robot_hw.get(SpeedScaleInterface).handle() if settings.profile.enabled else SpeedScale()
         self._along = ScaledTime(scale)
         self._ranges = parameters.position_ranges(root_node, self.joints)
@@ -165,16 +174,24 @@ class JointPDController(Controller):
         node.subscribe("command", Float64MultiArray, self._on_command, queue_size=1)
 
     def _on_command(self, message: Any) -> None:
-        """Pass the setpoint to the loop; the node logs a CommandError with the topic's name."""
+        """Check a setpoint and pass it to the loop.
+
+        Raises:
+            CommandError: the setpoint is refused; the node logs the error's text with the topic's name.
+        """
         if not self._running:
             raise CommandError("the controller is not running, the setpoint is ignored; start it first")
         try:
             self._setpoint.set(parameters.check_setpoint(message.data, self.joints, self._ranges))
         except CommandError as error:
-            raise CommandError(f"setpoint refused, the one before stays: {error}") from None
+            raise CommandError(f"setpoint refused, the present one is kept: {error}") from None
 
     def _on_gains(self, values: ParameterValues) -> ParameterValues:
-        """Apply changed live parameters: all of them, or none if a HricError is raised."""
+        """Check changed live parameters, pass the gains to the loop and return the applied values.
+
+        Raises:
+            HricError: a derivative gain is too large and `strict_gains` is set; no gain is changed then.
+        """
         requested = self._live.requested(values)
         if requested != self._live.gains:
             self._check_kd(requested.kd)
@@ -196,7 +213,7 @@ class JointPDController(Controller):
         self._running = True
 
     def update(self, time: float, period: float) -> None:
-        """Compute and command the torques of one cycle: eq. 3 on plain floats."""
+        """Compute and command the torques of one cycle."""
         along = self._along.along(time, period)
         setpoint = self._setpoint.take_new()
         if setpoint is not None:
@@ -220,5 +237,5 @@ class JointPDController(Controller):
         )
 
     def stopping(self, time: float) -> None:
-        """Refuse setpoints from now on."""
+        """Stop accepting setpoints."""
         self._running = False

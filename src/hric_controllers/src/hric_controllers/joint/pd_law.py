@@ -12,13 +12,13 @@ Gravity = Callable[[list[float]], list[float]]
 
 
 class PdLaw:
-    """PD law with its state: present gains, target gains, last torque.
+    """PD law of n joints with its state: present gains, target gains, last torque.
 
     Args:
-        kp: n stiffnesses [N m/rad].
-        kd: n dampings [N m s/rad].
+        kp: stiffness of each joint [N m/rad].
+        kd: damping of each joint [N m s/rad].
         rotatum_limit: maximum torque rate [N m/s]; 0 means no limit.
-        ramp: duration of the transition to new gains [s].
+        ramp: duration of the linear transition to new gains [s].
     """
 
     def __init__(self, kp: Sequence[float], kd: Sequence[float], rotatum_limit: float, ramp: float) -> None:
@@ -30,12 +30,12 @@ class PdLaw:
         self.last = [0.0] * len(self.kp)
 
     def start(self, torque: Sequence[float]) -> None:
-        """Reset: the torque rate counts from `torque` (n floats [N m]), pending gains apply at once."""
+        """Reset the law: the torque rate is limited from `torque` (n floats [N m]) on, and pending gains apply now."""
         self.last = list(torque)
         (self.kp, self.kd), self._ramp_start = self._to, None
 
     def change_gains(self, time: float, kp: Sequence[float], kd: Sequence[float]) -> None:
-        """Ramp the gains linearly from the present ones to these, starting at `time` [s]."""
+        """Change the gains linearly from the present ones to `kp` [N m/rad], `kd` [N m s/rad], from `time` [s] on."""
         self._from, self._to = (self.kp, self.kd), (list(kp), list(kd))
         self._ramp_start = time
 
@@ -59,7 +59,7 @@ class PdLaw:
             q: measured positions, n floats [rad].
             dq: measured velocities, n floats [rad/s].
             q_d: desired positions, n floats [rad].
-            gravity: function for the added gravity torque; None: nothing is added.
+            gravity: function that returns the gravity torque to add; None: none is added.
         """
         if self._ramp_start is not None:
             self._advance(time, self._ramp_start)

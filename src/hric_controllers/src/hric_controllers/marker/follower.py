@@ -1,13 +1,13 @@
 """Targets of the end effector from marker samples: origins, frames, workspace, loss of the marker. No ROS.
 
-With the marker's origin m_0 and the end effector's p_0, both taken at the first valid sample, the target for a marker
-at m is (thesis ch. 3.3)
+The end effector repeats the displacement of the marker. With the marker's position m_0 and the end effector's position
+p_0 at the first valid sample (their origins), the target position for a marker at m is (thesis ch. 3.3)
 
     p = p_0 + R (m - m_0)                        R = R_base_marker
-    r = log(exp(R log(a a_0^-1)) exp(r_0))       if its attitude a is followed
+    r = log(exp(R log(a a_0^-1)) exp(r_0))       if the marker's attitude a is followed
 
-The rotation vector r counts from the orientation at the start. This module moves nothing: a motion (`motion`) takes
-the targets.
+The rotation vector r counts from the orientation at the start, r_0 and a_0 are values at the first valid sample. This
+module computes targets only; the classes of module `motion` move the end effector to them.
 """
 
 import math
@@ -21,7 +21,7 @@ from hric_core.geometry import Vector, quaternions
 
 
 class FollowerState(Enum):
-    """States of the follower."""
+    """States of the follower of a marker."""
 
     WAITING = "waiting"
     FOLLOWING = "following"
@@ -32,8 +32,8 @@ class FollowerState(Enum):
 class FollowerEvent(Enum):
     """Events that change the state of the follower."""
 
-    VALID = "a valid marker came"
-    GONE = "none came for too long"
+    VALID = "a valid sample has arrived"
+    GONE = "no valid sample has arrived for lost_after"
     COMMAND = "a pose is commanded"
     ARRIVED = "the commanded pose is reached"
 
@@ -49,20 +49,20 @@ NEXT: dict[tuple[FollowerState, FollowerEvent], FollowerState] = {
     (FollowerState.COMMANDED, FollowerEvent.COMMAND): FollowerState.COMMANDED,
     (FollowerState.COMMANDED, FollowerEvent.ARRIVED): FollowerState.WAITING,
 }
-"""Transitions of the state machine; an event without an entry changes nothing."""
+"""Next state by present state and event; an event without an entry for the present state changes nothing."""
 
 
 @dataclass(frozen=True)
 class FollowerConfig:
-    """Settings of the follower.
+    """Settings of the follower of a marker.
 
     Attributes:
-        rotation: rotation of markers that are not given in the base frame.
+        rotation: rotation R_base_marker, applied to markers that are not given in the base frame.
         workspace: box to which target positions are limited.
         validator: check of samples.
         lost_after: time without a valid sample after which the marker is lost [s].
-        catch_up: True: the end effector moves to a marker that returns, origins unchanged; False: both origins are set
-            again.
+        catch_up: what happens if a lost marker returns. True: the end effector moves to the target by the old origins;
+            False: marker and end effector get new origins, so that the end effector moves on from its place.
         follow_attitude: True if the end effector rotates with the marker.
         largest_turn: maximum rotation of a target from the orientation at the start, below pi [rad]; a sample beyond
             it is refused.
@@ -79,7 +79,12 @@ class FollowerConfig:
 
 @dataclass(frozen=True)
 class PoseOffset:
-    """Position of the end effector in the base [m], and rotation vector from the start orientation, base axes [rad]."""
+    """Position and rotation of the end effector.
+
+    Attributes:
+        position: position in the base frame [m].
+        rotation: rotation vector from the orientation at the start, in base axes [rad].
+    """
 
     position: Vector
     rotation: Vector = (0.0, 0.0, 0.0)
@@ -87,7 +92,13 @@ class PoseOffset:
 
 @dataclass
 class FollowerCounts:
-    """Numbers of losses, of targets limited to the workspace, and of refused samples by reason, since the start."""
+    """Counters of a follower since its start.
+
+    Attributes:
+        losses: number of times that the marker was lost.
+        clamped: number of targets that were moved to the border of the workspace.
+        refused: number of refused samples, by reason.
+    """
 
     losses: int = 0
     clamped: int = 0
@@ -95,14 +106,15 @@ class FollowerCounts:
 
 
 class MarkerFollower:
-    """Follower of one marker.
+    """Follower of one marker: makes targets of the end effector from valid samples, and detects the marker's loss.
 
     Args:
         config: settings.
-        report: function that takes True for a warning and a line for the user; called in the loop.
+        report: function for messages to the user, called in the loop; its arguments are True for a warning (False for
+            an information) and the text.
 
     Attributes:
-        tracking: present state.
+        tracking: present state of the follower.
         counts: counters since the start.
     """
 
@@ -126,12 +138,13 @@ class MarkerFollower:
         return True
 
     def take(self, marker: MarkerSample, time: float, here: PoseOffset) -> PoseOffset | None:
-        """Take a sample and return the target that follows from it, None if there is none.
+        """Return the target for a sample, None if the sample is invalid, refused or ignored in the present state.
 
         Args:
             marker: sample as received.
             time: robot time [s].
-            here: present or next rest pose of the end effector, used as new origin if one is needed.
+            here: pose at which the end effector rests, or will rest at the end of its motion; its new origin if one is
+                needed.
         """
         if not marker.valid or (self.tracking, FollowerEvent.VALID) not in NEXT:
             return None
@@ -148,15 +161,17 @@ class MarkerFollower:
             self._marker_origin, self._here_origin = marker, here
         target = self._target(marker)
         if target is None:
-            self._refuse("asks for more than largest_turn")
+            self._refuse("rotates the end effector by more than largest_turn")
             return None
         self._enter(FollowerEvent.VALID)
         self._last, self._last_time = marker, time
         if first:
-            self._report(False, "first marker: it and the end effector are the origins of the motion that follows")
+            self._report(False, "first valid marker: the end effector now repeats its displacement from this position")
         elif before is not FollowerState.FOLLOWING:
             origins = (
-                "the end effector catches up with it" if catch_up else "it and the end effector are the new origins"
+                "the end effector catches up with its displacement"
+                if catch_up
+                else "the present positions of marker and end effector are the new origins"
             )
             self._report(False, f"the marker is back: {origins}")
         return target
@@ -165,7 +180,7 @@ class MarkerFollower:
         refused = self.counts.refused
         refused[reason] = refused.get(reason, 0) + 1
         if refused[reason] == 1:
-            self._report(True, f"a marker is refused: {reason} (reported once; the state counts them)")
+            self._report(True, f"marker refused: {reason} (logged only once; the topic state counts all)")
 
     def _target(self, marker: MarkerSample) -> PoseOffset | None:
         config, origin, here = self._config, self._marker_origin, self._here_origin
@@ -191,7 +206,10 @@ class MarkerFollower:
         return quaternions.rotation_vector(quaternions.product(quaternions.from_rotation_vector(in_base), start))
 
     def lost(self, time: float) -> bool:
-        """Return True if the marker is lost as of this call; the caller then stops the motion."""
+        """Return True in the call that detects the loss of the marker; the caller then stops the motion.
+
+        The marker is lost if no valid sample was taken for `lost_after`; `time`: robot time [s].
+        """
         silent = time - self._last_time
         if (
             self.tracking is not FollowerState.FOLLOWING
@@ -200,14 +218,16 @@ class MarkerFollower:
         ):
             return False
         self.counts.losses += 1
-        self._report(True, f"the marker is lost: no valid one for {1e3 * silent:.0f} ms; the end effector stops")
+        self._report(
+            True, f"the marker is lost: no valid sample for {1e3 * silent:.0f} ms; the end effector is brought to rest"
+        )
         return True
 
     def command(self) -> None:
-        """Ignore markers until the commanded pose is reached."""
+        """Ignore markers from now on, since a pose is commanded, until `arrived` is called."""
         self._enter(FollowerEvent.COMMAND)
 
     def arrived(self) -> None:
-        """Accept markers again; the next one is a first marker."""
+        """Accept markers again, since the commanded pose is reached; the next valid one sets new origins."""
         if self._enter(FollowerEvent.ARRIVED):
             self._last = None

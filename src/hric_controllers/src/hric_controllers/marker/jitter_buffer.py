@@ -1,9 +1,10 @@
 """Jitter buffer: each sample takes effect at a constant delay after its measurement, as in telephony. No ROS.
 
-A network and a busy machine deliver samples some milliseconds early or late. Without a buffer this is a position error
-of speed times jitter, 0.8 mm at 0.16 m/s and 5 ms, and it shakes the arm. So a sample that was measured at t_m takes
-effect at t_m + d + margin, where d is the minimum recent delay (arrival minus measurement); between two samples the
-target is interpolated linearly. d contains the offset of the two clocks: they need not agree.
+A network and a busy machine deliver samples some milliseconds early or late. Without a buffer this causes a position
+error of speed times jitter (0.8 mm at 0.16 m/s and 5 ms), which shakes the arm. So a sample that was measured at t_m
+takes effect at t_m + d + margin, with d the minimum recent delay (arrival minus measurement). Between two samples the
+target is interpolated linearly. d contains the offset between the clocks of measurement and arrival, so these need not
+agree.
 """
 
 from collections import deque
@@ -11,9 +12,9 @@ from collections import deque
 from hric_controllers.marker.follower import PoseOffset
 
 WINDOW = 5.0
-"""Time window of the minimum delay [s] (project default, unconfirmed)."""
+"""Length of the time window in which the minimum delay is sought [s] (project default, unconfirmed)."""
 MAX_WAITING = 64
-"""Maximum number of waiting samples; the oldest are dropped."""
+"""Maximum number of samples that wait for their time to take effect; beyond it, the oldest are dropped."""
 
 
 class JitterBuffer:
@@ -26,7 +27,7 @@ class JitterBuffer:
 
     def __init__(self, margin: float) -> None:
         self._margin = margin
-        # (arrival, delay), both rising: the first has the minimum delay of the window
+        # (arrival, delay), both increasing: the first has the minimum delay of the window
         self._delays: deque[tuple[float, float]] = deque()
         self._waiting: deque[tuple[float, PoseOffset]] = deque(maxlen=MAX_WAITING)
         self._last: PoseOffset | None = None
@@ -40,9 +41,10 @@ class JitterBuffer:
         """Add a target.
 
         Args:
-            time: time of arrival [s].
-            stamp: rising time of measurement, by any clock of the same rate [s]; None: unknown, takes effect at once.
-            target: target of the sample.
+            time: robot time at which the sample arrived [s].
+            stamp: time at which the sample was measured, later than that of the sample before, by any clock of equal
+                rate [s]; None: unknown, the target takes effect at once.
+            target: target that follows from the sample.
         """
         if stamp is None or self._margin == 0.0:
             self._waiting.clear()
@@ -60,7 +62,7 @@ class JitterBuffer:
         self._waiting.append((stamp, target))
 
     def due(self, time: float) -> PoseOffset | None:
-        """Return the target at `time` [s], None if it has not changed or none is due yet."""
+        """Return the target that is in effect at `time` [s], None if it has not changed or none has taken effect."""
         waiting = self._waiting
         if not waiting:
             return None

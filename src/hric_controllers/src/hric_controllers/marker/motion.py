@@ -1,10 +1,10 @@
 """Motions of n axes to a target: an online trajectory generator with changing targets, or straight lines. No ROS.
 
-The generator respects limits of velocity, acceleration and jerk. Each change starts the time-optimal motion from the
-present state to rest at the new target (Berscheid and Kroeger 2021, "Jerk-limited real-time trajectory generation with
-arbitrary target states", in its library ruckig), so position, velocity and acceleration are continuous. The axes arrive
-together; an axis with a short distance then moves slowly, and noise across the motion shakes the arm less. A
-first-order filter of the target removes the rest of the noise.
+The generator respects limits of velocity, acceleration and jerk. Each new target starts the time-optimal motion from
+the present state to rest at this target (Berscheid and Kroeger 2021, "Jerk-limited real-time trajectory generation with
+arbitrary target states", in its library ruckig), so position, velocity and acceleration are continuous. All axes arrive
+at one time: an axis with a short distance moves slowly, so that noise of the target across the direction of motion
+shakes the arm less. A first-order filter of the target removes the rest of the noise.
 """
 
 import math
@@ -23,31 +23,31 @@ SETTLED = 1e-9
 
 @dataclass(frozen=True)
 class MotionLimits(Settings):
-    """Motion limits of one axis, or of the Euclidean norm of several axes."""
+    """Maximum velocity, acceleration and jerk of one axis, or of the Euclidean norm over several axes."""
 
     velocity: float = number(above=0.0, unit="m/s or rad/s")
     acceleration: float = number(above=0.0, unit="m/s^2 or rad/s^2")
     jerk: float = number(above=0.0, unit="m/s^3 or rad/s^3")
 
     def each_of(self, axes: int) -> "MotionLimits":
-        """Return limits for each of `axes` axes whose combination stays within these limits."""
+        """Return limits for each single one of `axes` axes, so that their Euclidean norm stays within these limits."""
         share = 1.0 / math.sqrt(axes)
         return MotionLimits(share * self.velocity, share * self.acceleration, share * self.jerk)
 
 
 class OnlineTrajectoryGenerator:
-    """Online motion of n axes; made for the control loop.
+    """Generator of a motion of n axes whose target may change at any time; fast enough for the control loop.
 
     Args:
         limits: limits of each axis.
         smoothing_time: time constant of the filter of the target [s]; 0: no filter.
         axes: number of axes n.
-        time_step: time step of `advance` [s].
+        time_step: duration of one computed step of the motion [s].
 
     Attributes:
-        position, velocity, acceleration: present state, n floats each [m or rad, and s]. Read-only.
-        rest: rest position that the motion ends in without a new target, n floats.
-        moving: True if the axes move.
+        position, velocity, acceleration: present state of the axes, n floats each [m or rad, and s]. Read-only.
+        rest: position in which the motion will end if no new target comes, n floats [m or rad].
+        moving: True while the axes move.
     """
 
     def __init__(
@@ -69,7 +69,7 @@ class OnlineTrajectoryGenerator:
         self.start([0.0] * axes)
 
     def start(self, position: Sequence[float]) -> None:
-        """Rest at a position."""
+        """Put the axes at rest at a position, n floats [m or rad]."""
         state, zero = self._input, [0.0] * self._n
         self.position = self.rest = self._goal = self._smooth = [float(value) for value in position]
         self.velocity, self.acceleration = zero, zero
@@ -78,7 +78,10 @@ class OnlineTrajectoryGenerator:
         self._follow()
 
     def go(self, target: Sequence[float]) -> bool:
-        """Move from the present state to rest at a target. Always returns True: any target is accepted."""
+        """Begin the motion from the present state to rest at a target, n floats [m or rad].
+
+        Always returns True, since any target is accepted. (`LineMotion.go` may return False.)
+        """
         if self._input.control_interface is not ControlInterface.Position:
             self._smooth = self.position
             self._follow()
@@ -90,7 +93,7 @@ class OnlineTrajectoryGenerator:
         self._input.control_interface, self._input.synchronization = ControlInterface.Position, Synchronization.Time
 
     def stop(self) -> None:
-        """Come to rest as soon as the limits allow."""
+        """Begin to bring the axes to rest, each as soon as the limits allow."""
         if not self.moving or self._input.control_interface is ControlInterface.Velocity:
             return
         # Each axis by itself: none has to wait for another.
@@ -102,7 +105,7 @@ class OnlineTrajectoryGenerator:
     def advance(self, period: float, scale: float = 1.0) -> None:
         """Advance the motion by `period` [s], a multiple of the time step, at `scale` (0 to 1) of its speed.
 
-        The motion's time is scaled: velocity and acceleration refer to that time.
+        The attributes `velocity` and `acceleration` stay those at full speed: multiply the velocity by `scale`.
         """
         if scale != self._scale:
             self._set_scale(scale)
@@ -132,14 +135,20 @@ class OnlineTrajectoryGenerator:
             self._settle()
 
     def _settle(self) -> None:
-        """End the motion exactly at the target, without rounding error."""
+        """End the motion with the axes at rest exactly at the target, without rounding error."""
         self.position = self.rest = self._input.current_position = self._goal
         self.moving = False
         self.velocity = self.acceleration = [0.0] * self._n
         self._follow()
 
     def _update(self) -> Result:
-        """Compute one step of the motion; without a common duration, each axis moves by itself."""
+        """Compute one step of the motion and return the result of ruckig.
+
+        If ruckig finds no common duration for all axes, each axis takes its own in this step.
+
+        Raises:
+            HricError: there is no motion to the target within the limits.
+        """
         result: Result = self._generator.update(self._input, self._output)
         if result in (Result.Working, Result.Finished):
             return result
@@ -148,16 +157,16 @@ class OnlineTrajectoryGenerator:
         self._input.synchronization = before
         if result not in (Result.Working, Result.Finished):
             raise HricError(
-                f"no motion from {self.position} to {self._smooth} within the limits: {result.name}; the target is "
-                "not followed"
+                f"no motion from {self.position} to {self._smooth} within the limits of velocity, acceleration and "
+                f"jerk: ruckig returns {result.name}"
             )
         return result
 
 
 class LineMotion:
-    """Motion on straight lines with a trapezoidal velocity profile (thesis ch. 3.3), in n axes.
+    """Motion of n axes along a straight line with a trapezoidal velocity profile (thesis ch. 3.3).
 
-    It accepts no new target before its end. The methods are those of `OnlineTrajectoryGenerator`.
+    It accepts no new target before it ends. It has the methods of `OnlineTrajectoryGenerator` and can replace it.
 
     Args:
         velocity: maximum speed along the line [m/s] or [rad/s].
@@ -165,9 +174,9 @@ class LineMotion:
         axes: number of axes n.
 
     Attributes:
-        position, velocity: present state, n floats each. Read-only.
-        rest: end of the line, n floats.
-        moving: True if the axes move.
+        position, velocity: present state of the axes, n floats each [m or rad, and s]. Read-only.
+        rest: position in which the motion will end, n floats [m or rad].
+        moving: True while the axes move.
     """
 
     def __init__(self, velocity: float, acceleration: float, axes: int = 3) -> None:
@@ -175,13 +184,16 @@ class LineMotion:
         self.start([0.0] * axes)
 
     def start(self, position: Sequence[float]) -> None:
-        """Rest at a position."""
+        """Put the axes at rest at a position, n floats [m or rad]."""
         self.position = self.rest = self._begin = [float(value) for value in position]
         self.velocity = self._along = [0.0] * self._n
         self._time, self._braking, self.moving = 0.0, False, False
 
     def go(self, target: Sequence[float]) -> bool:
-        """Move to a target and return True, or ignore it and return False while another motion runs."""
+        """Begin the motion to a target (n floats [m or rad]) and return True.
+
+        While an earlier motion runs, ignore the target and return False.
+        """
         if self.moving:
             return False
         offset = [end - begin for begin, end in zip(self.position, target, strict=True)]
@@ -195,7 +207,7 @@ class LineMotion:
         return True
 
     def stop(self) -> None:
-        """Come to rest on the line as soon as the acceleration allows."""
+        """Begin to bring the axes to rest on the line as soon as the acceleration allows."""
         if not self.moving or self._braking:
             return
         (s,), (v,) = self._profile.sample(self._time)
@@ -204,7 +216,7 @@ class LineMotion:
         self.rest, self._braking = self._at(end), True
 
     def advance(self, period: float, scale: float = 1.0) -> None:
-        """Advance the motion by `period` [s] at `scale` (0 to 1) of its speed."""
+        """Advance the motion by `period` [s] at the fraction `scale` (0 to 1) of its speed."""
         if not self.moving:
             return
         self._time += scale * period

@@ -13,12 +13,12 @@ from hric_core.parameters import Settings, choice, listing, number, numbers, ref
 SOURCES = {"mocap": "hric/perception/mocap", "point": "mocap/marker", "none": ""}
 """Default topic of the markers in the robot's namespace, by source."""
 THESIS_ROTATION = ((1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0))
-"""R_base_marker of thesis ch. 3.3: a stream with y up and its x along the robot's x."""
+"""R_base_marker of thesis ch. 3.3, for markers in a frame whose y axis points up and whose x axis is the robot's x."""
 
 
 @dataclass(frozen=True)
 class Translation(MotionLimits):
-    """Limits of the combined motion of the three translational axes."""
+    """Limits of the end effector's translation: of the Euclidean norm over its three axes."""
 
     velocity: float = number(
         0.7, above=0.0, unit="m/s", text="limit of the three axes together; at most what the arm takes"
@@ -29,7 +29,7 @@ class Translation(MotionLimits):
 
 @dataclass(frozen=True)
 class Rotation(MotionLimits):
-    """Limits of the rotation vector's motion."""
+    """Limits of the end effector's rotation: of the Euclidean norm over its rotation vector from the start."""
 
     velocity: float = number(0.5, above=0.0, unit="rad/s", text="likewise, of the rotation vector")
     acceleration: float = number(4.0, above=0.0, unit="rad/s^2")
@@ -38,9 +38,9 @@ class Rotation(MotionLimits):
 
 @dataclass(frozen=True)
 class Workspace(Box):
-    """Workspace of the end effector.
+    """Workspace of the end effector, with default corners.
 
-    Project default, unconfirmed: the arm's reach of 0.855 m (data sheet), and a table at the height of its base.
+    The defaults are unconfirmed: the arm's reach of 0.855 m (data sheet), and a table at the height of its base.
     """
 
     lower: tuple[float, float, float] = numbers(
@@ -51,7 +51,7 @@ class Workspace(Box):
 
 @dataclass(frozen=True)
 class TrackingSettings(Settings):
-    """Parameters of a tracking controller."""
+    """Parameters common to the controllers whose end effector follows a marker or moves to commanded poses."""
 
     source: str = choice(*SOURCES, text="`mocap`: MocapData, `point`: Point, `none`: commanded poses only")
     target_marker: str = text(
@@ -110,7 +110,7 @@ class TrackingSettings(Settings):
     state_publish_rate: float = state_rate(100.0)
 
     def check(self, where: str) -> None:
-        """Refuse to follow the attitude of a point, and limits above those of the arm."""
+        """Raise an error if a point's attitude shall be followed, or if a limit is above that of the arm."""
         if self.follow == "pose" and self.source == "point":
             raise refused(f"{where}follow", self.follow, "position with source point: a point has no attitude")
         arm = franka_limits().with_margins()
@@ -127,12 +127,12 @@ class TrackingSettings(Settings):
 
     @property
     def topic(self) -> str:
-        """Topic of the markers."""
+        """Topic of the markers, relative to the robot's namespace; empty for the source `none`."""
         return self.target_marker or SOURCES[self.source]
 
     @property
     def thesis(self) -> bool:
-        """True if the motion is that of the thesis, False for the online trajectory generator."""
+        """True for motions on straight lines as in the thesis, False for the online trajectory generator."""
         return self.mode == "thesis"
 
     @property

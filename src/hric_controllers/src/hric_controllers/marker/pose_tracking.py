@@ -1,4 +1,4 @@
-"""Desired pose per cycle from markers or commanded poses, shared by the controllers that follow them."""
+"""Desired pose of the end effector in each cycle, from markers or commanded poses; shared by two controllers."""
 
 import math
 from collections import deque
@@ -22,16 +22,18 @@ from hric_msgs.msg import MarkerTrackingState
 
 
 class PoseTracking:
-    """Desired pose of the end effector, cycle by cycle.
+    """Motion of the desired pose of the end effector to markers and commanded poses, within limits.
+
+    The constructor reads the parameters; topics are opened by `open` only.
 
     Args:
-        node: namespace of the controller; parameters are read here, nothing is advertised before `open`.
-        base: name of the base frame.
-        scale: speed scale; slows the motion, not the markers.
+        node: namespace of the controller.
+        base: name of the robot's base frame.
+        scale: speed scale; slows the motion to the targets down, not the targets themselves.
 
     Attributes:
-        pose: desired pose of this cycle.
-        twist: its velocity, 6 floats [m/s], [rad/s].
+        pose: desired pose of the end effector in this cycle, in the base frame.
+        twist: velocity of the desired pose, 6 floats [m/s], [rad/s].
     """
 
     def __init__(self, node: Node, base: str, scale: SpeedScale) -> None:
@@ -57,22 +59,26 @@ class PoseTracking:
         return OnlineTrajectoryGenerator(limits.each_of(3), self._settings.smoothing_time)
 
     def open(self) -> None:
-        """Subscribe and advertise."""
+        """Subscribe to markers and commanded poses, and advertise the topic `state`."""
         settings, node = self._settings, self._node
         self._state = realtime.publisher(node, "state", MarkerTrackingState)
         subscribe_markers(node, settings.source, settings.topic, settings.body, self._base, self._markers.append)
         node.subscribe("command", PoseStamped, self._on_command, queue_size=1)
 
     def _log(self, warn: bool, line: str) -> None:
-        """Log a line outside the loop."""
+        """Log a text as a warning (`warn`) or information; it is written outside the loop."""
         realtime.defer(self._node, lambda: (self._node.log_warn if warn else self._node.log_info)(line), "log")
 
     def _on_command(self, message: Any) -> None:
-        """Pass the pose to the loop; the node logs a CommandError with the topic's name."""
+        """Check a commanded pose and pass it to the loop.
+
+        Raises:
+            CommandError: the pose is refused; the node logs the error's text with the topic's name.
+        """
         if not self._running:
             raise CommandError("the controller is not running, the pose is ignored; start it first")
         follower = self._settings.follower
-        # The pose may be far away: the motion leads there within its limits.
+        # The pose may be far away: the motion to it stays within its limits.
         requested = check_equilibrium(message, self._base, self._start)
         if not follower.workspace.contains(requested.position):
             raise CommandError(
@@ -81,16 +87,20 @@ class PoseTracking:
         angle = math.hypot(*quaternions.difference(requested.orientation, self._start.orientation))
         if angle > follower.largest_turn:
             raise CommandError(
-                f"pose refused: it turns by {angle:.3g} rad from the orientation at the start; valid: up to "
-                f"{follower.largest_turn:g} (largest_turn)"
+                f"pose refused: it is rotated by {angle:.3g} rad from the orientation at the start; valid: up to "
+                f"{follower.largest_turn:g} rad (largest_turn)"
             )
         self._commands.set(requested)
 
     def start(self, O_T_EE: Sequence[float]) -> None:
-        """Rest at a pose, 16 column-major floats, and wait for a marker.
+        """Put the desired pose at rest and wait for a marker or command.
+
+        Args:
+            O_T_EE: pose of the end effector in the base frame, 16 column-major floats.
 
         Raises:
-            HricError: the pose is outside of the workspace; the first target would pull it in at once.
+            HricError: the pose is outside of the workspace; the first target would move the end effector into it,
+                without a motion of the marker.
         """
         start, box = Pose.of_column_major(O_T_EE), self._settings.workspace
         if not box.contains(start.position):
@@ -111,7 +121,7 @@ class PoseTracking:
         self._running = True
 
     def stop(self) -> None:
-        """Refuse commands from now on."""
+        """Stop accepting commanded poses."""
         self._running = False
 
     def update(self, time: float, period: float) -> None:
@@ -163,7 +173,10 @@ class PoseTracking:
         return PoseOffset(_vector(self._translation.rest), _vector(self._rotation.rest))
 
     def _head_for(self, target: PoseOffset) -> bool:
-        """Send the target to the motions and return True; the thesis's mode accepts it only while both rest."""
+        """Begin the translation and rotation to the target and return True.
+
+        The mode `thesis` accepts a target only while both are at rest; otherwise return False.
+        """
         if self._settings.thesis and self._moving:
             return False
         for motion, goal in ((self._translation, target.position), (self._rotation, target.rotation)):
@@ -192,7 +205,10 @@ class PoseTracking:
         return quaternions.product(quaternions.from_rotation_vector(rotation), self._start.orientation)
 
     def transform(self) -> list[float]:
-        """Return the desired pose as 16 column-major floats; unrotated, it has exactly the start's orientation."""
+        """Return the desired pose as 16 column-major floats.
+
+        Without a rotation from the start it has exactly the orientation of the pose that `start` got.
+        """
         columns, rotation = self._columns, self._rotation.position
         if any(rotation):
             q = quaternions.from_rotation_vector(rotation)
@@ -200,7 +216,12 @@ class PoseTracking:
         return [*columns[0], 0.0, *columns[1], 0.0, *columns[2], 0.0, *self.pose.position, 1.0]
 
     def publish(self, time: float, O_T_EE: Sequence[float]) -> None:
-        """Publish the state at its rate; O_T_EE: measured pose, 16 column-major floats."""
+        """Publish the state if it is time to do so, by the parameter `state_publish_rate`.
+
+        Args:
+            time: robot time [s].
+            O_T_EE: measured pose of the end effector in the base frame, 16 column-major floats.
+        """
         if not self._state_time.due(time):
             return
         here, counts = self._here(), self._follower.counts
@@ -229,9 +250,17 @@ def tracking_state(
     measured: Pose,
     counts: tuple[int, int, int, dict[str, int]],
 ) -> MarkerTrackingState:
-    """Build a hric_msgs/MarkerTrackingState from plain values, in the order of its fields.
+    """Return a hric_msgs/MarkerTrackingState; the arguments are in the order of its fields.
 
-    counts: losses, ignored, clamped, refused by reason.
+    Args:
+        stamp: time of the state (genpy.Time).
+        frame: name of the frame of the poses.
+        tracking: state of the follower.
+        target: pose to which the end effector moves.
+        desired: desired pose of this cycle.
+        twist: velocity of the desired pose, 6 floats [m/s], [rad/s].
+        measured: measured pose.
+        counts: numbers of losses, of ignored and of clamped targets, and of refused samples by reason.
     """
     losses, ignored, clamped, refused = counts
     return MarkerTrackingState(

@@ -1,7 +1,7 @@
 """Marker samples: subscription and validity check.
 
-About half of the damaged datagrams that can still be decoded have wrong values, so validity is checked a second time
-before a sample becomes a target.
+About half of the damaged datagrams of a motion capture system that can still be decoded have wrong values, so samples
+are checked here once more before they become targets.
 """
 
 import math
@@ -16,7 +16,7 @@ from hric_core.node import Node
 from hric_msgs.msg import MocapData
 
 UNIT = 0.01
-"""Tolerance for the norm of a unit quaternion."""
+"""Maximum deviation of the norm of a valid quaternion from 1."""
 
 
 @dataclass(frozen=True)
@@ -24,10 +24,10 @@ class MarkerSample:
     """Marker sample as received.
 
     Attributes:
-        position: position in its frame [m].
+        position: position of the marker in the frame of the sample [m].
         valid: True if the cameras see the marker.
-        attitude: quaternion in its frame; None: the source has no attitude.
-        in_base: True if its frame is the robot's base.
+        attitude: quaternion (x, y, z, w) in the frame of the sample; None: the source has no attitude.
+        in_base: True if the frame of the sample is the robot's base frame.
         stamp: time of measurement [s]; None: unknown.
     """
 
@@ -40,12 +40,12 @@ class MarkerSample:
 
 @dataclass(frozen=True)
 class SampleValidator:
-    """Conditions that a sample must fulfil.
+    """Check of marker samples before they become targets.
 
     Attributes:
-        largest_distance: maximum distance from the origin of its frame [m].
-        largest_step: maximum distance from the previous sample [m].
-        attitude: True if a sample needs an attitude.
+        largest_distance: maximum distance of the marker from the origin of the sample's frame [m].
+        largest_step: maximum distance of the marker from its position in the previous sample [m].
+        attitude: True if samples need a valid attitude.
     """
 
     largest_distance: float
@@ -53,22 +53,27 @@ class SampleValidator:
     attitude: bool = False
 
     def objection(self, marker: MarkerSample, last: MarkerSample | None) -> str:
-        """Return the reason to refuse a sample, empty if valid. `last`: previous sample, None while not following."""
+        """Return the reason to refuse a sample as a text, empty if the sample is valid.
+
+        Args:
+            marker: sample to check.
+            last: previous valid sample; None: no comparison, since no marker is followed at present.
+        """
         if not all(map(math.isfinite, marker.position)):
             return "position not finite"
         if math.hypot(*marker.position) > self.largest_distance:
-            return "further away than largest_distance"
+            return "further from the origin of its frame than largest_distance"
         if self.attitude and not _is_unit(marker.attitude):
             return "no unit quaternion"
         return "" if last is None else self._after(marker, last)
 
     def _after(self, marker: MarkerSample, last: MarkerSample) -> str:
         if marker.in_base != last.in_base:
-            return "in another frame than the one before"
+            return "in another frame than the previous marker"
         if marker.stamp is not None and last.stamp is not None and marker.stamp <= last.stamp:
-            return "not newer than the one before"
+            return "not newer than the previous marker"
         return (
-            "further from the one before than largest_step"
+            "further from the previous marker than largest_step"
             if math.dist(marker.position, last.position) > self.largest_step
             else ""
         )
@@ -81,15 +86,15 @@ def _is_unit(q: Sequence[float] | None) -> bool:
 def subscribe_markers(
     node: Node, source: str, topic: str, body: str, base: str, take: Callable[[MarkerSample], None]
 ) -> None:
-    """Call `take` with each marker, in the subscriber's thread.
+    """Subscribe to the markers of a source and call `take` with each one, in the thread of the subscriber.
 
     Args:
         node: namespace of the controller.
-        source: mocap (hric_msgs/MocapData), point (geometry_msgs/Point) or none.
+        source: `mocap` (hric_msgs/MocapData), `point` (geometry_msgs/Point) or `none` (no subscription).
         topic: topic name, relative to the robot's namespace, which contains the controller's.
-        body: name of the rigid body; empty: the first of each frame.
+        body: name of the rigid body to follow; empty: the first one of each MocapData.
         base: name of the robot's base frame.
-        take: callback for each marker.
+        take: function that is called with each marker.
     """
     topic = node.beside(topic) if topic else ""
     if source == "mocap":
@@ -101,9 +106,9 @@ def subscribe_markers(
 
 
 class MocapReader:
-    """Callback that selects one rigid body from each frame.
+    """Callback that selects one rigid body of each MocapData as the marker.
 
-    A frame without the body gives an invalid marker; the first time, a warning lists the bodies of the frame.
+    A message without the body gives an invalid marker; for the first such message, a warning lists the bodies in it.
     """
 
     def __init__(self, node: Node, topic: str, body: str, base: str, take: Callable[[MarkerSample], None]) -> None:
@@ -111,7 +116,7 @@ class MocapReader:
         self._warning_logged = False
 
     def __call__(self, message: Any) -> None:
-        """Pass the marker of one MocapData to the callback."""
+        """Pass the marker of one MocapData to the function for markers."""
         body = next((body for body in message.rigid_bodies if not self._body or body.name == self._body), None)
         stamp = message.header.stamp.to_sec() or None
         in_base = message.header.frame_id.lstrip("/") == self._base
@@ -127,6 +132,6 @@ class MocapReader:
             self._warning_logged = True
             names = ", ".join(body.name for body in message.rigid_bodies) or "none"
             self._node.log_warn(
-                f"{self._topic} has no rigid body {self._body or 'at all'}; it has: {names} "
-                f"({self._node.resolve('body')})"
+                f"a message on {self._topic} has no rigid body {self._body or 'at all'}; it has: {names} "
+                f"(parameter {self._node.resolve('body')})"
             )

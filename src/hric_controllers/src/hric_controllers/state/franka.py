@@ -19,7 +19,7 @@ from hric_core.parameters import names, number
 
 @dataclass(frozen=True)
 class FrankaStateSettings(ArmSettings):
-    """Parameters of the controller."""
+    """Parameters of the Franka state controller."""
 
     joint_names: tuple[str, ...] = names(7, text="names in the joint states")
     publish_rate: float = number(30.0, minimum=LOWEST_RATE, maximum=HIGHEST_RATE, unit="Hz")
@@ -29,7 +29,7 @@ class FrankaStateController(Controller):
     """Publisher of `franka_states`, `joint_states`, `joint_states_desired` and `F_ext`, and of the EE frames on /tf."""
 
     def init(self, robot_hw: RobotHW, root_node: Node, controller_node: Node) -> None:
-        """Read the parameters `arm_id`, `joint_names` (7) and `publish_rate` (30 Hz by default), and advertise."""
+        """Read the parameters `arm_id`, `joint_names` and `publish_rate` (30 Hz by default); advertise topics."""
         node = self._node = controller_node
         settings = FrankaStateSettings.read(node)
         self._arm_id, self._joints = settings.arm_id, list(settings.joint_names)
@@ -43,11 +43,11 @@ class FrankaStateController(Controller):
         self._publishers = self._states, self._measured, self._desired, self._wrench, self._tf
 
     def starting(self, time: float) -> None:
-        """Publish in the first cycle."""
+        """Make the first cycle publish."""
         self._time.restart()
 
     def update(self, time: float, period: float) -> None:
-        """Publish at the rate; the messages are built outside the loop from a snapshot."""
+        """Publish if it is time to do so, by `publish_rate`; messages are built outside the loop from a snapshot."""
         if not self._time.due(time) or not any(publisher.needed for publisher in self._publishers):
             return
         state, stamp = self._state.snapshot(), self._node.now()

@@ -26,7 +26,7 @@ class ExtraJoint(Settings):
 
 @dataclass(frozen=True)
 class JointStateSettings(Settings):
-    """Parameters of the controller."""
+    """Parameters of the joint state controller."""
 
     publish_rate: float = number(minimum=LOWEST_RATE, maximum=HIGHEST_RATE, unit="Hz")
     extra_joints: tuple[ExtraJoint, ...] = listing(
@@ -41,7 +41,7 @@ class JointStateController(Controller):
     """Publisher of sensor_msgs/JointState for every joint, on `joint_states` in the robot's namespace."""
 
     def init(self, robot_hw: RobotHW, root_node: Node, controller_node: Node) -> None:
-        """Read the parameters `publish_rate` (required) and `extra_joints`, and advertise."""
+        """Read the parameters `publish_rate` (required) and `extra_joints`, and advertise the topic."""
         self._node = controller_node
         self._group = robot_hw.get(JointStateInterface).group()
         settings = JointStateSettings.read(controller_node)
@@ -61,11 +61,11 @@ class JointStateController(Controller):
         self._publisher = realtime.publisher(root_node, "joint_states", JointState)
 
     def starting(self, time: float) -> None:
-        """Publish in the first cycle."""
+        """Make the first cycle publish."""
         self._time.restart()
 
     def update(self, time: float, period: float) -> None:
-        """Publish at the rate."""
+        """Publish if it is time to do so, by `publish_rate`."""
         if self._time.due(time):
             stamp, group = self._node.now(), self._group
             position, velocity, effort = group.positions(), group.velocities(), group.efforts()

@@ -1,7 +1,7 @@
 """Conversion of joint and arm states to messages.
 
-Joints: JointState, JointTrajectoryControllerState and the action's feedback, which has the same fields. Arm:
-FrankaState, wrench, transforms of the end-effector frames.
+For joints: JointState, JointTrajectoryControllerState and FollowJointTrajectoryFeedback (which has equal fields). For
+the arm: FrankaState, its external wrench, and the transforms of the end-effector frames.
 """
 
 from collections.abc import Sequence
@@ -18,11 +18,11 @@ from hric_core.geometry import Pose, stamped
 _PLAIN = tuple(name for name in FIELD_NAMES if name not in ("current_errors", "last_motion_errors", "robot_mode"))
 
 Point = tuple[Sequence[float], Sequence[float], Sequence[float], Sequence[float]]
-"""Positions [rad or m], velocities, accelerations, efforts [N m or N]; empty if not available."""
+"""State of n joints: positions [rad or m], velocities, accelerations, efforts [N m or N]; empty if not available."""
 
 
 def franka_state(state: RobotState, stamp: Any) -> FrankaState:
-    """Return a franka_msgs/FrankaState; state: a snapshot, stamp: genpy.Time."""
+    """Return a franka_msgs/FrankaState; state: snapshot of the arm's state, stamp: its time (genpy.Time)."""
     message = FrankaState(header=Header(stamp=stamp), robot_mode=int(state.robot_mode))
     for name in _PLAIN:
         setattr(message, name, getattr(state, name))
@@ -32,14 +32,23 @@ def franka_state(state: RobotState, stamp: Any) -> FrankaState:
 
 
 def external_wrench(K_F_ext_hat_K: Sequence[float], arm_id: str, stamp: Any) -> Any:
-    """Return the estimated external wrench on the stiffness frame, expressed in it, 6 floats [N], [N m]."""
+    """Return the estimated external wrench on the stiffness frame K as a geometry_msgs/WrenchStamped.
+
+    Args:
+        K_F_ext_hat_K: wrench in axes of K, 6 floats [N], [N m].
+        arm_id: name of the arm.
+        stamp: time of the wrench (genpy.Time).
+    """
     return stamped.wrench_stamped(stamped.header(stamp, f"{arm_id}_K"), K_F_ext_hat_K)
 
 
 def end_effector_frames(
     F_T_NE: Sequence[float], NE_T_EE: Sequence[float], EE_T_K: Sequence[float], arm_id: str, stamp: Any
 ) -> TFMessage:
-    """Return the transforms flange to NE to EE to stiffness frame; arguments: 16 column-major floats each."""
+    """Return the transforms from flange to nominal end effector NE, on to end effector EE, and on to stiffness frame K.
+
+    The transforms are 16 column-major floats each; arm_id: name of the arm, stamp: time (genpy.Time).
+    """
     chain = (("link8", "NE", F_T_NE), ("NE", "EE", NE_T_EE), ("EE", "K", EE_T_K))
     return TFMessage(
         [
@@ -54,7 +63,7 @@ def end_effector_frames(
 def joint_state(
     stamp: Any, names: list[str], position: list[float], velocity: list[float], effort: list[float]
 ) -> JointState:
-    """Return a sensor_msgs/JointState; stamp: genpy.Time, other arguments as in the message."""
+    """Return a sensor_msgs/JointState; stamp: time (genpy.Time), other arguments: fields of the message."""
     message = JointState()
     message.header.stamp, message.name = stamp, names
     message.position, message.velocity, message.effort = position, velocity, effort
@@ -62,14 +71,16 @@ def joint_state(
 
 
 def build_state(message_type: Any, stamp: Any, joints: Sequence[str], desired: Point, actual: Point) -> Any:
-    """Return the state message; error = desired - actual in position and velocity.
+    """Return a message with the desired and actual states of n joints, and their differences as the errors.
+
+    The errors are desired minus actual positions and velocities.
 
     Args:
         message_type: JointTrajectoryControllerState or FollowJointTrajectoryFeedback.
         stamp: time of measurement (genpy.Time).
         joints: joint names.
-        desired: n values in each part that is not empty.
-        actual: likewise.
+        desired: desired state; positions and velocities are not empty.
+        actual: measured state; positions and velocities are not empty.
     """
     # Fields are set one by one: constructors with arguments check all of them and take four times as long.
     message = message_type()

@@ -25,12 +25,18 @@ from hric_core.node import GoalHandle, Node
 
 
 class JointTrajectoryController(Controller):
-    """Common part of the effort and position versions: orders from ROS, and the follower in the loop."""
+    """Common part of the effort and position controllers.
+
+    Callbacks of ROS convert trajectories to orders; the control loop follows these with a `Follower`.
+    """
 
     interface: ClassVar[type[JointCommandInterface]]
 
     def init(self, robot_hw: RobotHW, root_node: Node, controller_node: Node) -> None:
-        """Read all parameters and interfaces before advertising, so that an error leaves nothing behind."""
+        """Read the parameters, get the hardware interfaces, and then advertise topics, service and action.
+
+        An error in a parameter or interface thus leaves nothing advertised.
+        """
         node, self._robot = controller_node, robot_hw
         self._node = node
         settings = TrajectorySettings.read(node)
@@ -60,22 +66,32 @@ class JointTrajectoryController(Controller):
         node.action_server("follow_joint_trajectory", FollowJointTrajectoryAction, self._on_goal, self._on_cancel)
 
     def _read_law(self, robot_hw: RobotHW, root_node: Node) -> None:
-        """Read the parameters of the control law."""
+        """Read the parameters of the control law; a law without any does not override this."""
 
     def _start_law(self, q: list[float]) -> None:
-        """Reset the law to hold the joints at q, n floats [rad], from this cycle on."""
+        """Reset the control law at the controller's start; q: measured positions, n floats [rad]."""
 
     def _command(self, q: list[float], period: float) -> list[float]:
-        """Return the command of this cycle, n floats, from the follower's state and errors; q: measured [rad]."""
+        """Return the commands of this cycle, n floats, from the follower's desired state and errors.
+
+        Args:
+            q: measured positions, n floats [rad].
+            period: time since the last cycle [s].
+        """
         raise NotImplementedError
 
-    # Called by ROS, outside the loop.
+    # Callbacks of ROS, in other threads than the loop.
 
     def _order(self, trajectory: Any, goal: RunningGoal | None, message: Any = None) -> Order:
-        """Convert a trajectory to an order.
+        """Return the order for a trajectory; one without points is an order to stop.
+
+        Args:
+            trajectory: trajectory_msgs/JointTrajectory.
+            goal: goal to which the trajectory belongs; None: it came on the topic `command`.
+            message: FollowJointTrajectoryGoal with the tolerances; None: no tolerances are checked.
 
         Raises:
-            TrajectoryError: the trajectory cannot be followed.
+            TrajectoryError: the controller is not running, or the trajectory cannot be followed.
         """
         if not self._running:
             raise TrajectoryError(INVALID_GOAL, f"{self._node.namespace} is not running; start it first")
@@ -139,7 +155,7 @@ class JointTrajectoryController(Controller):
             try:
                 order = self._order(message, None)
             except TrajectoryError as error:
-                raise TrajectoryError(error.code, f"trajectory refused, the joints go on as before: {error}") from None
+                raise TrajectoryError(error.code, f"trajectory refused, the present motion goes on: {error}") from None
             self._orders.set(order)
             self._replace(None, "replaced by a trajectory on the command topic")
 
@@ -170,7 +186,7 @@ class JointTrajectoryController(Controller):
         self._time, self._running = time, True
 
     def update(self, time: float, period: float) -> None:
-        """Follow the trajectory for one cycle: sample, command, check tolerances, publish."""
+        """Follow the trajectory for one cycle: sample it, check tolerances, command the joints, publish."""
         self._time = time
         along, scale = self._along.along(time, period), self._along.scale.value
         order = self._orders.take_new()
@@ -181,7 +197,7 @@ class JointTrajectoryController(Controller):
         group, follower = self._group, self._follower
         q, dq = group.positions(), group.velocities()
         outcome = follower.update(along, q, dq, scale)
-        if self._robot.error:  # checked first: a tolerance violation would be its consequence
+        if self._robot.error:  # has priority over a tolerance violation, which would be its consequence
             outcome = follower.fail(along, f"the robot stopped: {self._robot.error}") or outcome
         group.set_command(self._command(q, period))
         if outcome is not None:
@@ -233,7 +249,10 @@ class JointTrajectoryController(Controller):
 
 
 class EffortJointTrajectoryController(JointTrajectoryController):
-    """Controller with effort = PID(desired - measured) + velocity_ff * desired velocity [+ g(q)]."""
+    """Trajectory controller that commands efforts.
+
+    effort = PID(desired - measured position) + velocity_ff * desired velocity, plus g(q) if `gravity` is true.
+    """
 
     interface = EffortJointInterface
 
@@ -261,7 +280,7 @@ class EffortJointTrajectoryController(JointTrajectoryController):
 
 
 class PositionJointTrajectoryController(JointTrajectoryController):
-    """Controller that commands the desired position."""
+    """Trajectory controller that commands the desired positions."""
 
     interface = PositionJointInterface
 

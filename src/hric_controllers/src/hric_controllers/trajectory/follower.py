@@ -1,4 +1,4 @@
-"""Trajectory following in the control loop: takeover of new trajectories, desired state, tolerances. No ROS."""
+"""Trajectory following in the control loop: switch to new trajectories, desired state, tolerances. No ROS."""
 
 import math
 from collections.abc import Sequence
@@ -12,18 +12,18 @@ from hric_core.errors import CommandError
 
 @dataclass(frozen=True)
 class Tolerance:
-    """Maximum allowed error of one joint; zero means no limit.
+    """Maximum allowed errors of one joint; zero means no limit.
 
     Attributes:
-        position: [rad or m].
-        velocity: [rad/s or m/s].
+        position: maximum position error [rad or m].
+        velocity: maximum velocity error [rad/s or m/s].
     """
 
     position: float = 0.0
     velocity: float = 0.0
 
     def violation(self, position_error: float, velocity_error: float) -> str:
-        """Return the violated limit with value and limit as a text, empty if there is none."""
+        """Return an error that exceeds its maximum as a text, with both values; empty if no error does."""
         if self.position > 0.0 and abs(position_error) > self.position:
             return f"position error {position_error:.6g} exceeds {self.position:.6g}"
         if self.velocity > 0.0 and abs(velocity_error) > self.velocity:
@@ -33,12 +33,13 @@ class Tolerance:
 
 @dataclass(frozen=True)
 class GoalTolerances:
-    """Tolerances of one goal.
+    """Tolerances of one goal of FollowJointTrajectory.
 
     Attributes:
-        path: per joint, checked during the motion.
-        goal: per joint, checked after the end of the trajectory.
-        goal_time: time after the end in which the goal may still be reached [s]; negative means no limit.
+        path: tolerance of each joint during the motion.
+        goal: tolerance of each joint after the end of the trajectory.
+        goal_time: time after the end of the trajectory in which the joints may still come within `goal` [s]; negative
+            means no limit.
     """
 
     path: tuple[Tolerance, ...]
@@ -52,7 +53,15 @@ class GoalTolerances:
         goal: Sequence[Any],
         goal_time: float,
     ) -> "GoalTolerances":
-        """Return these tolerances with those of a goal message: 0 keeps the default, negative removes the limit.
+        """Return these tolerances, replaced where a goal message gives values.
+
+        A value of 0 in the message keeps the present tolerance, a negative value removes the limit.
+
+        Args:
+            joints: joint names, in the order of the tolerances.
+            path: field `path_tolerance` of the message.
+            goal: field `goal_tolerance` of the message.
+            goal_time: field `goal_time_tolerance` of the message [s].
 
         Raises:
             CommandError: a tolerance for a joint that the controller does not have.
@@ -64,7 +73,7 @@ class GoalTolerances:
         )
 
     def only(self, named: Sequence[bool]) -> "GoalTolerances":
-        """Return these tolerances, without limits for the joints that a goal does not name."""
+        """Return these tolerances, without limits for the joints whose element of `named` is False."""
         path, goal = (
             tuple(item if is_named else Tolerance() for item, is_named in zip(items, named, strict=True))
             for items in (self.path, self.goal)
@@ -97,7 +106,7 @@ def first_violation(
     position_errors: Sequence[float],
     velocity_errors: Sequence[float],
 ) -> str:
-    """Return the first joint outside its tolerance and the violated limit as a text, empty if all are inside."""
+    """Return the first joint that violates its tolerance as a text with its error, empty if there is none."""
     for joint, tolerance, position, velocity in zip(joints, tolerances, position_errors, velocity_errors, strict=True):
         text = tolerance.violation(position, velocity)
         if text:
@@ -107,12 +116,12 @@ def first_violation(
 
 @dataclass(frozen=True)
 class Order:
-    """Next motion of the joints.
+    """Order to follow a trajectory or to stop.
 
     Attributes:
-        waypoints: waypoints per joint; None: stop.
-        start: robot time of the trajectory's start [s]; None: as soon as the loop takes it.
-        goal: goal to which the outcome is reported; None for the command topic.
+        waypoints: waypoints per joint; None: order to stop.
+        start: robot time at which the trajectory starts [s]; None: as soon as the loop gets the order.
+        goal: goal whose outcome is to be reported; None for a trajectory of the topic `command`.
         tolerances: tolerances of the goal; None: none are checked.
     """
 
@@ -124,7 +133,13 @@ class Order:
 
 @dataclass(frozen=True)
 class GoalOutcome:
-    """Outcome of a goal: error code of FollowJointTrajectoryResult and text for the client."""
+    """Outcome of a goal.
+
+    Attributes:
+        goal: goal that has ended.
+        code: error code of FollowJointTrajectoryResult.
+        text: reason of a failure, for the client; empty on success.
+    """
 
     goal: object
     code: int
@@ -132,16 +147,19 @@ class GoalOutcome:
 
 
 class Follower:
-    """Desired state of n joints over time; used by the loop alone, except `look`.
+    """Follower of trajectories: computes the desired state of n joints and checks tolerances, cycle by cycle.
+
+    Only the control loop may call the methods, except `look`.
 
     Args:
         joints: joint names.
         stop_duration: time in which an order to stop brings the joints to rest [s].
-        continuous: True for each joint that rotates without end; its goals mean the nearest revolution.
+        continuous: True for each joint that rotates without end, whose waypoints are shifted by whole revolutions so
+            that the first one is nearest; None: there is no such joint.
 
     Attributes:
-        position, velocity, acceleration: desired state of the last `update`, n floats each.
-        position_error, velocity_error: desired minus measured, n floats each.
+        position, velocity, acceleration: desired state of the joints after the last `update`, n floats each.
+        position_error, velocity_error: desired minus measured state after the last `update`, n floats each.
     """
 
     def __init__(self, joints: Sequence[str], stop_duration: float, continuous: Sequence[bool] | None = None) -> None:
@@ -157,12 +175,15 @@ class Follower:
         self.position = self.velocity = self.acceleration = self.position_error = self.velocity_error = zero
 
     def rest(self, time: float, position: Sequence[float]) -> None:
-        """Drop all orders and rest at `position` [rad] from `time` [s] on."""
+        """Discard all orders and hold the desired state at rest at `position` [rad] from `time` [s] on."""
         self._take([hold(time, value) for value in position])
         self._pending = self._goal = self._tolerances = None
 
     def order(self, order: Order) -> None:
-        """Set the next order in place of one that has not started. The joints continue as before until it starts."""
+        """Set the next order, which replaces an earlier one that has not started yet.
+
+        The present motion goes on until the order starts, but the outcome of its goal is no longer reported.
+        """
         self._pending = order
         self._goal = self._tolerances = None
 
@@ -172,13 +193,13 @@ class Follower:
         return list(p), list(v), list(a)
 
     def update(self, time: float, q: Sequence[float], dq: Sequence[float], scale: float = 1.0) -> GoalOutcome | None:
-        """Advance to `time` [s], which may be slower than robot time, and return the outcome of a goal that ended.
+        """Compute the desired state and errors of a cycle; return the outcome of the goal if it ends in this cycle.
 
         Args:
-            time: time of the motion [s].
+            time: time of the motion [s]; it passes more slowly than robot time if the motion is slowed down.
             q: measured positions, n floats [rad].
             dq: measured velocities, n floats [rad/s].
-            scale: present rate of this time relative to robot time, 0 to 1.
+            scale: present rate of the motion's time relative to robot time, 0 to 1.
         """
         pending = self._pending
         if pending is not None and (pending.start is None or time >= pending.start):
@@ -190,7 +211,10 @@ class Follower:
         return self._judge(time, scale, self._tolerances) if self._tolerances is not None else None
 
     def fail(self, time: float, reason: str) -> GoalOutcome | None:
-        """Bring the joints to rest since the robot has stopped; return the outcome of the goal, None without a goal."""
+        """End a goal because the robot has stopped by itself, and bring the desired state to rest.
+
+        Return the outcome of the goal with `reason` as its text, None without a goal; `time`: time of the motion [s].
+        """
         if self._goal is None:
             return None
         self._stop(time)
@@ -233,7 +257,7 @@ class Follower:
         return 2.0 * math.pi * round((here - there) / (2.0 * math.pi))
 
     def _stop(self, time: float) -> None:
-        """Bring every joint to rest from its desired state."""
+        """Make the desired state of every joint come to rest, from `time` [s] on."""
         states = [track.sample(time) for track in self._tracks]
         self._take([stop(time, position, velocity, self._stop_duration) for position, velocity, _ in states])
 

@@ -1,4 +1,4 @@
-"""Running goal of FollowJointTrajectory; it ends once, by the first thread that ends it."""
+"""Running goal of FollowJointTrajectory. Several threads may end it; only the first of them has an effect."""
 
 import threading
 from typing import Any
@@ -9,12 +9,12 @@ from hric_core.node import GoalHandle
 
 
 def result(code: int, text: str) -> FollowJointTrajectoryResult:
-    """Return a result message; code: an error code of FollowJointTrajectoryResult."""
+    """Return a FollowJointTrajectoryResult with this error code and text."""
     return FollowJointTrajectoryResult(error_code=code, error_string=text)
 
 
 class RunningGoal:
-    """Accepted goal.
+    """Accepted goal that has not ended yet.
 
     Args:
         handle: goal handle of the action server.
@@ -30,7 +30,7 @@ class RunningGoal:
         self.goal_id, self.ended = handle.goal_id, False
 
     def finish(self, code: int, text: str) -> None:
-        """Succeed or abort, depending on the code. Not in the loop."""
+        """End the goal as succeeded if `code` is SUCCESSFUL, else as aborted. Must not be called in the loop."""
         if self._ends_now():
             outcome = result(code, text)
             if code == SUCCESSFUL:
@@ -39,17 +39,17 @@ class RunningGoal:
                 self._handle.abort(outcome, text)
 
     def cancel(self, text: str) -> None:
-        """Cancel the goal on request of the client, or since it is replaced. Not in the loop."""
+        """End the goal as cancelled; `text`: the reason, for the client. Must not be called in the loop."""
         if self._ends_now():
             self._handle.cancel(result(SUCCESSFUL, text), text)
 
     def feedback(self, message: Any) -> None:
-        """Send the joint states to the client as feedback. Not in the loop."""
+        """Send a FollowJointTrajectoryFeedback to the client unless the goal has ended. Do not call it in the loop."""
         if not self.ended:
             self._handle.publish_feedback(message)
 
     def _ends_now(self) -> bool:
-        # The handle is called outside the lock: what it publishes may call back.
+        # The handle is called outside the lock, since a subscriber of its messages may call this object again.
         with self._lock:
             first, self.ended = not self.ended, True
         return first

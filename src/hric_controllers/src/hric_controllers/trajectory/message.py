@@ -29,19 +29,23 @@ class TrajectoryError(CommandError):
 
 
 Waypoints = tuple[tuple[Waypoint, ...] | None, ...]
-"""Waypoints per joint of the controller, times relative to the start [s]; None for a joint that is not named."""
+"""Waypoints of each joint of the controller, with times relative to the trajectory's start [s].
+
+None for a joint that the trajectory does not name.
+"""
 
 
 def read_waypoints(trajectory: Any, joints: Sequence[str], allow_partial: bool) -> Waypoints:
-    """Return the waypoints of a trajectory with at least one point.
+    """Check a trajectory with at least one point and return its waypoints.
 
     Args:
         trajectory: trajectory_msgs/JointTrajectory, or any object with its fields.
-        joints: joints of the controller.
+        joints: names of the controller's joints.
         allow_partial: True if the trajectory may omit joints.
 
     Raises:
-        TrajectoryError: wrong joints, times that do not increase, lengths that differ, values that are not finite.
+        TrajectoryError: wrong joint names, times that do not increase, points with a wrong number of values, or values
+            that are not finite.
     """
     names = list(trajectory.joint_names)
     _check_joints(names, joints, allow_partial)
@@ -93,6 +97,6 @@ def _check_point(number: int, point: Any, names: list[str]) -> None:
 
 def _waypoint(time: float, point: Any, column: int) -> Waypoint:
     velocity = float(point.velocities[column]) if point.velocities else None
-    # Without velocities, accelerations cannot be matched either.
+    # A spline can match accelerations only where it matches velocities.
     acceleration = float(point.accelerations[column]) if point.accelerations and velocity is not None else None
     return Waypoint(time, float(point.positions[column]), velocity, acceleration)

@@ -13,7 +13,7 @@ from hric_core.urdf import read
 
 @dataclass(frozen=True)
 class Constraints(Settings):
-    """Tolerances common to all joints, below `constraints`."""
+    """Tolerances common to all joints, parameters in the namespace `constraints`."""
 
     goal_time: float = number(0.0, minimum=0.0, unit="s", text="how long after its end a goal may still be reached")
     stopped_velocity_tolerance: float = number(
@@ -23,7 +23,7 @@ class Constraints(Settings):
 
 @dataclass(frozen=True)
 class JointConstraints(Settings):
-    """Tolerances of one joint, below `constraints/<joint>`."""
+    """Tolerances of one joint, parameters in the namespace `constraints/<joint>`."""
 
     trajectory: float = number(0.0, minimum=0.0, unit="rad", text="largest position error on the way; 0: no limit")
     goal: float = number(0.0, minimum=0.0, unit="rad", text="largest position error at the goal; 0: no limit")
@@ -31,7 +31,7 @@ class JointConstraints(Settings):
 
 @dataclass(frozen=True)
 class TrajectorySettings(Settings):
-    """Parameters of both versions."""
+    """Parameters common to the effort and the position trajectory controller."""
 
     joints: tuple[str, ...] = names(text="trajectory controllers from here on")
     constraints: Mapping[str, object] = mapping(default={}, text="see the following")
@@ -51,7 +51,11 @@ class TrajectorySettings(Settings):
     )
 
     def tolerances(self, where: str) -> GoalTolerances:
-        """Return the tolerances of the parameter `constraints`; where: its full name. Raises ParameterError."""
+        """Return the tolerances that the parameter `constraints` gives; `where`: full name of this parameter.
+
+        Raises:
+            ParameterError: an unknown name below `constraints`, or a value out of range.
+        """
         general = ("goal_time", "stopped_velocity_tolerance")
         shared = {name: value for name, value in self.constraints.items() if name not in self.joints}
         for name in shared:
@@ -66,7 +70,10 @@ class TrajectorySettings(Settings):
 
 @dataclass(frozen=True)
 class JointGains(PidGains):
-    """Gains of one joint: from position errors [rad or m] to efforts [N m or N]; a negative one would drive it away."""
+    """PID gains of one joint, from position errors [rad or m] to efforts [N m or N].
+
+    None is negative: a negative gain would move the joint away from its desired position.
+    """
 
     p: float = number(minimum=0.0, unit="N m/rad", text="effort version only")
     i: float = number(0.0, minimum=0.0, unit="N m/(rad s)")
@@ -75,7 +82,7 @@ class JointGains(PidGains):
 
 @dataclass(frozen=True)
 class EffortTrajectorySettings(LawSettings):
-    """Additional parameters of the effort version."""
+    """Additional parameters of the effort trajectory controller."""
 
     gains: tuple[JointGains, ...] = per_joint(section(JointGains))
     velocity_ff: tuple[float, ...] = per_joint(number(unit="N m s/rad"), 0.0, text="times the desired velocity")
@@ -86,12 +93,12 @@ class EffortTrajectorySettings(LawSettings):
         return [Pid(gains) for gains in self.gains]
 
     def idle_integrals(self, joints: Sequence[str]) -> list[str]:
-        """Return the joints whose integral gain has no effect since both bounds of the integral are zero."""
+        """Return the names of the joints whose integral gain has no effect since both integral bounds are zero."""
         return [joint for joint, gains in zip(joints, self.gains, strict=True) if gains.i and not any(gains.i_bounds)]
 
 
 def continuous_joints(root_node: Node, joints: Sequence[str]) -> list[bool]:
-    """Return True for each joint that the description calls continuous; False without a description."""
+    """Return True for each joint whose type in robot_description is continuous; all False if there is none."""
     urdf_xml = root_node.search_param("robot_description", "")
     described = read(urdf_xml).joints if urdf_xml else {}
     return [joint in described and described[joint].type == "continuous" for joint in joints]

@@ -1,10 +1,11 @@
-"""Linear, cubic or quintic spline segments of one joint, depending on its waypoints, and tracks of segments in time.
+"""Spline segments of one joint between two waypoints, and tracks of consecutive segments. Plain Python floats.
 
-Quintic (position, velocity and acceleration at both ends), with T the duration and s in [0, T]:
+A segment is quintic if both waypoints have velocity and acceleration, and matches them. With s the time from its start:
 
     p(s) = c0 + c1 s + c2 s^2 + c3 s^3 + c4 s^4 + c5 s^5
 
-Cubic has c4 = c5 = 0 and matches positions and velocities; linear matches positions only. Plain Python floats.
+Without an acceleration it is cubic (c4 = c5 = 0) and matches positions and velocities; without a velocity it is linear
+and matches positions only.
 """
 
 from collections.abc import Sequence
@@ -16,10 +17,10 @@ class Waypoint:
     """Requested state of one joint at one instant.
 
     Attributes:
-        time: [s].
-        position: [rad or m].
-        velocity: [rad/s or m/s], None if not specified.
-        acceleration: [rad/s^2 or m/s^2], None if not specified.
+        time: instant [s].
+        position: requested position [rad or m].
+        velocity: requested velocity [rad/s or m/s], None if not specified.
+        acceleration: requested acceleration [rad/s^2 or m/s^2], None if not specified.
     """
 
     time: float
@@ -28,12 +29,12 @@ class Waypoint:
     acceleration: float | None = None
 
     def shifted(self, time: float, position: float = 0.0) -> "Waypoint":
-        """Return the waypoint, later by `time` [s] and farther by `position` [rad or m]."""
+        """Return a copy of the waypoint with `time` [s] added to its time and `position` [rad or m] to its position."""
         return Waypoint(self.time + time, self.position + position, self.velocity, self.acceleration)
 
 
 class SplineSegment:
-    """Polynomial between two instants; before and after, the joint rests at the end positions."""
+    """Polynomial motion of one joint between two waypoints; before and after it, the joint rests at their positions."""
 
     __slots__ = ("c0", "c1", "c2", "c3", "c4", "c5", "end", "end_position", "start")
 
@@ -78,12 +79,10 @@ def _coefficients(first: Waypoint, last: Waypoint, duration: float) -> tuple[flo
 
 
 class SplineTrack:
-    """Consecutive segments of one joint; the joint rests at the last position afterwards.
-
-    `sample` expects times that do not decrease.
+    """Track of one joint: consecutive segments; after the last one the joint rests at its end position.
 
     Args:
-        segments: at least one, in order of time.
+        segments: segments in order of time, at least one.
     """
 
     __slots__ = ("_index", "segments")
@@ -94,11 +93,11 @@ class SplineTrack:
 
     @property
     def end(self) -> float:
-        """End of the last segment [s]."""
+        """Time at which the last segment ends [s]."""
         return self.segments[-1].end
 
     def sample(self, time: float) -> tuple[float, float, float]:
-        """Return position, velocity and acceleration at `time` [s]."""
+        """Return position, velocity and acceleration at `time` [s], which must not decrease from call to call."""
         segment = self.segments[self._index]
         while time >= segment.end and self._index + 1 < len(self.segments):
             self._index += 1
@@ -106,7 +105,7 @@ class SplineTrack:
         return segment.sample(time)
 
     def look(self, time: float) -> tuple[float, float, float]:
-        """Return the same as `sample`, for any time and from any thread, without changing the track."""
+        """Return position, velocity and acceleration at any `time` [s]; may be called from any thread."""
         for segment in self.segments:
             if time < segment.end:
                 return segment.sample(time)
@@ -114,24 +113,31 @@ class SplineTrack:
 
 
 def hold(time: float, position: float) -> SplineTrack:
-    """Return a track at rest at `position` from `time` [s] on."""
+    """Return the track of a joint that rests at `position` [rad or m] from `time` [s] on."""
     return SplineTrack([SplineSegment(Waypoint(time, position), Waypoint(time, position))])
 
 
 def stop(time: float, position: float, velocity: float, duration: float) -> SplineTrack:
-    """Return a track to rest within `duration` [s] at constant deceleration; zero: rest at once at the position."""
+    """Return the track of a joint that comes to rest within `duration` [s] at constant deceleration.
+
+    Args:
+        time: start of the track [s].
+        position: position at the start [rad or m].
+        velocity: velocity at the start [rad/s or m/s].
+        duration: duration of the deceleration [s]; zero: the joint rests at `position` at once.
+    """
     end = position + 0.5 * velocity * duration
     return SplineTrack([SplineSegment(Waypoint(time, position, velocity), Waypoint(time + duration, end, 0.0))])
 
 
 def follow(time: float, state: tuple[float, float, float], waypoints: Sequence[Waypoint]) -> SplineTrack:
-    """Return a track from `state` (position, velocity, acceleration) at `time` [s] through the remaining waypoints.
+    """Return the track of a joint from its present state through the waypoints after `time`.
 
     Args:
         time: start of the track [s].
-        state: present position, velocity, acceleration.
-        waypoints: in order of time. Velocity is continuous if the first remaining one has a velocity, acceleration if
-            it has an acceleration.
+        state: position, velocity and acceleration of the joint at `time`.
+        waypoints: waypoints in order of time. At the start of the track, the velocity is continuous if the first
+            waypoint after `time` has a velocity, the acceleration if it has an acceleration.
     """
     ahead = [point for point in waypoints if point.time > time]
     if not ahead:

@@ -1,12 +1,12 @@
-"""Synchronised trapezoidal velocity profiles: all joints arrive at rest at the same instant.
+"""Synchronised trapezoidal velocity profiles: all joints come to rest at one instant. Plain Python floats.
 
-Per joint the velocity goes from w to a cruise velocity c at constant acceleration a, stays there, and returns to zero.
-With T the common duration and x the distance to go, counted in the direction of travel (so that x is at least the
-stopping distance w|w|/(2a)):
+The velocity of each joint changes from w to a cruise velocity c at constant acceleration a, stays constant, and returns
+to zero. With T the common duration and x the distance to go, counted in the direction of travel (so that x is at least
+the stopping distance w|w|/(2a)):
 
     x(c) = (c|c| - w|w|) / (2a) + c (T - |c - w|/a - c/a) + c^2 / (2a)
 
-This grows with c, so c follows from x in closed form. Everything is plain Python floats.
+x grows with c, so c follows from x in closed form.
 """
 
 import math
@@ -16,37 +16,45 @@ from hric_core.errors import HricError
 
 
 def direction(distance: float, velocity: float, acceleration: float) -> float:
-    """Return +1 or -1: the side of the goal on which braking at once would leave the joint.
+    """Return the direction of travel: +1 if the joint would stop below the goal by braking at once, -1 if above it.
 
     Args:
         distance: goal minus present position [rad].
         velocity: present velocity [rad/s].
-        acceleration: limit, positive [rad/s^2].
+        acceleration: maximum acceleration, positive [rad/s^2].
     """
     return 1.0 if distance >= 0.5 * velocity * abs(velocity) / acceleration else -1.0
 
 
 def shortest_duration(distance: float, velocity: float, max_velocity: float, acceleration: float) -> float:
-    """Return the minimum time from `velocity` to rest at `distance` [s].
+    """Return the minimum time in which one joint comes from its present velocity to rest at its goal [s].
 
     Args:
         distance: goal minus present position [rad].
-        velocity: present velocity, may exceed the limit [rad/s].
-        max_velocity: limit, positive [rad/s].
-        acceleration: limit, positive [rad/s^2].
+        velocity: present velocity [rad/s]; may exceed `max_velocity`.
+        max_velocity: maximum velocity, positive [rad/s].
+        acceleration: maximum acceleration, positive [rad/s^2].
     """
     sign = direction(distance, velocity, acceleration)
     x, w = sign * distance, sign * velocity
     peak = math.sqrt(max(0.0, acceleration * x + 0.5 * w * w))
     if peak <= max_velocity:
         return (2.0 * peak - w) / acceleration
-    # Reach the limit (from above if the joint is too fast), cruise, brake. The ramps never exceed x: see `direction`.
+    # Reach max_velocity (from above if the joint is too fast), cruise, brake. The sign from `direction` ensures that
+    # the distance of the ramps does not exceed x.
     ramps = (abs(max_velocity - w) * (max_velocity + w) + max_velocity**2) / (2.0 * acceleration)
     return (abs(max_velocity - w) + max_velocity) / acceleration + max(0.0, x - ramps) / max_velocity
 
 
 def cruise_velocity(distance: float, velocity: float, acceleration: float, duration: float) -> float:
-    """Return the signed cruise velocity [rad/s] with which `distance` takes `duration`, at least the shortest one."""
+    """Return the signed cruise velocity with which one joint reaches its goal in a given time [rad/s].
+
+    Args:
+        distance: goal minus present position [rad].
+        velocity: present velocity [rad/s].
+        acceleration: acceleration of the ramps, positive [rad/s^2].
+        duration: time to the goal [s], not below `shortest_duration`.
+    """
     sign = direction(distance, velocity, acceleration)
     x, w, a = sign * distance, sign * velocity, acceleration
     stop = 0.5 * w * w / a
@@ -58,14 +66,16 @@ def cruise_velocity(distance: float, velocity: float, acceleration: float, durat
 
 
 class TrapezoidProfile:
-    """Profile of n joints from a present state to rest at a goal; `sample` is made for the control loop.
+    """Trapezoidal velocity profile of n joints, from a present state to rest at a goal.
+
+    `sample` is fast enough for the control loop.
 
     Args:
-        max_velocity: n limits [rad/s].
-        max_acceleration: n limits [rad/s^2].
+        max_velocity: maximum velocity of each joint [rad/s].
+        max_acceleration: maximum acceleration of each joint [rad/s^2].
 
     Raises:
-        HricError: a limit that is not positive and finite, or lengths that differ.
+        HricError: a limit is not positive and finite, or the numbers of limits differ.
     """
 
     def __init__(self, max_velocity: Sequence[float], max_acceleration: Sequence[float]) -> None:
@@ -82,7 +92,7 @@ class TrapezoidProfile:
         self.duration = 0.0
 
     def hold(self, time: float, position: Sequence[float]) -> None:
-        """Rest at `position` [rad] from `time` [s] on."""
+        """Make a profile that rests at `position` (n floats [rad]) from `time` [s] on."""
         self._start, self._goal, self._phases, self.duration = time, list(position), [], 0.0
 
     @property
@@ -96,14 +106,24 @@ class TrapezoidProfile:
         return self._start + self.duration
 
     def plan(self, time: float, goal: Sequence[float]) -> None:
-        """Go to `goal` [rad] from the profile's state at `time` [s]: position and velocity stay continuous."""
+        """Make a profile from the state of the present one at `time` [s] to `goal` (n floats [rad]).
+
+        Position and velocity stay continuous.
+        """
         position, velocity = self.sample(time)
         self.plan_from(time, position, velocity, goal)
 
     def plan_from(
         self, time: float, position: Sequence[float], velocity: Sequence[float], goal: Sequence[float]
     ) -> None:
-        """Go from a given state, n floats each [rad], [rad/s], to `goal` [rad], starting at `time` [s]."""
+        """Make a profile from a given state to a goal.
+
+        Args:
+            time: start of the profile [s].
+            position: positions at the start, n floats [rad].
+            velocity: velocities at the start, n floats [rad/s].
+            goal: goal positions, n floats [rad].
+        """
         distances = [end - begin for begin, end in zip(position, goal, strict=True)]
         self._start, self._goal = time, list(goal)
         if any(velocity) or not any(distances):
@@ -115,10 +135,13 @@ class TrapezoidProfile:
         self._phases = [_phases(begin, *motion, self.duration) for begin, motion in zip(position, motions, strict=True)]
 
     def _from_rest(self, distances: Sequence[float]) -> list[tuple[float, float, float]]:
-        """Return start velocity, acceleration and cruise velocity of each joint, synchronised on a straight line.
+        """Return start velocity, acceleration and cruise velocity of each joint for a start from rest.
 
-        All joints share the phases of the slowest one. The cruise velocity is not computed from the duration: without a
-        cruise phase that would lose half of its digits.
+        All joints have the phases of the slowest one, so the motion is a straight line in joint space. The cruise
+        velocity is not computed from the duration, since without a cruise phase half of its digits would be lost.
+
+        Args:
+            distances: goal minus start position of each joint [rad].
         """
         rate_v = min(v / abs(x) for x, v in zip(distances, self._v, strict=True) if x)
         rate_a = min(a / abs(x) for x, a in zip(distances, self._a, strict=True) if x)

@@ -1,11 +1,11 @@
-"""Rotations, poses and inertias, each once.
+"""Rotations, poses and inertias.
 
 Names say the frames: `R_a_b` turns coordinates of frame b into those of frame a, `T_a_b` is the pose of b in a, so
-T_a_c = T_a_b T_b_c. `transforms` holds matrices (numpy), `quaternions` and `poses` plain floats, which the control loop
-prefers: for so few numbers numpy is slower. Quaternions are x, y, z, w as in ROS; those from an array have w >= 0.
-Roll, pitch, yaw are the URDF's. Lengths are in metres, angles in radians.
+T_a_c = T_a_b T_b_c. `transforms` works on numpy matrices. `quaternions` and `poses` work on plain floats, for the
+control loop: for so few numbers numpy is slower. Quaternions are x, y, z, w as in ROS; those computed from a numpy
+matrix have w >= 0. Roll, pitch, yaw are defined as in URDF. Lengths are in metres, angles in radians.
 
-Import types, constants, and the functions that create and join them, from here, all else from the modules.
+Import the types, constants and most common functions from here, everything else from the modules.
 """
 
 from hric_core.geometry.inertia import MassProperties, judge, steiner_term, tensor

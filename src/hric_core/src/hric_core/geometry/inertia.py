@@ -1,4 +1,4 @@
-"""Mass, centre of mass and inertia of rigid bodies: transformed, added by Steiner's theorem, and checked."""
+"""Mass, centre of mass and inertia of rigid bodies: change of frame, sum of bodies, and check for consistency."""
 
 import itertools
 from dataclasses import dataclass, field
@@ -15,8 +15,8 @@ class MassProperties:
     Attributes:
         mass: [kg].
         com: centre of mass, shape (3,) [m].
-        inertia: about the centre of mass, axes of the frame, tensor elements (Ixy = -integral x y dm), shape (3, 3)
-            [kg m^2]; may be impossible for a real body.
+        inertia: inertia tensor about the centre of mass in the axes of the frame (Ixy = -integral x y dm), shape (3, 3)
+            [kg m^2]; may be physically inconsistent.
     """
 
     mass: float = 0.0
@@ -24,12 +24,12 @@ class MassProperties:
     inertia: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
 
     def moved(self, T_new_old: FloatArray) -> "MassProperties":
-        """Return the same body in another frame; T_new_old: pose of the present frame in the new one, shape (4, 4)."""
+        """Return the properties in another frame; T_new_old: pose of the present frame in the new one, shape (4, 4)."""
         R = T_new_old[:3, :3]
         return MassProperties(self.mass, R @ self.com + T_new_old[:3, 3], R @ self.inertia @ R.T)
 
     def __add__(self, other: "MassProperties") -> "MassProperties":
-        """Return both bodies as one, by Steiner's theorem about the common centre of mass; both in the same frame."""
+        """Return the properties of two joined bodies, given in the same frame, by the parallel-axis theorem."""
         mass = self.mass + other.mass
         com = (self.mass * self.com + other.mass * other.com) / mass if mass != 0.0 else np.zeros(3)
         inertia = np.zeros((3, 3))
@@ -38,9 +38,9 @@ class MassProperties:
         return MassProperties(mass, com, inertia)
 
     def principal(self) -> tuple[FloatArray, FloatArray]:
-        """Return (moments, shape (3,) [kg m^2]; R, shape (3, 3)) with inertia = R diag(moments) R'.
+        """Return principal moments, shape (3,) [kg m^2], and rotation R, shape (3, 3): inertia = R diag(moments) R'.
 
-        Of the equivalent orders of the axes it takes the one whose roll, pitch and yaw have the least rounding error.
+        Of the possible orders of the axes, the one with the least rounding error in roll, pitch and yaw is chosen.
         """
         moments, axes = np.linalg.eigh(self.inertia)
         best: tuple[float, FloatArray, FloatArray] | None = None
@@ -56,7 +56,7 @@ class MassProperties:
 
 @dataclass(frozen=True)
 class InertiaVerdict:
-    """Test of a tensor for physical consistency.
+    """Result of the test of an inertia tensor for physical consistency.
 
     Attributes:
         moments: principal moments, ascending, shape (3,) [kg m^2].
@@ -73,7 +73,7 @@ class InertiaVerdict:
         return bool(self.moments[0] > 0.0)
 
     def reasons(self) -> list[str]:
-        """Return the reasons why no distribution of mass has the tensor, one text per reason; empty if one has."""
+        """Return why no real body can have this inertia tensor, one text per reason; empty if it is consistent."""
         reasons = []
         if self.triangle_margin < 0.0:
             reasons.append(f"breaks the triangle inequality by {-self.triangle_margin:.6f} kg m^2")
@@ -84,7 +84,7 @@ class InertiaVerdict:
 
 
 def judge(inertia: FloatArray) -> InertiaVerdict:
-    """Return principal moments and triangle margin of a symmetric tensor, shape (3, 3) [kg m^2]."""
+    """Return principal moments and triangle margin of an inertia tensor, shape (3, 3) [kg m^2]."""
     moments = np.asarray(np.linalg.eigvalsh(inertia), dtype=np.float64)
     return InertiaVerdict(moments, float(moments[0] + moments[1] - moments[2]))
 
@@ -93,12 +93,12 @@ def steiner_term(mass: float, com: FloatArray) -> FloatArray:
     """Return the inertia of a point mass about the origin: m (q'q E - q q'), shape (3, 3) [kg m^2].
 
     Args:
-        mass: [kg].
-        com: q, centre of mass from the origin, shape (3,) [m]. Its sign does not matter.
+        mass: mass m [kg].
+        com: position q of the mass, from the origin, shape (3,) [m]. Its sign does not matter.
     """
     return mass * (com @ com * np.eye(3) - np.outer(com, com))
 
 
 def tensor(xx: float, xy: float, xz: float, yy: float, yz: float, zz: float) -> FloatArray:
-    """Return the symmetric tensor of six elements, shape (3, 3) [kg m^2]."""
+    """Return the symmetric inertia tensor with these six elements [kg m^2], shape (3, 3)."""
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], dtype=np.float64)

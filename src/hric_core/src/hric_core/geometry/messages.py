@@ -10,7 +10,7 @@ from hric_core.geometry.transforms import FloatArray, homogeneous, rotation_from
 
 
 def unit_quaternion(x: float, y: float, z: float, w: float) -> Quaternion:
-    """Return the quaternion with norm 1.
+    """Return a quaternion, whose norm must be 1 within 1 %, scaled to norm 1.
 
     Raises:
         CommandError: the norm is not 1 within 1 %.
@@ -22,7 +22,7 @@ def unit_quaternion(x: float, y: float, z: float, w: float) -> Quaternion:
 
 
 def rotation(x: float, y: float, z: float, w: float) -> FloatArray:
-    """Return the rotation matrix, shape (3, 3), of a quaternion; all zeros, as in an unset message, mean no rotation.
+    """Return the rotation matrix, shape (3, 3), of a quaternion; four zeros, as in an unset message, mean no rotation.
 
     Raises:
         CommandError: the norm is not 1 within 1 %.
@@ -34,7 +34,7 @@ def matrix(pose: Any) -> FloatArray:
     """Return the homogeneous matrix, shape (4, 4), of a geometry_msgs/Pose.
 
     Raises:
-        CommandError: a position that is not finite, or no unit quaternion.
+        CommandError: a value is not finite, or the orientation is not a unit quaternion.
     """
     p, q = pose.position, pose.orientation
     position = finite("position", p.x, p.y, p.z)
@@ -42,7 +42,7 @@ def matrix(pose: Any) -> FloatArray:
 
 
 def pose_of(message: Any) -> Pose:
-    """Return a geometry_msgs/Pose as pose with an exact unit quaternion. Raises ZeroDivisionError if that is zero."""
+    """Return a geometry_msgs/Pose as `Pose` with normalised quaternion; ZeroDivisionError if the quaternion is 0."""
     p, q = message.position, message.orientation
     return Pose((p.x, p.y, p.z), normalized((q.x, q.y, q.z, q.w)))
 
@@ -51,7 +51,7 @@ def finite(what: str, *values: float) -> list[float]:
     """Return the values if all are finite.
 
     Raises:
-        CommandError: naming `what`.
+        CommandError: a value is NaN or infinite; the message begins with `what`.
     """
     if not all(math.isfinite(value) for value in values):
         raise CommandError(f"{what} is not finite: {', '.join(str(value) for value in values)}")

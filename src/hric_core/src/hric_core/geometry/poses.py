@@ -1,4 +1,4 @@
-"""Poses as position and quaternion, on plain floats; tracks of poses; conventions for the vertical axis."""
+"""Poses as position and quaternion, on plain floats; poses as functions of time; change of the vertical axis."""
 
 import math
 from bisect import bisect_right
@@ -15,7 +15,7 @@ from hric_core.parameters import Settings, numbers
 
 ORIGIN: Vector = (0.0, 0.0, 0.0)
 UP_AXES = ("y", "z")
-"""Vertical axes of motion capture: Motive streams y up by default, z up on request; c3d files have either."""
+"""Possible vertical axes of motion capture data: Motive streams y up by default or z up; c3d files have either."""
 
 
 class Pose(NamedTuple):
@@ -36,30 +36,30 @@ class Pose(NamedTuple):
 
 
 def pose_of_transform(T_a_b: FloatArray) -> Pose:
-    """Return a homogeneous matrix, shape (4, 4), as a pose."""
+    """Return the pose of a homogeneous transformation matrix, shape (4, 4)."""
     return Pose(tuple(T_a_b[:3, 3].tolist()), quaternion_from_rotation(T_a_b[:3, :3]))
 
 
 def transformed(T_a_b: Pose, p_b: Vector) -> Vector:
-    """Return a point of frame b in frame a."""
+    """Return the coordinates in frame a of a point that is given in frame b [m]."""
     x, y, z = quaternions.rotated(T_a_b.orientation, p_b)
     return T_a_b.position[0] + x, T_a_b.position[1] + y, T_a_b.position[2] + z
 
 
 def compose(T_a_b: Pose, T_b_c: Pose) -> Pose:
-    """Return T_a_c."""
+    """Return T_a_c = T_a_b T_b_c, the pose of frame c in frame a."""
     return Pose(transformed(T_a_b, T_b_c.position), quaternions.product(T_a_b.orientation, T_b_c.orientation))
 
 
 def inverse(T_a_b: Pose) -> Pose:
-    """Return T_b_a."""
+    """Return T_b_a, the pose of frame a in frame b."""
     x, y, z = T_a_b.position
     back = quaternions.inverse(T_a_b.orientation)
     return Pose(quaternions.rotated(back, (-x, -y, -z)), back)
 
 
 def difference(a: Pose, b: Pose) -> list[float]:
-    """Return pose a minus pose b, in their common axes: position [m], rotation vector [rad], 6 floats."""
+    """Return pose a minus pose b, both in one frame, in its axes: position [m], rotation vector [rad], 6 floats."""
     p, d = a.position, b.position
     return [p[0] - d[0], p[1] - d[1], p[2] - d[2], *quaternions.difference(a.orientation, b.orientation)]
 
@@ -72,22 +72,24 @@ def interpolated(start: Pose, goal: Pose, share: float) -> Pose:
 
 
 def minimum_jerk(u: float) -> float:
-    """Return the fraction of the path after the fraction u of the time, from rest to rest with minimum jerk.
+    """Return the fraction s of the path after the fraction u of the time, from rest to rest with minimum jerk.
 
-    s = 10 u^3 - 15 u^4 + 6 u^5 (Flash and Hogan, J. Neurosci. 5:1688, 1985). Its rate is at most 1.875, at u = 0.5."""
+    s = 10 u^3 - 15 u^4 + 6 u^5 (Flash and Hogan, J. Neurosci. 5:1688, 1985). ds/du is at most 1.875, at u = 0.5."""
     return u * u * u * (10 - 15 * u + 6 * u * u)
 
 
 class Track:
-    """Track of poses at given times: straight lines and shortest arcs between them, at rest outside them.
+    """Pose as a function of time, interpolated between given poses: linear position, shortest rotation.
+
+    Before the first time it is the first pose, after the last time the last pose.
 
     Args:
-        times: rising [s].
+        times: times of the poses, increasing [s].
         poses: one for each time.
-        minimum_jerk: True if each piece begins and ends at rest, see the function.
+        minimum_jerk: True if the motion between two poses begins and ends at rest, with minimum jerk.
 
     Raises:
-        ParameterError: no poses, another number of times, times that do not rise, or numbers that are not finite.
+        ParameterError: no poses, another number of times, times that do not increase, or values that are not finite.
     """
 
     def __init__(self, times: Sequence[float], poses: Sequence[Pose], minimum_jerk: bool = False) -> None:
@@ -96,13 +98,13 @@ class Track:
                 f"a track needs as many times as poses and one at least; got {len(times)} and {len(poses)}"
             )
         if any(b <= a for a, b in pairwise(times)):
-            raise ParameterError("the times of a track must rise")
+            raise ParameterError("the times of a track must increase")
         if not all(math.isfinite(number) for pose in poses for number in (*pose.position, *pose.orientation)):
             raise ParameterError("the poses of a track must be finite numbers")
         self._times, self._poses, self._minimum_jerk = list(times), list(poses), minimum_jerk
 
     def __call__(self, time: float) -> Pose:
-        """Return the pose at a time [s]."""
+        """Return the interpolated pose at a time [s]."""
         after = bisect_right(self._times, time)
         if after == 0 or after == len(self._times):
             return self._poses[min(after, len(self._times) - 1)]
@@ -113,21 +115,21 @@ class Track:
 
 
 def z_up(up: str, v: Vector) -> Vector:
-    """Return a vector in axes with z up; `up`: vertical axis of the input, of UP_AXES.
+    """Return a vector in axes with z up; `up`: vertical axis of the given vector's axes, "y" or "z".
 
-    (x, -z, y) if y is up (thesis eq. of chapter 3.3: +90 degrees about x)."""
+    The result is (x, -z, y) if y is up (thesis eq. of chapter 3.3: +90 degrees about x)."""
     return v if up == "z" else (v[0], -v[2], v[1])
 
 
 def from_z_up(up: str, v: Vector) -> Vector:
-    """Return the inverse of `z_up`."""
+    """Return a vector, given in axes with z up, in axes whose vertical axis is `up`, "y" or "z"."""
     return v if up == "z" else (v[0], v[2], -v[1])
 
 
 def pose_z_up(up: str, pose: Pose) -> Pose:
-    """Return a pose in axes with z up.
+    """Return a pose in axes with z up; `up`: vertical axis of the given pose's axes, "y" or "z".
 
-    World and body axes are renamed alike (the vector part is mapped: q' = A q A^-1), as Motive does when the setting is
+    World and body axes are renamed alike (the vector part is mapped: q' = A q A^-1), as Motive does when its up axis is
     changed, so that a body that is aligned with the world stays aligned.
     """
     x, y, z, w = pose.orientation
@@ -135,7 +137,7 @@ def pose_z_up(up: str, pose: Pose) -> Pose:
 
 
 def pose_from_z_up(up: str, pose: Pose) -> Pose:
-    """Return the inverse of `pose_z_up`."""
+    """Return a pose, given in axes with z up, in axes whose vertical axis is `up`; the inverse of `pose_z_up`."""
     x, y, z, w = pose.orientation
     return pose if up == "z" else Pose(from_z_up(up, pose.position), (*from_z_up(up, (x, y, z)), w))
 
@@ -146,18 +148,18 @@ def _unit_quaternion(xyzw: Quaternion) -> Quaternion:
     return quaternions.normalized(xyzw)
 
 
-_XYZW: Any = numbers(4, IDENTITY, name="xyzw", made=_unit_quaternion, text="its unit quaternion")
+_XYZW: Any = numbers(4, IDENTITY, name="xyzw", made=_unit_quaternion, text="orientation, unit quaternion x, y, z, w")
 _XYZW.accepts = "a unit quaternion, x, y, z, w"
 
 
 @dataclass(frozen=True)
 class PoseSettings(Settings):
-    """Pose as parameters `xyz` and `xyzw`."""
+    """Pose as two parameters: position `xyz` and quaternion `xyzw`."""
 
     xyz: Vector = numbers(3, ORIGIN, unit="m", text="position")
     xyzw: Quaternion = _XYZW
 
     @property
     def pose(self) -> Pose:
-        """Position and orientation together."""
+        """Position and orientation as one `Pose`."""
         return Pose(self.xyz, self.xyzw)

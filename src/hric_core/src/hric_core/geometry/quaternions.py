@@ -10,7 +10,7 @@ IDENTITY: Quaternion = (0.0, 0.0, 0.0, 1.0)
 
 
 def product(a: Quaternion, b: Quaternion) -> Quaternion:
-    """Return the rotation b followed by a."""
+    """Return the product a b: the rotation b followed by the rotation a."""
     ax, ay, az, aw = a
     bx, by, bz, bw = b
     return (
@@ -27,7 +27,7 @@ def inverse(q: Quaternion) -> Quaternion:
 
 
 def normalized(q: Sequence[float]) -> Quaternion:
-    """Return the unit quaternion along q. Raises ZeroDivisionError for zero."""
+    """Return q divided by its norm. Raises ZeroDivisionError if q is zero."""
     x, y, z, w = q
     norm = math.sqrt(x * x + y * y + z * z + w * w)
     return x / norm, y / norm, z / norm, w / norm
@@ -42,7 +42,7 @@ def rotated(q: Quaternion, v: Vector) -> Vector:
 
 
 def rotation_vector(q: Quaternion) -> Vector:
-    """Return axis times angle of the shorter rotation, at most pi [rad]."""
+    """Return the rotation vector of q: axis times angle of the shorter rotation, at most pi [rad]."""
     x, y, z, w = canonical(q)
     sine = math.sqrt(x * x + y * y + z * z)
     scale = 2.0 if sine < 1e-9 else 2.0 * math.atan2(sine, w) / sine
@@ -50,7 +50,7 @@ def rotation_vector(q: Quaternion) -> Vector:
 
 
 def from_rotation_vector(v: Sequence[float]) -> Quaternion:
-    """Return the rotation about v by its length [rad]."""
+    """Return the rotation about the axis v by the angle |v| [rad], as a unit quaternion."""
     x, y, z = v
     angle = math.sqrt(x * x + y * y + z * z)
     scale = 0.5 if angle < 1e-9 else math.sin(0.5 * angle) / angle
@@ -63,7 +63,7 @@ def difference(a: Quaternion, b: Quaternion) -> Vector:
 
 
 def interpolated(start: Quaternion, goal: Quaternion, share: float) -> Quaternion:
-    """Return the part `share` (0 to 1) of the shorter rotation from start to goal, at constant rate (slerp)."""
+    """Return the orientation at a fraction `share` (0 to 1) of the shorter rotation from start to goal (slerp)."""
     x, y, z = difference(goal, start)
     return product(from_rotation_vector((share * x, share * y, share * z)), start)
 
@@ -72,7 +72,7 @@ def from_elements(*R: float) -> Quaternion:
     """Return the unit quaternion of a rotation matrix given row by row, 9 floats; its largest component is positive.
 
     It is computed from that component (Shepperd 1978) for accuracy, and normalised if R is not quite orthonormal. The
-    sign is not chosen by w: that of a hand that points down is zero, and would flip with the noise.
+    sign is not chosen so that w >= 0: w is about zero for a hand that points down, and noise would flip the sign.
     """
     r00, r01, r02, r10, r11, r12, r20, r21, r22 = R
     diagonal = (1.0 + r00 - r11 - r22, 1.0 - r00 + r11 - r22, 1.0 - r00 - r11 + r22, 1.0 + r00 + r11 + r22)
@@ -125,5 +125,5 @@ def angular_velocity(v: Vector, rate: Vector) -> Vector:
 
 
 def cross(a: Sequence[float], b: Sequence[float]) -> Vector:
-    """Return a x b."""
+    """Return the cross product a x b of two vectors of 3 floats."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]

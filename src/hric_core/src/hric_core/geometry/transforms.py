@@ -1,4 +1,4 @@
-"""Rotation matrices and homogeneous transforms as numpy arrays; only the cross products are fast enough for loops."""
+"""Rotation matrices and homogeneous transforms as numpy arrays; only `cross` and `skew` suit the control loop."""
 
 import math
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from hric_core.geometry.quaternions import Quaternion
 FloatArray = npt.NDArray[np.float64]
 
 R_YUP_ZUP: FloatArray = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
-"""Rotation of coordinates with z up to those with y up, as OpenSim's ground has them; inverse of `vectors_z_up`."""
+"""Rotation of coordinates with z up into coordinates with y up, those of OpenSim's ground frame."""
 
 
 def rotation_from_rpy(rpy: Sequence[float]) -> FloatArray:
@@ -59,7 +59,7 @@ def quaternion_from_rotation(R: FloatArray) -> Quaternion:
 
 
 def cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return a x b of two vectors, shape (3,); numpy's cross takes twenty times as long for so few numbers."""
+    """Return the cross product a x b of two vectors, shape (3,); `numpy.cross` takes twenty times as long."""
     (ax, ay, az), (bx, by, bz) = a.tolist(), b.tolist()
     return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
 
@@ -93,11 +93,11 @@ def inverse(T: FloatArray) -> FloatArray:
 
 
 def rotation_onto(start: int, end: FloatArray) -> FloatArray:
-    """Return a rotation of axis number `start` (0, 1, 2: x, y, z) onto a unit vector, shape (3, 3).
+    """Return a rotation matrix, shape (3, 3), that turns a coordinate axis onto the unit vector `end`, shape (3,).
 
-    It is the smallest rotation, R = E + [v] + [v]^2 / (1 + cos) with v = start x end (Rodrigues), if the two are at
-    most a right angle apart. Else a half turn about the next axis (for z: x, for x: y) comes first, which keeps the
-    denominator away from zero.
+    `start` is the number of the axis (0, 1, 2: x, y, z). If the angle between the two is at most 90 degrees, the result
+    is the smallest rotation, R = E + [v] + [v]^2 / (1 + cos) with v = axis x end (Rodrigues). Otherwise a half turn
+    about the next axis (for z: x, for x: y) is applied first, which keeps the denominator away from zero.
     """
     flip = np.diag([1.0 if i == (start + 1) % 3 else -1.0 for i in range(3)]) if end[start] < 0.0 else np.eye(3)
     begin = flip[:, start]

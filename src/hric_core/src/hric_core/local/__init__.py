@@ -1,1 +1,1 @@
-"""Framework without a master: nodes, topics, services and actions within one process."""
+"""Replacement of ROS within one process, without a master: nodes, topics, services and actions."""

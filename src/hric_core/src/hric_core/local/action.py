@@ -1,4 +1,4 @@
-"""Actions without a master: actionlib's goal states, messages and topics, within one process."""
+"""Actions within one process, without a ROS master: goal states, messages and topics are those of actionlib."""
 
 from __future__ import annotations
 
@@ -23,17 +23,20 @@ TRANSITIONS: dict[str, dict[str, str]] = {
     "abort": {"ACTIVE": "ABORTED", "PREEMPTING": "ABORTED"},
     "cancel": {"PENDING": "RECALLED", "RECALLING": "RECALLED", "ACTIVE": "PREEMPTED", "PREEMPTING": "PREEMPTED"},
 }
-"""State transitions: event -> state before -> state after; an event that is missing for a state is refused."""
+"""Transitions of a goal's state: event -> state before -> state after; all other events are refused."""
 
 FINAL = frozenset({"REJECTED", "SUCCEEDED", "ABORTED", "RECALLED", "PREEMPTED"})
 
 
 @dataclass(eq=False)
 class LocalGoal:
-    """Client side of a goal.
+    """Client side of an action goal; the attributes are updated while the goal runs.
 
-    Attributes are live: `status` (actionlib's names, e.g. "ACTIVE", "SUCCEEDED"), `text` (of the server, with the last
-    change of state), `result` (None until finished), `feedback` (all so far).
+    Attributes:
+        status: state, by actionlib's name, e.g. "ACTIVE" or "SUCCEEDED".
+        text: server's text for the last change of state.
+        result: result message; None until the goal has ended.
+        feedback: all feedback messages so far.
     """
 
     goal_id: str
@@ -54,7 +57,7 @@ class LocalGoal:
 
 
 class LocalGoalHandle(GoalHandle):
-    """Server side of a goal."""
+    """Server side of an action goal."""
 
     def __init__(self, server: LocalActionServer, action_goal: Any) -> None:
         self._server = server
@@ -64,11 +67,11 @@ class LocalGoalHandle(GoalHandle):
 
     @property
     def status(self) -> str:
-        """State, by actionlib's name."""
+        """State of the goal, by actionlib's name, e.g. "ACTIVE"."""
         return self.client.status
 
     def accept(self) -> None:
-        """Set the goal active."""
+        """Accept the goal: set its state to ACTIVE."""
         self._move("accept", "")
 
     def publish_feedback(self, feedback: Any) -> None:
@@ -77,11 +80,11 @@ class LocalGoalHandle(GoalHandle):
         self._server.send_feedback(self, feedback)
 
     def request_cancel(self) -> bool:
-        """Request the goal's cancellation for the client; return False if its state does not allow that."""
+        """Set the state that follows a client's cancel request; return False if the present state does not allow it."""
         return self.status in TRANSITIONS["request_cancel"] and self._move("request_cancel", "")
 
     def message(self) -> GoalStatus:
-        """Return the status as a message."""
+        """Return the state of the goal as an actionlib_msgs/GoalStatus."""
         return GoalStatus(goal_id=self._goal_id, status=getattr(GoalStatus, self.status), text=self.client.text)
 
     def _move(self, event: str, text: str) -> bool:
@@ -103,7 +106,7 @@ class LocalGoalHandle(GoalHandle):
 
 
 class LocalActionServer:
-    """Server of one action on actionlib's topics, so that a recorder receives the same messages."""
+    """Server of one action. It uses the topics of actionlib, so that a recorder gets the same messages as with ROS."""
 
     def __init__(
         self,
@@ -131,14 +134,14 @@ class LocalActionServer:
         self.send_status()
 
     def close(self) -> None:
-        """Unregister the topics."""
+        """Unregister the topics of the action."""
         for subscription in self._subscriptions:
             subscription.unregister()
         for publisher in (self._sender, self._status, self._feedback, self._result):
             publisher.unregister()
 
     def send(self, goal: Any, goal_id: str) -> LocalGoal:
-        """Send a goal as a client does."""
+        """Send a goal, as a client does, and return its client side."""
         message = self._goal_type()
         names.check_message(f"action {self._name}", type(message.goal), goal)
         message.goal, message.goal_id = goal, GoalID(id=goal_id, stamp=self._node.now())
@@ -148,28 +151,28 @@ class LocalActionServer:
         return handle.client
 
     def default_result(self) -> Any:
-        """Return an empty result."""
+        """Return a result message with default values."""
         return self._result_type().result
 
     def refuse(self, text: str) -> None:
-        """Log a transition that is not allowed."""
+        """Log an error about a goal, e.g. a change of state that is not allowed."""
         self._node.log_error(f"action {self._name}: {text}")
 
     def send_status(self) -> None:
-        """Publish the state of all goals that are active, or ended since the last call."""
+        """Publish the states of all goals that have not ended, or have ended since the last call."""
         message = GoalStatusArray(status_list=[handle.message() for handle in self._handles.values()])
         message.header.stamp = self._node.now()
         self._handles = {key: handle for key, handle in self._handles.items() if handle.status not in FINAL}
         self._status.publish(message)
 
     def send_feedback(self, handle: LocalGoalHandle, feedback: Any) -> None:
-        """Publish feedback of a goal."""
+        """Publish feedback about a goal on the action's feedback topic."""
         message = self._feedback_type(status=handle.message(), feedback=feedback)
         message.header.stamp = self._node.now()
         self._feedback.publish(message)
 
     def send_result(self, handle: LocalGoalHandle) -> None:
-        """Publish the result of a goal."""
+        """Publish the result of a goal on the action's result topic."""
         message = self._result_type(status=handle.message(), result=handle.client.result)
         message.header.stamp = self._node.now()
         self._result.publish(message)
@@ -183,7 +186,7 @@ class LocalActionServer:
             handle.fail(str(error))
 
     def on_cancel_message(self, message: GoalID) -> None:
-        """Cancel one goal, or all when the id is empty."""
+        """Handle a cancel request: for the goal with the id of the message, or for all goals if the id is empty."""
         for handle in list(self._handles.values()):
             if message.id in ("", handle.goal_id) and handle.request_cancel():
                 self._on_cancel(handle)

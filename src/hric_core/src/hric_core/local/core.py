@@ -1,4 +1,4 @@
-"""Common state of all LocalNodes of a process part: parameter tree, topics, services, actions, clock."""
+"""State shared by a LocalNode and its children: parameters, topics, services, actions and clock."""
 
 import copy
 from collections.abc import Callable, Mapping
@@ -10,10 +10,11 @@ from hric_core.live import LiveValues
 from hric_core.local.action import LocalActionServer
 
 Tap = Callable[[str, Any, float], None]
+"""Callback (topic, message, robot time [s]) for every message that is published, e.g. of a recorder."""
 
 
 class ParameterTree:
-    """Parameters as nested dicts, addressed by absolute names. Values are copied in and out, as over a wire."""
+    """Parameters as nested dicts, addressed by absolute names. Reading and writing copy the values."""
 
     def __init__(self, params: Mapping[str, object] | None = None) -> None:
         self._root: dict[str, object] = {}
@@ -21,10 +22,10 @@ class ParameterTree:
             self.set(names.resolve("/", name), value)
 
     def get(self, name: str) -> Any:
-        """Return a value or subtree.
+        """Return the value or subtree of parameters with an absolute name.
 
         Raises:
-            KeyError: there is none.
+            KeyError: it does not exist.
         """
         value: Any = self._root
         for part in name.split("/"):
@@ -35,7 +36,7 @@ class ParameterTree:
         return copy.deepcopy(value)
 
     def has(self, name: str) -> bool:
-        """Return True if a value or subtree exists."""
+        """Return True if a parameter or subtree with this absolute name exists."""
         try:
             self.get(name)
         except KeyError:
@@ -43,13 +44,13 @@ class ParameterTree:
         return True
 
     def set(self, name: str, value: Any) -> None:
-        """Set a value or subtree; a dict may have keys with slashes."""
+        """Set a parameter or, from a dict, a subtree; keys of the dict may contain slashes."""
         parts = [part for part in name.split("/") if part]
         if isinstance(value, Mapping):
             value = ParameterTree(value)._root
         if not parts:
             if not isinstance(value, dict):
-                raise HricError(f"the root of the parameters must be a dict, not {value!r}")
+                raise HricError(f"parameter / (the root of all parameters) must be a dict, not {value!r}")
             self._root = copy.deepcopy(value)
             return
         node = self._root
@@ -86,18 +87,18 @@ class LocalCore:
         self.goals = 0
 
     def topic(self, name: str, message_type: type) -> LocalTopic:
-        """Return the topic of this name, created on first use.
+        """Return the topic with this absolute name; the first call creates it.
 
         Raises:
-            HricError: it has another type.
+            HricError: the topic has another message type.
         """
         topic = self.topics.setdefault(name, LocalTopic(name, message_type))
         if topic.type is not message_type:
-            raise HricError(f"topic {name} carries {names.type_name(topic.type)}, not {names.type_name(message_type)}")
+            raise HricError(f"topic {name} has type {names.type_name(topic.type)}, not {names.type_name(message_type)}")
         return topic
 
     def publish(self, topic: LocalTopic, message: Any, latch: bool, header: dict[str, str]) -> None:
-        """Pass a message to taps and subscribers, in this call; header: connection header, as on a wire."""
+        """Call all taps and subscribers with a message; `header`: connection header, as rospy attaches it."""
         names.check_message(f"topic {topic.name}", topic.type, message)
         message._connection_header = header
         topic.sequence += 1

@@ -1,6 +1,6 @@
-"""Node without a master: topics and services are calls within the process.
+"""Node without a ROS master: publishing and calling a service are function calls within the process.
 
-The same controller class runs on it and on `RosNode`."""
+A controller class runs on a `LocalNode` as on a `RosNode`."""
 
 import itertools
 import logging
@@ -19,14 +19,14 @@ _log = logging.getLogger("hric")
 
 
 class LocalPublisher:
-    """Publisher that calls the subscribers.
+    """Publisher of a LocalNode: it calls the subscribers itself.
 
     Args:
         core: state shared by the nodes.
-        topic: topic on which it publishes.
+        topic: topic to publish on.
         latch: True if later subscribers get the last message.
-        namespace: namespace of the node, which is the sender of messages (`publisher_of`), with a number if another
-            publisher of the topic has it already.
+        namespace: namespace of the node. It is the sender's name in messages (`publisher_of`), followed by a number if
+            another publisher of the topic has this name already.
     """
 
     def __init__(self, core: LocalCore, topic: LocalTopic, latch: bool, namespace: str) -> None:
@@ -41,13 +41,13 @@ class LocalPublisher:
         """Call every tap and subscriber with the message.
 
         Raises:
-            HricError: it is not of the topic's type.
+            HricError: the message does not have the topic's type.
         """
         if self._open:
             self._core.publish(self._topic, message, self._latch, self._header)
 
     def subscribers(self) -> int:
-        """Return the number of listeners, taps included."""
+        """Return the number of subscribers and taps, which get a copy of every message."""
         return len(self._topic.callbacks) + len(self._core.taps)
 
     def unregister(self) -> None:
@@ -60,7 +60,7 @@ class LocalPublisher:
 
 
 class LocalNode(Namespaced):
-    """Parameters, topics, services, actions and time in one process, single-threaded and deterministic.
+    """Node whose parameters, topics, services, actions and time exist in one process; single-threaded, deterministic.
 
     Args:
         params: nested dict below the root namespace; keys may have slashes.
@@ -76,7 +76,7 @@ class LocalNode(Namespaced):
 
     @property
     def clock(self) -> Callable[[], float]:
-        """Robot time [s]; setting it sets it for all nodes of the same tree."""
+        """Function that returns the robot time [s]; shared with the node's parent and children, also when it is set."""
         return self._core.clock
 
     @clock.setter
@@ -84,13 +84,13 @@ class LocalNode(Namespaced):
         self._core.clock = clock
 
     def child(self, name: str) -> "LocalNode":
-        """Return a node one namespace deeper, with the same parameters, topics and clock."""
+        """Return a node for the child namespace `name`, with the same parameters, topics and clock."""
         node = object.__new__(LocalNode)
         node._core, node._namespace = self._core, self.resolve(name)
         return node
 
     def resolve(self, name: str) -> str:
-        """Return the absolute name."""
+        """Return the absolute form of a name that is relative to this node's namespace."""
         return names.resolve(self._namespace, name)
 
     def has_param(self, name: str) -> bool:
@@ -98,10 +98,10 @@ class LocalNode(Namespaced):
         return self._core.params.has(self.resolve(name))
 
     def param(self, name: str, default: Any = REQUIRED) -> Any:
-        """Return the value of a parameter, a copy.
+        """Return a copy of the value of a parameter.
 
         Raises:
-            ParameterError: it does not exist and there is no default.
+            ParameterError: the parameter does not exist and no default is given.
         """
         try:
             return self._core.params.get(self.resolve(name))
@@ -121,10 +121,10 @@ class LocalNode(Namespaced):
     def subscribe(
         self, topic: str, message_type: type, callback: Callable[[Any], None], *, queue_size: int = 10
     ) -> Undoable:
-        """Call `callback` inside publish().
+        """Subscribe to a topic: `publish` of any node of the process calls `callback(message)`.
 
-        HricErrors it raises are logged, as on RosNode, at most one a second of robot time; any other error reaches the
-        publisher."""
+        A HricError of the callback is logged, as on RosNode, at most one per second of robot time; any other error is
+        raised in the publisher."""
         entry = self._core.topic(self.resolve(topic), message_type)
         refused = LogThrottle(self.log_error, lambda: self._core.clock())
 
@@ -145,7 +145,7 @@ class LocalNode(Namespaced):
         return Undoable(undo)
 
     def service(self, name: str, service_type: type, handler: Callable[[Any], Any]) -> Undoable:
-        """Offer a service, which `call` calls."""
+        """Offer a service; `call` calls its handler with the request."""
         full = self.resolve(name)
         if full in self._core.services:
             raise HricError(f"service {full} is offered already")
@@ -157,7 +157,7 @@ class LocalNode(Namespaced):
 
         Raises:
             UnknownNameError: no such service.
-            HricError: wrong request type, or what the handler raised.
+            HricError: the type of request or response is wrong, or the handler raised this error.
         """
         full = self.resolve(service)
         check_known("service", [full], self._core.services)
@@ -175,7 +175,7 @@ class LocalNode(Namespaced):
         on_goal: Callable[[GoalHandle], None],
         on_cancel: Callable[[GoalHandle], None],
     ) -> Undoable:
-        """Offer an action; goals come from `send_goal`, or as messages on its goal and cancel topics."""
+        """Offer an action; goals arrive by `send_goal`, or as messages on the action's goal topic."""
         full = self.resolve(name)
         if full in self._core.actions:
             raise HricError(f"action {full} is offered already")
@@ -201,7 +201,9 @@ class LocalNode(Namespaced):
         return self._core.actions[full].send(goal, f"local-{self._core.goals}")
 
     def live_parameters(self, parameters: Sequence[LiveParameter], on_change: OnChange) -> Undoable:
-        """Offer live parameters, which `set_live` changes. Values in the parameter tree replace the defaults."""
+        """Offer parameters that `set_live` can change while the program runs.
+
+        Existing values in the parameter tree replace the defaults."""
         if self._namespace in self._core.live:
             raise HricError(f"{self._namespace} offers live parameters already")
         initial = {p.name: self.param(p.name) for p in parameters if self.has_param(p.name)}
@@ -211,11 +213,11 @@ class LocalNode(Namespaced):
         return Undoable(lambda: self._core.live.pop(self._namespace))
 
     def set_live(self, namespace: str, changes: Mapping[str, object]) -> dict[str, object]:
-        """Change live parameters of a namespace; return the values in force.
+        """Change live parameters of a namespace and return all values that are then in force.
 
         Raises:
-            UnknownNameError: no live parameters there, or not of this name.
-            HricError: a value was refused; nothing changed.
+            UnknownNameError: the namespace has no live parameters, or none of this name.
+            HricError: a value was refused; nothing was changed.
         """
         full = self.resolve(namespace)
         check_known("namespace with live parameters", [full], self._core.live)
@@ -229,7 +231,9 @@ class LocalNode(Namespaced):
             self.set_param(name, value)
 
     def tap(self, callback: Tap) -> Undoable:
-        """Call `callback(topic, message, robot_time)` for every message published on any node of this tree."""
+        """Call `callback(topic, message, robot_time)` for every message that this node, its parent or children publish.
+
+        Robot time is in seconds."""
         self._core.taps.append(callback)
         return Undoable(lambda: self._core.taps.remove(callback))
 
@@ -243,7 +247,7 @@ class LocalNode(Namespaced):
         return {name: names.type_name(kind) for name, (kind, _) in self._core.services.items()}
 
     def now(self) -> Any:
-        """Return the stamp of robot time now (genpy.Time)."""
+        """Return the present robot time as a message stamp (genpy.Time)."""
         return stamps.to_time(self._core.clock())
 
     def log_info(self, text: str) -> None:

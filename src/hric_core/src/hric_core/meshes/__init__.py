@@ -1,1 +1,1 @@
-"""Mesh files of descriptions, read only by this project, never by an engine."""
+"""Mesh files of robot descriptions: reading and conversion, so that every physics engine gets the same surface."""

@@ -1,6 +1,6 @@
-"""Meshes in one form for every engine, cached by the hash of their source, and their convex hulls.
+"""Conversion of mesh files to one format for every physics engine, with a cache; convex hulls of meshes.
 
-The form is .obj text in metres with the scale applied."""
+The format is Wavefront .obj text in metres, with the scale of the robot description applied."""
 
 import hashlib
 import logging
@@ -21,25 +21,25 @@ from hric_core.urdf import Shape
 
 LOG = logging.getLogger("hric.meshes")
 SUFFIXES = (".dae", ".obj", ".stl")
-"""Types of mesh files that a description may name."""
+"""Extensions of the mesh files that can be read."""
 WRITTEN_SUFFIX = ".obj"
-"""Type of the written files."""
+"""Extension of the converted files."""
 VERSION = b"1"
-"""Version in every key of the cache; change it with the output of the conversion."""
+"""Version of the conversion, part of every cache key; change it when the converted text changes."""
 THINNEST = 1e-6
-"""Thickness of a solid by its length, below which it is a plane [1] (project default, unconfirmed)."""
+"""Smallest ratio of thickness to length of a mesh; below it the mesh is flat [1] (project default, unconfirmed)."""
 
 
 IntArray = NDArray[np.int64]
 
 
 class UnreadableMeshError(HricError):
-    """Error of a file that does not match its extension, or has no surface."""
+    """Mesh file whose content does not match its extension, or has no surface."""
 
 
 @dataclass(frozen=True)
 class MeshSurface:
-    """Triangles in the axes of the mesh.
+    """Triangle mesh, in the axes of its file.
 
     Attributes:
         vertices: shape (n, 3) [m].
@@ -68,13 +68,13 @@ def obj_text(surface: MeshSurface, source: str) -> str:
 
 
 def find(address: str, scale: Sequence[float], where: str, relative_to: Path | None = None) -> Path:
-    """Return the path of a mesh that can be read.
+    """Return the path of a mesh file, after checking that it exists and that extension and scale are valid.
 
     Args:
-        address: address in the description.
+        address: path, file:// or package:// address in the description.
         scale: factors along x, y, z.
-        where: element with the mesh, for errors.
-        relative_to: folder of relative addresses.
+        where: element of the description with the mesh, for error messages.
+        relative_to: folder to which a relative path refers.
 
     Raises:
         DescriptionError: no such file, another type of file, or a bad scale.
@@ -98,17 +98,17 @@ def find(address: str, scale: Sequence[float], where: str, relative_to: Path | N
 
 
 def canonical(path: Path, scale: Sequence[float], where: str, cache: Path | None = None) -> tuple[bytes, bool]:
-    """Return the canonical text of a mesh file, and True if it came from the cache.
+    """Return a mesh file as Wavefront .obj text in metres, and True if the text came from the cache.
 
     Args:
         path: result of `find`.
         scale: factors along x, y, z.
-        where: element with the mesh, for errors.
-        cache: folder of conversions; `cache_folder("meshes")` by default. One that is not writable costs time, not the
-            result.
+        where: element of the description with the mesh, for error messages.
+        cache: folder of converted meshes; `cache_folder("meshes")` by default. If it is not writable, the mesh is
+            converted again each time.
 
     Raises:
-        DescriptionError: it cannot be read.
+        DescriptionError: the mesh cannot be read.
     """
     cache = cache_folder("meshes") if cache is None else cache
     try:
@@ -132,15 +132,15 @@ def canonical(path: Path, scale: Sequence[float], where: str, cache: Path | None
 
 
 def mesh_of(shape: Shape) -> bytes:
-    """Return the canonical text of a shape's mesh. Raises DescriptionError as `find` and `canonical`."""
+    """Return the mesh of a URDF shape as Wavefront .obj text in metres. Raises DescriptionError if it is not usable."""
     return canonical(find(shape.address, shape.size, shape.where), shape.size, shape.where)[0]
 
 
 def hull_of(shape: Shape) -> MeshSurface:
-    """Return the convex hull of a shape's mesh, in axes of the shape: the collision shape on every engine.
+    """Return the convex hull of a URDF shape's mesh, in the axes of the shape; every engine collides with this hull.
 
     Raises:
-        DescriptionError: as `find` and `canonical`, or it is flat.
+        DescriptionError: the mesh is missing, cannot be read, or is flat.
     """
     path = find(shape.address, shape.size, shape.where)
     try:
@@ -157,7 +157,7 @@ def _hull(path: Path, changed: int, scale: tuple[float, ...], where: str) -> Mes
     vertices = np.array([line.split()[1:] for line in lines if line.startswith(b"v ")], float)
     extents = np.linalg.svd(vertices - vertices.mean(axis=0), compute_uv=False)
     if len(vertices) < 4 or extents[-1] < THINNEST * extents[0]:
-        raise UnreadableMeshError("it is flat; as a solid it must enclose a volume")
+        raise UnreadableMeshError("the mesh is flat; a collision shape must enclose a volume")
     hull = ConvexHull(vertices)
     numbers = {int(old): new for new, old in enumerate(hull.vertices)}
     faces = np.array([[numbers[int(corner)] for corner in face] for face in hull.simplices], np.int64)
@@ -166,7 +166,7 @@ def _hull(path: Path, changed: int, scale: tuple[float, ...], where: str) -> Mes
 
 
 def _kept_name(key: str, text: bytes) -> str:
-    """Return the file name: hash of content, scale and version, and hash of the text, by which damage is detected."""
+    """Return the name of a cached file: its key, and a hash of its text, by which a damaged file is detected."""
     return f"{key}_{hashlib.sha256(text).hexdigest()[:32]}{WRITTEN_SUFFIX}"
 
 
@@ -187,4 +187,4 @@ def _keep(path: Path, text: bytes) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, text)
     except OSError as error:
-        LOG.warning("converted meshes are not kept: %s", error)
+        LOG.warning("mesh cache: cannot write %s (%s); the mesh is converted again next time", path, error)

@@ -1,4 +1,4 @@
-"""Reader of a mesh file's triangles."""
+"""Reader of the triangles and colours of mesh files: COLLADA (.dae), .obj and .stl."""
 
 import io
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ import trimesh
 from hric_core.meshes.canonical import MeshSurface, UnreadableMeshError
 
 Part = tuple[Any, Any, tuple[float, ...] | None]
-"""Vertices, faces and colour of one material."""
+"""Vertices, faces and colour (red, green, blue, opacity; None: no colour) of one material."""
 
 
 LOOKS = (
@@ -34,8 +34,8 @@ LOOKS = (
 def read_surface(path: Path, content: bytes, scale: tuple[float, float, float]) -> MeshSurface:
     """Return the triangles of a mesh file, scaled by a URDF's `<mesh scale>`.
 
-    A negative factor mirrors; faces keep their outside. In a COLLADA file the transforms of its nodes and its unit of
-    length apply; its `up_axis` does not, as in rviz.
+    A negative factor mirrors the mesh; its faces still point outwards. In a COLLADA file the transforms of the nodes
+    and the unit of length are applied; the `up_axis` is ignored, as in rviz.
 
     Args:
         path: the file; only its extension is read here.
@@ -43,7 +43,7 @@ def read_surface(path: Path, content: bytes, scale: tuple[float, float, float]) 
         scale: factors along the mesh's axes.
 
     Raises:
-        UnreadableMeshError: not a mesh of that type, or one without area.
+        UnreadableMeshError: the content is not a mesh of this type, or has no triangle with an area.
     """
     try:
         dae = path.suffix.lower() == ".dae"
@@ -56,12 +56,13 @@ def read_surface(path: Path, content: bytes, scale: tuple[float, float, float]) 
 def read_coloured(
     path: Path, content: bytes, scale: tuple[float, float, float]
 ) -> list[tuple[MeshSurface, tuple[float, ...] | None]]:
-    """Return one surface per colour of the materials: red, green, blue, opacity, each 0 to 1; None: no colour.
+    """Return one surface per material colour (red, green, blue, opacity, each 0 to 1; None: no colour).
 
-    Textures are not read. If the materials cannot be read, it is one surface without a colour.
+    Textures are not read. If the materials cannot be read, the result is one surface without a colour. For the
+    arguments see `read_surface`.
 
     Raises:
-        UnreadableMeshError: as `read_surface`.
+        UnreadableMeshError: the content is not a mesh of this type, or has no triangle with an area.
     """
     try:
         parts = _read_collada(content) if path.suffix.lower() == ".dae" else _read_obj(path, content)
@@ -130,11 +131,11 @@ def _read_plain(suffix: str, content: bytes) -> list[Part]:
 
 
 def _clean(mesh: Any, scale: tuple[float, float, float]) -> MeshSurface:
-    """Scale, merge equal vertices, and drop faces without area: contact needs closed surfaces."""
+    """Scale a mesh, merge equal vertices and drop faces without area, as contact needs closed surfaces."""
     mesh.apply_transform(np.diag([*scale, 1.0]))
     mesh.merge_vertices(merge_tex=True, merge_norm=True)
     mesh.update_faces(mesh.nondegenerate_faces())
     mesh.remove_unreferenced_vertices()
     if not len(mesh.faces):
-        raise UnreadableMeshError("no triangle with an area in it")
+        raise UnreadableMeshError("it has no triangle with an area")
     return MeshSurface(np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64))

@@ -1,4 +1,4 @@
-"""Modules compiled from C by CMake with the workspace (`hric_python_module`), and their Python interfaces."""
+"""Python interfaces of the extension modules that CMake compiles from C with the workspace (`hric_python_module`)."""
 
 from importlib import import_module
 from types import ModuleType
@@ -10,7 +10,7 @@ def load(name: str) -> ModuleType:
     """Return the compiled module of this name.
 
     Raises:
-        HricError: it is not built, or not for this Python.
+        HricError: the module is not built, or is built for another version of Python.
     """
     try:
         return import_module(name)

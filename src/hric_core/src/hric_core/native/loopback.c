@@ -1,4 +1,4 @@
-/* Keeps a loaded library on loopback: see sockets.py. */
+/* Redirects the calls of bind() in a loaded library to the loopback interface: see sockets.py. */
 #define _GNU_SOURCE /* NOLINT(bugprone-reserved-identifier): of the C library */
 #include "hric_core/python_numbers.h"
 
@@ -8,7 +8,7 @@
 
 #include "hric_core/loopback.h"
 
-/* Addresses in a loaded library are numbers in its headers. */
+/* The ELF headers of a loaded library give addresses as integers. */
 /* NOLINTBEGIN(performance-no-int-to-ptr) */
 struct search {
     const char *library;
@@ -25,7 +25,7 @@ static int replace(ElfW(Addr) base, const ElfW(Rela) * relocation)
     return 1;
 }
 
-/* The entries of bind() in a table of relocations. */
+/* Replace the entries of bind() in a relocation table; return their number. */
 static long replace_all(ElfW(Addr) base, const ElfW(Rela) * table, size_t size, const ElfW(Sym) * symbols,
                         const char *names)
 {
@@ -88,7 +88,7 @@ static PyObject *confine(PyObject *Py_UNUSED(module), PyObject *name)
 
 static PyMethodDef functions[] = {
     {"confine", confine, METH_O,
-     "(part of the path of a loaded library) -> how many of its calls of bind() go to loopback now"},
+     "confine(part of a loaded library's path): let its calls of bind() use loopback; return how many were replaced"},
     {0}};
 
 MODULE(hric_loopback, functions)

@@ -1,4 +1,5 @@
-/* To be preloaded into programs of others on roscpp, such as rosout: see hric_core/loopback.h. */
+/* Library to preload into other projects' roscpp programs, such as rosout, so that they listen on loopback only: see
+ * hric_core/loopback.h. */
 #define _GNU_SOURCE /* NOLINT(bugprone-reserved-identifier): of the C library */
 #include "hric_core/loopback.h"
 

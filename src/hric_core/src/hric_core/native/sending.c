@@ -1,10 +1,10 @@
-/* Writes to many sockets in one call, without the interpreter in between: see sockets.py. */
+/* Writes to many sockets in one call, during which Python's interpreter lock is released: see sockets.py. */
 #include "hric_core/python_numbers.h"
 
 #include <errno.h>
 #include <sys/socket.h>
 
-/* As much as the socket takes now: the number of bytes, or minus the error's number. */
+/* Write as much as the socket accepts without waiting; return the number of bytes, or -errno. */
 static Py_ssize_t send_now(int fd, const char *data, size_t size)
 {
     size_t taken = 0;
@@ -27,7 +27,7 @@ static PyObject *send_now_all(PyObject *Py_UNUSED(module), PyObject *args)
         return NULL;
     const Py_ssize_t n = PyList_GET_SIZE(fds);
     if (PyList_GET_SIZE(parts) != n) {
-        PyErr_SetString(PyExc_ValueError, "one part is needed for each socket");
+        PyErr_SetString(PyExc_ValueError, "send_now needs as many byte strings as sockets");
         return NULL;
     }
     int *fd = PyMem_Calloc((size_t)n + 1, sizeof(int));
@@ -68,7 +68,7 @@ end:
 
 static PyMethodDef functions[] = {
     {"send_now", send_now_all, METH_VARARGS,
-     "(sockets' numbers, bytes for each) -> bytes that each took, or minus the error's number"},
+     "send_now(file descriptors, bytes for each): return the number of bytes written to each, or -errno"},
     {0}};
 
 MODULE(hric_sending, functions)

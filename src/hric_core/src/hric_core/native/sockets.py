@@ -1,6 +1,7 @@
-"""Sockets in C: writes to many of them in one call, and confinement of libraries to loopback.
+"""Socket functions in C: writing to many sockets in one call, and restricting libraries to loopback.
 
-The cost of a write is waking its listener; between two writes from Python the interpreter would have to be waited for.
+Each write wakes its listener, which takes time. One call from Python per write would have to wait for the interpreter
+lock in between; one call for all writes does not.
 """
 
 from collections.abc import Callable, Sequence
@@ -8,10 +9,10 @@ from collections.abc import Callable, Sequence
 from hric_core.native import load
 
 send_now: Callable[[list[int], Sequence[bytes | memoryview]], list[int]] = load("hric_sending").send_now
-"""Function (socket numbers, data for each) that writes what each socket takes at once, without waiting.
+"""Function (file descriptors, data for each) that writes as much to each socket as it accepts without waiting.
 
-It returns the number of bytes, or minus the error's number, for each."""
+It returns for each socket the number of bytes written, or -errno."""
 confine: Callable[[str], int] = load("hric_loopback").confine
-"""Function (part of a loaded library's path) that binds its sockets to loopback instead of all interfaces.
+"""Function (part of a loaded library's path) that binds this library's sockets to loopback, not to all interfaces.
 
-For both IPv4 and IPv6. It returns the number of calls replaced; 0: none was found, and nothing changed."""
+It covers IPv4 and IPv6. It returns the number of replaced calls of bind(); 0: none was found, nothing changed."""

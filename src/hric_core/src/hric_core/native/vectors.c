@@ -1,10 +1,9 @@
-/* Sums and tests over short lists of Python's floats, for what happens each millisecond: see vectors.py. A number that
- * is not finite is within nothing. */
+/* Sums and comparisons over short lists of Python floats, for code that runs every millisecond: see vectors.py. NaN is
+ * within no bound, infinity within no finite bound. */
 #include "hric_core/python_numbers.h"
 #include <math.h>
 
-/* The items of a list or tuple, checked for its length; the reference is borrowed from the caller's. NULL with an error
- * set. */
+/* Return the items of a list or tuple of length n, as borrowed references; NULL with a Python error set on failure. */
 static PyObject **items(PyObject *sequence, Py_ssize_t n)
 {
     if (!PyList_Check(sequence) && !PyTuple_Check(sequence)) {
@@ -18,7 +17,7 @@ static PyObject **items(PyObject *sequence, Py_ssize_t n)
     return PySequence_Fast_ITEMS(sequence);
 }
 
-/* The items of all arguments, which have one length; -1 with an error set. */
+/* Get the items of all arguments and return their common length; -1 with a Python error set on failure. */
 static Py_ssize_t rows(const char *usage, PyObject *const *given, Py_ssize_t count, Py_ssize_t expected,
                        PyObject ***row)
 {
@@ -81,7 +80,7 @@ static PyObject *finished(PyObject *list)
     return list;
 }
 
-/* Indices of the joints that a limit may touch, and the largest speeds written in place: see vectors.py. */
+/* Return the indices of the joints at a limit, and write the largest speeds to speed_max: see vectors.py. */
 FUNCTION(touched)
 {
     enum { POSITION, LOW, HIGH, VELOCITY, FASTEST, SOFTNESS, VALUE, BOUND, LAST, CHANGE, SPEED_MAX, ROWS };
@@ -132,7 +131,7 @@ FUNCTION(add)
     return finished(list);
 }
 
-/* The law of a spring and damper with what is added to it, changing by no more than a step. */
+/* Return the force of a spring and damper plus an additional force, changed by at most `step` since the last call. */
 FUNCTION(spring_damper)
 {
     enum { K, D, X_D, X, V, LAST, ADDED, ROWS };

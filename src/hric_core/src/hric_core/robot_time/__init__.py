@@ -1,1 +1,1 @@
-"""Time of a run: stamps, and its mapping from the monotonic clock of each process."""
+"""Robot time (simulation time, or the real robot's clock): message stamps, and mapping from the monotonic clock."""

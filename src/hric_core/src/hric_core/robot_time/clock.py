@@ -1,4 +1,7 @@
-"""Time of the run on this machine's monotonic clock, from the clock pairs that the robot publishes."""
+"""Mapping from this machine's monotonic clock to robot time, fitted to the clock pairs that the robot publishes.
+
+A clock pair is one instant on both clocks: (monotonic time [ns], robot time [s]). The pace is robot time per wall time.
+"""
 
 from collections import deque
 
@@ -6,48 +9,52 @@ from hric_core.robot_time.rising_line import Line, RisingLine, fit_line
 
 NS = 1_000_000_000
 WINDOW = 0.3
-"""Time span of pairs that fix the line's offset [s]. The constants of this file are project defaults, unconfirmed."""
-HISTORY = 2.0
-"""Time span of pairs that fix the pace [s]."""
-RATE_SPAN = 0.5
-"""Shortest time span of pairs from which their own pace is used [s]."""
-RATE_TOLERANCE = 0.1
-"""Relative difference from the requested pace above which the pace of the pairs is used [1]."""
-RECENT = 5
-"""Number of pairs whose mean then fixes the line's offset."""
-LOST = 0.09
-"""Lateness up to which a loop catches up (`LATE` of hric_control.sim.sim_loop) [s of wall time]."""
-LOST_PAIRS = 3
-"""Number of later pairs in a row after which the loop has lost that time for good."""
-RESTART = 1.0
-"""Jump back of the time above which it is that of a new run [s].
+"""Time span of the newest clock pairs that determine the offset of the fitted line [s].
 
-A smaller one, as when an arm's clock is set by this machine's again, bends the line."""
+Project default, unconfirmed, as are all constants of this file."""
+HISTORY = 2.0
+"""Time span of the newest clock pairs that determine the pace (robot time per wall time) [s]."""
+RATE_SPAN = 0.5
+"""Shortest time span of clock pairs from which the pace is computed; below it the requested pace is used [s]."""
+RATE_TOLERANCE = 0.1
+"""Relative deviation of the measured pace from the requested one above which the measured pace is used [1]."""
+RECENT = 5
+"""Number of newest clock pairs whose mean determines the offset of the line if the measured pace is used."""
+LOST = 0.09
+"""Lateness of a clock pair that the simulation loop still makes up for [s of wall time].
+
+It is `LATE` of hric_control.sim.sim_loop."""
+LOST_PAIRS = 3
+"""Number of consecutive clock pairs later than LOST after which the loop no longer makes up the lost time."""
+RESTART = 1.0
+"""Smallest backward jump of robot time that is taken as the start of a new run [s].
+
+A smaller jump, as when a real arm's clock is synchronised with this machine's again, only bends the line."""
 SLOWEST_PACE = 1e-3
-"""Pace of a line through pairs that go back [1]."""
+"""Smallest pace of a fitted line, also if robot time goes back in the clock pairs [1]."""
 HORIZON = 0.5
-"""Time after the last pair from which the run counts as paused [s]."""
+"""Time after the last clock pair from which on the run counts as paused [s]."""
 HORIZON_NS = round(HORIZON * NS)
 LEAD = 0.03
-"""Time after sending from which a pair is used [s]: by then all have received it.
+"""Delay from the time of a clock pair until it changes the mapping [s].
 
-So no process has mapped the time in between differently. If a busy machine delivers it later, it is used from the
-latest time on that was mapped before."""
+By then all processes have received the pair, so that all map the same monotonic time to the same robot time. If a busy
+machine delivers the pair later, it changes only times after the latest one that was mapped already."""
 LEAD_NS = round(LEAD * NS)
 
 
 class RunClock:
-    """Map from the local monotonic clock to the time of the run, through pauses and at any pace.
+    """Map from the local monotonic clock to robot time, through pauses and at any pace, fitted to clock pairs.
 
-    A loop sends its pairs late or in time, never early. So if it keeps the requested pace, the line has that pace and
-    runs through the earliest pairs of the window: a hiccup of a few cycles does not move it. If the pace is not known,
-    it is the least-squares line.
+    The robot's loop sends its pairs in time or late, never early. So if it keeps the requested pace, the fitted line
+    has that pace and runs through the earliest pairs of the window: a few late cycles do not move it. If the pace is
+    not known, it is the least-squares line.
 
-    A later monotonic time never gets less than an earlier one, nor than a settled one got before, whatever pairs come
-    and whenever they do, unless the run restarts.
+    Unless the run restarts, the map never decreases, and it does not change for times that were settled (`settle`),
+    whatever pairs arrive and however late.
 
     Attributes:
-        standing: True if the run is paused, by the pairs.
+        standing: True if the run is paused: the last pair has the same robot time as the one before.
     """
 
     def __init__(self) -> None:
@@ -59,11 +66,13 @@ class RunClock:
         self.standing = False
 
     def add(self, monotonic: int, run: float, pace: float | None = None) -> None:
-        """Add a pair; one older than the last is ignored. A time back by more than `RESTART` starts a new line.
+        """Add a clock pair. One with an older monotonic time than the last is ignored.
+
+        If robot time goes back by more than `RESTART`, a new map is started.
 
         Args:
-            monotonic: [ns].
-            run: time of the run [s].
+            monotonic: monotonic time [ns].
+            run: robot time [s].
             pace: requested robot time per wall time; None: not known.
         """
         (last, before), known, pace = self._last, self._map, pace or None
@@ -85,16 +94,16 @@ class RunClock:
         self._last = (monotonic, run)
 
     def settle(self, monotonic: int) -> None:
-        """Fix the results of `robot_time` for times up to `monotonic` [ns]."""
+        """Fix the map for times up to `monotonic` [ns]: clock pairs added later do not change it there."""
         if self._map is not None:
             self._map.settle(monotonic)
 
     def robot_time(self, monotonic: int) -> float | None:
-        """Return the time of the run [s] at a monotonic time [ns]; None before the first pair."""
+        """Return the robot time [s] at a monotonic time [ns]; None before the first clock pair."""
         return None if self._map is None else self._map.at(monotonic)
 
     def monotonic(self, run: float) -> int | None:
-        """Return the monotonic time [ns] of a time of the run, past or future; None before the first pair."""
+        """Return the monotonic time [ns] of a robot time [s], past or future; None before the first clock pair."""
         return None if self._map is None else self._map.when(run)
 
     def _begin(self, monotonic: int, run: float, pace: float | None) -> Line:
@@ -106,7 +115,7 @@ class RunClock:
         return Line(monotonic, run, pace or 1.0, NS)
 
     def _note(self, line: Line, monotonic: int, run: float) -> None:
-        """Store a pair, and remove those before a time that the loop has lost."""
+        """Store a clock pair and remove old ones: all but the newest few if the loop has lost time for good."""
         pairs, history = self._pairs, self._history
         late = line.when(run) < monotonic - round(LOST * NS)
         self._late = self._late + 1 if late else 0

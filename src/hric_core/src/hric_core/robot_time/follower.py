@@ -1,4 +1,4 @@
-"""Time of the run in other processes than the robot: for drivers' stamps and for emulators."""
+"""Robot time in processes other than the robot's: for the stamps of sensor drivers and for emulated devices."""
 
 import threading
 import time
@@ -15,30 +15,32 @@ from hric_msgs.msg import ClockPair
 
 TOPIC = "hric/clock"
 PATIENCE = 3.0
-"""Time without a pair after which another clock is used [s] (project default, unconfirmed)."""
+"""Time without a clock pair after which another source of time is used [s] (project default, unconfirmed)."""
 FRESH = NS
-"""Age of the last pair up to which `/clock` is not subscribed to [ns] (project default, unconfirmed)."""
+"""Age of the last clock pair up to which `/clock` is not subscribed to [ns] (project default, unconfirmed)."""
 SAME_MACHINE = 2 * NS
-"""Largest age of a pair from this machine at its arrival [ns]; others have another monotonic clock."""
+"""Largest age, at its arrival, of a clock pair that comes from this machine [ns].
+
+Other machines have another monotonic clock, by which their pairs seem much older or newer."""
 LOOK = NS // 50
-"""Time between readings of the wall clock, as between pairs [ns] (project default, unconfirmed)."""
+"""Time between two readings of the wall clock, that of clock pairs [ns] (project default, unconfirmed)."""
 PAIRS, TICKS, WALL, NOTHING = TOPIC, "/clock", "the wall clock", "nothing"
 
 
 class UnpacedError(FailureError):
-    """Error of a sensor on a wire in a run that is not paced."""
+    """Simulation without real-time pacing, which a sensor that streams over a network cannot follow."""
 
 
 class RobotTime:
-    """Map from the local monotonic clock to the time of the run. A clock for `MotiveServer`. For any thread.
+    """Map from the local monotonic clock to robot time. Its methods may be called from any thread.
 
-    It uses the pairs on `hric/clock`; without them for some seconds, the ticks of `/clock` if `/use_sim_time` is true,
-    else the wall clock. A simulated robot announces its time ahead: then all processes get the same stamps, to the
-    nanosecond. Whatever the load of the machine, a later monotonic time never gets an earlier time of the run than one
-    that was mapped before, unless the run restarts or another clock is used.
+    It uses the clock pairs on `hric/clock`. If there is none for PATIENCE, it uses the messages of `/clock` if
+    `/use_sim_time` is true, else the wall clock. A simulated robot announces its time in advance; then all processes
+    get the same stamps, to the nanosecond. Robot time never goes back, whatever the load of the machine, unless the run
+    restarts or another source of time is used.
 
     Args:
-        node: private node, whose name is in messages.
+        node: private node, whose name is used in log lines.
     """
 
     def __init__(self, node: RosNode) -> None:
@@ -56,19 +58,19 @@ class RobotTime:
         self._subscribe_ticks(self._simulated)
 
     def close(self) -> None:
-        """Unsubscribe."""
+        """Unsubscribe from the topics of the clocks."""
         self._pair_subscription.unregister()
         self._subscribe_ticks(False)
 
     @property
     def source(self) -> str:
-        """Current source of the time, for users."""
+        """Current source of robot time, as text for users: "hric/clock", "/clock", "the wall clock" or "nothing"."""
         with self._lock:
             return self._source()
 
     @property
     def standing(self) -> bool:
-        """True if the run is paused or has not begun, so that an emulator waits."""
+        """True if the run is paused or has not begun, in which case an emulated device waits."""
         with self._lock:
             source = self._source()
             if source == PAIRS and self._schedule is not None:
@@ -77,9 +79,10 @@ class RobotTime:
             return source == NOTHING or (source == PAIRS and self._pairs.standing)
 
     def robot_time(self, monotonic: int) -> float | None:
-        """Return the time of the run [s] at a monotonic time [ns]; None while it is unknown.
+        """Return the robot time [s] at a monotonic time [ns]; None while it is unknown.
 
-        It waits, for half a second at most, until the schedule of the run covers that time."""
+        If the robot announces its time in advance, this waits, for half a second at most, until the announcement covers
+        the requested time."""
         with self._lock:
             while (schedule := self._scheduled()) is not None:
                 late = time.monotonic_ns() - schedule.end[0]
@@ -92,7 +95,7 @@ class RobotTime:
             return clock.robot_time(monotonic)
 
     def monotonic(self, run: float) -> int | None:
-        """Return the monotonic time [ns] of a time of the run, past or future; None while it is unknown."""
+        """Return the monotonic time [ns] of a robot time [s], past or future; None while it is unknown."""
         with self._lock:
             if (schedule := self._scheduled()) is None:
                 return self._clock(self._source(), time.monotonic_ns()).monotonic(run)
@@ -100,7 +103,7 @@ class RobotTime:
             return schedule.monotonic(run) or at + round((run - reached) * NS)
 
     def now(self) -> float | None:
-        """Return the current time of the run [s], limited to the announced time; None while it is unknown."""
+        """Return the current robot time [s], limited to what the robot has announced; None while it is unknown."""
         with self._lock:
             schedule = self._scheduled()
             if schedule is not None:
@@ -108,10 +111,10 @@ class RobotTime:
         return self.robot_time(time.monotonic_ns())
 
     def tick(self) -> None:
-        """Log a change of the time's source; call it about once a second.
+        """Log a change of the source of robot time; to be called about once a second.
 
         Raises:
-            UnpacedError: the run is not paced.
+            UnpacedError: the simulation is not paced.
         """
         with self._lock:
             source, unpaced, foreign = self._source(), self._unpaced, self._foreign
@@ -119,17 +122,17 @@ class RobotTime:
         self._subscribe_ticks(self._simulated and not fresh)
         if unpaced:
             raise UnpacedError(
-                f"{self._node.namespace}: the run is not paced (real_time_factor is 0), which no sensor on a wire "
-                "can follow; "
-                "valid: real_time_factor above 0, or the headless runner, hric run"
+                f"{self._node.namespace}: the simulation is not paced (real_time_factor is 0), so a sensor that "
+                "streams over a network cannot follow it; valid: real_time_factor above 0, or a run without ROS (hric "
+                "run)"
             )
         if source != self._reported and source != NOTHING:
             self._reported = source
-            why = "it comes from another machine" if foreign else f"nothing on {TOPIC}"
-            self._node.log_info(f"the time of the run is that of {source}" + ("" if source == PAIRS else f": {why}"))
+            why = f"{TOPIC} comes from another machine" if foreign else f"no message on {TOPIC}"
+            self._node.log_info(f"stamps now use the time of {source}" + ("" if source == PAIRS else f": {why}"))
 
     def _subscribe_ticks(self, needed: bool) -> None:
-        """Subscribe to `/clock` only if needed: a hundred messages a second that are not used while pairs come."""
+        """Subscribe to `/clock`, or unsubscribe if its hundred messages a second are not needed: clock pairs arrive."""
         if self._tick_subscription is None and needed:
             self._tick_subscription = self._node.subscribe("/clock", Clock, self._on_tick, queue_size=0)
         elif self._tick_subscription is not None and not needed:
@@ -147,7 +150,7 @@ class RobotTime:
         return PAIRS if self._known else NOTHING
 
     def _scheduled(self) -> Schedule | None:
-        """Return the schedule of the run if it is the current source of time."""
+        """Return the announced schedule of robot time if it is the current source of time, else None."""
         return self._schedule if self._source() == PAIRS else None
 
     def _clock(self, source: str, now: int) -> RunClock:

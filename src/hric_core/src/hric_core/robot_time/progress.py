@@ -1,7 +1,7 @@
-"""Progress reports, by which a paced run waits for participants that must process all of it.
+"""Progress reports, which let a paced simulation wait for processes that must process all of its data.
 
-Emulated devices, sensor drivers and the recorder report how far they have got, and the robot's clock stays close to
-them."""
+Emulated devices, sensor drivers and the recorder report up to which robot time they are done. The simulation does not
+run ahead of the slowest of them by more than `AHEAD`."""
 
 import time
 from typing import Any
@@ -13,22 +13,24 @@ from hric_core.robot_time import stamps
 from hric_core.robot_time.schedule import NS
 
 TOPIC = "hric/progress"
-"""Topic in the robot's namespace, next to `hric/clock`: std_msgs/Header with the name of the source as `frame_id`.
+"""Topic of progress reports in the robot's namespace: std_msgs/Header.
 
-`stamp` is the robot time up to which its work is done; 0: it has finished."""
+`frame_id` is the name of the reporting node, `stamp` the robot time up to which its work is done; 0: it is finished."""
 PERIOD = NS // 20
-"""Time between messages of one source [ns of wall time]. All constants here are project defaults, unconfirmed."""
+"""Time between two reports of one node [ns of wall time].
+
+Project default, unconfirmed, as are all constants of this file."""
 AHEAD = 0.2
-"""Largest lead of the run over the slowest source [s of robot time]."""
+"""Largest lead of the simulation over the slowest reporting node [s of robot time]."""
 SILENT = 2 * NS
-"""Time without a report after which the run no longer waits for a source [ns of wall time]."""
+"""Time without a report after which the simulation no longer waits for a node [ns of wall time]."""
 
 
 class ProgressReport:
-    """Reporter of a source's progress. One thread calls it.
+    """Publisher of a node's progress reports. To be called from one thread.
 
     Args:
-        node: private node of the source, whose name is the source's.
+        node: private node, whose name identifies the reports.
     """
 
     def __init__(self, node: Node) -> None:
@@ -37,7 +39,7 @@ class ProgressReport:
         self._due = 0
 
     def reached(self, run: float | None) -> None:
-        """Publish the progress if the last message is long enough ago.
+        """Publish the progress if the last report was at least `PERIOD` ago.
 
         Args:
             run: robot time up to which the work is done [s]; None: not known, nothing is published.
@@ -49,19 +51,19 @@ class ProgressReport:
         self._publisher.publish(Header(stamp=stamps.to_time(max(run, 1e-9)), frame_id=self._source))
 
     def close(self) -> None:
-        """Report that the run need not wait for this source any more."""
+        """Report that the simulation need not wait for this node any more."""
         self._publisher.publish(Header(frame_id=self._source))
         self._publisher.unregister()
 
 
 class Gate:
-    """Limit of the run's robot time, from the progress reports.
+    """Limit for the simulation's robot time, computed from the progress reports.
 
     Args:
         node: node of the robot.
 
     Attributes:
-        held: time for which the run has waited, by source [s of wall time].
+        held: time for which the simulation has waited for each reporting node [s of wall time].
     """
 
     def __init__(self, node: Node) -> None:
@@ -71,14 +73,14 @@ class Gate:
         self._subscription = node.subscribe(TOPIC, Header, self._on_progress, queue_size=0)
 
     def close(self) -> None:
-        """Unsubscribe."""
+        """Unsubscribe from the progress reports."""
         self._subscription.unregister()
 
     def limit(self, desired: float) -> float:
-        """Return the robot time up to which the run may go [s]; called in the loop, never blocks.
+        """Return the robot time up to which the simulation may advance [s]; called in the loop, never blocks.
 
         Args:
-            desired: robot time up to which it would go [s].
+            desired: robot time up to which the simulation would advance without a limit [s].
         """
         now = time.monotonic_ns()
         passed, self._last = min(now - self._last, SILENT) / NS, now
@@ -91,7 +93,7 @@ class Gate:
         return slowest
 
     def silent(self) -> list[str]:
-        """Return the names of the sources without a report for `SILENT`."""
+        """Return the names of the nodes that have not reported for `SILENT`."""
         now = time.monotonic_ns()
         return [source for source, (_, at) in list(self._reached.items()) if now - at >= SILENT]
 

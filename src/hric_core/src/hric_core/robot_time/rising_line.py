@@ -1,9 +1,9 @@
-"""Map from one clock to another by a line that is estimated repeatedly, without ever going back.
+"""Map from one clock to another, by a line that is estimated repeatedly; the mapped time never goes back.
 
-An estimate moves: by microseconds on a quiet machine, by tenths of a second on a busy one, where the data of the
-estimate arrive late. To replace the line would change times that were returned already, and give the next measurement
-an earlier stamp than the last. So the map is a chain of pieces, continuous and rising: a bend, which begins after all
-times that were mapped before, leads to the new line.
+Each new estimate differs: by microseconds on a quiet machine, by tenths of a second on a busy one, where the data of
+the estimate arrive late. Simply replacing the line would change times that were returned already, and could give the
+next measurement an earlier stamp than the last. So the map is a continuous, rising chain of line pieces: a bend, which
+begins after all times that were mapped already, leads to the new line.
 """
 
 from collections import deque
@@ -11,19 +11,19 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 PIECES = 256
-"""Number of stored pieces, for measurements before the last bends.
+"""Number of stored line pieces, which map measurements from before the last bends.
 
-Project default, unconfirmed, as the constants below."""
+Project default, unconfirmed, as are the other constants of this file."""
 BEND = 0.1
-"""Time in which a bend usually reaches a new line [s]."""
+"""Time in which a bend reaches the new line, unless its slope is limited by SLOWEST [s]."""
 SLOWEST = 0.1
-"""Smallest pace of a bend, as part of the line's pace [1]; the bend then takes longer."""
+"""Smallest slope of a bend relative to the slope of the new line [1]; a bend with this slope takes longer than BEND."""
 JUMP = 1.0
-"""Lead of a new line above which the map jumps to it at once [s]."""
+"""Amount by which a new line must be ahead of the map for the map to jump to it at once [s]."""
 
 
 def fit_line(points: Iterable[tuple[float, float]], slope_limit: float) -> tuple[float, float]:
-    """Return (offset, slope) of the least-squares line; the slope is limited to +-slope_limit."""
+    """Return (offset, slope) of the least-squares line through points (x, y); |slope| is at most `slope_limit`."""
     xy = list(points)
     n = len(xy)
     mean_x, mean_y = sum(x for x, _ in xy) / n, sum(y for _, y in xy) / n
@@ -34,7 +34,7 @@ def fit_line(points: Iterable[tuple[float, float]], slope_limit: float) -> tuple
 
 
 class Line(NamedTuple):
-    """Line value + slope * (x - anchor) / frequency, with x in ticks; slope 0: a pause."""
+    """Line y = value + slope * (x - anchor) / frequency, with y in s and x in ticks; slope 0: a pause."""
 
     anchor: int
     value: float
@@ -42,23 +42,23 @@ class Line(NamedTuple):
     frequency: float
 
     def at(self, x: int) -> float:
-        """Return the value [s] at x [ticks]."""
+        """Return the value of the line [s] at x [ticks]."""
         return self.value + self.slope * (x - self.anchor) / self.frequency
 
     def when(self, value: float) -> int:
-        """Return the x [ticks] of a value [s]; the slope must not be 0."""
+        """Return the x [ticks] at which the line has a value [s]; the slope must not be 0."""
         return self.anchor + round((value - self.value) / self.slope * self.frequency)
 
 
 class RisingLine:
-    """Map that never decreases, and increases outside its pauses.
+    """Piecewise linear map from ticks of one clock to seconds of another; it rises except during pauses.
 
     Args:
-        line: first line, slope above 0.
+        line: first line, with a slope above 0.
         until: start of a pause [ticks]; None: no pause.
 
     Attributes:
-        line: line that it follows, or will after its bend.
+        line: line that the map follows now, or after its present bend.
     """
 
     def __init__(self, line: Line, until: int | None = None) -> None:
@@ -69,19 +69,21 @@ class RisingLine:
             self._pause_from(until)
 
     def settle(self, x: int) -> None:
-        """Fix the map up to x [ticks]."""
+        """Fix the map up to x [ticks]: later changes do not alter it there."""
         if self._settled is None or x > self._settled:
             self._settled = x
 
     def at(self, x: int) -> float:
-        """Return the value [s] at x [ticks]."""
+        """Return the value of the map [s] at x [ticks]."""
         for piece in reversed(self._pieces):
             if x >= piece.anchor:
                 return piece.at(x)
         return self._pieces[0].at(x)
 
     def when(self, value: float) -> int:
-        """Return the first x [ticks] of a value [s], past or future; start of the pause if it is never reached."""
+        """Return the first x [ticks] at which the map has a value [s], in the past or the future.
+
+        If a pause prevents the value from being reached, the start of the pause is returned."""
         after: int | None = None
         for piece in reversed(self._pieces):
             if piece.value < value:
@@ -91,11 +93,11 @@ class RisingLine:
         return x if after is None else min(x, after)
 
     def meet(self, line: Line, begin: int, until: int | None = None) -> None:
-        """Follow another line from `begin` on, or from the end of the fixed part.
+        """Bend towards another line from `begin` on, or from the end of the fixed part if that is later.
 
         Args:
-            line: slope above 0.
-            begin: [ticks].
+            line: new line, with a slope above 0.
+            begin: start of the bend [ticks].
             until: start of a pause [ticks]; None: no pause.
         """
         begin, value = self._cut(begin)
@@ -112,9 +114,9 @@ class RisingLine:
             self._pause_from(max(until, begin))
 
     def pause(self, value: float, latest: int) -> None:
-        """Pause at a value [s], from where it was reached, `latest` [ticks] at the latest.
+        """Hold the map at a value [s] from the time when it is reached, or from `latest` [ticks] on if that is earlier.
 
-        The value is higher if the map is fixed beyond it already."""
+        If the fixed part of the map (`settle`) ends at a higher value, the map is held at that value."""
         begin, reached = self._cut(min(self.when(value), latest))
         self._pieces.append(Line(begin, max(reached, value), 0.0, self.line.frequency))
 
@@ -125,7 +127,7 @@ class RisingLine:
         self._pieces.append(level)
 
     def _cut(self, begin: int) -> tuple[int, float]:
-        """Return (x, value) from which on the map may change, and remove the map beyond."""
+        """Remove the map after `begin` [ticks], or after its fixed part if that ends later; return its new end."""
         begin = begin if self._settled is None else max(begin, self._settled)
         value, pieces = self.at(begin), self._pieces
         while len(pieces) > 1 and pieces[-1].anchor >= begin:

@@ -5,15 +5,15 @@ import genpy
 _NS = 1_000_000_000
 
 FIRST = genpy.Time(0, 1)
-"""Smallest valid ROS time: 0 means that there is no time yet, for which tools such as rosbag record wait."""
+"""Smallest valid ROS time. At time 0, tools such as rosbag record assume that there is no time yet, and wait."""
 
 
 def to_time(seconds: float) -> genpy.Time:
-    """Return the stamp of a robot time.
+    """Return a robot time as message stamp.
 
     Args:
-        seconds: robot time, not negative [s]; rounded to the nanosecond (genpy's own conversion truncates, so 1.001 s
-            would lose one).
+        seconds: robot time, not negative [s]; it is rounded to the nanosecond (genpy's own conversion truncates, which
+            makes 1.001 s a nanosecond too small).
     """
     nanoseconds = round(seconds * _NS)
     if nanoseconds < 0:
@@ -26,6 +26,6 @@ def to_time(seconds: float) -> genpy.Time:
 
 
 def to_duration(seconds: float) -> genpy.Duration:
-    """Return the duration of a time span [s], rounded to the nanosecond."""
+    """Return a time span [s] as genpy.Duration, rounded to the nanosecond."""
     nanoseconds = round(seconds * _NS)
     return genpy.Duration(nanoseconds // _NS, nanoseconds % _NS)

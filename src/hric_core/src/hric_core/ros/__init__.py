@@ -1,4 +1,4 @@
-"""Framework on a ROS master: node, actions, live parameters, time, processes. rospy is imported here only."""
+"""Nodes, actions, live parameters, time and processes on rospy, with a ROS master; rospy is imported here only."""
 
 from hric_core.ros.node import RosNode
 from hric_core.ros.process import forward_to_ros, run, shut_down, widen

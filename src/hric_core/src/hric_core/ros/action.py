@@ -11,12 +11,12 @@ from hric_core.errors import HricError
 from hric_core.node import GoalHandle
 
 _STATES: dict[int, str] = {value: name for name, value in vars(GoalStatus).items() if name.isupper()}
-"""Names of the states by number; actionlib's own `to_string` has another name for PENDING."""
+"""Names of the goal states by number; actionlib's own `to_string` has another name for PENDING."""
 _ENDS = {"reject": "set_rejected", "succeed": "set_succeeded", "abort": "set_aborted", "cancel": "set_canceled"}
 
 
 class RosGoalHandle(GoalHandle):
-    """Server side of a goal."""
+    """Server side of an actionlib goal."""
 
     def __init__(self, handle: Any, forget: Callable[[str], None]) -> None:
         self._handle, self._forget = handle, forget
@@ -24,11 +24,11 @@ class RosGoalHandle(GoalHandle):
 
     @property
     def status(self) -> str:
-        """State, by actionlib's name."""
+        """State of the goal, by actionlib's name, e.g. "ACTIVE"."""
         return _STATES[self._handle.get_goal_status().status]
 
     def accept(self) -> None:
-        """Set the goal active."""
+        """Accept the goal: set its state to ACTIVE."""
         self._handle.set_accepted()
 
     def publish_feedback(self, feedback: Any) -> None:
@@ -41,14 +41,14 @@ class RosGoalHandle(GoalHandle):
 
 
 class RosActionServer:
-    """Server of one action.
+    """Server of one action on actionlib.
 
     Args:
-        name: absolute name.
+        name: absolute name of the action.
         action_type: action class.
-        on_goal: called in rospy's thread, under actionlib's lock; must not wait.
-        on_cancel: called in rospy's thread, under actionlib's lock; must not wait.
-        report: takes one line of error text.
+        on_goal: callback for a new goal; called in rospy's thread, under actionlib's lock; must not wait.
+        on_cancel: callback for a cancel request; called in rospy's thread, under actionlib's lock; must not wait.
+        report: function that logs a line of error text.
     """
 
     def __init__(
@@ -66,7 +66,7 @@ class RosActionServer:
         self._server.start()
 
     def close(self) -> None:
-        """Unregister the topics; goals that have not ended are aborted."""
+        """Unregister the topics of the action; goals that have not ended are aborted or rejected."""
         for handle in list(self._handles.values()):
             handle.fail("the action server was shut down")
         self._server.stop()

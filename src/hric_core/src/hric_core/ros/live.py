@@ -1,6 +1,6 @@
-"""Live parameters on dynamic_reconfigure: its services, topics and tools, with parameters from the program.
+"""Live parameters on dynamic_reconfigure, declared in the program instead of a .cfg file.
 
-They replace those of a .cfg file."""
+Services, topics and tools such as rqt_reconfigure are those of dynamic_reconfigure."""
 
 import math
 import threading
@@ -24,7 +24,7 @@ _INT_RANGE = (-(2**31), 2**31 - 1)
 
 
 class ConfigType:
-    """Replacement of a generated `<Name>Config` module, built from a list of parameters."""
+    """Replacement of the `<Name>Config` module that dynamic_reconfigure generates, built from a list of parameters."""
 
     def __init__(self, parameters: Sequence[LiveParameter]) -> None:
         self.defaults: dict[str, object] = {p.name: p.default for p in parameters}
@@ -76,17 +76,17 @@ class _Server(Server):
     """Server of dynamic_reconfigure that refuses values out of range instead of clamping them."""
 
     def _clamp(self, config: Any) -> None:
-        """Leave the values as requested: a gain of -5 must not silently become 0; the owner refuses it."""
+        """Leave the values unchanged: a gain of -5 must be refused, not silently become 0."""
 
 
 class RosLiveParameters:
-    """Server of live parameters in a namespace.
+    """dynamic_reconfigure server for live parameters in a namespace.
 
     Args:
-        namespace: absolute name.
+        namespace: absolute name of the namespace.
         parameters: the live parameters.
-        on_change: function from all requested values to those in force; a HricError refuses the change.
-        report: takes one line of error text.
+        on_change: callback with all requested values that returns those then in force; it refuses by a HricError.
+        report: function that logs a line of error text.
 
     Raises:
         HricError: the values on the parameter server, or the defaults, are refused.
@@ -107,7 +107,7 @@ class RosLiveParameters:
         }
         self._live = LiveValues(namespace, parameters, on_change, initial)
         self._names = tuple(self._live.values)
-        for name, value in self._live.values.items():  # the server reads them back, now complete and of the right type
+        for name, value in self._live.values.items():  # the server reads back complete values of the right type
             rospy.set_param(f"{namespace}/{name}", value)
         self._lock = threading.Lock()
         self._first = True

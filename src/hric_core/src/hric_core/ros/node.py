@@ -1,6 +1,6 @@
-"""Node on rospy: the interface of `LocalNode`, with a master.
+"""Node on rospy, which needs a ROS master; its methods are those of `LocalNode`.
 
-A rospy process may have many of them, one per namespace."""
+A process may have several such nodes, one per namespace."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -22,7 +22,7 @@ from hric_core.ros.live import RosLiveParameters
 from hric_core.ros.prompt import prompt_connections, send_promptly
 
 LAST = 0.5
-"""Longest wait for listeners to take the published messages before a topic is closed [s].
+"""Longest wait, before a topic is closed, for its subscribers to read the published messages [s].
 
 Project default, unconfirmed."""
 
@@ -46,15 +46,15 @@ class RosPublisher:
         """Publish a message; after the shutdown of the node do nothing.
 
         Raises:
-            HricError: not of the topic's type, or a field has a value that its type does not allow.
+            HricError: the message is not of the topic's type, or a field has a value that its type does not allow.
         """
         self.publish_all((message,))
 
     def publish_all(self, messages: Sequence[Any]) -> None:
-        """Publish several messages in one write per listener, which is woken once: a write costs more than its data.
+        """Publish several messages with one write per subscriber, which is faster, as each write wakes the subscriber.
 
         Raises:
-            HricError: as `publish`, for the first that could not be sent; the others are sent.
+            HricError: a message could not be sent, for a reason as in `publish`; the others were sent.
         """
         errors: list[Exception] = []
         DISPATCHER.send((self.pack(messages, errors.append),))
@@ -63,7 +63,7 @@ class RosPublisher:
             raise error if isinstance(error, HricError) else HricError(f"{self._what}: {error}") from error
 
     def pack(self, messages: Sequence[Any], on_error: OnError) -> Parcel:
-        """Serialise messages as rospy does, without writing; on_error: takes the error of a bad message."""
+        """Serialise messages as rospy does, without sending them; `on_error`: callback for the error of a message."""
         publisher = self._publisher
         if publisher is None or rospy.is_shutdown():
             return NOTHING
@@ -75,7 +75,7 @@ class RosPublisher:
             return NOTHING
 
     def _pack(self, topic: Any, messages: Sequence[Any], on_error: OnError) -> Parcel:
-        """Serialise messages; topic: rospy's implementation."""
+        """Serialise messages into the buffer of `topic`, rospy's implementation object of a topic."""
         count = 0
         with topic.publock:
             for message in messages:
@@ -99,12 +99,12 @@ class RosPublisher:
             return Parcel(prompt_connections(topic), data, count)
 
     def subscribers(self) -> int:
-        """Return the number of listeners."""
+        """Return the number of connected subscribers."""
         publisher = self._publisher
         return 0 if publisher is None or publisher.impl is None else len(publisher.impl.connections)
 
     def unregister(self) -> None:
-        """Send the waiting messages, then stop advertising; a second call does nothing."""
+        """Send the queued messages, then stop advertising; a second call does nothing."""
         publisher, self._publisher = self._publisher, None
         if publisher is not None:
             DISPATCHER.flush(LAST)
@@ -112,21 +112,21 @@ class RosPublisher:
 
 
 class _Shared:
-    """State shared by a node and its children."""
+    """State shared by a RosNode and its children."""
 
     def __init__(self) -> None:
         self.clock: Callable[[], float] | None = None
 
 
 class RosNode(Namespaced):
-    """Parameters, topics, services, actions and time through rospy. Construct it after `rospy.init_node`.
+    """Node with parameters, topics, services, actions and time through rospy; created after `rospy.init_node`.
 
     Args:
-        namespace: absolute, or relative to rospy's own namespace; "~" is the process's private one.
+        namespace: absolute, or relative to the process's namespace; "~" is the private namespace of the process.
     """
 
     publishes_inline = False
-    """False: callbacks and the control loop run in different threads."""
+    """False: a RealtimePublisher on this node sends in a thread of its own, as callbacks and loop run in parallel."""
 
     def __init__(self, namespace: str = "") -> None:
         self._namespace = names.normalize(rospy.resolve_name(namespace) if namespace else rospy.get_namespace())
@@ -134,7 +134,7 @@ class RosNode(Namespaced):
 
     @property
     def clock(self) -> Callable[[], float] | None:
-        """Robot time [s] for `now`, or None for rospy's time; setting it sets it for the children as well."""
+        """Function that returns the robot time [s], used by `now`; None: rospy's time. Shared with the children."""
         return self._shared.clock
 
     @clock.setter
@@ -142,13 +142,13 @@ class RosNode(Namespaced):
         self._shared.clock = clock
 
     def child(self, name: str) -> "RosNode":
-        """Return a node with the same connection, one namespace deeper."""
+        """Return a node for the child namespace `name`."""
         node = object.__new__(RosNode)
         node._namespace, node._shared = names.resolve(self._namespace, name), self._shared
         return node
 
     def resolve(self, name: str) -> str:
-        """Return the absolute name, remapped by the command line."""
+        """Return the absolute form of a name that is relative to this namespace, with the command line's remappings."""
         resolved: str = rospy.names.resolve_name(names.resolve(self._namespace, name))
         return resolved
 
@@ -161,7 +161,7 @@ class RosNode(Namespaced):
         """Return the value of a parameter.
 
         Raises:
-            ParameterError: it does not exist and there is no default.
+            ParameterError: the parameter does not exist and no default is given.
         """
         full = self.resolve(name)
         try:
@@ -177,15 +177,17 @@ class RosNode(Namespaced):
         _query(lambda: rospy.set_param(full, value))
 
     def advertise(self, topic: str, message_type: type, *, queue_size: int = 10, latch: bool = False) -> RosPublisher:
-        """Advertise a topic. Listeners are never waited for, whatever `queue_size` says.
+        """Advertise a topic. Publishing never waits for subscribers, whatever `queue_size` is.
 
-        Data that a listener does not read waits for it alone, bounded in bytes (`listeners.LIMIT`)."""
+        Data that a subscriber does not read is queued for this subscriber, up to `listeners.LIMIT` bytes."""
         return RosPublisher(self.resolve(topic), message_type, queue_size, latch)
 
     def subscribe(
         self, topic: str, message_type: type, callback: Callable[[Any], None], *, queue_size: int = 10
     ) -> Undoable:
-        """Call `callback` for each message, in rospy's thread. Its HricErrors are logged, at most one a second."""
+        """Subscribe to a topic: `callback(message)` is called in rospy's thread.
+
+        A HricError of the callback is logged, at most one per second."""
         full = self.resolve(topic)
         refused = LogThrottle(self.log_error, time.monotonic)
 
@@ -206,7 +208,7 @@ class RosNode(Namespaced):
         return registration
 
     def service(self, name: str, service_type: type, handler: Callable[[Any], Any]) -> Undoable:
-        """Offer a service. A HricError of the handler becomes the service's error text."""
+        """Offer a service; `handler(request)` returns the response. The text of its HricError is sent to the client."""
         full = self.resolve(name)
         response_type: type = service_type._response_class  # type: ignore[attr-defined]  # generated
 
@@ -241,7 +243,7 @@ class RosNode(Namespaced):
         return Undoable(live.close)
 
     def now(self) -> Any:
-        """Return the stamp: robot time if `clock` is set, else rospy's time, which follows /clock if use_sim_time."""
+        """Return the present time as a message stamp: robot time if `clock` is set, else `rospy.Time.now()`."""
         clock = self._shared.clock
         return rospy.Time.now() if clock is None else stamps.to_time(clock())
 
@@ -259,7 +261,7 @@ class RosNode(Namespaced):
 
 
 def _query(request: Callable[[], Any]) -> Any:
-    """Query the master; if it does not respond, the error names its address."""
+    """Call a function that queries the ROS master; raise FailureError with its address if it does not respond."""
     try:
         return request()
     except (TimeoutError, OSError, XmlRpcError) as error:

@@ -1,4 +1,4 @@
-"""Process of a node, from its start to its shutdown request."""
+"""Main function of a ROS node's process: command line, start, periodic work, and shutdown."""
 
 import argparse
 import errno
@@ -21,17 +21,19 @@ from hric_core.ros import prompt as ros_prompt
 from hric_core.ros.node import RosNode
 
 PERIOD = 1.0
-"""Time between ticks [s]; that of diagnostics, REP 107."""
+"""Default period of `NodeApp.tick` [s]: that of diagnostics, REP 107."""
 
 
 class NodeApp:
-    """Work of a node, from its construction until `close`. Any method may raise HricError, which ends the node.
+    """Base class for the work of a ROS node, which lasts from the constructor to `close`.
+
+    A HricError raised by any method ends the node.
 
     Args:
-        node: private node.
+        node: node with the process's private namespace.
 
     Attributes:
-        period: time between ticks [s of wall time].
+        period: period of `tick` [s of wall time].
     """
 
     period = PERIOD
@@ -47,12 +49,14 @@ class NodeApp:
 
 
 def check_private(name: str, known: Known = (), words: Sequence[str] | None = None) -> None:
-    """Refuse parameters (`_KEY:=VALUE`) that a node does not read, before the search for a master; exits.
+    """Exit with an error if a parameter on the command line (`_KEY:=VALUE`) is one that the node does not read.
+
+    No ROS master is needed.
 
     Args:
         name: name of the node.
-        known: parameters that it reads.
-        words: words of the command line; None: those of this process.
+        known: parameters that the node reads.
+        words: words of the command line; None: those of `sys.argv`.
     """
     names = known_names(known)
     try:
@@ -69,16 +73,16 @@ def check_private(name: str, known: Known = (), words: Sequence[str] | None = No
 
 
 def refuse_unread(node: RosNode, known: Known) -> None:
-    """Refuse parameters on the master that a node does not read. Raises ParameterError."""
+    """Raise ParameterError if a parameter server value in the node's namespace is not among those that it reads."""
     content = node.param(node.namespace, {})
     refuse_unknown(content if isinstance(content, dict) else {}, known_names(known), node.namespace)
 
 
 def end_with_roslaunch() -> None:
-    """End this process with the roslaunch that started it, whatever its end: an unattended robot must stop.
+    """Let this process end with the roslaunch that started it, even if that is killed: an unattended robot must stop.
 
-    roslaunch may start nodes from threads that end early, as it does for other machines, so its process is watched; the
-    system's own signal (PR_SET_PDEATHSIG) comes with the end of the thread.
+    A thread watches the process of roslaunch. The system's own signal (PR_SET_PDEATHSIG) cannot be used: it is sent at
+    the end of the thread that started this process, and such threads of roslaunch may end early.
     """
     if not any(word.startswith("__log:=") for word in sys.argv):  # set by roslaunch only
         return
@@ -92,14 +96,14 @@ def end_with_roslaunch() -> None:
 
 
 def check_words(name: str, text: str, known: Known | None = ()) -> None:
-    """Print --help, and refuse any other word of the command line, before the search for a master; exits.
+    """Handle a node's command line before ROS is used: print --help, or exit with an error for an unknown word.
 
-    From here on the process ends with the roslaunch that started it.
+    After this call, the process ends with the roslaunch that started it.
 
     Args:
         name: name of the node.
-        text: help text; its part from "Usage: " on is also printed for a wrong word.
-        known: parameters that it reads; None: they are checked later.
+        text: help text; its part from "Usage: " on is also printed after an unknown word.
+        known: parameters that the node reads; None: they are checked later.
     """
     what, _, usage = text.partition("Usage: ")
     argparse.ArgumentParser(
@@ -114,13 +118,13 @@ def check_words(name: str, text: str, known: Known | None = ()) -> None:
 
 
 def run(name: str, text: str, app: Callable[[RosNode], NodeApp], *known: type[Settings] | str) -> int:
-    """Run a node. Parameters that it does not read end it before its work starts.
+    """Run a ROS node until it is shut down. A parameter that it does not read ends it before its work starts.
 
     Args:
-        name: default name.
+        name: default name of the node.
         text: help text.
-        app: starts its work, given the private node.
-        known: parameters that it reads.
+        app: function that starts the node's work and returns it, given the private node.
+        known: parameters that the node reads.
 
     Returns:
         the exit code.
@@ -151,9 +155,9 @@ def run(name: str, text: str, app: Callable[[RosNode], NodeApp], *known: type[Se
 
 
 def shut_down(reason: str) -> None:
-    """Call `rospy.signal_shutdown` at the end of a process, without a traceback of rospy's server.
+    """Call `rospy.signal_shutdown` at the end of a process, without the traceback that rospy's TCP server may print.
 
-    The server, if its thread has not run yet, takes the closed socket for an error."""
+    If the server's thread has not run yet, it reports the closed socket as an error."""
     threading.excepthook = _report_unless_closed
     rospy.signal_shutdown(reason)
 
@@ -175,9 +179,9 @@ class _RosHandler(logging.Handler):
 
 
 def forward_to_ros(logger: logging.Logger) -> None:
-    """Send the messages of `logger` to rosout instead of the terminal alone. After `rospy.init_node`.
+    """Send the messages of a Python logger to ROS (rosout and terminal). To be called after `rospy.init_node`.
 
-    Meant for rare messages: rosout is written in the calling thread.
+    It is meant for rare messages, as rosout is written in the calling thread.
     """
     logger.setLevel(logging.INFO)
     logger.propagate = False
@@ -186,16 +190,16 @@ def forward_to_ros(logger: logging.Logger) -> None:
 
 
 BACKLOG = 128
-"""Number of connections that may wait to be accepted (project default, unconfirmed).
+"""Number of TCP connections that may wait to be accepted (project default, unconfirmed).
 
-It is above the number of topics of any node here."""
+It is above the number of topics of any node of the workspace."""
 
 
 def widen() -> None:
-    """Allow many listeners to connect at once. After `rospy.init_node`.
+    """Allow many subscribers to connect to this process at once. To be called after `rospy.init_node`.
 
-    rospy lets 5 connections wait. A recorder connects to all topics of a node within a millisecond: the kernel refuses
-    the rest, which try again a second later. Until then the recorder receives nothing on these topics.
+    rospy lets only 5 connections wait. If a recorder connects to all topics of a node within a millisecond, the kernel
+    refuses the rest, and they try again a second later. Until then the recorder receives nothing on these topics.
     """
     tcpros_base.start_tcpros_server()
     tcpros_base._tcpros_server.tcp_ros_server.server_sock.listen(BACKLOG)

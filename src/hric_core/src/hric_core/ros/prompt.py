@@ -1,4 +1,4 @@
-"""Topics of a rospy node that send in the publishing thread, as long as the network takes the data."""
+"""Replacement of rospy's queued connections: messages are sent in the publishing thread, without blocking it."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -11,19 +11,19 @@ from hric_core.listeners import DISPATCHER, Listener, Parcel
 
 
 def send_promptly() -> None:
-    """Let all topics of this process with a queue send through a `PromptConnection`.
+    """Let all rospy topics of this process that have a queue send through a `PromptConnection`.
 
-    rospy wakes a thread for each message to each listener, which costs several times the sending; without a queue a
-    listener that does not read blocks the publisher, for a minute.
+    With a queue, rospy wakes a thread for each message to each subscriber, which takes several times as long as the
+    sending; without a queue, a subscriber that does not read blocks the publisher, for a minute.
     """
     rospy.topics.QueuedConnection = PromptConnection
 
 
 def prompt_connections(topic: Any) -> Sequence["PromptConnection"]:
-    """Return the connections of rospy's implementation of a topic.
+    """Return the connections to the subscribers of a topic; `topic`: rospy's implementation object.
 
-    rospy sets the queue size of a topic after the topic has begun to listen: a subscriber that connects in between has
-    no queue, and gets its connection here.
+    rospy sets the queue size of a topic only after the topic accepts connections. A subscriber that connects in between
+    has no queue; its connection is replaced by a `PromptConnection` here.
     """
     if not all(isinstance(connection, PromptConnection) for connection in topic.connections or ()):
         with topic.c_lock:
@@ -31,15 +31,15 @@ def prompt_connections(topic: Any) -> Sequence["PromptConnection"]:
                 connection if isinstance(connection, PromptConnection) else PromptConnection(connection)
                 for connection in topic.connections
             ]
-    return topic.connections or ()  # none while rospy closes it
+    return topic.connections or ()  # None while rospy closes the topic
 
 
 class PromptConnection(Listener):
-    """Connection of a listener that replaces rospy's QueuedConnection; it never waits for the listener either.
+    """Connection to a subscriber that replaces rospy's QueuedConnection; like that, it never waits for the subscriber.
 
     Args:
-        connection: connection of rospy.
-        queue_size: size of rospy's queue; waiting data is bounded in bytes instead, see `listeners.LIMIT`.
+        connection: rospy's connection.
+        queue_size: not used: queued data is limited in bytes instead, see `listeners.LIMIT`.
     """
 
     def __init__(self, connection: Any, queue_size: int = 0) -> None:
@@ -52,7 +52,7 @@ class PromptConnection(Listener):
         return getattr(self._connection, name)
 
     def write_data(self, data: bytes | bytearray) -> bool:
-        """Send or queue data. Raises TransportTerminated: the connection is closed."""
+        """Send data, and queue what cannot be sent at once. Raises TransportTerminated if the connection is closed."""
         DISPATCHER.send((Parcel((self,), bytes(data)),))
         if not self.open:
             raise TransportTerminated("connection closed")

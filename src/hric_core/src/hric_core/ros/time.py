@@ -1,8 +1,8 @@
-"""ROS time in the process that publishes it.
+"""ROS time in the process that publishes /clock.
 
-A node under `use_sim_time` subscribes to /clock. The process that publishes /clock knows the time already, and
-receiving its own messages costs it a twentieth of its time when it runs faster than real time. So it starts without
-that subscription and sets the clock of rospy itself.
+If `/use_sim_time` is true, rospy subscribes to /clock. The process that publishes /clock knows the time already, and
+receiving its own messages would take a twentieth of its computing time when it runs faster than real time. So it starts
+without that subscription and sets rospy's clock itself.
 """
 
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ def init_clock_node(name: str, argv: Sequence[str]) -> bool:
 
     Args:
         name: default name of the node.
-        argv: the command line.
+        argv: words of the command line.
 
     Returns:
         True if the other nodes use /clock (`/use_sim_time` is true).
@@ -37,12 +37,12 @@ def init_clock_node(name: str, argv: Sequence[str]) -> bool:
 
 
 def set_time(stamp: Any) -> None:
-    """Set the result of `rospy.Time.now()` in this process, and wake threads that sleep by it.
+    """Set the time that `rospy.Time.now()` returns in this process, and wake threads in `rospy.sleep`.
 
     Args:
-        stamp: genpy.Time.
+        stamp: new time (genpy.Time).
     """
-    # The same as rospy's /clock callback, which has no public name and spends most of its time on a warning.
+    # This is what rospy's /clock callback does; that has no public name and spends most of its time on a warning.
     rostime = rospy.rostime
     with rostime._rostime_cond:
         rostime._rostime_current = rospy.Time(stamp.secs, stamp.nsecs)

@@ -1,1 +1,1 @@
-"""Recorded trials of a laboratory, which emulated sensors replay: markers, analog channels, force plates."""
+"""Recorded motion laboratory trials, which emulated sensors replay: markers, analog channels, force plates."""

@@ -1,6 +1,6 @@
-"""Recorded trial from a c3d file: markers, analog channels and force plates.
+"""Reader of a recorded trial from a c3d file: markers, analog channels and force plates.
 
-Needs no ROS; ezc3d reads the file, in its own process."""
+It needs no ROS. The library ezc3d reads the file, in a separate process."""
 
 import json
 import os
@@ -23,20 +23,20 @@ from hric_core.geometry.transforms import vectors_z_up
 from hric_core.trial.plates import Group, PlateError, TrialPlate, read_plates
 
 PROGRAMS = ("c3d", "trc", "mot")
-"""Programs that replay a recorded file: the first is for emulated sensors, all of them for a simulated human."""
+"""Values of the parameter `program` that replay a file: "c3d" for emulated sensors, all for a simulated human."""
 METRES = {"mm": 1e-3, "cm": 1e-2, "dm": 0.1, "m": 1.0}
-"""Factors from POINT:UNITS to metres."""
+"""Factors to metres, by the unit of length in a c3d file (parameter POINT:UNITS)."""
 VOLTS = {"v": 1.0, "volts": 1.0, "mv": 1e-3, "uv": 1e-6, "µv": 1e-6, "μv": 1e-6}
-"""Factors from ANALOG:UNITS, in lower case, to volts."""
+"""Factors to volts, by the unit of an analog channel in a c3d file (parameter ANALOG:UNITS), in lower case."""
 PACKAGE = "package://"
 READER = Path(__file__).with_name("c3d_child.py")
-"""Script that reads the file. It is not imported, as ezc3d takes a tenth of a second."""
+"""Script that reads a c3d file in a separate process."""
 BLOCK = 512
 """Size of a block of a c3d file [byte]."""
 MAGIC = 0x50
-"""Second byte of a c3d file."""
+"""Second byte of every c3d file, by which the format is recognised."""
 ORDERS = {84: "<", 85: "<", 86: ">"}
-"""Byte order by the processor type of the parameter section: Intel, DEC, SGI."""
+"""Byte order (format of `struct`) by the processor type in the parameter section: Intel, DEC, SGI."""
 TIMEOUT = 60.0
 """Longest time to read a file [s] (project default, unconfirmed)."""
 
@@ -46,17 +46,17 @@ class Trial:
     """Content of a c3d file. Axes are those of the laboratory, rotated to z up.
 
     Attributes:
-        name: name of the file, for messages.
+        name: name of the file, for error messages.
         rate: frame rate [Hz].
         labels: names of the markers.
-        positions: shape (frames, markers, 3) [m]; NaN: not visible.
+        positions: marker positions, shape (frames, markers, 3) [m]; NaN: not visible.
         analog_rate: rate of the analog samples [Hz], a whole multiple of `rate`; 0: there are none.
         channels: labels of the analog channels.
         units: unit of each channel, as in the file.
-        analogs: shape (samples, channels), in those units.
+        analogs: analog samples, shape (samples, channels), each channel in its unit.
         plates: force plates.
         up: axis that points up in the file, "y" or "z".
-        start: time of the first frame on the clock of the exported run [s]; 0 for other files.
+        start: for a file exported from a run of HRIC, robot time of the first frame [s]; 0 for other files.
     """
 
     name: str
@@ -88,7 +88,7 @@ class Trial:
         """Return samples of some channels, shape (samples, len(channels)) [V].
 
         Raises:
-            HricError: no such channel, or one in another unit.
+            HricError: there is no such channel, or its unit is not a voltage.
         """
         if not self.channels:
             raise ParameterError(f"{self.name} has no analog channels")
@@ -114,7 +114,7 @@ class Trial:
 
 
 def resolve(address: str) -> Path:
-    """Return the file of a path or a package://package/path address. Raises ParameterError."""
+    """Return the absolute path of a path or package:// address. Raises ParameterError if there is no such package."""
     if not address.startswith(PACKAGE):
         return Path(address).expanduser().absolute()
     import rospkg
@@ -127,7 +127,7 @@ def resolve(address: str) -> Path:
 
 
 def located(tree: Any, folder: Path) -> Any:
-    """Return the data with absolute paths for programs that replay a trial; folder: base of relative paths."""
+    """Return settings with absolute `path`s wherever a `program` replays a file; `folder`: base of relative paths."""
     if not isinstance(tree, Mapping):
         return tree
     absolute = {key: located(value, folder) for key, value in tree.items()}
@@ -142,10 +142,11 @@ def read_trial(path: Path, up: str = "") -> Trial:
 
     Args:
         path: path of the file.
-        up: vertical axis in the file, y or z; "": that of its POINT:Y_SCREEN, else z, as is usual in laboratories.
+        up: vertical axis in the file, y or z; empty: that of the parameter POINT:Y_SCREEN, or z without it, as is usual
+            in laboratories.
 
     Raises:
-        HricError: it cannot be read, or its content is no valid trial; one line.
+        HricError: the file cannot be read, or its content is not valid; the message is one line.
     """
     if up and up not in UP_AXES:
         raise ParameterError(f"the axis that points up in {path.name} is {up!r}; valid: {', '.join(UP_AXES)}")
@@ -158,26 +159,26 @@ def read_trial(path: Path, up: str = "") -> Trial:
 
 @dataclass(frozen=True)
 class TrialSettings(parameters.Settings):
-    """Choice of a recorded trial."""
+    """Parameters that select a recorded trial: file and vertical axis."""
 
     path: str = parameters.text(valid="a c3d file, path or package:// address,", empty=False)
     up: str = parameters.text("", text="axis that points up in the file, y or z; empty: as in the file")
 
     def trial(self) -> Trial:
-        """Return the trial. Raises ParameterError."""
+        """Read the selected trial. Raises ParameterError if the file cannot be read or is not valid."""
         try:
             return read_trial(resolve(self.path), self.up)
         except HricError as error:
             raise ParameterError(f"{self.prefix}path: {error}") from error
 
 
-@lru_cache(maxsize=4)  # several readings: before the run, and for markers, plates and EMG of one file
+@lru_cache(maxsize=4)  # one file is read several times: before the run, and for markers, plates and EMG
 def _read(path: Path, up: str, modified: int, size: int) -> Trial:
     _check_size(path, size)
     with tempfile.TemporaryDirectory() as folder:
         output = Path(folder) / "trial.npz"
         words = [sys.executable, os.fspath(READER), os.fspath(path), os.fspath(output)]
-        try:  # in its own session: the terminal's Ctrl-C would look like a damaged file
+        try:  # in a session of its own: otherwise Ctrl-C in the terminal would look like a damaged file
             done = subprocess.run(
                 words, capture_output=True, text=True, timeout=TIMEOUT, check=False, start_new_session=True
             )
@@ -192,7 +193,7 @@ def _read(path: Path, up: str, modified: int, size: int) -> Trial:
 
 
 def _check_size(path: Path, size: int) -> None:
-    """Check the counts of the header against the size of the file, before they are used."""
+    """Check that the numbers of frames and channels in the header fit the size [byte] of the file."""
     try:
         with path.open("rb") as file:
             head = file.read(BLOCK)
@@ -201,7 +202,7 @@ def _check_size(path: Path, size: int) -> None:
     except OSError as error:
         raise ParameterError(f"c3d file {path}: {error.strerror}") from error
     if len(head) < BLOCK or head[1] != MAGIC or len(parameters) < 4 or parameters[3] not in ORDERS:
-        raise ParameterError(f"{path} is no c3d file")
+        raise ParameterError(f"{path} is not a c3d file")
     order = ORDERS[parameters[3]]
     points, analogs, first, last = struct.unpack_from(f"{order}4H", head, 2)
     (start,) = struct.unpack_from(f"{order}H", head, 16)
@@ -211,14 +212,14 @@ def _check_size(path: Path, size: int) -> None:
     needed = (start - 1) * BLOCK + frames * (4 * points + analogs) * width
     if frames < 1 or start < 2 or needed > size:
         raise ParameterError(
-            f"c3d file {path} is damaged: its header announces {frames} frames, {needed} bytes, and it has {size}"
+            f"c3d file {path} is damaged: {frames} frames by its header need {needed} bytes, and the file has {size}"
         )
 
 
 def _trial(
     path: Path, up: str, parameters: Mapping[str, Group], points: FloatArray, residuals: FloatArray, analogs: FloatArray
 ) -> Trial:
-    """Return the checked data in metres and with z up."""
+    """Check the raw content of a c3d file and return it in metres and with z up."""
     name, point, analog = path.name, parameters.get("POINT", {}), parameters.get("ANALOG", {})
     rate = _first(point, "RATE")
     if not (np.isfinite(rate) and rate > 0) or not points.shape[2] + analogs.shape[1]:
@@ -262,7 +263,7 @@ def _trial(
 
 
 def _up(point: Group) -> str:
-    """Return the axis that is drawn upwards, from POINT:Y_SCREEN."""
+    """Return the vertical axis, "y" or "z", by the parameter POINT:Y_SCREEN, the axis that is drawn upwards."""
     screen = str((point.get("Y_SCREEN") or [""])[0]).strip().upper()
     return "y" if screen.endswith("Y") else "z"
 
@@ -273,13 +274,13 @@ def _first(group: Group, name: str) -> float:
 
 
 def _texts(group: Group, name: str, count: int) -> list[str]:
-    """Return the first texts of a parameter that continues in NAME2, NAME3, ...; missing texts are empty."""
+    """Return the first `count` texts of a parameter that continues in NAME2, NAME3, ...; missing texts are empty."""
     texts = [text for key in (name, *(f"{name}{k}" for k in range(2, 100))) for text in group.get(key, [])]
     return (texts + [""] * count)[:count]
 
 
 def _labels(group: Group, name: str, count: int) -> tuple[str, ...]:
-    """Return unique names: duplicates get their number appended."""
+    """Return unique labels: a duplicate gets its number appended, a missing label becomes "*number"."""
     labels: list[str] = []
     for number, text in enumerate(_texts(group, name, count), 1):
         label = text.strip() or f"*{number}"

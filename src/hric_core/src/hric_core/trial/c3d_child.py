@@ -1,7 +1,7 @@
-"""Reader of a c3d file through ezc3d, in its own process: that library ends its process on some damaged files.
+"""Script that reads a c3d file with ezc3d, in a separate process, as ezc3d crashes on some damaged files.
 
-Run by `c3d.read_trial`. Usage: python3 c3d_child.py FILE OUTPUT. OUTPUT becomes a .npz with arrays and, as JSON text,
-the parameters.
+`c3d.read_trial` runs it. Usage: python3 c3d_child.py FILE OUTPUT. OUTPUT becomes a .npz file with arrays and, as JSON
+text, the parameters.
 """
 
 import json
@@ -13,11 +13,11 @@ import numpy as np
 
 GROUPS = ("POINT", "ANALOG", "FORCE_PLATFORM", "HRIC")
 MEMORY = 4 << 30
-"""Memory limit of a reading [byte]; counts in a damaged file can be of any size (project default, unconfirmed)."""
+"""Memory limit of this process [byte]; numbers in a damaged file can be of any size (project default, unconfirmed)."""
 
 
 def main(path: str, output: str) -> int:
-    """Read the file and return the exit code; the reason of a failure goes to stderr."""
+    """Read the c3d file, write the .npz file and return the exit code; an error is printed to stderr."""
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     try:
         file = ezc3d.c3d(path)

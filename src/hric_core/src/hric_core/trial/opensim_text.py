@@ -1,6 +1,6 @@
-"""Recorded motions in OpenSim's text formats: markers in .trc files, columns over time in .mot and .sto files.
+"""Reader of recorded motions in OpenSim's text formats: markers in .trc files, time series in .mot and .sto files.
 
-Needs neither ROS nor OpenSim."""
+It needs neither ROS nor OpenSim."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,9 +13,9 @@ from hric_core.trial.c3d import METRES
 
 END = "endheader"
 UNEVEN = 0.01
-"""Largest relative deviation of a time step from the median (project default, unconfirmed)."""
+"""Largest relative deviation of a time step from the median step [1] (project default, unconfirmed)."""
 TRC_HEAD = 5
-"""Lines of a .trc file before its rows: type, keys, values, names of markers, names of axes."""
+"""Number of header lines of a .trc file: type, keys, values, names of markers, names of axes."""
 
 
 @dataclass(frozen=True)
@@ -23,8 +23,8 @@ class Storage:
     """Content of a .mot or .sto file.
 
     Attributes:
-        time: rising, shape (n,) [s].
-        columns: values by label, shape (n,).
+        time: times, increasing, shape (n,) [s].
+        columns: values by label of the column, each of shape (n,).
         degrees: True if rotations are in degrees.
     """
 
@@ -38,8 +38,8 @@ class MarkerRows:
     """Content of a .trc file.
 
     Attributes:
-        time: rising, shape (n,) [s].
-        markers: positions by name, in axes of the file, shape (n, 3) [m]; NaN: not visible.
+        time: times, increasing, shape (n,) [s].
+        markers: positions by marker name, in the axes of the file, each of shape (n, 3) [m]; NaN: not visible.
     """
 
     time: FloatArray
@@ -50,30 +50,32 @@ def read_storage(path: Path) -> Storage:
     """Read a .mot or .sto file, as the tools of OpenSim write it.
 
     Raises:
-        ParameterError: it cannot be read, or has another content; one line.
+        ParameterError: the file cannot be read, or has another content; the message is one line.
     """
     lines = _lines(path)
     head = [line.strip().lower() for line in lines]
     if END not in head:
-        raise ParameterError(f"{path} is no motion or storage file of OpenSim: it has no line {END!r}")
+        raise ParameterError(f"{path} is not a motion or storage file of OpenSim: it has no line {END!r}")
     start = head.index(END) + 1
     labels = lines[start].split() if start < len(lines) else []
     if len(labels) < 2 or labels[0].lower() != "time" or len(set(labels)) < len(labels):
-        raise ParameterError(f"{path}, line {start + 1}: valid: `time` and the labels of the columns, each once")
+        raise ParameterError(
+            f"{path}, line {start + 1}: wrong column labels; valid: `time`, then the other labels, each once"
+        )
     matrix = _matrix(path, [(k, lines[k].split()) for k in range(start + 1, len(lines)) if lines[k].strip()], labels)
     degrees = "indegrees=yes" in {line.replace(" ", "") for line in head[:start]}
     return Storage(_rising(path, matrix[:, 0]), {label: matrix[:, k] for k, label in enumerate(labels) if k}, degrees)
 
 
 def read_markers(path: Path) -> MarkerRows:
-    """Read a .trc file; empty cells and those of three zeros are invisible markers.
+    """Read a .trc file. A marker whose cells are empty, or all three zero, is not visible in that row.
 
     Raises:
-        ParameterError: it cannot be read, or has another content; one line.
+        ParameterError: the file cannot be read, or has another content; the message is one line.
     """
     lines = _lines(path)
     if len(lines) < TRC_HEAD or not lines[0].startswith("PathFileType"):
-        raise ParameterError(f"{path} is no .trc file: its first line does not begin with PathFileType")
+        raise ParameterError(f"{path} is not a .trc file: its first line does not begin with PathFileType")
     keys = dict(zip(lines[1].split(), lines[2].split(), strict=False))
     unit = keys.get("Units", "mm")
     if unit not in METRES:
@@ -81,7 +83,7 @@ def read_markers(path: Path) -> MarkerRows:
     names = [name.strip() for name in lines[3].split("\t")[2:] if name.strip()]
     labels = ["frame", "time", *(f"{name} {axis}" for name in names for axis in "xyz")]
     if not names or len(set(names)) < len(names):
-        raise ParameterError(f"{path}, line 4: valid: names of markers, each once")
+        raise ParameterError(f"{path}, line 4: wrong marker names; valid: one name or more, each once")
     rows = [(k, _padded(lines[k].split("\t"), len(labels))) for k in range(TRC_HEAD, len(lines)) if lines[k].strip()]
     matrix = _matrix(path, rows, labels)
     positions = METRES[unit] * matrix[:, 2:].reshape(len(matrix), -1, 3)
@@ -90,10 +92,10 @@ def read_markers(path: Path) -> MarkerRows:
 
 
 def rate_of(path: Path, time: FloatArray) -> float:
-    """Return the rate of rows at even times [Hz]. Raises ParameterError; path: for its message."""
+    """Return the rate of evenly spaced rows [Hz]. Raises ParameterError, with `path`, if they are not evenly spaced."""
     steps = np.diff(time)
     if not len(steps) or np.abs(steps / np.median(steps) - 1.0).max() > UNEVEN:
-        raise ParameterError(f"{path}: valid: two rows or more, at even times")
+        raise ParameterError(f"{path}: rows are not evenly spaced in time; valid: two rows or more, at a constant rate")
     return float((len(time) - 1) / (time[-1] - time[0]))
 
 
@@ -103,18 +105,20 @@ def _lines(path: Path) -> list[str]:
     except OSError as error:
         raise ParameterError(f"{path}: {error.strerror}") from error
     except UnicodeDecodeError as error:
-        raise ParameterError(f"{path} is no text file") from error
+        raise ParameterError(f"{path} is not a text file") from error
 
 
 def _padded(cells: list[str], width: int) -> list[str]:
-    """Return a row with empty cells at its end removed or added up to the width."""
+    """Return a row with empty cells removed from or added to its end, so that it has `width` cells if possible."""
     while len(cells) > width and not cells[-1].strip():
         cells.pop()
     return cells + [""] * (width - len(cells))
 
 
 def _matrix(path: Path, rows: list[tuple[int, list[str]]], labels: list[str]) -> FloatArray:
-    """Return the numbers of rows, each with the index of its line; an empty cell is NaN."""
+    """Return the numbers in rows of text cells, shape (rows, labels); an empty cell becomes NaN.
+
+    Each row is given with the index of its line in the file, for error messages."""
     numbers = []
     for index, cells in rows:
         if len(cells) != len(labels):
@@ -130,5 +134,5 @@ def _matrix(path: Path, rows: list[tuple[int, list[str]]], labels: list[str]) ->
 
 def _rising(path: Path, time: FloatArray) -> FloatArray:
     if not np.isfinite(time).all() or (np.diff(time) <= 0.0).any():
-        raise ParameterError(f"{path}: valid: times that rise")
+        raise ParameterError(f"{path}: the times of the rows do not increase; valid: finite, increasing times")
     return time

@@ -1,4 +1,4 @@
-"""Force plates of a c3d file: their poses and their loads."""
+"""Reader of the force plates in a c3d file: their poses and the measured loads."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -9,15 +9,15 @@ import numpy as np
 from hric_core.geometry.transforms import FloatArray, homogeneous, vectors_z_up
 
 Group = Mapping[str, list[Any]]
-"""Group of parameters of a c3d file: arrays as nested lists, by name."""
+"""Parameter group of a c3d file: arrays as nested lists, by parameter name."""
 CHANNELS = {2: 6, 3: 8, 4: 6}
-"""Number of analog channels by type of a supported plate."""
+"""Number of analog channels by type of force plate; the keys are the supported types."""
 MOMENT_UNITS = {"nmm": 1e-3, "nm": 1.0}
-"""Factors from the unit of a moment channel, lower-case letters only, to N m."""
+"""Factors to N m, by the unit of a moment channel, reduced to its letters in lower case."""
 
 
 class PlateError(Exception):
-    """Error of invalid force plates in the file; the message gives the reason in one line."""
+    """Invalid force plate data in a c3d file; the message gives the reason in one line."""
 
 
 @dataclass(frozen=True)
@@ -25,10 +25,10 @@ class TrialPlate:
     """Force plate of a trial.
 
     Attributes:
-        kind: type in the file.
+        kind: type number of the plate in the file.
         rate: sample rate [Hz].
-        T_lab_plate: pose of the middle of the surface, shape (4, 4), in the laboratory with z up; z of the plate points
-            up, x is that of the file.
+        T_lab_plate: pose of the plate's frame in the laboratory with z up, shape (4, 4). The origin is the middle of
+            the surface, z points up, x is that of the plate's axes in the file.
         size: size of the surface along x and y [m].
         load: load on the plate, in its frame about the middle of the surface: Fx, Fy, Fz [N], Mx, My, Mz [N m], shape
             (samples, 6).
@@ -41,18 +41,21 @@ class TrialPlate:
     load: FloatArray
 
     def at(self, time: float) -> tuple[float, ...]:
-        """Return the load at a time of the trial [s], interpolated linearly, constant outside the samples."""
+        """Return the load (3 forces [N], 3 moments [N m]) at a time of the trial [s], interpolated linearly.
+
+        Before the first sample and after the last one, the load is that of this sample."""
         return tuple(self.loads(np.array([time]))[0].tolist())
 
     def loads(self, times: FloatArray) -> FloatArray:
-        """Return the load at many times, shape (n,) [s] -> shape (n, 6)."""
+        """Return the loads (3 forces [N], 3 moments [N m]), shape (n, 6), at times of the trial [s], shape (n,)."""
         return interpolated(times, self.rate, self.load)
 
 
 def interpolated(times: FloatArray, rate: float, samples: FloatArray) -> FloatArray:
-    """Return samples at k / rate, shape (m, channels), interpolated at times [s], shape (n,) -> shape (n, channels).
+    """Return evenly spaced samples, interpolated linearly at times [s], shape (n,); the result has shape (n, channels).
 
-    Outside the samples the first or the last one is returned."""
+    `samples`, shape (m, channels), begin at time 0 and have the rate `rate` [Hz]. Before the first and after the last
+    sample, that sample is returned."""
     position = np.clip(np.asarray(times) * rate, 0.0, len(samples) - 1.0)
     before = np.minimum(position.astype(int), max(len(samples) - 2, 0))
     after = np.minimum(before + 1, len(samples) - 1)
@@ -63,21 +66,21 @@ def interpolated(times: FloatArray, rate: float, samples: FloatArray) -> FloatAr
 def read_plates(
     group: Group, analogs: FloatArray, units: Sequence[str], rate: float, metres: float, up: str
 ) -> tuple[TrialPlate, ...]:
-    """Return the plates of a file.
+    """Return the force plates of a c3d file.
 
-    The channels give the reaction of the plate on its load, in the plate's axes, whose z usually points down
+    The channels give the reaction of the plate on what is on it, in the plate's axes, whose z usually points down
     (INTERFACE.md gives the sources).
 
     Args:
-        group: FORCE_PLATFORM.
-        analogs: shape (channels, samples).
+        group: parameter group FORCE_PLATFORM.
+        analogs: analog samples, shape (channels, samples).
         units: units of the channels.
         rate: sample rate [Hz].
-        metres: unit of the file's lengths [m].
-        up: axis that points up in the file.
+        metres: unit of length of the file [m].
+        up: axis that points up in the file, "y" or "z".
 
     Raises:
-        PlateError: the parameters do not fit, or the type of a plate is unknown.
+        PlateError: parameters are missing or invalid, or the type of a plate is not supported.
     """
     used = np.ravel(group.get("USED", [0]))
     count = int(used[0]) if len(used) else 0
@@ -107,7 +110,7 @@ def _plate(
     wrench = _type_3(signals, origin) if kind == 3 else signals * np.array([1, 1, 1, moments, moments, moments])
     if (
         origin[2] > 0
-    ):  # the plate's origin is below its surface and z points down: written with the wrong sign, as ezc3d takes it too
+    ):  # z points down and the origin is below the surface, so z must be negative: the sign is wrong; ezc3d agrees
         origin = -origin
     about_surface = np.array([0.0, 0.0, origin[2]]) if kind == 3 else origin
     wrench[:, 3:] += np.cross(wrench[:, :3], about_surface)
@@ -115,9 +118,10 @@ def _plate(
 
 
 def _type_3(ch: FloatArray, origin: FloatArray) -> FloatArray:
-    """Return Fx12 Fx34 Fy14 Fy23 Fz1 Fz2 Fz3 Fz4 as a wrench about the origin, by Kistler's formulae.
+    """Return the wrench about the plate's origin, shape (samples, 6), of a type 3 plate, by Kistler's formulae.
 
-    a and b are the distances of the sensors [m]."""
+    `ch`: channels Fx12 Fx34 Fy14 Fy23 Fz1 Fz2 Fz3 Fz4, shape (samples, 8). In the formulae, a and b are the distances
+    of the four sensors from the centre along x and y [m]."""
     a, b = abs(origin[0]), abs(origin[1])
     x12, x34, y14, y23, z1, z2, z3, z4 = ch.T
     mx, my = b * (z1 + z2 - z3 - z4), a * (z2 + z3 - z1 - z4)
@@ -125,9 +129,9 @@ def _type_3(ch: FloatArray, origin: FloatArray) -> FloatArray:
 
 
 def _turned(kind: int, rate: float, corners: FloatArray, reaction: FloatArray, up: str) -> TrialPlate:
-    """Return the plate with its load in a frame whose z points up.
+    """Return the plate, with the load in a frame whose z points up.
 
-    Corners in the quadrants of the file's plate: +x +y, -x +y, -x -y, +x -y."""
+    `corners`, shape (4, 3) [m], are in the quadrants +x +y, -x +y, -x -y, +x -y of the plate's axes in the file."""
     corners = vectors_z_up(up, corners)
     x, y = corners[0] - corners[1], corners[0] - corners[3]
     z = np.cross(x, y)
@@ -146,7 +150,7 @@ def _turned(kind: int, rate: float, corners: FloatArray, reaction: FloatArray, u
 
 
 def _of(group: Group, name: str, number: int, shape: tuple[int, ...]) -> FloatArray:
-    """Return the values of one plate; the last index of a parameter is that of the plate."""
+    """Return the values of a parameter for one plate, with the given shape; the parameter's last index is the plate."""
     values = np.asarray(group.get(name, []), dtype=float)
     if (
         values.ndim != len(shape) + 1

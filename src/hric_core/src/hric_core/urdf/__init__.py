@@ -3,8 +3,8 @@
     robot = read(urdf_xml)
     robot.joints["panda_joint1"].upper
 
-Descriptions without a valid meaning are refused here, with an error that names the element: see `read`. Forms that only
-one user does not support, such as floating joints in PyBullet or an inertia that no body has, are refused by that user.
+An invalid description is refused here, with an error that names the element: see `read`. Valid content that only some
+programs do not support, such as floating joints in PyBullet or an impossible inertia, is refused by those programs.
 """
 
 from hric_core.urdf.reading import read

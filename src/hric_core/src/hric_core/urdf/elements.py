@@ -1,4 +1,4 @@
-"""Numbers of XML elements, with errors that name the element."""
+"""Reading of URDF XML: the root element, numbers in attributes and origins, with errors that name the element."""
 
 import math
 import re
@@ -12,21 +12,21 @@ from hric_core.geometry import FloatArray, homogeneous, transform_from_rpy
 from hric_core.geometry.transforms import rotation_from_quaternion
 
 VERSIONS = ("1.0", "1.1", "1.2")
-"""Versions of the format; the first is the default. urdfdom 6 reads the same.
+"""Supported versions of the URDF format; the first is the default. urdfdom 6 supports the same versions.
 
-1.1 brought quat_xyzw, 1.2 the capsule, which is read in any version."""
+Version 1.1 introduced quat_xyzw, 1.2 the capsule; a capsule is read in any version."""
 DECIMAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
-"""Pattern of numbers as urdfdom reads them: digits of ASCII, a point, an exponent."""
+"""Pattern of numbers that urdfdom reads: ASCII digits, a decimal point, an exponent."""
 
 
 def parse(document: str | bytes) -> Element:
-    """Return the `<robot>` element of a document, with numbers as they are written.
+    """Return the `<robot>` element of a URDF document; its numbers remain text.
 
-    Tags and attributes keep their prefix: a namespace means nothing, declared or not, as in urdfdom. Blank text before
-    an XML declaration is ignored.
+    Tags and attributes keep their prefix: as in urdfdom, XML namespaces have no effect, declared or not. Blank text
+    before the XML declaration is ignored.
 
     Args:
-        document: text, or the bytes of a file, whose encoding is that of its declaration.
+        document: text, or the bytes of a file in the encoding that its XML declaration gives.
 
     Raises:
         DescriptionError: not XML, another root element, an unknown version, or an attribute that the version does not
@@ -59,8 +59,8 @@ def _check_version(root: Element) -> None:
     for element in root.iter() if version == VERSIONS[0] else ():
         if any("quat_xyzw" in tag.attrib for tag in element.findall("origin")):
             raise DescriptionError(
-                f"{element.tag} {element.get('name', '')}: quat_xyzw of <origin> is URDF 1.1 and the description is "
-                f'1.0, in which it means nothing; give <robot> version="1.1", or write rpy'
+                f"{element.tag} {element.get('name', '')}: quat_xyzw of <origin> needs URDF 1.1, and the description "
+                f'has version 1.0, in which it is ignored; set version="1.1" in <robot>, or write rpy'
             )
 
 
@@ -68,7 +68,7 @@ def as_number(text: str, where: str) -> float:
     """Return `text` as a finite decimal number.
 
     Raises:
-        DescriptionError: it is not one; the message begins with `where`.
+        DescriptionError: the text is not such a number; the message begins with `where`.
     """
     word = text.strip(" \t\r\n")
     value = float(word) if DECIMAL.fullmatch(word) else math.nan
@@ -78,7 +78,7 @@ def as_number(text: str, where: str) -> float:
 
 
 def number(element: Element, attribute: str, where: str, default: float | None = None) -> float:
-    """Return the finite number in an attribute.
+    """Return the finite number in an attribute of an XML element.
 
     Args:
         element: element with the attribute.
@@ -87,7 +87,7 @@ def number(element: Element, attribute: str, where: str, default: float | None =
         default: value if the attribute is absent; None makes it required.
 
     Raises:
-        DescriptionError: absent without a default, or not a finite number.
+        DescriptionError: the attribute is absent and has no default, or is not a finite number.
     """
     text = element.get(attribute)
     if text is not None:
@@ -98,10 +98,11 @@ def number(element: Element, attribute: str, where: str, default: float | None =
 
 
 def numbers(element: Element, attribute: str, count: int, default: str, where: str) -> list[float]:
-    """Return `count` finite numbers of an attribute; `default` is its text if it is absent.
+    """Return the `count` finite numbers in an attribute of an XML element; `default`: text if it is absent.
 
     Raises:
-        DescriptionError: other than that; the message begins with `where`.
+        DescriptionError: the attribute has another number of words, or a word is not a finite number; the message
+            begins with `where`.
     """
     words, source = element.get(attribute, default).split(), f"{where}: {attribute} of <{element.tag}>"
     if len(words) != count:
@@ -110,7 +111,7 @@ def numbers(element: Element, attribute: str, count: int, default: str, where: s
 
 
 def origin(element: Element, where: str) -> FloatArray:
-    """Return the pose of an element's `<origin>`, the identity without one, shape (4, 4) [m]."""
+    """Return the pose in an element's `<origin>`, shape (4, 4) [m]; the identity if there is no `<origin>`."""
     tag = element.find("origin")
     if tag is None:
         return np.eye(4)
@@ -118,7 +119,7 @@ def origin(element: Element, where: str) -> FloatArray:
         quaternion = np.array(numbers(tag, "quat_xyzw", 4, "", where))
         length = float(np.linalg.norm(quaternion))
         if "rpy" in tag.attrib or not length:
-            raise DescriptionError(f"{where}: <origin> needs either rpy, or quat_xyzw of a length other than 0")
+            raise DescriptionError(f"{where}: <origin> needs either rpy, or a quat_xyzw that is not zero")
         return homogeneous(
             rotation_from_quaternion((quaternion / length).tolist()), numbers(tag, "xyz", 3, "0 0 0", where)
         )

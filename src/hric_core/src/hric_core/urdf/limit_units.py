@@ -1,8 +1,9 @@
-"""Limits of joints that were probably written in degrees, mm or N mm.
+"""Detection of joint limits in a URDF that were probably written in degrees, mm or N mm.
 
-Rules and bounds follow public descriptions (PyPI example-robot-data 6.0.0 and pybullet, public repositories): stops of
-revolute joints reach 10 rad; what lies beyond and is meant takes the place of no end (+-1000, +-1e16), is whole turns
-(+-62.83), or is the travel of a virtual base (prismatic, +-50). Velocities and efforts are often loose bounds.
+Rules and bounds follow public robot descriptions (PyPI example-robot-data 6.0.0 and pybullet, public repositories):
+stops of revolute joints are at up to 10 rad. Intended values beyond that mean "no limit" (+-1000, +-1e16), are whole
+turns (+-62.83), or are the range of a virtual mobile base (prismatic, +-50). Velocity and effort limits are often far
+too high, without a mistake in the unit.
 """
 
 import logging
@@ -15,18 +16,22 @@ from hric_core.urdf.robot import BOUNDED, NO_LIMIT, Joint
 
 LOG = logging.getLogger("hric.urdf")
 FASTEST = 60.0
-"""Velocity that no joint with stops exceeds [rad/s or m/s]: 59.9 in example-robot-data 6.0.0, romeo_laas_small.urdf."""
+"""Largest realistic velocity limit of a joint with stops [rad/s or m/s].
+
+The largest known one is 59.9, in example-robot-data 6.0.0, romeo_laas_small.urdf."""
 
 
 MAX_END = 16.0 * math.pi
-"""Largest end of a joint's range: eight turns, as of a cable drum [rad] (project default, unconfirmed)."""
+"""Largest possible position limit of a revolute joint [rad]: eight turns, e.g. of a cable drum.
+
+Project default, unconfirmed."""
 
 
 def check_limit_units(joints: Iterable[Joint]) -> None:
-    """Refuse impossible ends of a joint's range; warn once of limits that are probably in another unit.
+    """Refuse impossible position limits; log one warning about limits that are probably in another unit.
 
     Raises:
-        DescriptionError: with the joint, the end and the unit that was probably meant.
+        DescriptionError: a position limit is impossible; the message names joint, limit and probable unit.
     """
     bounded = [joint for joint in joints if joint.type in BOUNDED and math.isfinite(joint.upper - joint.lower)]
     for joint in bounded:
@@ -34,8 +39,8 @@ def check_limit_units(joints: Iterable[Joint]) -> None:
         for name, end, likely in _suspect_ends(joint):
             if abs(end) > possible:
                 raise DescriptionError(
-                    f"joint {joint.name}: its {name} limit {end:g} is beyond {largest(unit):.4g} [{unit}]{likely}; a "
-                    f"joint without ends is continuous, or has ends beyond {NO_LIMIT:g}"
+                    f"joint {joint.name}: its {name} limit {end:g} is beyond {largest(unit):.4g} [{unit}]{likely}; for "
+                    f"a joint without limits use the type continuous, or limits beyond {NO_LIMIT:g}"
                 )
     doubts = [doubt for joint in bounded for doubt in _doubts(joint)]
     if doubts:
@@ -44,12 +49,12 @@ def check_limit_units(joints: Iterable[Joint]) -> None:
 
 
 def _units(joint: Joint) -> tuple[str, str, str]:
-    """Return the units of ends, velocity and effort."""
+    """Return the units of a joint's position, velocity and effort limits."""
     return ("m", "m/s", "N") if joint.type == "prismatic" else ("rad", "rad/s", "N m")
 
 
 def _suspect_ends(joint: Joint) -> Iterator[tuple[str, float, str]]:
-    """Return name and value of each end that is larger than joints have, and the unit that was probably meant."""
+    """Yield ("lower" or "upper", value, hint with the probable unit) of each unrealistically large position limit."""
     unit = _units(joint)[0]
     for name, end, opposite in (("lower", joint.lower, joint.upper), ("upper", joint.upper, joint.lower)):
         likely = likely_unit(end, unit, -largest(unit), largest(unit))

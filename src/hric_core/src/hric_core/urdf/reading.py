@@ -1,4 +1,4 @@
-"""Reader of a URDF text, which refuses invalid content with the element's name."""
+"""Reader of a URDF text; errors about invalid content name the element."""
 
 from collections.abc import Mapping
 from functools import lru_cache
@@ -27,20 +27,21 @@ TENSOR = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 
 def read(urdf_xml: str, source: str = "") -> Robot:
-    """Return the robot of a pure URDF text; the same text gives the same object, which must not be changed.
+    """Return the robot that a URDF text describes. It is cached by the text, so it must not be changed.
 
-    As in urdfdom the first of several `<origin>`, `<inertial>`, `<axis>` or `<limit>` counts, and unknown elements and
-    attributes are ignored.
+    As in urdfdom, the first of several `<origin>`, `<inertial>`, `<axis>` or `<limit>` elements counts, and unknown
+    elements and attributes are ignored.
 
     Args:
-        urdf_xml: URDF without xacro.
-        source: name of the file, with which errors begin; empty if there is only one description.
+        urdf_xml: URDF text, with xacro expanded.
+        source: name of the file, with which error messages begin; empty if there is only one description.
 
     Raises:
         DescriptionError: not XML; an unknown version; not one tree (several roots, a cycle, a joint to a missing link);
             a missing or duplicate name; an `<inertial>` without `<mass>` or `<inertia>`, or with a negative mass; an
-            unknown joint type, an axis without length, missing or crossed limits or ends in degrees or mm, losses that
-            drive, a wrong mimic; an unknown geometry; a text that is not a finite number. It names the element.
+            unknown joint type, an axis of length 0, limits that are missing, crossed, or in degrees or mm, negative
+            damping or friction, a wrong mimic; an unknown geometry; a text that is not a finite number. The message
+            names the element.
     """
     try:
         return _robot(urdf_xml)
@@ -74,9 +75,9 @@ def _named(root: Element, kind: str) -> list[Element]:
     for index, element in enumerate(root.findall(kind), 1):
         name = element.get("name", "")
         if not name:
-            raise DescriptionError(f"<{kind}> number {index} has no name; give it one")
+            raise DescriptionError(f"<{kind}> number {index} of the robot description has no name; give it one")
         if name in names:
-            raise DescriptionError(f"{kind} {name!r} is there twice; names of {kind}s must differ")
+            raise DescriptionError(f"{kind} {name!r} is defined twice; names of {kind}s must differ")
         names.add(name)
     return root.findall(kind)
 
@@ -154,7 +155,7 @@ def _axis(element: Element, kind: str, where: str) -> FloatArray:
     axis = np.array(numbers(tag, "xyz", 3, "1 0 0", where))
     length = float(np.linalg.norm(axis))
     if length < 1e-6:
-        raise DescriptionError(f"{where}: its axis {axis.tolist()} has no length; give it a direction")
+        raise DescriptionError(f"{where}: its axis {axis.tolist()} has length 0; give it a direction")
     return np.asarray(axis / length)
 
 
@@ -199,9 +200,7 @@ def _check_mimic(joint: Joint, joints: dict[str, Joint]) -> None:
             )
         if source.type not in ONE_COORDINATE:
             valid = ", ".join(ONE_COORDINATE)
-            raise DescriptionError(
-                f"{where}: it mimics {source.name}, which is {source.type}; a joint can mimic {valid} ones"
-            )
+            raise DescriptionError(f"{where}: it mimics {source.name}, a {source.type} joint; valid types: {valid}")
         if source.name in chain:
             raise DescriptionError(
                 f"{where}: the joints mimic each other in a circle: {' -> '.join((*chain, source.name))}"
@@ -218,7 +217,7 @@ def _check_tree(links: dict[str, Link], joints: dict[str, Joint]) -> str:
         if joint.child in parents:
             both = f"{parents[joint.child]} and {joint.name}"
             raise DescriptionError(
-                f"link {joint.child} has two parent joints, {both}: a loop, which URDF cannot hold; remove one"
+                f"link {joint.child} has two parent joints, {both}; a URDF must be a tree: remove one"
             )
         parents[joint.child] = joint.name
     roots = [link for link in links if link not in parents]
@@ -240,6 +239,7 @@ def _from_root(root: str, joints: dict[str, Joint]) -> dict[str, Joint]:
         stack.extend(reversed(children.get(joint.child, [])))
     if lost := sorted(set(joints) - set(ordered)):
         raise DescriptionError(
-            f"joints {', '.join(lost)} form a cycle that does not hang on the root link {root}; a URDF is a tree"
+            f"joints {', '.join(lost)} form a cycle that is not connected to the root link {root}; a URDF must be a "
+            "tree"
         )
     return ordered

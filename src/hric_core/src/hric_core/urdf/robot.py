@@ -1,4 +1,4 @@
-"""Tree of a description: links, and joints from the root outwards."""
+"""Robot description as a tree: links, and joints in order from the root outwards."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,16 +16,16 @@ ONE_COORDINATE = ("revolute", "continuous", "prismatic")
 JOINT_TYPES = (*ONE_COORDINATE, "planar", "floating", "fixed")
 BOUNDED = ("revolute", "prismatic")
 NO_LIMIT = 1e4
-"""Bound of a position limit [rad or m] beyond which there is no limit: descriptions write 1e16 and the like.
+"""Absolute value from which on a position limit counts as no limit [rad or m]; descriptions use values such as 1e16.
 
 Project default, unconfirmed."""
 
 
 @dataclass(frozen=True)
 class Limit:
-    """`<limit>` as written: lower, upper [rad or m], largest effort [N m or N] and velocity [rad/s or m/s].
+    """`<limit>` of a joint, as written: lower, upper [rad or m], largest effort [N m or N] and velocity [rad/s or m/s].
 
-    None: there is no such attribute.
+    None: the attribute is missing.
     """
 
     lower: float = 0.0
@@ -36,7 +36,7 @@ class Limit:
 
 @dataclass(frozen=True)
 class SafetyController:
-    """`<safety_controller>` as written, with ros_control's meaning."""
+    """`<safety_controller>` of a joint, as written: gains and soft limits [rad or m], defined as in ros_control."""
 
     k_velocity: float
     k_position: float = 0.0
@@ -46,7 +46,7 @@ class SafetyController:
 
 @dataclass(frozen=True)
 class Mimic:
-    """Law of a mimic joint: q = multiplier * q of `joint` + offset [rad or m]."""
+    """Law of a mimic joint: its position is multiplier * (position of `joint`) + offset [rad or m]."""
 
     joint: str
     multiplier: float
@@ -55,15 +55,18 @@ class Mimic:
 
 @dataclass(frozen=True)
 class Joint:
-    """Joint of the description.
+    """Joint of a robot description.
 
     Attributes:
         type: one of JOINT_TYPES; the attributes after `axis` are only read for types with one coordinate.
-        T_parent_joint: pose of the joint (and child) frame at q = 0 in the parent link, shape (4, 4) [m].
-        axis: unit vector in the joint frame, shape (3,).
-        limit: as written; `lower`, `upper`, `effort` and `velocity` are its interpretation.
-        damping: viscous friction [N m s/rad or N s/m].
+        parent, child: names of the joined links.
+        T_parent_joint: pose of the joint frame (the child's frame at position 0) in the parent link, shape (4, 4) [m].
+        axis: unit vector of the axis in the joint frame, shape (3,).
+        limit: `<limit>` as written; use the properties `lower`, `upper`, `effort` and `velocity`.
+        damping: viscous friction coefficient [N m s/rad or N s/m].
         friction: Coulomb friction [N m or N].
+        mimic: law of a mimic joint; None: the joint moves independently.
+        safety: `<safety_controller>`; None: there is none.
     """
 
     name: str
@@ -80,14 +83,14 @@ class Joint:
 
     @property
     def lower(self) -> float:
-        """Lower end of the range [rad or m]; infinite without a range, -NO_LIMIT if only the upper end is a limit."""
+        """Lower position limit [rad or m]; -inf if the joint has no limits, -NO_LIMIT if it has only an upper one."""
         if self._unbounded or self.limit is None:
             return -math.inf
         return max(self.limit.lower, -NO_LIMIT)
 
     @property
     def upper(self) -> float:
-        """Upper end of the range [rad or m]; infinite without a range, NO_LIMIT if only the lower end is a limit."""
+        """Upper position limit [rad or m]; inf if the joint has no limits, NO_LIMIT if it has only a lower one."""
         if self._unbounded or self.limit is None:
             return math.inf
         return min(self.limit.upper, NO_LIMIT)
@@ -99,18 +102,18 @@ class Joint:
 
     @property
     def effort(self) -> float:
-        """Largest effort [N m or N]; infinite if it is missing or zero."""
+        """Effort limit [N m or N]; inf if it is missing or zero."""
         return (self.limit.effort if self.limit else None) or math.inf
 
     @property
     def velocity(self) -> float:
-        """Largest velocity [rad/s or m/s]; infinite if it is missing or not above zero."""
+        """Velocity limit [rad/s or m/s]; inf if it is missing or not above zero."""
         velocity = (self.limit.velocity if self.limit else None) or 0.0
         return velocity if velocity > 0.0 else math.inf
 
 
 def mimic_laws(joints: Mapping[str, Joint]) -> dict[str, Mimic]:
-    """Return the law of each mimic joint by name; its `joint` is the end of the chain, which mimics none."""
+    """Return the law of each mimic joint by name, with chains resolved: `joint` of each law mimics no other joint."""
     laws: dict[str, Mimic] = {}
     for name, joint in joints.items():
         if (law := joint.mimic) is None:
@@ -123,10 +126,11 @@ def mimic_laws(joints: Mapping[str, Joint]) -> dict[str, Mimic]:
 
 @dataclass(frozen=True)
 class Link:
-    """Link of the description.
+    """Link of a robot description.
 
     Attributes:
-        mass: mass properties in axes of the link; None without `<inertial>`.
+        mass: mass properties in the link's frame; None without `<inertial>`.
+        visuals, collisions: shapes of the link.
     """
 
     name: str
@@ -140,8 +144,8 @@ class Robot:
     """Robot description: links in document order, joints by name from the root outwards.
 
     Attributes:
-        root: link without parent.
-        element: element of the document, for content that this tree does not have (transmissions, plugins).
+        root: name of the link without parent.
+        element: `<robot>` element of the document, for content that is not in this tree (transmissions, plugins).
     """
 
     name: str
@@ -155,11 +159,11 @@ class Robot:
         check_known("link", [name], self.links, f"robot {self.name}")
 
     def check_actuated(self, names: Sequence[str]) -> None:
-        """Refuse joints that cannot be driven.
+        """Check that the named joints can be driven by actuators.
 
         Raises:
-            UnknownNameError: no such moving joint.
-            DescriptionError: there is none, or one that mimics another joint.
+            UnknownNameError: a name is not that of a moving joint.
+            DescriptionError: no names are given, or one of the joints mimics another joint.
         """
         if not names:
             raise DescriptionError(f"robot {self.name}: no joint to drive; give at least one a <transmission>")
@@ -173,11 +177,11 @@ class Robot:
                 )
 
     def path(self, root: str, tip: str) -> list[Joint]:
-        """Return the joints from link `root` out to link `tip`.
+        """Return the joints of the chain from link `root` to link `tip`.
 
         Raises:
-            UnknownNameError: no such link.
-            DescriptionError: the tip is not below the root.
+            UnknownNameError: there is no such link.
+            DescriptionError: `tip` is not a descendant of `root`.
         """
         self.check_link(root)
         self.check_link(tip)
@@ -186,7 +190,7 @@ class Robot:
         link = tip
         while link != root:
             if link not in above:
-                raise DescriptionError(f"link {tip} does not hang on link {root} in the description of {self.name}")
+                raise DescriptionError(f"link {tip} is not a descendant of link {root} in robot {self.name}")
             joints.insert(0, above[link])
             link = above[link].parent
         return joints
@@ -194,11 +198,13 @@ class Robot:
     def beyond(
         self, link: str, T: FloatArray | None = None, without: str | None = None
     ) -> Iterator[tuple[Joint, FloatArray]]:
-        """Yield the joints below a link, depth first, with the pose of their child at zero, shape (4, 4) [m].
+        """Yield the joints below a link, depth first, each with the pose of its child link, shape (4, 4) [m].
+
+        The poses are those with all joints at position 0.
 
         Args:
             link: link to start from.
-            T: its pose in the frame of the result; None: the link's own.
+            T: pose of this link in the frame in which the poses are returned; None: they are in the link's frame.
             without: joint that is left out with its subtree.
         """
         T_link = {link: np.eye(4) if T is None else T}
@@ -208,7 +214,7 @@ class Robot:
                 yield joint, T_link[joint.child]
 
     def rigid_groups(self) -> dict[str, tuple[str, FloatArray]]:
-        """Return for each link the topmost link to which it is fixed, and its pose in that, shape (4, 4) [m]."""
+        """Return for each link the topmost link to which it is rigidly fixed, and its pose in it, shape (4, 4) [m]."""
         groups = {self.root: (self.root, np.eye(4))}
         for joint in self.joints.values():
             top, T_top_parent = groups[joint.parent]
@@ -217,13 +223,15 @@ class Robot:
         return groups
 
     def neighbours(self) -> set[frozenset[str]]:
-        """Return the pairs of links without mutual contact: joined by fixed joints only, or by one moving joint."""
+        """Return the pairs of neighbouring links: joined by fixed joints and at most one moving joint.
+
+        Collisions within these pairs are not simulated."""
         tops = {link: top for link, (top, _) in self.rigid_groups().items()}
         adjacent = {frozenset((tops[joint.parent], tops[joint.child])) for joint in self.joints.values()}
         pairs = combinations(tops.items(), 2)
         return {frozenset((a, b)) for (a, top_a), (b, top_b) in pairs if top_a == top_b or {top_a, top_b} in adjacent}
 
     def near(self, link: str) -> list[str]:
-        """Return a link and its neighbours, which a grip on it does not collide with, as the fingers next to a hand."""
+        """Return a link and its neighbours, e.g. a hand and its fingers; what grips it does not collide with them."""
         neighbours = self.neighbours()
         return [other for other in self.links if other == link or {link, other} in neighbours]

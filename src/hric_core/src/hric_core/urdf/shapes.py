@@ -1,4 +1,4 @@
-"""Visual and collision elements of links."""
+"""Visual and collision shapes of a URDF's links."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -11,28 +11,28 @@ from hric_core.geometry import FloatArray
 from hric_core.urdf.elements import number, numbers, origin
 
 SIZES = {"box": "size", "sphere": "radius", "cylinder": "radius length", "capsule": "radius length", "mesh": "scale"}
-"""Kinds of geometry, and the attributes of their dimensions."""
+"""XML attributes with the dimensions of each kind of geometry."""
 
 FAR = 1e9
-"""Length from which on a solid is invalid [m] (project default, unconfirmed)."""
+"""Length of a solid from which on it is refused [m] (project default, unconfirmed)."""
 _SAME = 1e-6
-"""Distance below which two ends coincide [m]."""
+"""Distance below which two points coincide [m]."""
 Colour = tuple[float, ...]
 """Red, green, blue, opacity, each from 0 to 1."""
 
 
 @dataclass(frozen=True)
 class Shape:
-    """Visual or collision element.
+    """Visual or collision element of a link.
 
     Attributes:
-        where: its name in errors, e.g. "link hand: <visual> number 1".
-        kind: key of SIZES; cylinders and capsules lie along z.
+        where: name of the element in error messages, e.g. "link hand: <visual> number 1".
+        kind: kind of geometry, a key of SIZES; the axis of cylinders and capsules is z.
         size: box: edges along x, y, z; sphere: radius; cylinder and capsule: radius, length (of the straight part) [m];
             mesh: scale along x, y, z [1]. Not negative, except for a mesh.
-        T_link_shape: shape (4, 4) [m].
-        address: address of a mesh, as in the description.
-        colour: None if the description gives none.
+        T_link_shape: pose of the shape in the link's frame, shape (4, 4) [m].
+        address: file of a mesh, as written in the description.
+        colour: red, green, blue, opacity, each 0 to 1; None if the description gives none.
     """
 
     where: str
@@ -44,16 +44,17 @@ class Shape:
 
     @property
     def measures(self) -> str:
-        """Kind and size for messages, e.g. "<sphere> of radius 0.1"."""
+        """Kind and size as text for error messages, e.g. "<sphere> of radius 0.1"."""
         return f"<{self.kind}> of {SIZES[self.kind]} {' '.join(f'{length:g}' for length in self.size)}"
 
 
 def read_shape(element: Element, where: str, colours: Mapping[str, Colour]) -> Shape:
-    """Return the shape of a `<visual>` or `<collision>`; colours: colours of the named materials.
+    """Return the shape in a `<visual>` or `<collision>` element; `colours`: colours of the named materials.
+
+    Unknown elements in `<geometry>` are ignored if there is a known one, too.
 
     Raises:
-        DescriptionError: its geometry is missing, unknown or incomplete; other elements next to a known one are
-            ignored.
+        DescriptionError: the geometry is missing, unknown or incomplete.
     """
     elements = element.findall("geometry/*")
     known = [geometry for geometry in elements if geometry.tag in SIZES]
@@ -88,10 +89,10 @@ def _ball_at(centre: FloatArray, radius: float, shapes: Sequence[Shape]) -> Shap
 
 
 def join_capsules(shapes: Sequence[Shape]) -> list[Shape]:
-    """Return the shapes of a link, with a capsule for each cylinder that has balls of its radius at both ends.
+    """Return the shapes of a link, with each cylinder and the two spheres at its ends replaced by a capsule.
 
-    A URDF before 1.2 has no capsules. One is the same body as its three parts, but one shape to test instead of three,
-    and one contact where the parts would touch together.
+    The spheres must have the cylinder's radius. URDF before version 1.2 has no capsules. A capsule is the same body,
+    but one shape to test for collision instead of three, and one contact instead of up to three.
     """
     used: set[int] = set()
     result = []
@@ -108,10 +109,10 @@ def join_capsules(shapes: Sequence[Shape]) -> list[Shape]:
 
 
 def solids(shapes: Sequence[Shape]) -> list[Shape]:
-    """Return the collision shapes of a link, the same for every engine.
+    """Return the collision shapes of a link as every physics engine uses them, with joined capsules.
 
     Raises:
-        DescriptionError: a shape without extent, which cannot collide.
+        DescriptionError: a dimension of a shape is 0 or too large, so that it cannot collide.
     """
     for shape in shapes:
         if not all(0.0 < (abs(length) if shape.kind == "mesh" else length) < FAR for length in shape.size):

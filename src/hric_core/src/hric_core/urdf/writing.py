@@ -1,4 +1,4 @@
-"""Writers of URDF elements, with numbers that keep every bit."""
+"""Writers of URDF elements; numbers are written with full precision."""
 
 from collections.abc import Sequence
 from xml.etree.ElementTree import Element, SubElement
@@ -8,19 +8,20 @@ from hric_core.urdf.shapes import SIZES, Shape
 
 
 def text(values: Sequence[float] | FloatArray) -> str:
-    """Return numbers as text of an attribute."""
+    """Return numbers as the text of an XML attribute, with full precision."""
     return " ".join(repr(float(value)) for value in values)
 
 
 def write_origin(parent: Element, T: FloatArray) -> None:
-    """Write an `<origin>`; T: shape (4, 4) [m]."""
+    """Add an `<origin>` to an element; T: pose, shape (4, 4) [m]."""
     SubElement(parent, "origin", xyz=text(T[:3, 3]), rpy=text(rpy_from_rotation(T[:3, :3])))
 
 
 def write_inertial(link: Element, mass: float, T_link_inertial: FloatArray, inertia: FloatArray) -> None:
-    """Write an `<inertial>`: mass [kg], and inertia about the inertial frame's origin, shape (3, 3) [kg m^2].
+    """Add an `<inertial>` to a link.
 
-    The tensor is in axes of the inertial frame."""
+    `mass` is in kg. `inertia` is about the origin of the inertial frame and in its axes, shape (3, 3) [kg m^2].
+    `T_link_inertial` is the pose of the inertial frame in the link, shape (4, 4) [m]."""
     inertial = SubElement(link, "inertial")
     write_origin(inertial, T_link_inertial)
     SubElement(inertial, "mass", value=repr(float(mass)))
@@ -29,7 +30,7 @@ def write_inertial(link: Element, mass: float, T_link_inertial: FloatArray, iner
 
 
 def write_shape(link: Element, purpose: str, shape: Shape, T_link_shape: FloatArray) -> None:
-    """Write a `<visual>` or `<collision>` at a pose, shape (4, 4) [m]."""
+    """Add a shape to a link, as `<visual>` or `<collision>` (`purpose`), at the pose T_link_shape, shape (4, 4) [m]."""
     element = SubElement(link, purpose)
     write_origin(element, T_link_shape)
     names = SIZES[shape.kind].split()

@@ -1,4 +1,4 @@
-"""Log of an arm from a bag or a run folder: the control log, Franka states (tau_J) or joint states."""
+"""Reader of an arm's log from a bag or run folder: control log, Franka states (tau_J) or joint states."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -14,7 +14,7 @@ from hric_core.errors import UnknownNameError
 
 JOINT_TYPE = "sensor_msgs/msg/JointState"
 TYPES = (LOG_TYPE, FRANKA_TYPE, JOINT_TYPE)
-"""Message types with position, velocity and torque of joints, the preferred one first."""
+"""Message types with joint positions, velocities and torques, the preferred one first."""
 FIELDS = {
     LOG_TYPE: ("position", "velocity", "effort"),
     FRANKA_TYPE: ("q", "dq", "tau_J"),
@@ -25,15 +25,15 @@ _SEVENTH = re.compile(r"(.*_)?joint7")
 
 
 def read_bag(source: ExportSource, topic: str = "", arm_id: str = "") -> tuple[ArmLog, str]:
-    """Read the log of an arm from a bag; return it and its topic.
+    """Read the log of an arm from a bag; return the log and its topic.
 
     Args:
         source: bag or run.
-        topic: topic of the log; empty: the control log, else the one with most messages, `*_desired` last.
-        arm_id: prefix of the joints; empty: that of the only arm, and panda for Franka states, which name no joints.
+        topic: topic of the log; empty: the control log, else the topic with most messages (`*_desired` last).
+        arm_id: prefix of the joint names; empty: prefix of the only arm, or panda for Franka states (without names).
 
     Raises:
-        HricError: no such topic or joints; lists those in the bag.
+        HricError: the topic or the joints do not exist; the message lists those in the bag.
     """
     with recording.open_reader(source) as reader:
         kinds = {name: str(info.msgtype) for name, info in reader.topics.items() if info.msgtype in TYPES}
@@ -48,7 +48,7 @@ def read_bag(source: ExportSource, topic: str = "", arm_id: str = "") -> tuple[A
     )
     if not order:
         raise LogError(
-            f"{source.bag.name} has no control log, Franka states or joint states; topics: {there or 'none'}"
+            f"{source.bag.name} has no control log, Franka states or joint states; topics in the bag: {there or 'none'}"
         )
     joints: set[str] = set()
     for name in order:
@@ -57,16 +57,16 @@ def read_bag(source: ExportSource, topic: str = "", arm_id: str = "") -> tuple[A
         if len(arms) == 1:
             return _log(data, arms[0], FIELDS[kinds[name]]), name
         if len(arms) > 1:
-            raise LogError(f"{name} has the arms {', '.join(arms)}; choose one with --arm-id")
+            raise LogError(f"{name} has several arms: {', '.join(arms)}; choose one with --arm-id")
         joints |= set(data.below("position"))
     expected, there = f"{arm_id or '<arm>'}_joint1 to 7", ", ".join(sorted(joints)) or "none"
     raise LogError(
-        f"{', '.join(order)} has no joints {expected} with position, velocity and effort; joints there: {there}"
+        f"{', '.join(order)} has no joints {expected} with position, velocity and effort; joints in the bag: {there}"
     )
 
 
 def _arms(data: TopicTable, kind: str, arm_id: str) -> list[str]:
-    """Return the arms for which the data has position, velocity and torque of all joints."""
+    """Return the prefixes of the arms whose joints all have position, velocity and torque in the data."""
     if kind == FRANKA_TYPE:
         return [arm_id or "panda"]
     fields = [data.below(field) for field in FIELDS[kind]]
@@ -84,7 +84,7 @@ def _log(data: TopicTable, arm: str, fields: Sequence[str]) -> ArmLog:
     names = _names(arm)
     labels = [str(i) for i in range(JOINTS)] if fields[0] == "q" else names
     arrays = [_matrix(data.below(field), labels) for field in fields]
-    # Messages of another node on the topic, such as the gripper's joint states, have no values of the arm.
+    # Messages of other nodes on this topic, such as the gripper's joint states, have no values of the arm.
     has_arm = ~np.isnan(np.hstack(arrays)).all(axis=1)
     columns = ("stamp", *(f"{field}.{label}" for field in fields for label in labels))
     row = "cycle" if data.type_name == LOG_TYPE else "message"

@@ -1,4 +1,4 @@
-"""Command `check_model`."""
+"""Command `check_model`: compare the robot model with the log of an arm, and fit joint friction."""
 
 import argparse
 import functools
@@ -26,8 +26,9 @@ from panda_description.inertial_sets import INERTIAL_SETS
 class CheckModelCommand(Command):
     """Compare the robot model with the log of an arm.
 
-    The torque that its motion needs, tau = M(q) ddq + C dq + g + friction(dq), is compared with the torque measured
-    behind the gears (tau_J). Prints the residual of each joint, draws, and can fit friction. Needs no ROS master.
+    The model's torque for the logged motion, tau = M(q) ddq + C dq + g + friction(dq), is compared with the torque
+    measured behind the gears (tau_J). Prints the residual of each joint, draws figures, and can fit friction.
+    Needs no ROS master.
     """
 
     def arguments(self) -> list[Argument]:
@@ -39,9 +40,9 @@ class CheckModelCommand(Command):
         ]
 
     def run(self, arguments: argparse.Namespace) -> None:
-        """Compare the robot model with the log of an arm."""
+        """Compare the model with the log; print and write the results."""
         if arguments.fitted is not None and arguments.fit is None:
-            raise LogError("-o names the file for the fitted friction; valid: only with --fit friction")
+            raise LogError("-o is the file for the fitted friction; valid: -o only together with --fit friction")
         source = sources.find(arguments)
         friction, breakaway, named = sources.friction(arguments, source)
         model, description, described = sources.model(arguments, source)
@@ -54,7 +55,7 @@ class CheckModelCommand(Command):
         check = model_check.check(model, source.log.joint_names, signals, friction, counting, breakaway)
         about = [
             f"{source.name}: {len(source.log.time)} samples, {signals.duration:.3f} s of "
-            f"{signals.time[-1] - signals.time[0]:.3f} s count",
+            f"{signals.time[-1] - signals.time[0]:.3f} s are used",
             signals.summary(),
             f"model: {described}; friction {named}",
             *hand.lines,
@@ -73,39 +74,41 @@ def _log_arguments() -> list[Argument]:
             nargs="+",
             default=[],
             metavar="KEY=NAME",
-            help="columns of a CSV: t=NAME; q=, dq=, tau= with {} for 1 to 7, or seven names",
+            help="columns of a CSV file: t=NAME; q=, dq=, tau= with {} for 1 to 7, or seven names with commas",
         ),
         Argument(
             "--topic",
             default="",
-            help="of a bag: control log, Franka states or joint states (default: control log, else the one with most "
-            "messages)",
+            help="topic of a bag with control log, Franka states or joint states (default: control log, else the topic "
+            "with most messages)",
         ),
-        Argument("--arm-id", default="", help="prefix of the joints (default: that of the bag's only arm, else panda)"),
-        Argument("--inertials", choices=INERTIAL_SETS, help="inertial set (default: the run's, else barycentric)"),
+        Argument(
+            "--arm-id", default="", help="prefix of the joint names (default: prefix of the bag's only arm, else panda)"
+        ),
+        Argument("--inertials", choices=INERTIAL_SETS, help="inertial set (default: set of the run, else barycentric)"),
         Argument(
             "--hand",
             action=argparse.BooleanOptionalAction,
-            help="the arm had the Franka hand, or none (default: the run's robot, else what fits the log better)",
+            help="the arm had the Franka hand, or none (default: as in the run, else the model that fits the log "
+            "better)",
         ),
         Argument(
             "--urdf",
             type=Path,
             metavar="FILE",
-            help="another description, such as one of: hric urdf rpy:='3.14 0 0'",
+            help="another robot description, e.g. the output of: hric urdf rpy:='3.14 0 0'",
         ),
         Argument(
             "--load",
             nargs="+",
             type=float,
             metavar="VALUE",
-            help="payload: mass [kg], centre of mass in the flange frame [m], and ixx ixy ixz iyy iyz izz about it "
-            "[kg m^2] (default: 0)",
+            help="payload: mass [kg], centre of mass in the flange [m], ixx ixy ixz iyy iyz izz about it [kg m^2]",
         ),
         Argument(
             "--friction",
             metavar="none|identified|FILE",
-            help="identified: the published values (default; of a simulated run: what acted)",
+            help="friction of the model; identified: published values (default; for a simulated run: its friction)",
         ),
     ]
 
@@ -118,19 +121,19 @@ def _results_arguments() -> list[Argument]:
             type=_positive,
             default=CUTOFF,
             metavar="HZ",
-            help="of the low-pass on motion and torques (%(default)g)",
+            help="cut-off frequency of the low-pass filter for motion and torques [Hz] (default: %(default)g)",
         ),
         Argument(
             "--fit",
             choices=("friction",),
-            help="fit the friction of each joint, and write it for --friction FILE and friction:=FILE",
+            help="fit the friction of each joint, and write a file for --friction FILE and friction:=FILE",
         ),
         Argument(
             "-o",
             dest="fitted",
             type=Path,
             metavar="FILE",
-            help="where the fitted friction goes (default: friction.yaml beside the figures)",
+            help="file for the fitted friction (default: friction.yaml in the output folder)",
         ),
         Argument(
             "--out",
@@ -138,9 +141,9 @@ def _results_arguments() -> list[Argument]:
             dest="out",
             type=Path,
             metavar="DIR",
-            help="where to write (default: check_model/ of the run, or <log>_check_model/)",
+            help="output folder (default: check_model/ in the run folder, or <log>_check_model/ next to the log)",
         ),
-        Argument("--no-figures", action="store_true", help="text and fitted friction only"),
+        Argument("--no-figures", action="store_true", help="write only the text and the fitted friction"),
     ]
 
 
@@ -162,7 +165,7 @@ def _write(
     fits: list[JointFriction],
     text: str,
 ) -> None:
-    """Write report, figures and fitted friction."""
+    """Write the text report, figures and fitted friction, and print their paths."""
     folder = (arguments.out or source.folder).expanduser().absolute()
     files.make_folder(folder)
     if fits:

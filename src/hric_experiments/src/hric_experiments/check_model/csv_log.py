@@ -1,4 +1,4 @@
-"""Log of an arm from a CSV file: time, positions, velocities and torques of seven joints, by the column names."""
+"""Reader of an arm's log from a CSV file: time, and positions, velocities and torques of seven joints."""
 
 import csv
 import re
@@ -16,8 +16,8 @@ STEMS = {
     "dq": ("dq", "qd", "qdot", "velocity", "vel", "joint_velocity"),
     "tau": ("tau_j", "tau", "effort", "torque", "joint_torque"),
 }
-"""Column names without number or name of the joint, the preferred one first; case is ignored, and `field.` of
-`rostopic echo -p` may precede them."""
+"""Accepted column names of each quantity, without the joint's number or name, the preferred one first. Case is ignored,
+and the prefix `field.` of `rostopic echo -p` is allowed."""
 MEANINGS = {
     "t": "time [s]",
     "q": "joint positions [rad]",
@@ -28,18 +28,19 @@ USUAL = "t, q1 to q7, dq1 to dq7, tau1 to tau7"
 
 
 def parse_columns(texts: Sequence[str]) -> dict[str, str]:
-    """Parse `KEY=NAME` arguments of the command line; return the names of columns by key.
+    """Parse the `KEY=NAME` arguments of --columns; return the names of the columns by key (t, q, dq, tau).
 
     Raises:
-        LogError: an argument has another form or an unknown key.
+        LogError: an argument does not have this form, or has an unknown key.
     """
     columns = {}
     for text in texts:
         key, separator, value = text.partition("=")
         if key not in MEANINGS or not separator or not value:
             raise LogError(
-                f"cannot read {text!r} of --columns; valid: t=NAME, and q=, dq=, tau= with seven names and commas, "
-                f"or one with {{}} for 1 to 7"
+                f"cannot read {text!r} of --columns; valid: t=NAME, and q=, dq=, tau= with seven names separated by "
+                "commas, "
+                f"or one name with {{}} for 1 to 7"
             )
         columns[key] = value
     return columns
@@ -59,7 +60,7 @@ def read_csv(path: Path, joint_names: Sequence[str], chosen: Mapping[str, str]) 
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
-        raise LogError(f"cannot read {path}: {getattr(error, 'strerror', None) or 'it is no text'}") from error
+        raise LogError(f"cannot read {path}: {getattr(error, 'strerror', None) or 'it is not a text file'}") from error
     lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if line.strip()]
     header, rows = _header(lines, path.name)
     frequent = max(",;\t", key=header.count)
@@ -73,7 +74,7 @@ def read_csv(path: Path, joint_names: Sequence[str], chosen: Mapping[str, str]) 
 
 
 def _header(lines: list[tuple[int, str]], name: str) -> tuple[str, list[tuple[int, str]]]:
-    """Return header and data lines; the header is the first line, or the last comment before the data as in numpy."""
+    """Return header and data lines; the header is the first line, or, as numpy writes it, the last comment line."""
     comments = [line for _, line in lines if line.startswith("#")]
     data = [(number, line) for number, line in lines if not line.startswith("#")]
     if data and not _is_data(data[0][1]):
@@ -103,7 +104,9 @@ def _columns(names: Sequence[str], chosen: Mapping[str, str], file: str) -> list
     flat = [name for group in columns for name in group]
     twice = sorted({name for name in flat if flat.count(name) > 1 or names.count(name) > 1})
     if twice:
-        raise LogError(f"{file}: column {', '.join(twice)} is there or meant twice; columns there: {', '.join(names)}")
+        raise LogError(
+            f"{file}: column {', '.join(twice)} exists or is selected twice; columns in the file: {', '.join(names)}"
+        )
     return flat
 
 
@@ -115,10 +118,10 @@ def _named(text: str, names: Sequence[str], count: int, file: str) -> list[str]:
         else [name.strip() for name in text.split(",")]
     )
     if len(chosen) != count:
-        raise LogError(f"--columns names {len(chosen)} columns in {text!r}; {count} are needed")
+        raise LogError(f"--columns has {len(chosen)} columns in {text!r}; valid: {count}")
     missing = [name for name in chosen if name not in names]
     if missing:
-        raise LogError(f"{file} has no column {', '.join(missing)}; columns there: {', '.join(names)}")
+        raise LogError(f"{file} has no column {', '.join(missing)}; columns in the file: {', '.join(names)}")
     return chosen
 
 
@@ -135,7 +138,7 @@ def _time(names: Sequence[str], file: str) -> list[str]:
 
 
 def _joints(key: str, names: Sequence[str], file: str) -> list[str]:
-    """Return the seven columns of a quantity: numbered from 1 or 0, or ending with the joints' names."""
+    """Return the seven columns of a quantity, which are numbered from 1 or 0 or end with the names of the joints."""
     for stem in STEMS[key]:
         pattern = re.compile(rf"{stem}s?[._ ]?[\[(]?(?:\w*joint)?_?(\d+)[\])]?")
         numbered = {int(match[1]): name for name in reversed(names) if (match := pattern.fullmatch(_plain(name)))}
@@ -148,8 +151,9 @@ def _joints(key: str, names: Sequence[str], file: str) -> list[str]:
 def _missing(key: str, names: Sequence[str], file: str) -> LogError:
     usual, how = ("t", "t=NAME") if key == "t" else (f"{key}1 to {key}7", f"{key}=NAME{{}}")
     return LogError(
-        f"{file} has no columns {usual} for the {MEANINGS[key]}; columns there: {', '.join(names)}; name them "
-        f"with --columns {how}" + ("" if key == "t" else " ({} stands for 1 to 7), or seven names separated by commas")
+        f"{file} has no columns {usual} for the {MEANINGS[key]}; columns in the file: {', '.join(names)}; select "
+        f"them with --columns {how}"
+        + ("" if key == "t" else " ({} stands for 1 to 7), or seven names separated by commas")
     )
 
 
@@ -157,7 +161,7 @@ def _numbers(
     rows: list[tuple[int, str]], delimiter: str | None, indices: Sequence[int], columns: Sequence[str]
 ) -> FloatArray:
     if not rows:
-        raise LogError("the file has a header, but no samples")
+        raise LogError("the CSV file has a header, but no samples")
     try:
         values: FloatArray = np.loadtxt(
             [line for _, line in rows], delimiter=delimiter, usecols=indices, ndmin=2, quotechar='"'
@@ -182,4 +186,4 @@ def _bad_cell(
                     if cell
                     else f"line {number}, column {column} is missing"
                 )
-    return LogError("the file has lines that cannot be read as numbers")
+    return LogError("the CSV file has lines that cannot be read as numbers")

@@ -12,19 +12,19 @@ from hric_report import drawing
 from hric_report.figure import Curve, Figure, per_joint
 
 POINTS, LINE_POINTS = 6000, 300
-"""Maximum number of points of a curve over time, and number of points of a friction law."""
+"""Maximum number of points of a curve over time, and number of points with which a friction law is drawn."""
 
 
 def draw_all(
     folder: Path, check: ModelCheck, friction: Sequence[Phi] | None, fits: Sequence[JointFriction], title: str
 ) -> list[Path]:
-    """Draw all figures into a folder.
+    """Draw all figures of a model check into a folder.
 
     Args:
         folder: target folder of the PNG and SVG files.
         check: comparison of log and model.
-        friction: friction of the model; None: none.
-        fits: fitted friction; empty: none was fitted.
+        friction: friction parameters of the model, by joint; None: no friction.
+        fits: fitted friction of each joint; empty: none was fitted.
         title: name of the log, for the captions.
 
     Returns:

@@ -1,4 +1,4 @@
-"""Text of the result of a model check."""
+"""Text report of a model check."""
 
 from collections.abc import Sequence
 
@@ -9,13 +9,13 @@ from franka_hw_interface.model_check import ModelCheck, root_mean_square
 from hric_bags import text
 
 EXPECTED = (
-    "to expect: 0.07 to 0.58 N m per joint and a sum of 1.7 N m with the published friction, 2.7 N m "
-    "without; measured on a public log of a real arm"
+    "for comparison, a public log of a real arm: 0.07 to 0.58 N m per joint, sum 1.7 N m with the published friction, "
+    "2.7 N m without"
 )
 
 
 def render(check: ModelCheck, about: Sequence[str]) -> str:
-    """Return the table of residuals per joint and their sum, below the lines `about`."""
+    """Return the table of residuals per joint and their sum, preceded by the lines `about`."""
     residual = check.residual
     cells = [["joint", "|dq| max", "|tau| max", "residual RMS", "residual max"], ["", "rad/s", "N m", "N m", "N m"]]
     largest = [np.abs(values).max(axis=0) for values in (check.velocity, check.measured, residual)]
@@ -23,12 +23,12 @@ def render(check: ModelCheck, about: Sequence[str]) -> str:
         cells.append([name, *(f"{value:.3f}" for value in (largest[0][j], largest[1][j], check.rms[j], largest[2][j]))])
     cells.append(["sum", "", "", f"{check.rms.sum():.3f}", ""])
     rigid = root_mean_square(check.measured - check.rigid[check.signals.valid]).sum()
-    tail = [f"without any friction in the model the sum is {rigid:.3f} N m", EXPECTED]
+    tail = [f"without friction in the model the sum is {rigid:.3f} N m", EXPECTED]
     return "\n".join([*about, "", *_rows(cells), "", *tail]) + "\n"
 
 
 def render_fit(fits: Sequence[JointFriction]) -> str:
-    """Return the table of fitted friction with standard deviations."""
+    """Return the table of fitted friction parameters with their standard deviations."""
     cells = [
         ["joint", "phi1", "+-", "phi2", "+-", "phi3", "+-", "breakaway", "residual RMS"],
         ["", "N m", "", "s/rad", "", "rad/s", "", "N m", "N m"],
@@ -45,7 +45,7 @@ def render_fit(fits: Sequence[JointFriction]) -> str:
     return (
         "\n".join(
             [
-                "fitted friction (standard deviation by residual and bandwidth)",
+                "fitted friction (+-: standard deviation, estimated from residual and bandwidth)",
                 "",
                 *_rows(cells),
                 *(["", *notes] if notes else []),

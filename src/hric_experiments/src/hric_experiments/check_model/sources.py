@@ -1,4 +1,4 @@
-"""Inputs of a model check from the arguments and the run: the log, the model of its arm, and the friction."""
+"""Inputs of a model check, from command line and run: log of the arm, model of the arm, and friction."""
 
 import argparse
 from collections.abc import Callable, Sequence
@@ -19,8 +19,8 @@ from hric_experiments.check_model import csv_log
 FRICTIONS = ("none", "identified")
 PANDA = "panda"
 CLEARLY = 0.7
-"""Residual of the other model relative to that of this one below which the other is taken as right [1] (project
-default, unconfirmed)."""
+"""Ratio of the residuals of two models (with and without the hand) below which the one with the smaller residual counts
+as right [1] (project default, unconfirmed)."""
 
 
 @dataclass(frozen=True)
@@ -28,12 +28,12 @@ class LogSource:
     """Log of an arm with its origin.
 
     Attributes:
-        log: the log.
+        log: motion and torques of the arm.
         name: name of the file or run.
         folder: default folder of the results.
-        urdf: description of the robot in the run; empty: not known.
-        friction: friction that acted in a simulated run; "identified" for any other log.
-        simulated: parameters of this friction; None: no friction, or the published values.
+        urdf: robot description of the run; empty: not known.
+        friction: kind of friction in a simulated run, "none" or "identified"; "identified" for other logs.
+        simulated: parameters of the simulated friction; None: no friction, or the published values.
     """
 
     log: ArmLog
@@ -45,18 +45,18 @@ class LogSource:
 
 
 def find(arguments: argparse.Namespace) -> LogSource:
-    """Find and read the log that the arguments name: a CSV file, a bag, a run folder or its name.
+    """Find and read the log that the command line names: a CSV file, a bag, a run folder or its name.
 
     Raises:
-        HricError: it does not exist, or has no log of an arm.
+        HricError: the file or run does not exist, or has no log of an arm.
     """
     path = Path(arguments.run).expanduser()
     if path.suffix in (".bag", ".active") or path.is_dir() or not (path.is_file() or path.suffix):
         if arguments.columns:
-            raise LogError("--columns is for CSV files; for a bag use --topic and --arm-id")
+            raise LogError("--columns selects columns of a CSV file; valid for a bag: --topic and --arm-id")
         return _from_bag(arguments)
     if arguments.topic:
-        raise LogError("--topic is for bags; for a CSV file use --columns")
+        raise LogError("--topic selects a topic of a bag; valid for a CSV file: --columns")
     names = [f"{arguments.arm_id or PANDA}_{joint}" for joint in JOINTS]
     log = csv_log.read_csv(path, names, csv_log.parse_columns(arguments.columns))
     return LogSource(log, path.name, path.with_name(f"{path.stem}_check_model"))
@@ -84,10 +84,10 @@ def _from_bag(arguments: argparse.Namespace) -> LogSource:
 
 
 def model(arguments: argparse.Namespace, source: LogSource) -> tuple[KdlFrankaModel, str, str]:
-    """Return the model with its payload, its description, and its name.
+    """Return the robot model with its payload, its URDF, and a name for the report.
 
     Raises:
-        HricError: the description or the payload cannot be used.
+        HricError: the robot description or the payload is invalid.
     """
     arm_id = source.log.joint_names[0].removesuffix("joint1").rstrip("_")
     text, name, gravity_base = _description(arguments, source, arm_id)
@@ -102,11 +102,13 @@ def model(arguments: argparse.Namespace, source: LogSource) -> tuple[KdlFrankaMo
 def _description(
     arguments: argparse.Namespace, source: LogSource, arm_id: str
 ) -> tuple[str, str, Sequence[float] | None]:
-    """Return the URDF, its name, and gravity in the base if the URDF lacks the mounting of the run [m/s^2]."""
+    """Return the URDF, its name, and the gravity in the base frame [m/s^2]; None: gravity as mounted in the URDF."""
     is_chosen = arguments.inertials is not None or arguments.hand is not None
     if arguments.urdf is not None:
         if is_chosen:
-            raise LogError("--urdf brings its own inertials and hand; valid: without --inertials, --hand and --no-hand")
+            raise LogError(
+                "--urdf already defines inertials and hand; valid: without --inertials, --hand and --no-hand"
+            )
         return read_description(arguments.urdf), arguments.urdf.name, None
     if source.urdf and not is_chosen:
         return source.urdf, "robot.urdf of the run", None
@@ -124,11 +126,11 @@ def _has_hand(source: LogSource, arm_id: str) -> bool:
 
 @dataclass(frozen=True)
 class HandTrial:
-    """Outcome of a trial of the model with and without the hand.
+    """Result of comparing the models with and without the hand.
 
     Attributes:
-        arguments: arguments of the model to use.
-        lines: lines for the report.
+        arguments: command-line arguments that select the model to use.
+        lines: text lines for the report.
     """
 
     arguments: argparse.Namespace
@@ -138,14 +140,15 @@ class HandTrial:
 def try_hand(
     arguments: argparse.Namespace, source: LogSource, coarse_rms: Callable[[KdlFrankaModel], float]
 ) -> HandTrial:
-    """Compare the model with and without the hand if the arguments do not select one.
+    """Compare the models with and without the hand if the command line does not select one of them.
 
-    For an unknown arm the better model is used; for the robot of a run a warning says if the other model fits better.
+    For an unknown arm the model with the smaller residual is used. For the robot of a run, a warning is given if the
+    other model fits better.
 
     Args:
-        arguments: arguments of the command.
+        arguments: command-line arguments.
         source: log with its origin.
-        coarse_rms: function that returns the residual of a model [N m].
+        coarse_rms: function that returns the residual of a robot model [N m].
     """
     if arguments.hand is not None or arguments.urdf is not None:
         return HandTrial(arguments)
@@ -154,28 +157,30 @@ def try_hand(
     own_rms, other_rms = (coarse_rms(model(tried, source)[0]) for tried in (arguments, other))
     better = other_rms < CLEARLY * own_rms
     names = ("with the hand", "without a hand") if with_hand else ("without a hand", "with the hand")
-    sums = f"the residual's sum is {own_rms:.3g} N m {names[0]}, {other_rms:.3g} {names[1]}"
+    sums = f"the sum of the residuals is {own_rms:.3g} N m {names[0]}, {other_rms:.3g} N m {names[1]}"
     if source.urdf:
         option = "--no-hand" if with_hand else "--hand"
         return HandTrial(
-            arguments, (f"WARNING: {sums}: try {option}, or hand:= of the run was wrong",) if better else ()
+            arguments, (f"WARNING: {sums}; try {option}, or check if hand:= of the run was right",) if better else ()
         )
-    return HandTrial(other if better else arguments, (f"hand not given (--hand, --no-hand): {sums}",))
+    return HandTrial(other if better else arguments, (f"neither --hand nor --no-hand is given: {sums}",))
 
 
 def _loaded(made: KdlFrankaModel, load: Sequence[float] | None) -> str:
-    """Set the payload of the model; return its description, "" without a payload."""
+    """Set the payload of the model; return a text that describes it, "" without a payload."""
     if load is None:
         return ""
     if len(load) not in (4, 10):
-        raise LogError(f"--load has {len(load)} values; valid: 4 (mass x y z) or 10 (and ixx ixy ixz iyy iyz izz)")
+        raise LogError(
+            f"--load has {len(load)} values; valid: 4 (mass x y z) or 10 (mass x y z ixx ixy ixz iyy iyz izz)"
+        )
     mass, com, (xx, xy, xz, yy, yz, zz) = load[0], load[1:4], load[4:] or (0.0,) * 6
     made.set_load(mass, com, (xx, xy, xz, xy, yy, yz, xz, yz, zz))
     return f", load {mass:g} kg at {' '.join(f'{value:g}' for value in com)} m"
 
 
 def ranges(text: str, joint_names: Sequence[str]) -> tuple[list[float], list[float]]:
-    """Return the lower and upper position limits of the joints [rad]; text: the description."""
+    """Return the lower and the upper position limits of the joints [rad]; `text`: URDF of the robot."""
     described = read(text).joints
     joints = [described[name] for name in joint_names]
     return [joint.lower for joint in joints], [joint.upper for joint in joints]
@@ -188,10 +193,10 @@ def published() -> list[Phi]:
 
 
 def friction(arguments: argparse.Namespace, source: LogSource) -> tuple[list[Phi] | None, list[float], str]:
-    """Return the friction sigmoid of each joint (None: no friction), the breakaway torques [N m], and a name.
+    """Return friction parameters of each joint (None: no friction), breakaway torques [N m], and a name for the report.
 
     Raises:
-        HricError: the friction file cannot be used.
+        HricError: the friction file is missing or invalid.
     """
     chosen = arguments.friction or source.friction
     if chosen == "none":
@@ -200,13 +205,13 @@ def friction(arguments: argparse.Namespace, source: LogSource) -> tuple[list[Phi
         path = Path(chosen).expanduser()
         if not path.is_file():
             raise LogError(
-                f"--friction {chosen}: no such file; valid: {', '.join(FRICTIONS)}, or a YAML file as --fit friction "
-                "writes it"
+                f"--friction {chosen}: no such file; valid: {', '.join(FRICTIONS)}, or a YAML file written by "
+                "--fit friction"
             )
         parameters, joints, name = read_parameters(path), JOINTS, f"of {path.name}"
     elif arguments.friction is None and source.simulated:
         parameters, joints = source.simulated, source.log.joint_names
-        name = "identified, as it acted in the simulation"
+        name = "identified, as in the simulation"
     else:
         return published(), [], "identified (published values)"
     return sigmoid_parameters(parameters, joints), breakaways(parameters, joints), name

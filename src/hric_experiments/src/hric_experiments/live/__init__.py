@@ -1,1 +1,1 @@
-"""Nodes of a live experiment."""
+"""Nodes of a live experiment (with ROS): experiment and spawner, and their common parts."""

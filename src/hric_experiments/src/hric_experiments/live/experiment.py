@@ -1,4 +1,4 @@
-"""Experiment node: waits for controllers and recorder, sends the setpoints, ends the recording, writes the report."""
+"""Experiment node: waits for controllers and recorder, sends setpoints, ends the recording, writes the report."""
 
 import contextlib
 import time
@@ -23,41 +23,43 @@ from hric_run.definition import overrides, parameters
 from hric_run.definition.experiment import Experiment
 
 RECORDER_GRACE = 5.0
-"""Maximum wait for the subscriptions of the recorder, which looks for new topics twice a second [s of wall time]."""
+"""Maximum wait for the recorder's subscriptions [s of wall time]; it looks for new topics twice a second."""
 SENSORS_GRACE = 20.0
-"""Maximum wait for the subscriptions of the recorder if every sample must be recorded [s of wall time]."""
+"""Maximum wait for the recorder's subscriptions if all samples of sensors must be recorded [s of wall time]."""
 
 
 ROBOT_TIMEOUT = 2.0
-"""Maximum wait for the list of controllers [s of wall time]; project default, unconfirmed."""
+"""Maximum wait for the response with the list of controllers [s of wall time]; project default, unconfirmed."""
 
 
 class NotReady(FailureError):
-    """Error: the system did not become ready in time."""
+    """Error: controllers, recorder or sensors were not ready in time."""
 
 
 @dataclass(frozen=True)
 class ExperimentSettings(Settings):
     """Parameters of the experiment node."""
 
-    experiment: str = text(empty=False, text="experiment to run")
+    experiment: str = text(empty=False, text="name of the experiment, or path of its YAML file")
     overrides: str = text("", figures=True, text="overrides of the experiment")
-    record: bool = flag(True, text="whether a recorder runs; false: no report")
-    html: bool = flag(False, text="write `report.html` to the run folder, too; takes some seconds at the end")
-    armed: bool = flag(False, text="the recorder waits for a trigger, and the experiment with it, without a time limit")
+    record: bool = flag(True, text="true if a recorder runs; false: no recording and no report")
+    html: bool = flag(False, text="also write `report.html` to the run folder, which takes some seconds at the end")
+    armed: bool = flag(False, text="true: the experiment waits without time limit until a trigger starts the recording")
     ready_timeout: float = number(
         60.0, minimum=0.0, unit="s", text="maximum wall time until controllers and recorder are ready"
     )
 
 
 class LiveExperiment:
-    """Live run of one experiment with the robot in this node's namespace."""
+    """Live run of one experiment, with the robot in the namespace of this node."""
 
     def __init__(self) -> None:
         self._settings = settings = ExperimentSettings.read(RosNode("~"))
         self.experiment: Experiment = experiments.load(settings.experiment, overrides.separate(settings.overrides))
         if added := self.experiment.added_sections:
-            raise HricError(f"no live run has a section {', '.join(added)}; valid: hric run {settings.experiment}")
+            raise HricError(
+                f"sections not available in a live run: {', '.join(added)}; valid: hric run {settings.experiment}"
+            )
         controllers = dict.fromkeys(setpoint.controller for setpoint in self.experiment.setpoints)
         self._publishers = {
             name: rospy.Publisher(f"{name}/command", Float64MultiArray, queue_size=10) for name in controllers
@@ -70,7 +72,7 @@ class LiveExperiment:
         """Run the complete experiment; return the report, empty without a recording.
 
         Raises:
-            HricError: the system is not ready in time, the robot stops responding, or the bag cannot be used.
+            HricError: the system is not ready in time, the robot stops responding, or the bag cannot be read.
         """
         if self._recording is not None and (lacking := unknown_beforehand(self.experiment.human)):
             rospy.loginfo("%s", lacking)
@@ -83,12 +85,12 @@ class LiveExperiment:
             rospy.loginfo("experiment %s ended; nothing was recorded", self.experiment.name)
             return ""
         if behind := self._sensors.drain(interval[1]):
-            rospy.logwarn("the last samples of %s did not arrive: the bag lacks them", ", ".join(behind))
+            rospy.logwarn("the last samples on %s were not received, so the bag lacks them", ", ".join(behind))
         self._recording.stop().update(real_time_factor=factor, interval=interval)
         return self._report(self._recording)
 
     def _report(self, recording: LiveRecording) -> str:
-        # Imported here, since an import at the start would take processor time from the robot.
+        # Imported here, as an import at the start would take processor time that the robot needs.
         from hric_report import html as report_html
         from hric_report import run as analysis
 
@@ -101,35 +103,37 @@ class LiveExperiment:
                     report += f"page: {report_html.write(folder)}\n"
             except live_node.LiveInterrupted:
                 later = f"hric report {folder.path}" + " --html" * html
-                rospy.logwarn("interrupted: the bag is complete, but there is no report; to make it: %s", later)
+                rospy.logwarn("interrupted: the bag is complete, but there is no report; to write it: %s", later)
                 raise
         return report
 
     def _wait_ready(self) -> None:
-        self._wait(self._missing_controllers, "controllers that do not run: {}")
+        self._wait(self._missing_controllers, "controllers are not running: {}")
         if self._recording is not None:
             self._wait_recording(self._recording)
-        self._wait(lambda: self._unconnected(1), "controllers that do not subscribe to their command topic: {}")
+        self._wait(lambda: self._unconnected(1), "controllers have not subscribed to their command topics: {}")
         limits = {} if self._recording is None else self._recording.folder.read().get("limits", {})
         for setpoint in self.experiment.setpoints:
             joints = rospy.get_param(f"{setpoint.controller}/joints", None)
             setpoint.check_reachable(joints or [""] * len(setpoint.positions), limits)
-        self._wait(lambda: [] if rospy.get_time() > 0.0 else ["/clock"], "robot time does not move: nothing on {}")
+        self._wait(
+            lambda: [] if rospy.get_time() > 0.0 else ["/clock"], "robot time does not advance: no messages on {}"
+        )
         if self._human is not None:
-            self._wait(self._human.missing, "no motion capture: {}")
+            self._wait(self._human.missing, "motion capture is not ready: {}")
         self._wait(self._sensors.missing, "sensors do not publish: {}")
         if self._recording is not None:
             self._wait_subscribed(self._recording)
 
     def _wait_recording(self, recording: LiveRecording) -> None:
         if self._settings.armed:
-            rospy.loginfo("experiment %s waits for the trigger of the recording: %s", self.experiment.name, TRIGGERS)
+            rospy.loginfo("experiment %s waits until the recording is triggered by %s", self.experiment.name, TRIGGERS)
             while recording.missing():
                 live_node.sleep(5 * live_node.POLL)
-        self._wait(recording.missing, "no recorder: nothing on {}")
+        self._wait(recording.missing, "no recorder is recording: no message on {}")
 
     def _wait_subscribed(self, recording: LiveRecording) -> None:
-        """Wait until the recorder has subscribed to all topics of robot and sensors, and to the setpoints."""
+        """Wait until the recorder has subscribed to all topics of robot, sensors, setpoints; warn after a timeout."""
         others = self._human.nodes() if self._human is not None else []
         nodes = {rospy.resolve_name("robot"), *others, *self._sensors.nodes()}
         commands = {publisher.resolved_name for publisher in self._publishers.values()}
@@ -137,7 +141,7 @@ class LiveExperiment:
         while missing := recording.unrecorded(nodes) | (commands if self._unconnected(2) else set()):
             if time.monotonic() > deadline:
                 rospy.logwarn(
-                    "the recorder has not subscribed to %s yet: the bag will lack their beginning",
+                    "the recorder has not subscribed to %s yet; the bag will lack the beginning of these topics",
                     ", ".join(sorted(missing)),
                 )
                 return
@@ -151,7 +155,9 @@ class LiveExperiment:
         deadline = time.monotonic() + timeout
         while left := missing():
             if time.monotonic() > deadline:
-                raise NotReady(f"experiment {self.experiment.name}: after {timeout:g} s {text.format(', '.join(left))}")
+                raise NotReady(
+                    f"experiment {self.experiment.name} not started: after {timeout:g} s {text.format(', '.join(left))}"
+                )
             live_node.sleep(5 * live_node.POLL)
 
     def _missing_controllers(self) -> list[str]:
@@ -164,11 +170,12 @@ class LiveExperiment:
         return [name for name in self.experiment.controllers if name not in running]
 
     def _send(self) -> tuple[list[float], float]:
-        """Send the setpoints at their times; return begin and end [s of robot time], and the real-time factor."""
+        """Send the setpoints at their times; return begin and end in robot time [s], and the real-time factor."""
         if self._human is not None:
             self._human.start()
         if self.experiment.human is not None:
-            live_node.trigger(parameters.HUMAN_START, "the human", "the human does not start")
+            silent = f"the simulated human does not respond (service {parameters.HUMAN_START})"
+            live_node.trigger(parameters.HUMAN_START, silent, "the simulated human cannot start its motion")
         begin, wall = rospy.get_time(), time.monotonic()
         for setpoint in self.experiment.setpoints:
             self._sleep_until(begin + setpoint.time)
@@ -178,20 +185,25 @@ class LiveExperiment:
         return [float(begin), float(end)], float((end - begin) / max(time.monotonic() - wall, 1e-9))
 
     def _sleep_until(self, when: float) -> None:
-        """Wait until robot time `when`; a paused simulation pauses the wait, a robot that does not respond ends it."""
+        """Wait until robot time `when` [s]; a paused simulation extends the wait.
+
+        Raises:
+            FailureError: robot time does not advance and the robot does not respond.
+        """
         last = (rospy.get_time(), time.monotonic())
         while (now := rospy.get_time()) < when:
             if now != last[0]:
                 last = (now, time.monotonic())
             elif time.monotonic() - last[1] > 5.0 and self._missing_controllers():
                 raise FailureError(
-                    f"experiment {self.experiment.name}: robot time stays at {now:.3f} s and the robot does not respond"
+                    f"experiment {self.experiment.name} ended: robot time stands at {now:.3f} s and the robot does "
+                    "not respond"
                 )
             live_node.sleep(live_node.POLL)
 
 
 def run() -> None:
-    """Run the experiment that the private parameters select, and print the report."""
+    """Run the experiment that the private parameters of the node select, and print the report."""
     report = LiveExperiment().run()
     if report:
         print(f"\n{report}", flush=True)

@@ -1,4 +1,4 @@
-"""Motion capture of a live experiment: waits until it tracks the body, then starts the emulated human, if any."""
+"""Motion capture and emulated human of a live experiment: waits until the body is tracked, then starts the human."""
 
 from typing import Any
 
@@ -28,18 +28,18 @@ class LiveHuman:
         self._tracked = any(body.name == self._body and body.tracking_valid for body in message.rigid_bodies)
 
     def missing(self) -> list[str]:
-        """Return what is missing: frames of the motion capture, or the body in them; empty: ready."""
+        """Return messages on what is missing: motion capture frames, or the tracked body in them; empty: ready."""
         if self._tracked:
             if self._subscriber is not None:
                 self._subscriber.unregister()
                 self._subscriber = None
             return []
         if not self._bodies:
-            return [f"nothing on {self._topic}; does {MOCAP_CLIENT} run?"]
-        return [f"{self._topic} does not track {self._body}; it has {self._bodies}"]
+            return [f"no messages on {self._topic}; is the node {MOCAP_CLIENT} running?"]
+        return [f"the body {self._body} is not tracked on {self._topic}; bodies in the frames: {self._bodies}"]
 
     def nodes(self) -> list[str]:
-        """Return the names of the running nodes of the motion capture."""
+        """Return the names of the running motion capture nodes: client and emulated human."""
         published = rosgraph.Master(rospy.get_name()).getSystemState()[0]
         sources = {rospy.resolve_name(name) for name in (MOCAP_CLIENT, EMULATED_HUMAN)}
         return sorted(sources & {node for _, nodes in published for node in nodes})
@@ -48,16 +48,16 @@ class LiveHuman:
         """Start the emulated human, if there is one.
 
         Raises:
-            HricError: the service does not respond or refuses.
+            HricError: the service does not respond or reports an error.
         """
         service = self._service()
         if not service:
-            rospy.loginfo("no emulated human: whoever carries %s may move it now", self._body)
+            rospy.loginfo("no emulated human: the person with the body %s can move now", self._body)
             return
-        rospy.loginfo("%s", live_node.trigger(service, service, service))
+        rospy.loginfo("%s", live_node.trigger(service, f"{service} does not respond", service))
 
     def _service(self) -> str:
-        """Return the name of the service that starts the emulated human in this namespace; "": none."""
+        """Return the name of the service that starts the emulated human in this namespace; "": there is none."""
         name: str = rospy.resolve_name(f"{EMULATED_HUMAN}/start")
         try:
             rosgraph.Master(rospy.get_name()).lookupService(name)

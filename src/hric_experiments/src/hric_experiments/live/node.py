@@ -1,4 +1,4 @@
-"""Start and end of the nodes of this package."""
+"""Common start and end of this package's nodes: arguments, wait for the master, signals, exit codes."""
 
 import math
 import os
@@ -22,14 +22,14 @@ from hric_core.ros.process import check_words, refuse_unread, shut_down
 POLL = 0.01
 """Polling period of the clock and of responses [s of wall time]."""
 MASTER_TIMEOUT = 30.0
-"""Maximum wait for a ROS master [s]."""
+"""Maximum wait for a ROS master [s of wall time]."""
 
 
 _stop = threading.Event()
 
 
 class LiveInterrupted(BaseException):
-    """Ctrl-C or SIGTERM, raised in the main thread while it waits or computes."""
+    """Ctrl-C or SIGTERM was received; raised in the main thread, during waits and computations."""
 
 
 def main(
@@ -40,13 +40,13 @@ def main(
     Args:
         name: default name of the node.
         text: description for --help.
-        work: function that does the work; it may return or raise HricError for a user-level failure, and Ctrl-C
-            interrupts it at once.
+        work: function that does the work of the node; it raises HricError for a failure to report to the user, and
+            Ctrl-C interrupts it at once.
         known: parameters that the node reads.
-        interrupted: exit code after Ctrl-C; 0 for a node that only ends this way.
+        interrupted: exit code after Ctrl-C; 0 for a node that runs until Ctrl-C.
 
     Returns:
-        The exit code: 0 if the work is done, else that of the HricError.
+        The exit code: 0 if the work is done, else the code of the HricError.
     """
     check_words(name, f"{text} Parameters: INTERFACE.md of hric_experiments.", known)
     _on_signals(_interrupt)
@@ -75,15 +75,17 @@ def wait_for_master(timeout: float = MASTER_TIMEOUT) -> None:
     deadline = time.monotonic() + timeout
     while not rosgraph.is_master_online():
         if time.monotonic() > deadline:
-            raise FailureError(f"no ROS master at {os.environ.get('ROS_MASTER_URI', '(ROS_MASTER_URI is not set)')}")
+            raise FailureError(
+                f"no ROS master responds at {os.environ.get('ROS_MASTER_URI', '(ROS_MASTER_URI is not set)')}"
+            )
         sleep(0.1)
 
 
 def sleep(seconds: float) -> None:
-    """Wait [s of wall time].
+    """Wait for a wall time [s], unless a signal was received.
 
     Raises:
-        Interrupted: a signal was received, now or earlier.
+        LiveInterrupted: Ctrl-C or SIGTERM was received, now or earlier.
     """
     if not _stop.is_set():
         time.sleep(seconds)
@@ -95,8 +97,8 @@ def call(service: str, kind: Any, timeout: float) -> Any:
     """Call a service without arguments.
 
     Raises:
-        TimeoutError: no response after `timeout` [s of wall time]; a stopped process (SIGSTOP) accepts the call and
-            never responds.
+        TimeoutError: there is no response within `timeout` [s of wall time]; a stopped process (SIGSTOP) accepts the
+            call but never responds.
     """
     result: Future[Any] = Future()
 
@@ -110,34 +112,34 @@ def call(service: str, kind: Any, timeout: float) -> Any:
     deadline = time.monotonic() + timeout
     while not result.done():
         if time.monotonic() > deadline:
-            raise TimeoutError(f"no response of {service} within {timeout:g} s")
+            raise TimeoutError(f"no response of the service {service} within {timeout:g} s")
         sleep(POLL)
     return result.result()
 
 
-def trigger(service: str, name: str, refused: str, timeout: float = math.inf) -> str:
+def trigger(service: str, silent: str, refused: str, timeout: float = math.inf) -> str:
     """Call a service std_srvs/Trigger and return its message; timeout: longest wait [s of wall time].
 
     Raises:
-        FailureError: it does not respond (the text begins with `name`), or refuses (it begins with `refused`).
+        FailureError: it does not respond (the text begins with `silent`), or refuses (it begins with `refused`).
     """
     try:
         response = call(service, Trigger, timeout)
     except (rospy.ServiceException, TimeoutError) as error:
-        raise FailureError(f"{name} does not respond: {error}") from error
+        raise FailureError(f"{silent}: {error}") from error
     if not response.success:
         raise FailureError(f"{refused}: {response.message}")
     return str(response.message)
 
 
 def interrupted() -> bool:
-    """Return True if a signal was received; for waits in other threads, in which it cannot be raised."""
+    """Return True if Ctrl-C or SIGTERM was received; for other threads, in which LiveInterrupted is not raised."""
     return _stop.is_set()
 
 
 def _interrupt(*_: Any) -> None:
-    # Only the first signal raises, so that closing is not interrupted. rospy catches all exceptions in places, hence
-    # the flag, too.
+    # Only the first signal raises, so that a second one does not interrupt the shutdown. The flag is needed, too,
+    # because rospy catches all exceptions in some places.
     first = not _stop.is_set()
     _stop.set()
     if first:

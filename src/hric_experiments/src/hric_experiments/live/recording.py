@@ -12,10 +12,10 @@ from hric_experiments.live import node as live_node
 from hric_experiments.live import topics
 from hric_experiments.recorder.node import RECORDING_TOPIC, START_SERVICE, STOP_SERVICE, TRIGGER_TOPIC
 
-TRIGGERS = f"{TRIGGER_TOPIC} or {START_SERVICE}"
+TRIGGERS = f"the topic {TRIGGER_TOPIC} or the service {START_SERVICE}"
 """Topic and service that start an armed recorder."""
 RECORDER_TIMEOUT = 120.0
-"""Maximum wait for the recorder to close its bag, such as gigabytes on a slow disk [s of wall time]."""
+"""Maximum wait for the recorder to close its bag [s of wall time]; long enough for gigabytes on a slow disk."""
 
 
 class LiveRecording:
@@ -43,7 +43,9 @@ class LiveRecording:
 
     def stop(self) -> RunFolder:
         """Stop the recording and return its run folder. Raises FailureError."""
-        bag = live_node.trigger(STOP_SERVICE, "the recorder", "the recording could not be stopped", RECORDER_TIMEOUT)
+        bag = live_node.trigger(
+            STOP_SERVICE, "the recorder does not respond", "the recording could not be stopped", RECORDER_TIMEOUT
+        )
         self._subscriber.unregister()  # the next recording is not of this experiment
         self._folder = str(Path(bag).parent)
         return self.folder

@@ -1,4 +1,4 @@
-"""Sensors of a live experiment: waits until all publish, and at the end until the last samples have arrived."""
+"""Sensors of a live experiment: wait until all publish, and at the end until their last samples have arrived."""
 
 import struct
 import threading
@@ -14,23 +14,23 @@ from hric_perception.sent import TOPIC as SENT
 from hric_run.definition.experiment import Experiment
 
 _STAMP = struct.Struct("<xxxxII")
-"""Format of sequence number and stamp in the header at the start of each message."""
+"""Binary format of sequence number and stamp in the header with which each message starts."""
 DRAIN = 1.0
-"""Time by which stamps must exceed the end so that all samples before it have arrived, longer than any latency [s of
-robot time] (project default, unconfirmed)."""
+"""Time by which a received stamp must exceed the end of the experiment to prove that all earlier samples have arrived
+[s of robot time]; longer than any latency (project default, unconfirmed)."""
 DRAIN_TIMEOUT, POLL = 30.0, 0.05
 """Maximum wait for the last samples, and polling period [s of wall time]."""
 
 
 class LiveSensors:
-    """Topics whose samples are counted: motion capture, EMG, force plate, synchronised samples.
+    """Sensor topics of a live experiment: motion capture, EMG, force plate, synchronised samples.
 
     Args:
-        experiment: experiment with the sections of the sensors.
+        experiment: experiment, whose sections define the sensors.
 
     Attributes:
         topics: names of all topics.
-        sampled: True if there are other sources than motion capture.
+        sampled: True if there are sources besides motion capture.
     """
 
     def __init__(self, experiment: Experiment) -> None:
@@ -44,19 +44,19 @@ class LiveSensors:
         self._listen()
 
     def missing(self) -> list[str]:
-        """Return messages on topics without data so far; unsubscribe from the others."""
+        """Return a message for each topic without data so far; unsubscribe from the other topics."""
         for topic in [topic for topic in self._subscribers if self._stamp(topic) is not None]:
             self._subscribers.pop(topic).unregister()
-        return [f"nothing on {topic}" for topic in self._subscribers]
+        return [f"no messages on {topic}" for topic in self._subscribers]
 
     def nodes(self) -> list[str]:
-        """Return the names of the nodes that publish the topics or the counts of sent samples."""
+        """Return the names of the nodes that publish the sensor topics or the counts of sent samples."""
         counted = {*self.topics, rospy.resolve_name(SENT)} if self.topics else set()
         published = rosgraph.Master(rospy.get_name()).getSystemState()[0]
         return sorted({node for topic, nodes in published if topic in counted for node in nodes})
 
     def drain(self, end: float) -> list[str]:
-        """Wait until all samples up to the time `end` [s] have arrived; return the topics that lack some."""
+        """Wait until all samples up to robot time `end` [s] have arrived; return the topics for which they have not."""
         with self._lock:
             self._stamps.clear()
         self._listen()
@@ -80,7 +80,7 @@ class LiveSensors:
         if isinstance(message, rospy.AnyMsg):
             seconds, nanoseconds = _STAMP.unpack_from(message._buff)
             stamp = seconds + 1e-9 * nanoseconds
-        else:  # another subscriber in this process has set the type
+        else:  # another subscriber in this process uses the topic with its message type
             stamp = message.header.stamp.to_sec()
         with self._lock:
             self._stamps[topic] = max(self._stamps.get(topic, 0.0), stamp)

@@ -23,11 +23,11 @@ MANAGER = "controller_manager"
 
 
 class SpawnError(FailureError):
-    """Error: the controllers could not be started; the robot's log has the reason."""
+    """Error: controllers could not be started; the log of the robot node contains the reason."""
 
 
 def configure(definition: Experiment) -> None:
-    """Overlay the controllers' parameters on the parameter server with the experiment's; add missing controllers."""
+    """Set the experiment's controller parameters on the parameter server; add missing controllers."""
     configured = parameters.controllers(definition)
     for name in definition.controllers:
         present = rospy.get_param(name, None)
@@ -36,10 +36,10 @@ def configure(definition: Experiment) -> None:
 
 
 def start(definition: Experiment, timeout: float = READY_TIMEOUT) -> None:
-    """Load the controllers that are not loaded and start all of them in one switch.
+    """Load the experiment's controllers that are not loaded yet, and start all of them in one switch.
 
     Raises:
-        SpawnError: the manager does not respond, or refuses.
+        SpawnError: the controller manager does not respond, or rejects a request.
     """
     _wait_for_manager(timeout)
     loaded = {controller.name: controller.state for controller in _call("list_controllers", ListControllers).controller}
@@ -54,7 +54,7 @@ def start(definition: Experiment, timeout: float = READY_TIMEOUT) -> None:
 
 
 def _set_load(definition: Experiment) -> None:
-    """Set the payload of the experiment, which an arm accepts only while no controller moves it."""
+    """Set the payload of the experiment; an arm accepts it only while no controller moves it."""
     request = parameters.load_request(definition.robot)
     if request is None:
         return
@@ -63,14 +63,14 @@ def _set_load(definition: Experiment) -> None:
     except rospy.ServiceException as error:
         raise SpawnError(f"{parameters.LOAD_SERVICE}: {error}") from error
     if not response.success:
-        raise SpawnError(f"robot.load: {response.error}")
+        raise SpawnError(f"the robot rejected the payload robot.load: {response.error}")
 
 
 def load_others(definition: Experiment) -> None:
-    """Load the other configured controllers, so that a switch to one of them takes one call.
+    """Load all other configured controllers without starting them, so that one call can switch to any of them.
 
     Raises:
-        SpawnError: the manager refuses.
+        SpawnError: the controller manager rejects a request.
     """
     for name in parameters.defaults(definition.robot.arm_id):
         if name not in definition.controllers and not _call("load_controller", LoadController, name=name).ok:
@@ -85,11 +85,13 @@ def _wait_for_manager(timeout: float) -> None:
             return
         except rospy.ROSException as error:
             if time.monotonic() > deadline:
-                raise SpawnError(f"no {rospy.resolve_name(MANAGER)} after {timeout:g} s") from error
+                raise SpawnError(
+                    f"the controller manager {rospy.resolve_name(MANAGER)} does not respond after {timeout:g} s"
+                ) from error
 
 
 def _reason() -> str:
-    return str(rospy.get_param(f"{MANAGER}/{REFUSAL}", "the robot's log says why"))
+    return str(rospy.get_param(f"{MANAGER}/{REFUSAL}", "see the log of the robot node for the reason"))
 
 
 def _call(service: str, service_type: type, **request: Any) -> Any:
@@ -103,17 +105,17 @@ def _call(service: str, service_type: type, **request: Any) -> Any:
 class SpawnerSettings(Settings):
     """Parameters of the spawner node."""
 
-    experiment: str = text("", default_text="none", text="whose controllers are started")
+    experiment: str = text("", default_text="none", text="experiment whose controllers are started")
     overrides: str = text("", figures=True, text="overrides of the experiment")
 
 
 def run() -> None:
-    """Start the controllers of the experiment in the private parameters, then wait for the shutdown."""
+    """Start the controllers of the experiment that the private parameters select, then wait for the shutdown."""
     settings = SpawnerSettings.read(RosNode("~"))
     definition = experiments.load(settings.experiment or experiments.NONE, overrides.separate(settings.overrides))
     configure(definition)
     start(definition)
-    rospy.loginfo("started %s", ", ".join(definition.controllers))
+    rospy.loginfo("started the controllers %s", ", ".join(definition.controllers))
     if definition.name == experiments.NONE:
         load_others(definition)
     rospy.set_param("~started", list(definition.controllers))

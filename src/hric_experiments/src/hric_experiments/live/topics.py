@@ -1,4 +1,4 @@
-"""Subscriptions in the ROS graph that a recorder needs before a motion starts or before another recorder takes over."""
+"""Checks in the ROS graph if a recorder has subscribed to all topics, before a motion or a split of the bag."""
 
 import http.client
 import re
@@ -10,7 +10,7 @@ import rosgraph
 import rospy
 
 NODE_TIMEOUT = 1.0
-"""Maximum wait for the list of connections of a node [s]."""
+"""Maximum wait for the response of a node with its list of connections [s]."""
 
 
 def subscribed(node: str, topics: set[str]) -> bool:
@@ -19,18 +19,18 @@ def subscribed(node: str, topics: set[str]) -> bool:
 
 
 def unrecorded(recorder: str, robot: str) -> set[str]:
-    """Return the topics of the robot node to which the recorder still has to subscribe.
+    """Return the topics of a robot or sensor node to which the recorder has not subscribed yet.
 
     The recorder looks for new topics twice a second.
 
     Args:
         recorder: absolute name of the recorder node.
-        robot: absolute name of the robot node.
+        robot: absolute name of the publishing node.
     """
     chosen = {rospy.resolve_name(str(topic)) for topic in rospy.get_param(f"{recorder}/topics", [])}
     excluded = str(rospy.get_param(f"{recorder}/exclude", ""))
     published = _topics_of(robot, subscribers=False)
-    # As in the recorder, the expression must match the complete name.
+    # As in the recorder, the regular expression must match the complete name.
     published = (
         published & chosen
         if chosen
@@ -40,9 +40,9 @@ def unrecorded(recorder: str, robot: str) -> set[str]:
 
 
 def unconnected(new: str, old: str) -> set[str]:
-    """Return the topics that some node sends to the subscriber `old`, but not to the subscriber `new`.
+    """Return the topics that are sent to the subscriber `old`, but not yet to the subscriber `new`.
 
-    The connections of the publishers decide: later messages of a publisher reach the subscribers that it lists.
+    This is determined from the publishers' lists of connections: a publisher sends to all subscribers in its list.
     """
     publishers = rosgraph.Master(rospy.get_name()).getSystemState()[0]
     missing: set[str] = set()
@@ -63,9 +63,9 @@ def _topics_of(node: str, subscribers: bool) -> set[str]:
 
 
 def _connections(node: str) -> set[tuple[str, str]]:
-    """Return (topic, subscriber) of each connection of a publisher; empty: it does not respond.
+    """Return (topic, subscriber) of each connection of a publishing node; empty: the node does not respond.
 
-    The master knows only the requested connections.
+    The request goes to the node itself, because the master knows only requested connections.
     """
     try:
         address = rosgraph.Master(rospy.get_name()).lookupNode(node)

@@ -1,4 +1,4 @@
-"""Recorder node: records into run folders, splits bags, monitors the disk, and closes open bags at shutdown."""
+"""Recorder node: records into run folders, splits bags, monitors the disk space, closes open bags at shutdown."""
 
 import contextlib
 import queue
@@ -38,20 +38,20 @@ START_SERVICE, STOP_SERVICE, SPLIT_SERVICE = (
 FAILURE_PARAM = "hric/experiment/failure"
 """Parameter in which scripts/bringup reports the node whose exit ended the run, and how it exited."""
 SHUTDOWN_TIMEOUT = 100.0
-"""Maximum time to close the bag after Ctrl-C [s]; scripts/bringup waits for it."""
+"""Maximum time to close the bag after Ctrl-C [s]; scripts/bringup waits this long for the node."""
 OPEN_TIMEOUT = 20.0
-"""Maximum time for the recorder to open its bag, and to subscribe to the required topics [s]."""
+"""Maximum time for bag_recorder to open its bag, and to subscribe to the required topics [s]."""
 RETRY = 30.0
 """Time after a failed split until the next attempt [s]."""
 FREE_RUN = "bringup"
-"""Name of a run without experiment."""
+"""Name of the run folders of recordings without experiment."""
 
 
 class BagRecorder:
-    """Sequence of recordings that start with the node, a trigger or a service, and end by a service or at shutdown.
+    """Recorder of a live system: recordings start with the node, by trigger or service, and end by service or shutdown.
 
-    All work is done in the thread that calls `work`, since child processes end with the thread that started them;
-    services and triggers only request it. Parameters are read from the node's private namespace.
+    Services and triggers only enqueue requests; the thread that calls `work` executes them, as child processes end with
+    the thread that started them. Parameters are read from the node's private namespace.
     """
 
     def __init__(self) -> None:
@@ -81,17 +81,17 @@ class BagRecorder:
     def begin(self) -> Path:
         """Start a recording in a new run folder, and publish the folder on `hric/experiment/recording`.
 
-        Waits until the recorder has subscribed to the selected topics or, by default, to the control log.
+        Waits until bag_recorder has subscribed to the selected topics or, by default, to the control log.
 
         Returns:
             The run folder.
 
         Raises:
-            HricError: a recording is running already, the disk is full, or the recorder does not start.
+            HricError: a recording is already running, the disk is full, or bag_recorder does not start.
         """
         if self._recording is not None:
             raise RecordError(
-                f"a recording goes on already, into {self._recording.folder.path}; valid: {STOP_SERVICE}, "
+                f"a recording into {self._recording.folder.path} is already running; valid: {STOP_SERVICE}, "
                 f"{SPLIT_SERVICE}"
             )
         check_space(self._root, self._settings.min_free)
@@ -117,10 +117,10 @@ class BagRecorder:
         return folder.path
 
     def _write_head(self, folder: RunFolder, name: str) -> None:
-        """Write run.yaml and the robot description of a run with this name."""
+        """Write run.yaml, with `name` as experiment, and the robot description to a run folder."""
         namespace = rospy.get_namespace()
         tree = rospy.get_param(namespace.rstrip("/") or "/", {}) or {}
-        # The description nearest to the namespace of this node; empty: there is none.
+        # Robot description from the nearest parent namespace of this node; empty: there is none.
         urdf = str(rospy.get_param(rospy.search_param("robot_description") or "robot_description", ""))
         entries: RunFile = {
             "mode": "live",
@@ -146,7 +146,7 @@ class BagRecorder:
         return live_topics.unconnected(rospy.resolve_name(self._listener(new)), rospy.resolve_name(self._listener(old)))
 
     def _wait_subscribed(self) -> None:
-        """Wait until the recorder has subscribed to the selected topics, by default to the robot's control log."""
+        """Wait until bag_recorder has subscribed to the selected topics, by default to the robot's control log."""
         expected = set(self._topics) or {rospy.resolve_name("control_log")}
         deadline, name = time.monotonic() + OPEN_TIMEOUT, rospy.resolve_name(self._node_name)
         while not _shutting_down() and not live_topics.subscribed(name, expected):
@@ -157,16 +157,16 @@ class BagRecorder:
             time.sleep(0.05)
 
     def work(self) -> None:
-        """Record until the shutdown request.
+        """Execute the requests to record until the shutdown of the node.
 
         Raises:
-            HricError: the recording at the start of the node failed, or the recorder process exited.
+            HricError: the recording at the start of the node failed, or bag_recorder exited.
         """
         if self._settings.start == NOW:
             self.begin()
         else:
             rospy.loginfo(
-                "armed: recording begins with %s%s",
+                "armed: the recording begins with the trigger or service %s%s",
                 f"{TRIGGER_TOPIC} or " * (self._settings.start == ON_TRIGGER),
                 START_SERVICE,
             )
@@ -175,7 +175,7 @@ class BagRecorder:
             self._do_requests()
 
     def _do_requests(self) -> None:
-        """Execute the next request of a service or trigger; wait up to 50 ms for one."""
+        """Execute the next request of a service or trigger; wait up to 50 ms for a request."""
         try:
             work, result = self._requests.get(timeout=0.05)
         except queue.Empty:
@@ -198,7 +198,7 @@ class BagRecorder:
             self._recording = None
             full = f"; {free:.0f} MB are free" if free < self._settings.min_free else ""
             recording.fail(recording.part.exit_text + full)
-            where = f"see {recording.folder.path}, and hric health"
+            where = f"the recording failed; see {recording.folder.path}, and check the bag with hric health"
             raise FailureError(f"{recording.part.exit_text}{full}; {where}")
         if free < self._settings.min_free:
             self._end_for_space(free)
@@ -216,7 +216,7 @@ class BagRecorder:
 
     def _end_for_space(self, free: float) -> None:
         trouble = (
-            f"the recording was ended: {free:.0f} MB are free on its disk, fewer than the limit min_free of "
+            f"the recording was ended: {free:.0f} MB are free on the disk, less than the limit min_free of "
             f"{self._settings.min_free:.0f} MB"
         )
         bag = self.stop(INTERRUPTED, reason=trouble)
@@ -231,7 +231,7 @@ class BagRecorder:
 
     def _split_by_itself(self, recording: BagWriting) -> None:
         try:
-            rospy.loginfo("closed %s", recording.split(give_up=_shutting_down))
+            rospy.loginfo("split the bag; closed the part %s", recording.split(give_up=_shutting_down))
             self._trouble = ""
         except RecordError as error:
             self._trouble, self._next_split = str(error), time.monotonic() + RETRY
@@ -248,22 +248,22 @@ class BagRecorder:
             with contextlib.suppress(TimeoutError):
                 error = result.exception(0.1)
                 return TriggerResponse(success=error is None, message=str(error or result.result()))
-        return TriggerResponse(success=False, message="the recorder ends")
+        return TriggerResponse(success=False, message="the recorder is shutting down")
 
     def _on_start(self) -> str:
         return str(self.begin())
 
     def _on_split(self) -> str:
         if self._recording is None:
-            raise RecordError(f"nothing is being recorded that could be split; valid: {START_SERVICE}")
+            raise RecordError(f"no recording is running that could be split; valid: {START_SERVICE}")
         path = self._recording.split(give_up=_shutting_down)
-        rospy.loginfo("closed %s", path)
+        rospy.loginfo("split the bag; closed the part %s", path)
         return str(path)
 
     def _on_trigger(self, _: Any) -> None:
         if self._settings.start != ON_TRIGGER:
             rospy.logwarn(
-                "a trigger came, but the recorder is not armed: parameter start is %s, not %s",
+                "trigger ignored: the recorder is not armed (parameter start is %s, not %s)",
                 self._settings.start,
                 ON_TRIGGER,
             )
@@ -271,12 +271,15 @@ class BagRecorder:
         self._request(self._on_start)
 
     def stop(self, status: str, timeout: float = recorder_process.STOP_TIMEOUT, **notes: Unpack[RunNotes]) -> Path:
-        """Close the bag and write the outcome to run.yaml; return the bag or its first part, also if closed before.
+        """Close the bag and write the status to run.yaml; return the path of the bag or its first part.
+
+        If the bag is already closed, only return its path.
+
 
         Args:
             status: status of the run.
             timeout: maximum time to close the bag [s].
-            notes: further entries of run.yaml, such as the reason or the error.
+            notes: further entries for run.yaml, such as the reason or the error.
 
         Raises:
             HricError: there was no recording, or the bag could not be closed.
@@ -284,9 +287,11 @@ class BagRecorder:
         recording = self._recording
         if recording is None:
             if self._last is None:
-                raise RecordError(f"nothing is being recorded; valid: {START_SERVICE}")
+                raise RecordError(f"no recording is running; valid: {START_SERVICE}")
             return self._last
-        with contextlib.suppress(rospy.ROSException):  # already closed by a shutdown request of the master
+        with contextlib.suppress(
+            rospy.ROSException
+        ):  # the publisher is already closed if the master requested the shutdown
             self._publisher.publish(String(""))
         try:
             path = self._last = recording.stop(timeout)
@@ -295,12 +300,14 @@ class BagRecorder:
             recording.fail(f"{notes['error']}; {error}" if "error" in notes else str(error))
             raise
         recording.finish(status, **notes)
-        self._recording = None  # only now, so that an interrupt before this closes the recording again
-        rospy.loginfo("recorded %s%s", path, f" and {recording.parts - 1} more" if recording.parts > 1 else "")
+        self._recording = (
+            None  # reset last, so that after an interruption before this line `close` still closes the recording
+        )
+        rospy.loginfo("recorded %s%s", path, f" and {recording.parts - 1} more parts" if recording.parts > 1 else "")
         return path
 
     def close(self) -> None:
-        """Close an open recording at shutdown; an experiment then counts as interrupted, or as failed with a node."""
+        """Close an open recording at shutdown; the run is then interrupted, or failed if the robot or a node failed."""
         if self._recording is None:
             return
         if failure := _failure():
@@ -310,7 +317,7 @@ class BagRecorder:
 
 
 def _failure() -> str:
-    """Return the reason why the run failed; empty: robot, nodes and master are running or were shut down."""
+    """Return the reason why the run failed; empty: robot, nodes and master are running or were shut down normally."""
     try:
         return next(filter(None, (str(rospy.get_param(name, "")) for name in _failure_params())), "")
     except (OSError, rosgraph.MasterException):
@@ -318,7 +325,7 @@ def _failure() -> str:
 
 
 def _failure_params() -> tuple[str, str]:
-    """Return the names of the parameters with the failure of the robot and with the node that exited by itself."""
+    """Return the names of the parameters that contain the robot's failure, and the node whose exit ended the run."""
     return f"{rospy.resolve_name('robot')}/failure", rospy.resolve_name(FAILURE_PARAM)
 
 
@@ -327,7 +334,7 @@ def _shutting_down() -> bool:
 
 
 def run() -> None:
-    """Record until the shutdown; the bag is closed in any case."""
+    """Record until the shutdown of the node; close the bag in any case."""
     recorder = BagRecorder()
     try:
         recorder.work()
@@ -341,7 +348,7 @@ OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.E
 
 
 class RecorderDiagnostics:
-    """Publisher of the diagnostics of this node."""
+    """Publisher of the recorder's status on /diagnostics."""
 
     def __init__(self) -> None:
         self._publisher = rospy.Publisher("/diagnostics", DiagnosticArray, queue_size=10)
@@ -349,7 +356,7 @@ class RecorderDiagnostics:
         self._due = 0.0
 
     def report(self, level: int, text: str, values: Mapping[str, str], now: bool = False) -> None:
-        """Publish the status, at most once per PERIOD unless `now` is set."""
+        """Publish level, text and values, at most once per PERIOD unless `now` is set."""
         if not now and time.monotonic() < self._due:
             return
         self._due = time.monotonic() + PERIOD

@@ -1,4 +1,4 @@
-"""Recording into a run folder, with a bag in parts, one `bag_recorder` per part, and the free disk space."""
+"""Recording of a bag in parts into a run folder, with one process `bag_recorder` per part; free disk space."""
 
 import contextlib
 import os
@@ -14,19 +14,19 @@ from hric_core.errors import FailureError, HricError
 from hric_experiments.recorder.process import STOP_TIMEOUT, RecorderProcess, RecordError
 
 SPLIT_TIMEOUT = 20.0
-"""Maximum time for the recorder of the next part to subscribe to all topics of the previous one [s]."""
+"""Maximum time for the next part's bag_recorder to subscribe to all topics of the previous part [s]."""
 OVERLAP = 0.2
-"""Time for which both recorders run once both have subscribed, so that messages on their way to the first one alone
-still arrive [s]; project default, unconfirmed."""
+"""Time for which two parts are recorded at once after both have subscribed [s], so that messages already on the way to
+the first one alone are still recorded; project default, unconfirmed."""
 _POLL = 0.05
 Start = Callable[[Path, int], RecorderProcess]
-"""Function that starts the recorder of a part, from its bag and the number of the part."""
+"""Function of (path of the bag, number of the part) that starts bag_recorder for a part."""
 Missing = Callable[[int, int], set[str]]
-"""Function of two part numbers (new, old); returns the topics that only the recorder of the old part receives."""
+"""Function of two part numbers (new, old) that returns the topics received only for the old part."""
 
 
 class DiskFullError(FailureError):
-    """Error: too little free disk space to record."""
+    """Error: there is too little free disk space to record."""
 
 
 def free_space(path: Path) -> float:
@@ -40,7 +40,7 @@ def free_space(path: Path) -> float:
     try:
         state = os.statvfs(path)
     except OSError as error:
-        raise DiskFullError(f"cannot tell the free space of {path}: {error.strerror or error}") from error
+        raise DiskFullError(f"cannot determine the free disk space of {path}: {error.strerror or error}") from error
     return state.f_bavail * state.f_frsize / MEGABYTE
 
 
@@ -52,27 +52,27 @@ def check_space(path: Path, limit: float) -> None:
         limit: required free space [MB].
 
     Raises:
-        DiskFullError: there is less.
+        DiskFullError: there is less free space.
     """
     left = free_space(path)
     if left < limit:
         raise DiskFullError(
-            f"only {left:.0f} MB are free where recordings go ({path}), fewer than the limit min_free of "
-            f"{limit:.0f} MB: make room, "
-            "choose another folder (HRIC_RUNS), lower the limit, or record:=false"
+            f"only {left:.0f} MB are free in the folder for recordings ({path}), less than the limit min_free of "
+            f"{limit:.0f} MB; free some space, "
+            "choose another folder (HRIC_RUNS), lower the limit, or set record:=false"
         )
 
 
 class BagWriting:
     """Recording of a bag in one or more parts; not thread-safe.
 
-    The bag of one part has the name of the run folder; at the first split it becomes `..._0.bag`, and `..._1.bag`
-    follows. Successive parts overlap, so that no message is lost.
+    A bag with one part has the name of the run folder; at the first split it is renamed to `..._0.bag`, and `..._1.bag`
+    follows. Successive parts overlap in time, so that no message is lost.
 
     Args:
         folder: run folder.
-        start: function that starts the recorder of a part.
-        missing: function that returns the topics to which the recorder of a new part has not subscribed yet.
+        start: function that starts bag_recorder for a part.
+        missing: function that returns the topics that are not yet recorded in a new part.
     """
 
     def __init__(self, folder: RunFolder, start: Start, missing: Missing) -> None:
@@ -88,17 +88,17 @@ class BagWriting:
 
     @property
     def part(self) -> RecorderProcess:
-        """Recorder of the part that is being written."""
+        """Process that records the current part."""
         return self._parts[-1]
 
     @property
     def parts(self) -> int:
-        """Number of parts."""
+        """Number of parts so far."""
         return len(self._parts)
 
     @property
     def part_size(self) -> int:
-        """Size of the part that is being written [B]."""
+        """Size of the current part [B]."""
         try:
             return self.part.active.stat().st_size
         except FileNotFoundError:
@@ -106,18 +106,18 @@ class BagWriting:
 
     @property
     def part_age(self) -> float:
-        """Age of the part that is being written [s of wall time]."""
+        """Duration of the current part so far [s of wall time]."""
         return time.monotonic() - self._part_began
 
     def split(self, timeout: float = SPLIT_TIMEOUT, give_up: Callable[[], bool] = lambda: False) -> Path:
-        """Start the next part, and close the previous one once the new recorder has subscribed to all its topics.
+        """Start the next part; close the previous one after the new process has subscribed to all its topics.
 
         Args:
-            timeout: maximum time for this [s].
+            timeout: maximum time until all topics are subscribed [s].
             give_up: function that returns True to end the wait early, at shutdown.
 
         Returns:
-            The closed part.
+            Path of the closed part.
 
         Raises:
             RecordError: the timeout has passed; the recording continues in the previous part.
@@ -139,7 +139,7 @@ class BagWriting:
         return old.bag
 
     def stop(self, timeout: float = STOP_TIMEOUT) -> Path:
-        """Close all parts; return the bag, or its first part.
+        """Close all parts; return the path of the bag or of its first part.
 
         Raises:
             RecordError: a bag could not be closed.
@@ -153,7 +153,7 @@ class BagWriting:
             except RecordError:
                 if part is self._parts[0] or part.bag.exists() or part.active.exists():
                     raise
-                self._parts.remove(part)  # ended before its bag was opened
+                self._parts.remove(part)  # this process ended before it opened its bag
                 self._note()
         if self.parts > 1:
             self._name_first()
@@ -164,7 +164,7 @@ class BagWriting:
         self.folder.update(status=status, finished=iso_now(), **notes)
 
     def fail(self, error: str) -> None:
-        """Write to run.yaml that the run failed; if the disk is full, the next reader of the run notes its end."""
+        """Write to run.yaml that the run failed; without effect if the disk is full."""
         with contextlib.suppress(HricError):
             self.finish(FAILED, error=error)
 
@@ -172,8 +172,8 @@ class BagWriting:
         while not give_up() and (missing := self._missing(self.parts - 1, self.parts - 2)):
             if time.monotonic() > deadline:
                 raise RecordError(
-                    f"the next part did not subscribe to {', '.join(sorted(missing))} within {timeout:g} s; all goes "
-                    "on in the part before it"
+                    f"the next part did not subscribe to {', '.join(sorted(missing))} within {timeout:g} s; the "
+                    "recording continues in the previous part"
                 )
             time.sleep(_POLL)
 
@@ -189,7 +189,7 @@ class BagWriting:
         return self.folder.path / f"{self.folder.bag_path.stem}_{number}.bag"
 
     def _name_first(self) -> None:
-        """Rename the first part to its numbered name, so that the bag named in run.yaml exists at any moment."""
+        """Rename the first part to its numbered name; the bag that run.yaml names exists at any moment."""
         first, named = self._parts[0], self._name(0)
         if first.bag == named or not first.bag.exists():
             return

@@ -1,4 +1,4 @@
-"""Parameters of a recorder: notes about the run, and start, split and end of the recording."""
+"""Parameters of the recorder node: notes on the run, topics, and start, split and end of a recording."""
 
 import re
 from dataclasses import dataclass
@@ -6,13 +6,14 @@ from dataclasses import dataclass
 from hric_core.parameters import Settings, choice, listing, number, text
 
 SUBJECT = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,31}")
-"""Pattern of the code of a subject, so that run folders have no personal names; project default, unconfirmed."""
+"""Pattern of a subject's code (pseudonym), so that run folders contain no names of persons; project default,
+unconfirmed."""
 LONGEST_NOTE = 2000
-"""Maximum length of a note [characters]; project default, unconfirmed."""
+"""Maximum length of the notes [characters]; project default, unconfirmed."""
 MIN_FREE = 1024.0
-"""Free disk space below which a recording is ended, so that the recorder's buffer and the report still fit [MB]."""
+"""Free disk space below which a recording is ended [MB], so that the recorder's buffer and the report still fit."""
 NONE = ("", "none")
-"""Values of a parameter that mean it is not set."""
+"""Values of a parameter that mean "not set"."""
 NOW, ON_TRIGGER, ON_REQUEST = "now", "on_trigger", "on_request"
 
 
@@ -34,10 +35,10 @@ def _short(notes: str) -> str:
 
 @dataclass(frozen=True)
 class RecorderSettings(Settings):
-    """Parameters of the recorder."""
+    """Parameters of the recorder node."""
 
     experiment: str = text(
-        "", default_text="none", text="experiment that is recorded; none: run folders are called bringup"
+        "", default_text="none", text="experiment that is recorded; none: the run folders are named bringup"
     )
     overrides: str = text(
         "", figures=True, text="overrides of the experiment, separated by spaces; values with spaces in quotes"
@@ -45,45 +46,45 @@ class RecorderSettings(Settings):
     topics: tuple[str, ...] = listing(
         text(empty=False),
         default=(),
-        text="topics to record; empty: all, also those that appear later (looked for twice a second)",
+        text="topics to record; empty: all, including topics that appear later (checked twice a second)",
     )
-    exclude: str = text("", text="regular expression of topics not to record, which fits their whole names")
+    exclude: str = text("", text="regular expression for the complete names of topics that are not recorded")
     start: str = choice(
         NOW,
         ON_TRIGGER,
         ON_REQUEST,
-        text="when recording begins: now; on_trigger: with `hric/experiment/trigger`, again and again; "
-        "on_request: with the service only",
+        text="start of a recording. now: with the node; on_trigger: at each message on `hric/experiment/trigger`; "
+        "on_request: only by the service",
     )
     subject: str = text(
         "",
-        valid="a code of letters, digits, - and _, at most 32 of them, for example P07; names of people stay out "
-        "of the data",
+        valid="a code of at most 32 letters, digits, - and _, for example P07; recorded data must not contain names of "
+        "persons",
         figures=True,
         made=_code,
         default_text="none",
-        text="code of the person who takes part, for `run.yaml`: letters, digits, - and _, at most 32",
+        text="code (pseudonym) of the subject for `run.yaml`: at most 32 letters, digits, - and _",
     )
     notes: str = text(
         "",
-        valid=f"at most {LONGEST_NOTE} characters, longer ones as a file in the run folder",
+        valid=f"at most {LONGEST_NOTE} characters; put longer notes into a file in the run folder",
         figures=True,
         made=_short,
         default_text="none",
         text=f"notes for `run.yaml`, at most {LONGEST_NOTE} characters",
     )
     split_size: float = number(
-        0.0, minimum=0.0, unit="MB", text="size of a part at which the next one begins; 0: never"
+        0.0, minimum=0.0, unit="MB", text="size of the bag at which it is split and the next part begins; 0: never"
     )
     split_duration: float = number(
-        0.0, minimum=0.0, unit="s", text="wall time after which the next part begins; 0: never"
+        0.0, minimum=0.0, unit="s", text="wall time after which the bag is split and the next part begins; 0: never"
     )
     min_free: float = number(
         MIN_FREE,
         minimum=0.0,
         unit="MB",
-        text="free space on the disk below which a recording is refused, or ended with a complete bag and an error on "
-        "the log and "
-        "`/diagnostics`: what still waits in memory must find room",
+        text="free disk space below which a recording is not started, or is ended with a complete bag and an error in "
+        "the "
+        "log and on `/diagnostics`; the buffered messages must still fit",
     )
     runs: str = text("", text="folder of all runs; empty: $HRIC_RUNS, else runs/ of the workspace")

@@ -18,12 +18,12 @@ Unconfirmed by a second source: the length of the female foot, and the border of
 from dataclasses import dataclass
 
 MEAN_HEIGHT = {"female": 1.735, "male": 1.741}
-"""Mean height of the subjects of the table [m]; lengths scale with the height."""
+"""Mean height of the people measured for de Leva's table, by sex [m]; segment lengths scale with the height."""
 
 
 @dataclass(frozen=True)
 class SegmentRow:
-    """Segment of the table.
+    """Row of de Leva's table: mass, length, centre of mass and radii of gyration of one body segment.
 
     Attributes:
         mass: share of the total body mass [1].
@@ -51,7 +51,7 @@ ENDS = {
     "shank": ("knee joint centre", "ankle joint centre"),
     "foot": ("heel", "tip of the longest toe"),
 }
-"""First and second end point of each segment."""
+"""First and second end point of each segment in de Leva's table."""
 
 DE_LEVA = {
     "female": {
@@ -79,20 +79,24 @@ DE_LEVA = {
         "foot": SegmentRow(0.0137, 0.2581, 0.4415, (0.257, 0.245, 0.124)),
     },
 }
-"""Table rows by sex and segment; the male shares of mass add up to 1.0000, the female ones to 0.9999, as published."""
+"""Rows of de Leva's table by sex and segment.
+
+With both limbs counted, the mass shares add up to 1.0000 for men and 0.9999 for women, as published.
+"""
 
 SHOULDER_DROP = {"female": 0.6148 - 0.4979, "male": 0.6033 - 0.5155}
 """Height of the cervicale above the mid-shoulder point in the mean body [m].
 
-It is the trunk from the cervicale less that from the mid-shoulder, both to the middle of the hip joints.
+The table gives the trunk's length from the cervicale and from the mid-shoulder, both to the midpoint of the hip joints;
+this is their difference.
 """
 
 OTHER_LENGTHS = {"shoulder_width": 0.200, "hip_width": 0.100, "ankle_height": 0.039, "heel_to_ankle": 0.037}
-"""Lengths that the table does not have, as shares of the height [1].
+"""Lengths that de Leva's table lacks, as shares of the standing height [1].
 
-Distances between the joint centres of both shoulders and of both hips, of the ankle's above the sole, and from the heel
-forward to below the ankle's. ankle_height: Drillis & Contini 1966 as in Winter's textbook, from memory; the others:
-project default; all unconfirmed, so measure them.
+Distance between both shoulder joint centres, and between both hip joint centres; height of the ankle joint centre above
+the sole; distance from the heel forward to the point below the ankle joint centre. ankle_height: Drillis & Contini 1966
+as in Winter's textbook, from memory; the others: project default. All are unconfirmed, so measure them.
 """
 
 DENSITY = {
@@ -115,10 +119,10 @@ of Rhode Island, BME 207, 2016).
 
 
 def scaled_lengths(sex: str, height: float) -> dict[str, float]:
-    """Return the lengths by name [m].
+    """Return the segment lengths and joint distances of a subject, by name [m].
 
     Args:
-        sex: key of DE_LEVA.
+        sex: "female" or "male".
         height: standing height [m].
     """
     scale = height / MEAN_HEIGHT[sex]
@@ -128,5 +132,5 @@ def scaled_lengths(sex: str, height: float) -> dict[str, float]:
 
 
 def scaled_masses(sex: str, mass: float) -> dict[str, float]:
-    """Return the masses by segment, of one side [kg]; mass: total body mass [kg]."""
+    """Return the mass of each segment, limbs of one side [kg]; mass: total body mass [kg]."""
     return {name: row.mass * mass for name, row in DE_LEVA[sex].items()}

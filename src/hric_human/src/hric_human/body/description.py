@@ -17,13 +17,17 @@ from hric_human.body.segments import ROOT, BodySegment, Builder, segments
 from hric_human.body.subject import Subject
 
 JOINT_SHARE = 0.01
-"""Mass of each link between the joints of one segment, as share of the segment's [1]; project default, unconfirmed.
+"""Mass of each auxiliary link as share of its segment's mass [1]; project default, unconfirmed.
 
-Engines need a mass behind each joint. These links are balls around the joint centre, whose inertia is the same in any
-rotation; the segment is lighter by as much, so that both together are the segment of the table in any pose.
+Several joints at one point (a shoulder) need auxiliary links between them, and engines need a mass in each. These links
+are balls around the joint centre, whose inertia is the same in any rotation. The segment is lighter by their mass, so
+the sum has the table's mass and inertia in any pose.
 """
 MAX_EFFORT, MAX_VELOCITY = 300.0, 20.0
-"""Limits of all joints [N m], [rad/s], which URDF requires (project default, unconfirmed); muscles set the strength."""
+"""Limits [N m], [rad/s] of all joints, which URDF requires (project default, unconfirmed).
+
+The strength of the person is limited separately, see `hric_human.control.strength`.
+"""
 COLOURS = {
     "head": (0.80, 0.64, 0.54, 1.0),
     "torso": (0.57, 0.66, 0.76, 1.0),
@@ -35,24 +39,24 @@ COLOURS = {
     "shank": (0.50, 0.68, 0.65, 1.0),
     "foot": (0.62, 0.61, 0.58, 1.0),
 }
-"""Colours by segment, and so by its regions of ISO/TS 15066: red, green, blue, opacity."""
+"""Colour of each segment in the URDF: red, green, blue, opacity, 0 to 1 each."""
 SEATED = {"hip_flex": 90.0, "knee_flex": 90.0}
-"""Joints that are not zero in the seated rest pose [deg], on both sides."""
+"""Joint angles that are not zero in the seated rest pose, on both sides [deg]."""
 
 
 @dataclass(frozen=True)
 class Body:
-    """Described body.
+    """Articulated body of a subject: its URDF, and its joints, segments, regions and markers by name.
 
     Attributes:
-        subject: subject of the body.
-        urdf: description as text; its root link is `human_base`.
+        subject: subject from whom the body was generated.
+        urdf: URDF as text; its root link is `human_base`.
         joints: joints by name, in order.
         segments: segments by name, from the root outwards.
         regions: regions of ISO/TS 15066, by link.
         markers: markers by name.
         rest: angles of the rest pose that are not zero, by joint [rad].
-        base_height: height of `human_base` above the floor in the rest pose, on legs that may not be described [m].
+        base_height: height of `human_base` above the floor in the rest pose [m]; counts legs that the URDF lacks.
     """
 
     subject: Subject
@@ -66,12 +70,12 @@ class Body:
 
     @property
     def total_mass(self) -> float:
-        """Mass of all described segments [kg]."""
+        """Sum of the masses of the modelled segments [kg]."""
         return sum(segment.mass.mass for segment in self.segments.values())
 
 
 def describe(subject: Subject) -> Body:
-    """Return the body of a subject.
+    """Generate the body of a subject.
 
     Raises:
         ParameterError: a segment whose mass is too large for a capsule of its length.
@@ -123,7 +127,7 @@ def _urdf(name: str, made: list[BodySegment], moved: list[BodyJoint]) -> str:
 
 
 def _ball(segment: BodySegment) -> MassProperties:
-    """Return a link between joints: a ball of the segment's radius about the joint centre."""
+    """Return the mass properties of an auxiliary link: a ball of the segment's radius about the joint centre."""
     mass = JOINT_SHARE * segment.mass.mass
     return MassProperties(mass, np.zeros(3), 0.4 * mass * segment.radius**2 * np.eye(3))
 

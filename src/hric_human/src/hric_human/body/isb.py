@@ -1,8 +1,8 @@
 """Conversion between the angles of this body and those that the International Society of Biomechanics recommends.
 
-Most differ by a sign or an offset, which the table of joints contains. A shoulder is Rx Rz Ry here and Y-X-Y in ISB:
-plane of elevation (0: abduction, 90 deg: flexion), elevation (negative, as ISB writes it) and axial rotation (internal
-+). Left sides are mirrored first, as ISB advises, so one formula serves both.
+Most angles differ only by a sign or an offset, given in the table of `joints`. The shoulder's rotation order is X-Z-Y
+here and Y-X-Y in ISB: plane of elevation (0: abduction, 90 deg: flexion), elevation (negative, as ISB writes it) and
+axial rotation (internal +). Left sides are mirrored first, as ISB advises, so one formula serves both.
 """
 
 import math
@@ -25,16 +25,17 @@ _SINGULAR = 1e-9
 
 
 def to_isb(angles: Mapping[str, float]) -> dict[str, float]:
-    """Return ISB's angles by name [rad]: a shoulder's three by the names in THERE, all others by the joint's.
+    """Convert joint angles to ISB's [rad]; a shoulder's are named as in THERE, all others like the joint.
 
     Args:
-        angles: angles by joint [rad]; a shoulder's three together. At elevation 0 the plane is set to 0.
+        angles: angles by joint [rad]; of a shoulder all three or none. At elevation 0 its plane of elevation is
+            undefined and set to 0.
     """
     return _converted(angles, HERE, THERE, isb_shoulder, lambda angle, sign, offset: sign * angle + offset)
 
 
 def from_isb(angles: Mapping[str, float]) -> dict[str, float]:
-    """Return angles by joint [rad] from ISB's; the inverse of `to_isb`, with sh_abd within +-90 deg."""
+    """Convert ISB's angles to angles by joint [rad]; the inverse of `to_isb`, with sh_abd within +-90 deg."""
     return _converted(angles, THERE, HERE, shoulder_from_isb, lambda angle, sign, offset: sign * (angle - offset))
 
 
@@ -58,7 +59,7 @@ def _converted(
 
 
 def isb_shoulder(flex: float, abd: float, rot: float) -> tuple[float, float, float]:
-    """Return plane of elevation, elevation (-pi to 0) and axial rotation [rad] for a shoulder's three angles [rad]."""
+    """Convert sh_flex, sh_abd, sh_rot [rad] to ISB's plane of elevation, elevation (-pi to 0), axial rotation [rad]."""
     R_delft = rotation_about(_X, flex) @ rotation_about(_Z, abd) @ rotation_about(_Y, rot)
     R = _R_ISB_DELFT @ R_delft @ _R_ISB_DELFT.T
     sine = math.hypot(R[1, 0], R[1, 2])
@@ -69,7 +70,7 @@ def isb_shoulder(flex: float, abd: float, rot: float) -> tuple[float, float, flo
 
 
 def shoulder_from_isb(plane: float, elevation: float, axial: float) -> tuple[float, float, float]:
-    """Return sh_flex, sh_abd (within +-pi/2), sh_rot [rad] for ISB's three angles; at sh_abd +-pi/2, sh_flex is 0."""
+    """Convert ISB's shoulder angles to sh_flex, sh_abd (within +-pi/2), sh_rot [rad]; at sh_abd +-pi/2 sh_flex is 0."""
     R_isb = rotation_about(_Y, plane) @ rotation_about(_X, elevation) @ rotation_about(_Y, axial)
     R = _R_ISB_DELFT.T @ R_isb @ _R_ISB_DELFT
     cosine = math.hypot(R[0, 0], R[0, 2])

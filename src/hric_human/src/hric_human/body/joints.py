@@ -19,7 +19,7 @@ from hric_core.geometry import FloatArray
 from hric_human.body.segments import link_name
 
 MIRROR = np.array([-1.0, 1.0, -1.0])
-"""Factor of an axis that mirrors its joint in the plane y = 0, so that an equal angle mirrors the pose."""
+"""Factors of a right joint's axis (x, y, z) that give the left joint's; equal angles are then mirror-image poses."""
 
 _AAOS = "AAOS, in Norkin & White's table A.1"
 _VA_LEG = "38 CFR 4.71 plate II, as a summary of it"
@@ -30,18 +30,17 @@ _OWN = "project default, unconfirmed"
 
 @dataclass(frozen=True)
 class JointRow:
-    """Row of the table.
+    """Row of the table of joints: axis, range and ISB angle of one joint.
 
     Attributes:
         name: name without the side.
-        moves: segment behind the joint; of several joints with the same one, the last moves it, the others links
-            between.
-        axis: axis of the right side or the middle at the zero pose, in axes of the body (x forward, y left, z up).
+        moves: segment that the joint moves; of several joints with one segment, all but the last move auxiliary links.
+        axis: axis of a right or middle joint at the zero pose, in axes of the body (x forward, y left, z up).
         lower, upper: range [deg].
-        positive: sense of a positive angle.
+        positive: direction of motion for a positive angle.
         zero: pose in which the angle is 0.
-        isb: sign and offset [deg] of ISB's angle, isb = sign q + offset; None for the shoulder, see `isb`.
-        isb_angle: its name and positive sense in ISB.
+        isb: sign and offset [deg] of ISB's angle, isb = sign q + offset; None for the shoulder, see module `isb`.
+        isb_angle: name and positive direction of ISB's angle.
         source: source of the range.
     """
 
@@ -144,11 +143,12 @@ class BodyJoint:
 
     Attributes:
         name: name with the side, "right_el_flex".
-        row: row of the table.
-        child: link that it moves; of several joints at one point, all but the last move a link between.
-        link: link of the segment behind it.
+        row: row of the joint in the table of joints.
+        child: link that the joint moves directly; of several joints at one point, all but the last move an auxiliary
+            link.
+        link: link of the segment that the joint moves.
         axis: axis at the zero pose, in axes of the body, shape (3,).
-        range: lower and upper end [rad].
+        range: lower and upper end of the joint's range [rad].
     """
 
     name: str

@@ -1,8 +1,8 @@
 """Markers of a body: names and positions of the Plug-in Gait full-body set, scaled with the segments.
 
 The positions follow the description of Vicon's 39 markers (J. Sports Sci. Med. 15:92, table 2); the values that place
-them on a capsule are a project default, unconfirmed. The thigh, shank, upper arm and forearm markers are at other
-heights on the left than on the right, so that sides can be distinguished.
+them on a capsule are a project default, unconfirmed. The thigh, shank, upper arm and forearm markers are at different
+heights on the left and on the right, so that sides can be distinguished.
 """
 
 import re
@@ -18,11 +18,11 @@ from hric_human.body.segments import SIDES, BodySegment, side_of
 
 @dataclass(frozen=True)
 class AttachedMarker:
-    """Marker.
+    """Motion capture marker on a body.
 
     Attributes:
         name: name in Plug-in Gait.
-        link: link that it is fixed to.
+        link: link that the marker is fixed to.
         p_link_marker: position in axes of the link, shape (3,) [m].
     """
 
@@ -33,14 +33,14 @@ class AttachedMarker:
 
 @dataclass(frozen=True)
 class MarkerRow:
-    """Row of the table.
+    """Row of the table of markers: the place of one Plug-in Gait marker on its segment.
 
     Attributes:
-        name: name in the set, without L or R if it is on both sides.
-        segment: segment that it is on; "shoulder" is the joint centre of a shoulder, in axes of the link that carries
-            it.
+        name: name in Plug-in Gait, without L or R for a marker of both sides.
+        segment: segment that the marker is on; "shoulder": at the shoulder joint centre, fixed to the upper arm's
+            parent link.
         share: position along the segment's axis from its start, on the left and on the right [1].
-        offset: forward, outward (in the middle: to the left) and up, in radii of the segment [1].
+        offset: offset forward, outward (on middle segments: to the left) and up, in capsule radii of the segment [1].
     """
 
     name: str
@@ -107,7 +107,7 @@ def _marker(row: MarkerRow, segment: BodySegment, side: str) -> AttachedMarker:
 
 
 def marker_labels(file: str, labels: Sequence[str], names: Sequence[str]) -> dict[str, str]:
-    """Return the label by marker; a label may have a prefix, the body's name: RSHO, subject:RSHO or body_RSHO.
+    """Return the recording's label of each marker: the marker's name, or with a prefix, as subject:RSHO or body_RSHO.
 
     Args:
         file: name of the file, for messages.
@@ -115,7 +115,7 @@ def marker_labels(file: str, labels: Sequence[str], names: Sequence[str]) -> dic
         names: names of the body's markers.
 
     Raises:
-        HricError: none of the markers is in the recording, or those of several bodies.
+        HricError: the recording has no marker of the body, or markers of several bodies.
     """
     by_prefix: dict[str, dict[str, str]] = {}
     for label in labels:
@@ -126,6 +126,6 @@ def marker_labels(file: str, labels: Sequence[str], names: Sequence[str]) -> dic
         several = f"markers of {len(by_prefix)} bodies: {', '.join(map(repr, by_prefix))}"
         what = several if by_prefix else "no marker of the body"
         raise HricError(
-            f"{file} has {what}; needed are some of {', '.join(names)} of one body; it has {', '.join(labels)}"
+            f"{file} has {what}; valid: markers of one body, some of {', '.join(names)}; it has {', '.join(labels)}"
         )
     return by_prefix.popitem()[1]

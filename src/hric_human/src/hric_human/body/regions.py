@@ -1,4 +1,4 @@
-"""Body regions of ISO/TS 15066:2016 Annex A by link, and the standard's model of a body."""
+"""Body regions of ISO/TS 15066:2016 Annex A by link, and the spring and mass that it assumes for each region."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ REGIONS = {
     "shank": ("lower leg",),
     "foot": (),
 }
-"""Names of the regions by segment, as in the standard's force table; it has none for a foot."""
+"""Regions of each body segment, named as in the force table of ISO/TS 15066, which has none for a foot."""
 
 
 class RegionModel(NamedTuple):
-    """Region as the standard models it: a mass behind a spring.
+    """Model of one body region in ISO/TS 15066: a mass behind a spring.
 
     Attributes:
         stiffness: stiffness of the spring [N/m].
@@ -52,26 +52,26 @@ REGION_MODELS = {
     "thigh, knee": RegionModel(50e3, 75.0),
     "lower leg": RegionModel(60e3, 75.0),
 }
-"""Body model of ISO/TS 15066:2016, Annex A.
+"""Body model of ISO/TS 15066:2016, Annex A, by region.
 
 The standard's text was not opened; the values are equal in two or more public sources (papers and code). The standard
-prints N/mm. It has no damping.
+gives the stiffness in N/mm, and no damping.
 """
 SPRING_OF = {"head": "skull, forehead", "torso": "chest"}
-"""Region whose spring is used for a segment of several regions: a link has one surface.
+"""Region whose spring is used for a segment of several regions, since a link has one contact stiffness.
 
-For a head it is the stiffest, which gives the largest force; for a torso the chest, which a robot in front of a person
-touches (project defaults, unconfirmed). A back is 1.4 times as stiff as that, an abdomen 0.4 times.
+For the head it is the stiffest, which gives the largest force; for the torso the chest, which a robot in front of a
+person touches (project defaults, unconfirmed). The back is 1.4 times as stiff as the chest, the abdomen 0.4 times.
 """
 
 
 @dataclass(frozen=True)
 class Region:
-    """Region of a link.
+    """Body region of ISO/TS 15066 that a link belongs to.
 
     Attributes:
-        name: name in the standard's table.
-        dominant: True on the side of the dominant hand; None in the middle of the body.
+        name: name in the standard's force table.
+        dominant: True on the side of the dominant hand, False on the other; None in the middle of the body.
     """
 
     name: str
@@ -79,7 +79,7 @@ class Region:
 
 
 def regions(segments: Sequence[BodySegment], dominant_hand: str) -> dict[str, tuple[Region, ...]]:
-    """Return the regions by link; links between the joints of one segment have no shape and are not listed."""
+    """Return the regions of ISO/TS 15066 by link; auxiliary links between joints have no shape and are left out."""
     by_link = {}
     for segment in segments:
         side = side_of(segment.name)
@@ -89,9 +89,9 @@ def regions(segments: Sequence[BodySegment], dominant_hand: str) -> dict[str, tu
 
 
 def surfaces(body: Body) -> dict[str, Surface]:
-    """Return the surface by link: the spring of the standard's body model, for `spawn` of a plant.
+    """Return the contact surface of each link for `Plant.spawn`, with the stiffness of the ISO/TS 15066 body model.
 
-    A link without a region, such as a foot, is left out, and stays rigid.
+    A link without a region, such as a foot, is left out and stays rigid.
     """
     by_link = {}
     for segment in body.segments.values():

@@ -16,9 +16,9 @@ from hric_human.body.anthropometry import DE_LEVA, DENSITY, scaled_lengths, scal
 from hric_human.body.subject import Subject
 
 ROOT = "human_base"
-"""Root link, without mass, at the middle of the hip joints, or of the shoulder joints if there are only arms.
+"""Root link, without mass, at the midpoint of the hip joints, or of the shoulder joints if there are only arms.
 
-The simulation fixes it or lets it move.
+The simulation fixes it in the world or moves it.
 """
 LINKS = {
     "pelvis": "waist",
@@ -31,35 +31,36 @@ LINKS = {
     "shank": "knee",
     "foot": "ankle",
 }
-"""Link by segment, as in REP 155's human description: the joint that moves it, with r_ or l_ in front on a side.
+"""Link name of each segment as in REP 155 (human description): its joint, with the prefix r_ or l_ on a side.
 
-The identifier that REP 155 appends is left to the namespace.
+REP 155 also appends an identifier of the person; here the ROS namespace distinguishes people.
 """
 SIDES = {"right": -1.0, "left": 1.0}
 """Sign of y on each side."""
 _AXES = {"forearm": (1, 0, 2), "hand": (1, 0, 2), "foot": (2, 1, 0)}
-"""Indices of the radius of gyration (sagittal, transverse, longitudinal) about x, y and z of the link.
+"""Index of de Leva's radius of gyration (0 sagittal, 1 transverse, 2 longitudinal) about x, y and z of the link.
 
-Only for links in which it is not that order: a forearm in mid-position is rotated by 90 deg from the table's, and a
-foot lies along x.
+Only for segments with another order than 0, 1, 2: a forearm in mid-position is rotated by 90 deg from the table's, and
+a foot lies along x.
 """
 
 
 @dataclass(frozen=True)
 class BodySegment:
-    """Rigid segment.
+    """Rigid body segment: its link, mass properties, and shape as a capsule.
 
     Attributes:
         name: name with the side, "right_forearm".
         kind: name without the side.
         link: link of the description.
-        parent: link to which its joint is attached.
-        p_parent_link: position of its joint, in axes of the parent, shape (3,) [m].
+        parent: link to which the segment's joint is attached.
+        p_parent_link: position of the joint, in axes of the parent, shape (3,) [m].
         mass: mass properties in axes of the link.
-        start, end: ends of its axis in axes of the link, proximal and distal (of a foot: heel and toe), shape (3,) [m].
-        radius: radius of its capsule [m].
-        caps: at the start and the end of the axis: 1 if the cap of the capsule ends with it, 0 if the cap extends
-            beyond, around a joint.
+        start, end: ends of the segment's axis, proximal and distal (of a foot: heel and toe), in axes of the link,
+            shape (3,) [m].
+        radius: radius of the capsule [m].
+        caps: for start and end of the axis: 1 if the capsule's round cap ends there, 0 if the cap extends beyond,
+            around a joint.
     """
 
     name: str
@@ -75,12 +76,12 @@ class BodySegment:
 
     @property
     def length(self) -> float:
-        """Length of the axis [m]."""
+        """Length of the segment's axis [m]."""
         return float(np.linalg.norm(self.end - self.start))
 
     @property
     def straight(self) -> tuple[FloatArray, FloatArray]:
-        """Ends of the straight part of the capsule, in axes of the link, each of shape (3,) [m]."""
+        """Ends of the capsule's cylindrical part, in axes of the link, each of shape (3,) [m]."""
         step = self.radius / self.length * (self.end - self.start)
         return self.start + self.caps[0] * step, self.end - self.caps[1] * step
 
@@ -91,20 +92,20 @@ def side_of(name: str) -> str:
 
 
 def link_name(kind: str, side: str) -> str:
-    """Return the name of a segment's link."""
+    """Return the link of a segment, such as "r_elbow"; side: "right", "left" or "" (middle)."""
     return f"{side[0]}_{LINKS[kind]}" if side else LINKS[kind]
 
 
 def capsule_radius(volume: float, length: float, inside: int) -> float:
     """Return the radius of a capsule of a given volume [m].
 
-    `inside` of its two caps end at the ends of the axis, the others extend beyond. volume / pi = length r^2 + (4/3 -
-    inside) r^3, for 1/r a cubic equation without a quadratic term; Cardano's formula.
+    volume / pi = length r^2 + (4/3 - inside) r^3 is for 1/r a cubic equation without a quadratic term, solved by
+    Cardano's formula.
 
     Args:
         volume: volume [m^3].
         length: length of the axis [m].
-        inside: number of caps inside: 0, 1 or 2.
+        inside: number of caps (0, 1 or 2) that end at an end of the axis; the others extend beyond.
 
     Returns:
         the radius; NaN if the axis is too short for the caps inside.
@@ -119,8 +120,8 @@ class Builder:
     """Builder of the segments of one subject.
 
     Attributes:
-        lengths: lengths by name [m]; measured ones replace the table's.
-        masses: masses of one side [kg], likewise.
+        lengths: segment lengths and joint distances by name [m]; measured ones replace the table's.
+        masses: masses by segment, limbs of one side [kg]; measured ones replace the table's.
     """
 
     def __init__(self, subject: Subject) -> None:
@@ -129,19 +130,19 @@ class Builder:
         self.masses = scaled_masses(subject.sex, subject.mass) | dict(subject.masses)
 
     def part(self, name: str, first: FloatArray, second: FloatArray) -> MassProperties:
-        """Return the mass properties of a row of the table between its end points, each of shape (3,) [m]."""
+        """Return the mass properties of a row of de Leva's table, placed between two points, each of shape (3,) [m]."""
         row, mass = DE_LEVA[self.subject.sex][name], self.masses[name]
         radii = self.lengths[name] * np.array([row.radii[axis] for axis in _AXES.get(name, (0, 1, 2))])
         return MassProperties(mass, first + row.com * (second - first), mass * np.diag(radii**2))
 
     def radius(self, rows: Sequence[str], length: float, inside: int) -> float:
-        """Return the capsule radius of one or several rows of the table (`capsule_radius`). Raises ParameterError."""
+        """Return the radius [m] of a capsule with the volume of one or several table rows. Raises ParameterError."""
         volume = sum(self.masses[row] / DENSITY[row] for row in rows)
         radius = capsule_radius(volume, length, inside)
         if math.isnan(radius):
             names = " and ".join(rows)
             raise ParameterError(
-                f"subject {self.subject.code}: {1e3 * volume:.1f} l of {names} are no capsule of {length:.3f} m; "
+                f"subject {self.subject.code}: {1e3 * volume:.1f} l of {names} do not fit a capsule of {length:.3f} m; "
                 f"valid: less mass, more height, or measured lengths or masses of {names}"
             )
         return radius
@@ -159,12 +160,12 @@ class Builder:
         """Return a segment of one or several rows of the table.
 
         Args:
-            kind: see `BodySegment`.
-            side: "right", "left" or "".
-            parent: link to which its joint is attached.
+            kind: name of the segment without the side.
+            side: "right", "left" or "" (middle).
+            parent: link to which the segment's joint is attached.
             at: position of the joint in axes of the parent, shape (3,) [m].
-            parts: mass properties by row, in axes of the link.
-            axis: start and end of the axis.
+            parts: mass properties by row of the table, in axes of the link.
+            axis: start and end of the segment's axis in axes of the link, shape (3,) each [m].
             caps: see `BodySegment`.
         """
         name = f"{side}_{kind}" if side else kind
@@ -173,7 +174,7 @@ class Builder:
         return BodySegment(name, kind, link_name(kind, side), parent, at, mass, *axis, radius, caps)
 
     def trunk(self) -> list[BodySegment]:
-        """Return pelvis, torso and head."""
+        """Return the segments pelvis, torso and head."""
         lower, middle, upper, head = (
             _up(self.lengths[name]) for name in ("lower_trunk", "middle_trunk", "upper_trunk", "head")
         )
@@ -192,12 +193,12 @@ class Builder:
         ]
 
     def arm(self, side: str, parent: str, height: float) -> list[BodySegment]:
-        """Return upper arm, forearm and hand; height: of the shoulder above the parent's origin [m]."""
+        """Return the segments of an arm; height: height of the shoulder above the parent link's origin [m]."""
         at = np.array([0.0, 0.5 * SIDES[side] * self.lengths["shoulder_width"], height])
         return self._hanging(side, parent, at, {"upper_arm": (0, 0), "forearm": (0, 0), "hand": (0, 1)})
 
     def leg(self, side: str) -> list[BodySegment]:
-        """Return thigh, shank and foot, whose sole is below its axis by the radius."""
+        """Return the segments thigh, shank and foot; the sole is one capsule radius below the foot's axis."""
         at = np.array([0.0, 0.5 * SIDES[side] * self.lengths["hip_width"], 0.0])
         upper = self._hanging(side, LINKS["pelvis"], at, {"thigh": (0, 0), "shank": (0, 0)})
         length = self.lengths["foot"]

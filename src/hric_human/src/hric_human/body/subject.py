@@ -1,4 +1,4 @@
-"""Subject whose body is described: a checked mapping or YAML file."""
+"""Subject whose body is generated: checked settings from a mapping or a YAML file."""
 
 import re
 from collections.abc import Mapping
@@ -16,9 +16,9 @@ PARTS = {
     "upper_body": ("trunk", "right_arm", "left_arm"),
     "whole_body": ("trunk", "right_arm", "left_arm", "right_leg", "left_leg"),
 }
-"""Chains of joints of each choice of parts, in order; the trunk includes the head."""
+"""Chains of joints for each value of the setting `parts`, in order; the trunk includes the head."""
 FAR = {"length": 2.0, "mass": 3.0}
-"""Largest factor between a measured value and the table's, either way: more is another unit.
+"""Largest accepted ratio between a measured value and the table's, either way; a larger one suggests a wrong unit.
 
 Project default, unconfirmed.
 """
@@ -33,7 +33,7 @@ def _pseudonym(code: str) -> str:
 
 @dataclass(frozen=True)
 class Subject(Settings):
-    """One person, or one percentile of a population."""
+    """Settings of one person, or of one percentile of a population: size, mass, sex, and body parts to generate."""
 
     code: str = text(
         valid="a pseudonym of up to 12 letters and digits, with a digit, such as S07",

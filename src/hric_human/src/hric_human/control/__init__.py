@@ -1,10 +1,10 @@
-"""Control of a body: joint torque from delayed and noisy senses, within the strength of each joint.
+"""Control of a human body: joint torque from delayed and noisy senses, within the strength of each joint.
 
     human = HumanControl(body, {"type": "hric_human/ImpedanceArm"}, seed=0)
     human.start(0.0)
     tau = human.update(0.0, q, dq)              # each cycle
 
-A controller is a class found by name, like those of robots: see `controller`.
+Controllers are plugins, found by name: see `controller`.
 """
 
 from hric_human.control.controller import HumanController, Person, Senses

@@ -39,10 +39,10 @@ class Person:
         rest: resting posture [rad].
         side: side of the hand that tracks references and senses forces.
         hand: kinematics of that hand.
-        own_weight: joint angles [rad] -> torque that holds the body [N m].
+        own_weight: function, joint angles [rad] -> joint torques that hold the body against gravity [N m].
         gravity: gravity vector in axes of the root link [m/s^2].
         T_world_root: pose of the body's root link in the frame of hand references and forces.
-        seed: seed of all variation.
+        seed: seed of all randomness.
         cycle: time between two updates [s].
     """
 
@@ -63,7 +63,7 @@ class Person:
 
 
 class Senses:
-    """Senses of a human in one cycle, each with its delay and noise.
+    """Sensed quantities of a human in one control cycle, each with its delay and noise.
 
     Attributes:
         q: joint positions, n floats [rad].
@@ -98,15 +98,15 @@ class HumanController:
     """
 
     settings: ClassVar[type[Settings]] = Settings
-    """Class of the parameters; values per joint are in the order of the joints."""
+    """Settings class of the controller's parameters; values per joint are in the order of the joints."""
     end: float = math.inf
-    """Time at which the motion has come to rest, after its start [s]; infinite: unknown."""
+    """Time from the start of the motion to rest [s]; infinite if unknown."""
 
     def init(self, person: Person, settings: Any) -> None:
         """Prepare the controller.
 
         Args:
-            person: person whose joints it drives.
+            person: person whose joints the controller drives.
             settings: checked instance of the class `settings`.
 
         Raises:
@@ -114,14 +114,14 @@ class HumanController:
         """
 
     def posture(self) -> Sequence[float] | None:
-        """Return the posture at the start, n floats [rad]; None: the resting posture."""
+        """Return the initial joint positions, n floats [rad]; None: the resting posture."""
         return None
 
     def starting(self, time: float, senses: Senses) -> None:
-        """Handle the first call in the loop; `update` follows in the same cycle. time: of the run [s]."""
+        """Prepare for the first `update`, which follows in the same cycle; time: robot time [s]."""
 
     def start(self, time: float) -> None:
-        """Start the motion with the experiment, at `time` [s]; not called if nothing starts the experiment."""
+        """Start the motion at robot time `time` [s], when the experiment starts; not called if that never happens."""
 
     def see(self, time: float, position: Vector) -> None:
         """Receive the position [m] of the robot's end effector in the world at `time`."""
@@ -130,6 +130,6 @@ class HumanController:
         """Return the joint torque, n floats [N m]; applied until the next cycle.
 
         Raises:
-            HricError: the law cannot continue; the run ends with this text.
+            HricError: the controller cannot continue; the run ends with the error's text.
         """
         raise NotImplementedError

@@ -1,6 +1,6 @@
 """Controller of a human with delayed, noisy senses and limited strength.
 
-Results are the same with each engine, bit for bit from a seed.
+No physics engine is used: equal states and an equal seed give bitwise equal torques.
 """
 
 import math
@@ -24,51 +24,56 @@ from hric_human.control.strength import strength
 
 WORLD = Pose()
 CYCLE = 1e-3
-"""Time between two updates [s]."""
+"""Default time between two updates of the control loop [s]."""
 NOISE_BLOCK = 256
 """Number of cycles whose noise is drawn at once."""
 _NOISE_SEED = 2
-"""Offset that makes the seeds of senses differ from those of programs and cameras."""
+"""Second part of the seed of sensor noise, so that it is independent of the noise of hand programs and cameras."""
 
 
 @dataclass(frozen=True)
 class SenseSettings(Settings):
-    """Delays of the senses, and their noise (standard deviations, white)."""
+    """Delays and white noise (standard deviations) of a human's senses."""
 
     joint_delay: float = number(
         0.05,
         minimum=0.0,
         maximum=1.0,
         unit="s",
-        text="of joint positions and velocities: that of reflexes, 50 to 100 ms (unconfirmed)",
+        text="of joint positions and velocities; reflexes take 50 to 100 ms (unconfirmed)",
     )
-    hand_delay: float = number(0.2, minimum=0.0, maximum=1.0, unit="s", text="of the hand's pose, as it is seen")
+    hand_delay: float = number(0.2, minimum=0.0, maximum=1.0, unit="s", text="of the hand's pose, which is seen")
     force_delay: float = number(0.08, minimum=0.0, maximum=1.0, unit="s", text="of the force on the hand")
     joint_noise: float = number(0.0, minimum=0.0, unit="rad", text="of joint positions")
     velocity_noise: float = number(0.0, minimum=0.0, unit="rad/s", text="of joint velocities")
     hand_noise: float = number(0.0, minimum=0.0, unit="m", text="of the hand's position, per axis")
-    rotation_noise: float = number(0.0, minimum=0.0, unit="rad", text="of its orientation, per axis")
-    force_noise: float = number(0.0, minimum=0.0, unit="N", text="of the force, per axis")
+    rotation_noise: float = number(0.0, minimum=0.0, unit="rad", text="of the hand's orientation, per axis")
+    force_noise: float = number(0.0, minimum=0.0, unit="N", text="of the force on the hand, per axis")
 
 
 @dataclass(frozen=True)
 class ControlSettings(Settings):
-    """Choice of the controller, its parameters, and its senses."""
+    """Settings of a human's control: controller plugin, its parameters, controlled hand, and senses."""
 
     separator: ClassVar[str] = "."
-    type: str = text("hric_human/ImpedanceArm", text="of the controller, a plugin")
+    type: str = text("hric_human/ImpedanceArm", text="plugin name of the controller")
     parameters: Any = anything({}, default_text="`{}`", text="of the controller")
-    side: str = choice("dominant", "right", "left", text="hand that follows and feels; dominant: where it is described")
+    side: str = choice(
+        "dominant",
+        "right",
+        "left",
+        text="hand that tracks references and senses forces; dominant: the dominant one, if the body has it",
+    )
     senses: SenseSettings = section(SenseSettings, text="delays and noise")
 
 
 class _Delayed:
-    """Delay line of the sensed quantities.
+    """Delay line and noise of the sensed quantities.
 
     Args:
         settings: delays and noise.
         count: number of joints.
-        hand: joint positions -> pose of the hand.
+        hand: function, joint positions [rad] -> pose of the hand in the world.
         seed: seed of the noise.
         cycle: cycle time [s].
 
@@ -133,24 +138,24 @@ def _shaken(pose: Pose, noise: Sequence[float]) -> Pose:
 
 
 class HumanControl:
-    """Human's controller between senses and strength; called from one thread.
+    """Control loop of a human: delayed senses, controller plugin, strength limits. Called from one thread.
 
     Args:
-        body: body whose joints it drives, in the order of `body.joints`.
+        body: body whose joints are driven, in the order of `body.joints`.
         content: mapping of ControlSettings.
         seed: seed of all randomness.
         T_world_root: pose of the body's root link in the frame of hand references, forces and observations (the robot's
             base, in experiments).
         gravity: gravity vector in axes of the world [m/s^2].
         cycle: time between two updates [s].
-        where: name of the mapping, for messages.
+        where: name of the mapping, for error messages.
 
     Attributes:
         person: data of the body for the controller.
-        posture: posture at the start, n floats [rad].
-        end: time at which the motion has come to rest, after its start [s]; infinite: unknown.
-        clipped: how often each joint saturated at maximum strength, by joint; one stay at the limit counts once.
-        at_strength: True for each joint that is saturated in this cycle.
+        posture: initial joint positions, n floats [rad].
+        end: time from the start of the motion to rest [s]; infinite if unknown.
+        clipped: number of times that each joint reached its maximum strength, by joint.
+        at_strength: True for each joint that is at its maximum strength in this cycle.
 
     Raises:
         ParameterError: an invalid parameter, or a reference out of reach; all mistakes at once.
@@ -208,13 +213,13 @@ class HumanControl:
         """Return the joint torque until the next cycle, within the strength of each joint, n floats [N m].
 
         Args:
-            time: time of the run [s].
+            time: robot time [s].
             q: current joint positions, n floats [rad].
             dq: current joint velocities, n floats [rad/s].
             force: force on the hand, axes of the world [N].
 
         Raises:
-            HricError: the controller cannot continue, or returns no valid torque.
+            HricError: the controller cannot continue, or returns an invalid torque.
         """
         senses = self._senses.sensed(q, dq, force)
         if not self._running:
@@ -237,21 +242,21 @@ class HumanControl:
         values = [float(value) for value in tau]
         if len(values) != len(self.person.joints):
             raise HricError(
-                f"{type(self._controller).__name__} gave {len(values)} torques; valid: one for each of "
+                f"{type(self._controller).__name__} returned {len(values)} values; valid: one for each of "
                 f"{', '.join(self.person.joints)}"
             )
         return values
 
     def _within_strength(self, time: float, tau: list[float]) -> list[float]:
-        """Return the clipped torque, and count the joints that became saturated."""
+        """Return the torque clipped to the strength, and count the joints that became saturated."""
         person, before = self.person, self.at_strength
         self.at_strength, self._any_at_strength = [], True
         limited_tau = []
         for index, (value, low, high) in enumerate(zip(tau, person.weakest, person.strongest, strict=True)):
             if not math.isfinite(value):
                 raise HricError(
-                    f"{type(self._controller).__name__} gave {value} N m for {person.joints[index]} at {time:.3f} s; "
-                    "valid: finite torques"
+                    f"{type(self._controller).__name__} returned {value} N m for {person.joints[index]} "
+                    f"at {time:.3f} s; valid: finite torques"
                 )
             limited = min(max(value, low), high)
             self.at_strength.append(limited != value)
@@ -270,11 +275,11 @@ def resting_posture(body: Body) -> tuple[float, ...]:
 
 
 RESTING = {"sh_flex": math.radians(20), "sh_abd": math.radians(15), "el_flex": math.radians(80)}
-"""Angles of the resting posture that are not zero in the body's rest pose, by joint [rad]."""
+"""Angles of a person at rest that are not zero, by joint without its side [rad]."""
 
 
 def checked(content: Any, joints: tuple[str, ...], where: str) -> tuple[ControlSettings, type[HumanController], Any]:
-    """Return settings, controller class and controller parameters of a mapping of ControlSettings.
+    """Check a mapping of ControlSettings; return the settings, the controller's class and its parameters.
 
     Raises:
         ParameterError: all mistakes of the mapping.
@@ -302,8 +307,8 @@ def hand_side(body: Body, side: str, where: str) -> str:
 
     Args:
         body: body with the hands.
-        side: side of ControlSettings.
-        where: name of their mapping.
+        side: "dominant", "right" or "left"; "dominant" falls back to the only hand of the body.
+        where: name of the mapping of ControlSettings, for error messages.
 
     Raises:
         ParameterError: the body has no such hand.

@@ -1,4 +1,4 @@
-"""Built-in controller: joint impedance about a reference, and the body's own weight."""
+"""Built-in controller of a human: joint impedance about a reference motion, with gravity compensation."""
 
 import math
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from hric_human.control.recorded import RECORDED
 from hric_human.control.references import REFERENCES, Reference, ReferenceSettings
 
 DAMPING = 0.05
-"""Ratio of damping to stiffness [s] (PMC2784227, where it is that of each muscle)."""
+"""Ratio of damping to stiffness [s] (PMC2784227, which gives it for each muscle)."""
 
 
 class StiffnessRow(NamedTuple):
@@ -21,8 +21,8 @@ class StiffnessRow(NamedTuple):
 
     Attributes:
         relaxed: stiffness without load [N m/rad].
-        growth: increase with the torque of the load [1/rad].
-        source: source of both.
+        growth: increase of the stiffness per gravity torque of the joint [1/rad].
+        source: source of both numbers.
     """
 
     relaxed: float
@@ -46,7 +46,7 @@ STIFFNESS = {
 }
 """Stiffness by joint, without its side.
 
-The growth of single-joint stiffness with the joint's torque is in the abstract of Gomi & Osu; the same stiffness of all
+The growth of single-joint stiffness with the joint's torque is in the abstract of Gomi & Osu; equal stiffness about all
 axes of the shoulder is a project default.
 """
 
@@ -56,48 +56,47 @@ class ImpedanceArmSettings(Settings):
     """Parameters of ImpedanceArm."""
 
     reference: ReferenceSettings = variant(
-        "program", REFERENCES | RECORDED, "rest", {}, text="where the joints are to be"
+        "program", REFERENCES | RECORDED, "rest", {}, text="desired motion of the joints"
     )
     stiffness: tuple[float, ...] | None = per_joint(
-        number(unit="N m/rad", minimum=0.0, maximum=1e4), None, text="without load; none: as published"
+        number(unit="N m/rad", minimum=0.0, maximum=1e4), None, text="without load; none: published values"
     )
     growth: tuple[float, ...] | None = per_joint(
         number(unit="1/rad", minimum=0.0, maximum=100.0),
         None,
-        text="of the stiffness with the torque of the own weight; none: as published, where `stiffness` is none, too, "
-        "else 0",
+        text="increase of the stiffness per gravity torque; none: published values if `stiffness` is none too, else 0",
     )
     damping: tuple[float, ...] | None = per_joint(
-        number(unit="N m s/rad", minimum=0.0, maximum=1e3), None, text="none: 0.05 s of the stiffness"
+        number(unit="N m s/rad", minimum=0.0, maximum=1e3), None, text="none: 0.05 s times the stiffness"
     )
     reflex: float = number(
         0.25,
         minimum=0.0,
         maximum=1.0,
-        text="share of stiffness and damping that acts on the late senses; the rest is the muscles' own and acts at "
-        "once (project default, unconfirmed)",
+        text="share of stiffness and damping that acts on the delayed senses, as reflexes; the rest is the muscles' "
+        "mechanical response, without delay (project default, unconfirmed)",
     )
     load: float = number(
         0.0,
         minimum=0.0,
         maximum=50.0,
         unit="kg",
-        text="mass in the hand that the person expects, and holds as their own weight; refused where a joint is too "
-        "weak for it at the start",
+        text="mass in the hand that the person expects and compensates like their own weight; refused if a joint is "
+        "too weak to hold it at the start",
     )
 
 
 class ImpedanceArm(HumanController):
     """Joint impedance: tau = K (q_ref - q) + D (dq_ref - dq) + g(q), K = K_0 + k |g(q)|, D = 0.05 s K.
 
-    g: torque that holds the body and the expected load, from delayed senses. q and dq are the undelayed values of the
-    muscles' response, and for a share `reflex` the delayed ones. Without a delay both are the same.
+    g: gravity torque of the body and the expected load, at the delayed joint positions. K and D act on a weighted mean
+    of q and dq: the share `reflex` is delayed (reflexes), the rest is not (mechanical response of the muscles).
     """
 
     settings = ImpedanceArmSettings
 
     def init(self, person: Person, settings: Any) -> None:
-        """Read stiffness and damping, and compute the reference."""
+        """Set stiffness and damping, and compute the reference."""
         rows = [STIFFNESS[joint.row.name] for joint in person.body.joints.values()]
         published = settings.stiffness is None
         stiffness = [row.relaxed for row in rows] if published else settings.stiffness
@@ -114,7 +113,7 @@ class ImpedanceArm(HumanController):
             self._check_load(person, settings)
 
     def _check_load(self, person: Person, settings: ImpedanceArmSettings) -> None:
-        """Refuse a load that a joint is too weak for at the start of the motion. Torques are linear in the load."""
+        """Refuse a load that a joint is too weak to hold in the initial posture; torques are linear in the load."""
         posture = self.posture()
         alone, loaded, held = person.own_weight(posture), self._weight(posture), {}
         for joint, weight, total, low, high in zip(
@@ -125,27 +124,27 @@ class ImpedanceArm(HumanController):
                 held[joint] = max(0.0, ((high if per_kilogram > 0.0 else low) - weight) / per_kilogram)
         weakest = min(held, key=held.__getitem__, default=None)
         if weakest is not None and settings.load > held[weakest]:
-            valid = f"up to {math.floor(10.0 * held[weakest]) / 10.0:g} [kg], which {weakest} holds at the start"
+            valid = f"up to {math.floor(10.0 * held[weakest]) / 10.0:g} [kg], which {weakest} can hold at the start"
             raise refused(f"{settings.prefix}load", settings.load, valid)
 
     def posture(self) -> Sequence[float]:
-        """Return the first joint positions of the reference."""
+        """Return the initial joint positions of the reference, n floats [rad]."""
         return self._reference.at(-math.inf)[0]
 
     def start(self, time: float) -> None:
-        """Start the reference."""
+        """Start the reference motion at `time` [s]."""
         self._reference.start(time)
 
     def see(self, time: float, position: Vector) -> None:
-        """Pass the observation to the reference."""
+        """Pass the position [m] of the robot's end effector to the reference."""
         self._reference.see(time, position)
 
     def update(self, time: float, senses: Senses) -> Sequence[float]:
-        """Return the impedance torque; lead: damping per stiffness [s], d: damping set separately."""
+        """Return the joint torque of the impedance law, n floats [N m]."""
         self._reference.feel(time, senses.force)
         q_ref, dq_ref = self._reference.at(time)
         q, dq = senses.muscles
-        reflex, lead = self._reflex, self._lead
+        reflex, lead = self._reflex, self._lead  # lead: damping per stiffness [s]; d below: damping set separately
         q = [now + reflex * (late - now) for now, late in zip(q, senses.q, strict=True)]
         dq = [now + reflex * (late - now) for now, late in zip(dq, senses.dq, strict=True)]
         return [

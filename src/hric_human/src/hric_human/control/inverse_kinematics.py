@@ -15,9 +15,9 @@ TOLERANCE = 1e-7
 MAX_STEPS = 60
 """Maximum number of steps from one guess. The constants of this file are project defaults, unconfirmed."""
 DAMPING = 1e-9
-"""Damping in addition to the squared error (Sugihara, IEEE Trans. Robotics 27:984, 2011).
+"""Constant part of the damping; the squared error is added to it (Sugihara, IEEE Trans. Robotics 27:984, 2011).
 
-The squared error makes steps small far from the solution and Newton's near it.
+The squared error keeps steps small far from the solution and turns them into Newton steps near it.
 """
 MAX_STEP_ANGLE = 0.3
 """Maximum motion of a joint in one step [rad]."""
@@ -26,21 +26,21 @@ RELAXATION = 0.05
 RESTARTS = 30
 """Number of random guesses, from a fixed seed, that are tried if the first one fails."""
 SETTLED, STALLED = 1e-6, 1e-9
-"""Largest changes [rad] of a settled posture, and of steps that have stalled."""
+"""Joint changes [rad] below which a posture has settled in the null space, and below which the search stops."""
 
 Task = Callable[[list[float]], tuple[FloatArray, FloatArray]]
-"""Joint angles [rad] -> (remaining error, shape (m,), its Jacobian, shape (m, n))."""
+"""Function, n joint angles [rad] -> (remaining error, shape (m,), and Jacobian of the task, shape (m, n))."""
 
 
 class OutOfReachError(ParameterError):
-    """Target that a body cannot reach."""
+    """Error for a pose of the hand that the body cannot reach."""
 
 
 class Solver:
-    """Damped least squares with ranges and a resting posture.
+    """Damped least-squares solver within joint ranges that stays near a resting posture.
 
     Args:
-        lower, upper: ranges, shape (n,) [rad].
+        lower, upper: joint ranges, shape (n,) [rad].
         rest: resting posture, shape (n,) [rad].
     """
 
@@ -53,9 +53,9 @@ class Solver:
         """Step until the error is zero or steps no longer help.
 
         Args:
-            task: error to be reduced to zero.
+            task: function whose error is to be reduced to zero.
             guess: start within the ranges, shape (n,) [rad].
-            relaxation: share of the way to the resting posture in the first step.
+            relaxation: share of the way to the resting posture in the first step [1].
             stalled: step size below which the search stops [rad].
 
         Returns:
@@ -96,11 +96,11 @@ class Solver:
 
 
 class HandSolver:
-    """Joint angles of an arm for poses of its hand; the body's other joints stay in the resting posture.
+    """Inverse kinematics of an arm for poses of its hand; the body's other joints stay in the resting posture.
 
     Args:
-        chain: chain of the hand.
-        lower, upper: ranges of the whole body [rad].
+        chain: kinematics of the hand.
+        lower, upper: joint ranges of the whole body [rad].
         rest: resting posture of the whole body, within the ranges [rad].
         oriented: True if the orientation is tracked in addition to the position.
     """
@@ -119,7 +119,7 @@ class HandSolver:
         self._shoulder = chain.shoulder(rest)
 
     def first(self, target: Pose) -> list[float]:
-        """Return joint angles of the whole body [rad], settled near the resting posture.
+        """Return joint angles of the whole body [rad] for a pose of the hand, near the resting posture.
 
         Args:
             target: pose of the hand in axes of the root link.
@@ -143,7 +143,7 @@ class HandSolver:
         return self._posture(q)
 
     def next(self, target: Pose, last: Sequence[float]) -> list[float]:
-        """Return joint angles of the whole body [rad] for a target near the last one; last: its angles [rad]."""
+        """Return the joint angles for a target near the previous one; last: the previous angles; whole body [rad]."""
         guess = np.array([last[index] for index in self.chain.arm])
         q, left = self._solver.solve(self._task(target), guess)
         if left > TOLERANCE:
@@ -178,9 +178,9 @@ class HandSolver:
         if distance > reach:
             return OutOfReachError(
                 f"the goal of the hand is {distance:.3f} m from the {side} shoulder; "
-                f"valid: up to {reach:.3f} m, its reach"
+                f"valid: up to {reach:.3f} m, the reach of the arm"
             )
         return OutOfReachError(
             f"the goal of the hand, {distance:.3f} m from the {side} shoulder, is outside the ranges of the joints "
-            f"(off by {left:.3f} m and rad); valid: poses within them, up to its reach, {reach:.3f} m"
+            f"(remaining error {left:.3f} m and rad); valid: poses within them, up to the arm's reach, {reach:.3f} m"
         )

@@ -1,4 +1,4 @@
-"""Kinematics and own weight of a body, on plain floats: no engine."""
+"""Kinematics and gravity torque of a human body, computed on plain floats without a physics engine."""
 
 from collections.abc import Callable, Mapping, Sequence
 from operator import itemgetter
@@ -14,12 +14,12 @@ from hric_human.body.joints import ARM
 from hric_human.body.segments import ROOT
 
 GRAVITY: Vector = (0.0, 0.0, -9.81)
-"""Gravity of an upright body, in axes of its root link [m/s^2]."""
+"""Vector of gravity for an upright body, in axes of its root link [m/s^2]."""
 Torque = Callable[[Sequence[float]], list[float]]
 
 
 class Posed(NamedTuple):
-    """Chain at joint angles, in axes of the root link.
+    """Kinematic chain of a body at given joint angles, in axes of the root link.
 
     Attributes:
         origins: origins of its joints [m].
@@ -34,25 +34,28 @@ class Posed(NamedTuple):
     end: Vector
 
     def point(self, p_link: Vector) -> Vector:
-        """Return a point of the last link in axes of the root link [m]."""
+        """Transform a point from axes of the last link to axes of the root link [m]."""
         x, y, z = rotated(self.orientation, p_link)
         return self.end[0] + x, self.end[1] + y, self.end[2] + z
 
     def velocities(self, p: Vector) -> list[Vector]:
-        """Return the velocity of a point p of the last link, per joint: axis x (p - origin) [m/rad]."""
+        """Return the velocity of a point p of the last link for unit speed of each joint: axis x (p - origin) [m/rad].
+
+        p: point in axes of the root link [m].
+        """
         x, y, z = p
         return [cross(axis, (x - a, y - b, z - c)) for axis, (a, b, c) in zip(self.axes, self.origins, strict=True)]
 
 
 class LinkChain:
-    """Joints from the root link of a body out to one of its links.
+    """Kinematic chain from the root link of a body to one of its links.
 
     Args:
         body: body of the chain.
         link: link of a segment, or the root.
 
     Attributes:
-        joints: indices of its joints in the body's order, from the root outwards.
+        joints: indices of the chain's joints in the body's order, from the root outwards.
     """
 
     def __init__(self, body: Body, link: str) -> None:
@@ -75,7 +78,7 @@ class LinkChain:
         self._after = offset
 
     def posed(self, q: Sequence[float]) -> Posed:
-        """Return the chain at joint angles of the whole body [rad]."""
+        """Return the chain's origins, axes and end at joint angles of the whole body [rad]."""
         x, y, z = ORIGIN
         orientation = IDENTITY
         origins, axes = [], []
@@ -97,7 +100,7 @@ def _sum(a: Vector, b: Sequence[float]) -> Vector:
 
 
 class HandChain(LinkChain):
-    """Kinematics of a hand, whose frame has the axes of its link and its origin in the hand's centre of mass.
+    """Kinematic chain of a hand; the hand's frame has the axes of its link and its origin in its centre of mass.
 
     Args:
         body: body of the hand.
@@ -119,20 +122,20 @@ class HandChain(LinkChain):
         self.reach = -float(forearm.p_parent_link[2] + hand.p_parent_link[2]) - self.p_link_hand[2]
 
     def pose(self, q: Sequence[float]) -> Pose:
-        """Return the pose of the hand in axes of the root link; q: of the whole body [rad]."""
+        """Return the pose of the hand in axes of the root link; q: joint angles of the whole body [rad]."""
         posed = self.posed(q)
         return Pose(posed.point(self.p_link_hand), posed.orientation)
 
     def shoulder(self, q: Sequence[float]) -> Vector:
-        """Return the centre of the shoulder, in axes of the root link [m]."""
+        """Return the shoulder joint centre in axes of the root link [m]; q: joint angles of the whole body [rad]."""
         return self.posed(q).origins[-len(ARM)]
 
 
 def own_weight(body: Body, gravity: Vector = GRAVITY, loads: Mapping[str, float] = {}) -> Torque:
-    """Return the function that computes the torque [N m] that holds a body's weight, from n joint angles [rad].
+    """Return a function from n joint angles [rad] to the n joint torques [N m] that hold the body against gravity.
 
-    Gravity torques are linear in the masses, so those of a tree are the sum over its chains, if each link's mass is
-    counted in one of them.
+    Gravity torques are linear in the masses, so those of a tree are the sum over its chains, if each link's mass counts
+    in one chain only.
 
     Args:
         body: body to hold.
@@ -167,7 +170,7 @@ def _summed(count: int, parts: list[tuple[list[int], Torque]]) -> Torque:
 
 
 def _loaded(urdf: str, loads: Mapping[str, float]) -> str:
-    """Return the description with added masses in the centres of mass of some links."""
+    """Return a URDF text with masses [kg] added at the centres of mass of the links named by `loads`."""
     robot = ElementTree.fromstring(urdf)
     for link in robot.iterfind("link"):
         for mass in link.iterfind("inertial/mass"):
@@ -176,7 +179,7 @@ def _loaded(urdf: str, loads: Mapping[str, float]) -> str:
 
 
 def _with_mass(urdf: str, links: set[str]) -> str:
-    """Return the description with mass in these links only."""
+    """Return a URDF text in which only the named links have mass."""
     robot = ElementTree.fromstring(urdf)
     for link in robot.iterfind("link"):
         for inertial in link.findall("inertial") if link.get("name") not in links else ():

@@ -10,18 +10,18 @@ from hric_human.body import Body
 from hric_human.control.whole_body import WholeBody
 
 ROOT_MOTIONS = 6
-"""Columns of a Jacobian before those of the joints: translation and rotation of the root link."""
+"""Number of Jacobian columns for translation and rotation of the root link; those of the joints follow."""
 
 
 class MarkerModel:
-    """Kinematics of markers.
+    """Model of marker positions on a body, and of their Jacobian.
 
     Args:
         body: body of the markers.
         names: names of the markers, in the order of all arrays.
 
     Attributes:
-        body, names: as in Args.
+        body, names: arguments of the constructor.
     """
 
     def __init__(self, body: Body, names: Sequence[str]) -> None:
@@ -52,12 +52,13 @@ class MarkerModel:
             T_world_root: pose of the root link.
 
         Returns:
-            shape (m, 3) in axes of the world [m]; shape (m, 3, 6 + n): by translation and rotation of the root link
-                along the axes of the world, the latter about its origin, and by the joints [m/m], [m/rad].
+            positions, shape (m, 3), in axes of the world [m]; Jacobian, shape (m, 3, 6 + n): columns for translation of
+                the root link, its rotation about its origin (both along the axes of the world), and the joints [m/m],
+                [m/rad].
         """
         poses = self._dynamics.poses(q, T_world_root)
         p = np.array([transformed(poses[link], p_link) for link, p_link in self._on])
-        # The joint's axis has the same coordinates in its link before and behind it.
+        # A joint's axis has the same coordinates in its parent link and in its child link.
         axes = np.array([rotated(poses[name].orientation, axis) for name, axis, _ in self._moving])
         origins = np.array([poses[name].position for name, _, _ in self._moving])
         J = np.zeros((len(p), 3, ROOT_MOTIONS + len(q)))

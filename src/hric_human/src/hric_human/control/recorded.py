@@ -1,6 +1,6 @@
 """Recorded motions as joint references: angles, or markers by inverse kinematics.
 
-The motion is a list of values, or a file of a laboratory (c3d) or of OpenSim (.trc, .mot).
+The motion is a list of values, a c3d file, or a file of OpenSim (.trc, .mot).
 """
 
 import re
@@ -23,11 +23,11 @@ from hric_human.control.marker_model import ROOT_MOTIONS, MarkerModel
 from hric_human.control.references import AngleRows, Reference, ReferenceSettings
 
 ROOT = Pose()
-"""Pose of the root link if markers are in its axes."""
+"""Identity: pose of the root link if marker positions are given in its axes."""
 
 
 class MarkerSolver:
-    """Joint angles of a body for marker positions, by least squares within the ranges of the joints.
+    """Inverse kinematics of a body from marker positions, by least squares within the ranges of the joints.
 
     Args:
         person: person whose joints are computed.
@@ -39,7 +39,7 @@ class MarkerSolver:
         self._solver = Solver(*(np.array(values) for values in (person.lower, person.upper, person.rest)))
 
     def solve(self, positions: FloatArray) -> tuple[list[list[float]], FloatArray]:
-        """Return joint angles per frame, each starting from the previous frame's; without visible markers they stay.
+        """Return joint angles per frame, searched from the previous frame's; without visible markers they stay.
 
         Args:
             positions: positions in axes of the root link, shape (frames, markers, 3) [m]; NaN: not visible.
@@ -65,13 +65,13 @@ class MarkerSolver:
 
 
 def _followed(person: Person, rate: float, columns: Mapping[str, FloatArray], where: str) -> Reference:
-    """Return a reference with recorded angles of some joints; the others rest.
+    """Return a reference with recorded angles of some joints; the others stay in the resting posture.
 
     Args:
         person: person whose joints are driven.
         rate: rate of the rows [Hz].
         columns: angles by joint, shape (rows,) each [rad].
-        where: name of the columns, for messages.
+        where: name of the columns, for error messages.
 
     Raises:
         ParameterError: an angle outside the range of its joint.
@@ -93,11 +93,13 @@ def _followed(person: Person, rate: float, columns: Mapping[str, FloatArray], wh
 
 @dataclass(frozen=True)
 class Angles(ReferenceSettings):
-    """Recorded joint angles."""
+    """Settings of a reference with recorded joint angles."""
 
     rate: float = number(above=0.0, maximum=1e4, unit="Hz", text="of the rows")
     angles: Mapping[str, object] = mapping(
-        unit="rad", text="by joint, as many values each; joints not named rest. Before and after them the body rests"
+        unit="rad",
+        text="lists of equal length, by joint; joints not named stay in the resting posture. Before and after the "
+        "lists the body is at rest",
     )
 
     def reference(self, person: Person) -> Reference:
@@ -110,13 +112,13 @@ class Angles(ReferenceSettings):
                 columns[name] = _array(values, f"{where}.{name}", 1)
         mistakes.raise_all()
         if not columns or len({len(column) for column in columns.values()}) > 1:
-            raise ParameterError(f"{where} must have one joint or more, with as many values each")
+            raise ParameterError(f"{where} must have one joint or more, all with the same number of values")
         return _followed(person, self.rate, columns, where)
 
 
 @dataclass(frozen=True)
 class MotionFile(ReferenceSettings):
-    """Joint angles of a .mot or .sto file of OpenSim, such as `human.mot` of a run; unknown columns are ignored."""
+    """Settings of a reference from a .mot or .sto file of OpenSim; columns that are no joint are ignored."""
 
     path: str = text(valid="a .mot or .sto file, path or package:// address,", empty=False)
 
@@ -137,20 +139,20 @@ class MotionFile(ReferenceSettings):
 
 
 def _coordinate(label: str) -> str:
-    """Return the coordinate's name from `el_flex`, or from a state's path `/jointset/elbow/el_flex/value`."""
+    """Return the coordinate's name from a column label: `el_flex` or `/jointset/elbow/el_flex/value`."""
     return label.removesuffix("/value").rpartition("/")[2]
 
 
 @dataclass(frozen=True)
 class CapturedMarkers(ReferenceSettings):
-    """Positions of markers; those that the body does not have are ignored."""
+    """Settings of a reference computed from marker positions; markers that the body does not have are ignored."""
 
     root_in_lab: PoseSettings = section(
         PoseSettings, text="pose of the body's root link in the laboratory, x forward, z up"
     )
 
     def motion(self) -> tuple[float, Mapping[str, FloatArray]]:
-        """Return the rate [Hz], and positions by name, shape (frames, 3) each [m]."""
+        """Return the frame rate [Hz], and marker positions in the laboratory by name, shape (frames, 3) each [m]."""
         raise NotImplementedError
 
     def reference(self, person: Person) -> Reference:
@@ -160,8 +162,7 @@ class CapturedMarkers(ReferenceSettings):
         names = [name for name in person.body.markers if name in markers]
         if not names:
             raise ParameterError(
-                f"{self.prefix.rstrip('./')}: none of the markers is on the body; valid: "
-                f"{', '.join(person.body.markers)}"
+                f"{self.prefix.rstrip('./')}: the body has none of the markers; valid: {', '.join(person.body.markers)}"
             )
         lab = np.stack([markers[name] for name in names], axis=1)
         rows, _ = MarkerSolver(person, names).solve(_moved(inverse(self.root_in_lab.pose), lab))
@@ -170,7 +171,7 @@ class CapturedMarkers(ReferenceSettings):
 
 @dataclass(frozen=True)
 class ListedMarkers(CapturedMarkers):
-    """Marker positions listed in the settings."""
+    """Settings of a reference from marker positions that are listed in the settings themselves."""
 
     rate: float = number(above=0.0, maximum=1e4, unit="Hz", text="of the frames")
     markers: Mapping[str, object] = mapping(
@@ -178,33 +179,33 @@ class ListedMarkers(CapturedMarkers):
     )
 
     def motion(self) -> tuple[float, Mapping[str, FloatArray]]:
-        """Return rate and positions from the settings."""
+        """Return frame rate [Hz] and marker positions [m] from the settings."""
         where = f"{self.prefix}markers"
         arrays = {name: _array(values, f"{where}.{name}", 2) for name, values in self.markers.items()}
         if len({array.shape for array in arrays.values()}) > 1 or any(array.shape[1] != 3 for array in arrays.values()):
-            raise ParameterError(f"{where} must have as many rows of x, y, z each")
+            raise ParameterError(f"{where} must have the same number of rows x, y, z for each marker")
         return self.rate, arrays
 
 
 @dataclass(frozen=True)
 class C3dFile(CapturedMarkers, TrialSettings):
-    """Marker positions of a recorded trial."""
+    """Settings of a reference from the marker positions of a c3d file."""
 
     def motion(self) -> tuple[float, Mapping[str, FloatArray]]:
-        """Return rate and positions from the c3d file."""
+        """Return frame rate [Hz] and marker positions [m] from the c3d file."""
         trial = self.trial()
         return trial.rate, {name: trial.positions[:, index] for index, name in enumerate(trial.labels)}
 
 
 @dataclass(frozen=True)
 class TrcFile(CapturedMarkers):
-    """Marker positions of a .trc file of OpenSim."""
+    """Settings of a reference from the marker positions of a .trc file of OpenSim."""
 
     path: str = text(valid="a .trc file, path or package:// address,", empty=False)
     up: str = choice(*UP_AXES, default="y", text="axis that points up in the file")
 
     def motion(self) -> tuple[float, Mapping[str, FloatArray]]:
-        """Return rate and positions from the .trc file, with z up."""
+        """Return frame rate [Hz] and marker positions [m] from the .trc file, converted to z up."""
         path = resolve(self.path)
         try:
             rows = read_markers(path)
@@ -225,7 +226,7 @@ RECORDED: dict[str, type[ReferenceSettings]] = {
 
 
 def _by_marker_name(markers: Mapping[str, FloatArray], valid: Collection[str]) -> Mapping[str, FloatArray]:
-    """Return positions by the body's names; removes an asset's prefix: `body/RELB`, `subject:RELB`, `body_RELB`."""
+    """Return positions by marker, without an asset's prefix as in `body/RELB`, `subject:RELB` or `body_RELB`."""
     return {name if name in valid else re.split("[/:_]", name)[-1]: rows for name, rows in markers.items()}
 
 
@@ -240,5 +241,5 @@ def _array(values: Any, where: str, dimensions: int) -> FloatArray:
 
 
 def _moved(T_root_lab: Pose, p_lab: FloatArray) -> FloatArray:
-    """Return points, shape (..., 3) [m], in axes of the root link."""
+    """Transform points, shape (..., 3) [m], from axes of the laboratory to axes of the root link."""
     return np.asarray(p_lab @ rotation_from_quaternion(T_root_lab.orientation).T + np.array(T_root_lab.position))

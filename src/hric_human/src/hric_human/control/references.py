@@ -1,4 +1,4 @@
-"""References of the joints of a human: at rest, from point to point, or computed from a motion of the hand."""
+"""Reference motions of a human's joints: at rest, from point to point, or computed from a motion of the hand."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -21,10 +21,10 @@ Joints = list[float]
 
 
 class Reference:
-    """Joint positions and velocities over time; a subclass overrides what it needs."""
+    """Desired joint positions and velocities over time; a subclass overrides what it needs."""
 
     end = math.inf
-    """Time at which the motion has come to rest, after its start [s]; infinite: unknown."""
+    """Time from the start of the motion to rest [s]; infinite if unknown."""
 
     def start(self, time: float) -> None:
         """Start the motion at a time [s]."""
@@ -37,19 +37,19 @@ class Reference:
         """Receive the position [m] of the robot's end effector at `time`."""
 
     def feel(self, time: float, force: Vector) -> None:
-        """Receive the force [N] on the hand."""
+        """Receive the force [N] on the hand at `time`."""
 
 
 class ReferenceSettings(Settings):
-    """Settings of a reference."""
+    """Settings of a reference motion of the joints."""
 
     def reference(self, person: Person) -> Reference:
-        """Return the reference of these settings. Raises ParameterError."""
+        """Return the reference motion of these settings for a person. Raises ParameterError."""
         raise NotImplementedError
 
 
 class Still(Reference):
-    """Constant reference; q: n floats [rad]."""
+    """Reference that stays at joint positions q, n floats [rad]."""
 
     def __init__(self, q: Sequence[float]) -> None:
         self._at = list(q), [0.0] * len(q)
@@ -61,15 +61,15 @@ class Still(Reference):
 
 @dataclass(frozen=True)
 class Rest(ReferenceSettings):
-    """Reference that stays in the resting posture."""
+    """Settings of a reference that stays in the resting posture."""
 
     def reference(self, person: Person) -> Reference:
-        """Return the constant reference at rest."""
+        """Return a reference that stays in the person's resting posture."""
         return Still(person.rest)
 
 
 class JointPoints(Reference):
-    """Minimum-jerk motion from point to point, at rest at each.
+    """Minimum-jerk motion of the joints from point to point, at rest at each.
 
     Args:
         times: increasing times since the start [s].
@@ -90,13 +90,13 @@ class JointPoints(Reference):
 
 @dataclass(frozen=True)
 class JointMotion(ReferenceSettings):
-    """Point-to-point motion of the joints."""
+    """Settings of a point-to-point motion of the joints."""
 
     points: tuple[Mapping[str, float], ...] = listing(
         mapping(number()),
         unit="s, rad",
-        text="each with `time` since the start and angles by joint; joints not named stay. Before the first point the "
-        "body is at it",
+        text="each with `time` since the start and angles by joint; joints not named keep their angle. Before the "
+        "first point's time the body is at the first point",
     )
 
     def check(self, where: str) -> None:
@@ -104,10 +104,10 @@ class JointMotion(ReferenceSettings):
         if not self.points or any("time" not in row for row in self.points):
             raise ParameterError(f"{where}points must have one row or more, each with time and angles by joint")
         if self.points[0]["time"] < 0 or any(b["time"] <= a["time"] for a, b in pairwise(self.points)):
-            raise ParameterError(f"{where}points: the times must rise, from 0 s on")
+            raise ParameterError(f"{where}points: the times must increase, and be 0 s or later")
 
     def reference(self, person: Person) -> Reference:
-        """Return the reference through the points."""
+        """Return the reference motion through the points."""
         mistakes, rows, q = Mistakes(), [], list(person.rest)
         for count, point in enumerate(self.points):
             where = f"{self.prefix}points[{count}]"
@@ -132,12 +132,12 @@ def _index(name: str, angle: float, person: Person, where: str) -> int:
 
 
 class AngleRows(Reference):
-    """Joint angles at even times, joined by cubics with continuous velocity (Catmull and Rom).
+    """Joint angles at equal intervals, interpolated by cubics with continuous velocity (Catmull-Rom spline).
 
     Args:
         interval: time between two rows [s].
-        rows: rows from the time 0 on, n floats each [rad]; before and after them the body rests.
-        more: function that returns the row after the last; None: there is none.
+        rows: joint angles from time 0 on, n floats each [rad]; before and after them the body is at rest.
+        more: function that computes the next row when it is needed; None: the motion ends with the last row.
     """
 
     def __init__(self, interval: float, rows: list[Joints], more: Callable[[], Joints] | None = None) -> None:
@@ -156,7 +156,7 @@ class AngleRows(Reference):
         return self.since(time - self._zero)
 
     def since(self, time: float) -> tuple[Joints, Joints]:
-        """Return positions and velocities at a time since the first row [s]."""
+        """Return joint positions and velocities at a time since the first row [s]."""
         if time <= 0.0:
             return self._rows[0], self._still
         steps = time / self._interval
@@ -175,7 +175,7 @@ class AngleRows(Reference):
 
 
 def _cubics(rows: Sequence[Joints], piece: int) -> list[tuple[float, float, float, float]]:
-    """Return the cubic's coefficients per joint after a row; end velocities are chords over two pieces."""
+    """Return each joint's cubic between row `piece` and the next; velocities at rows are central differences."""
     before, start = rows[max(piece - 1, 0)], rows[piece]
     goal, after = rows[piece + 1], rows[min(piece + 2, len(rows) - 1)]
     coefficients = []
@@ -186,14 +186,14 @@ def _cubics(rows: Sequence[Joints], piece: int) -> list[tuple[float, float, floa
 
 
 class HandReference(Reference):
-    """Joint angles for a motion of the hand, by inverse kinematics at knots.
+    """Joint angles for a motion of the hand, by inverse kinematics at knots of equal time interval.
 
     For a program of known duration all knots are computed at once, so that an unreachable pose is detected before the
     run.
 
     Args:
         person: person whose hand moves.
-        motion: motion in the frame of the world.
+        motion: motion of the hand in the world frame.
         oriented: True if the orientation is tracked.
 
     Raises:
@@ -218,15 +218,15 @@ class HandReference(Reference):
         self._hand.start(time)
 
     def at(self, time: float) -> tuple[Joints, Joints]:
-        """Return the interpolated positions and velocities of the knots."""
+        """Return joint positions and velocities, interpolated between the knots."""
         return self._rows.since(self._hand.since(time))
 
     def see(self, time: float, position: Vector) -> None:
-        """Pass the observation to the hand."""
+        """Pass the position [m] of the robot's end effector to the hand's program."""
         self._hand.see(time, position)
 
     def feel(self, time: float, force: Vector) -> None:
-        """Pass the force to the hand."""
+        """Pass the force [N] on the hand to the hand's program."""
         self._hand.feel(time, force)
 
     def _pose(self, knot: int) -> Pose:
@@ -235,7 +235,7 @@ class HandReference(Reference):
     def _next(self) -> Joints:
         self._knots += 1
         target = self._pose(self._knots)
-        if target != self._target:  # a hand at rest rests in the same posture
+        if target != self._target:  # the posture of a resting hand must not drift in the null space
             self._target = target
             self._last = self._reached(lambda: self._solver.next(target, self._last))
         return self._last
@@ -245,17 +245,17 @@ class HandReference(Reference):
             return solved()
         except OutOfReachError as error:
             where = self._where.rstrip("./")
-            raise OutOfReachError(f"{where}: {self._knots * KNOT:.2f} s after the motion's start {error}") from None
+            raise OutOfReachError(f"{where}: {self._knots * KNOT:.2f} s after the motion's start, {error}") from None
 
 
 @dataclass(frozen=True)
 class FollowedHand(Motion, ReferenceSettings):
-    """Hand motion as a reference of the joints."""
+    """Settings of a joint reference that follows a motion program of the hand."""
 
-    oriented: bool = flag(False, text="whether the hand's orientation follows, too")
+    oriented: bool = flag(False, text="true: the hand's orientation follows, too")
 
     def reference(self, person: Person) -> Reference:
-        """Return the reference by inverse kinematics."""
+        """Return the joint reference that inverse kinematics computes from the hand's motion."""
         return HandReference(person, self, self.oriented)
 
 

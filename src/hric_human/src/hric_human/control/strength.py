@@ -6,9 +6,9 @@ from memory, unconfirmed:
 - wrist: Delp et al., J. Biomech. 29:1371, 1996, abstract, ten men;
 - flexion of the shoulder: 89.9 N m of 26 men with the arm hanging, women half of it (abstract of "Dynamic shoulder
   flexion strength for use in occupational risk analysis and clinical assessment");
-- share of women: shoulder abduction 0.43, external rotation 0.56 (abstract of "Isometric strength in flexors, abductors
-  and external rotators of the shoulder", 96 men and 90 women); wrist 0.64 (J. Funct. Morphol. Kinesiol. 10:377, 2025);
-  all others 0.5 to 0.65 of Stobbe 1982.
+- ratio of women's strength to men's: shoulder abduction 0.43, external rotation 0.56 (abstract of "Isometric strength
+  in flexors, abductors and external rotators of the shoulder", 96 men and 90 women); wrist 0.64 (J. Funct. Morphol.
+  Kinesiol. 10:377, 2025); all others 0.5 to 0.65 from Stobbe 1982.
 
 A subject's strength is proportional to the mass: a project default, unconfirmed.
 """
@@ -20,14 +20,14 @@ from hric_human.body import Body
 STOBBE = "Stobbe 1982, from memory, unconfirmed"
 OWN = "project default, unconfirmed"
 MEAN_MASS = {"female": 61.9, "male": 73.0}
-"""Body mass at which the strengths of the rows hold [kg]: the table of masses' (project default, unconfirmed)."""
+"""Body mass of the subjects whose strength STRENGTH gives [kg]: de Leva's means (project default, unconfirmed)."""
 
 
 class StrengthRow(NamedTuple):
     """Strength of a joint.
 
     Attributes:
-        positive, negative: maximum torque of a man in the sense of the joint and against it [N m].
+        positive, negative: a man's maximum torque in the joint's positive and negative direction [N m].
         women: ratio of women's strength to men's [1].
         source: source of both directions.
     """
@@ -59,11 +59,11 @@ STRENGTH = {
     "ankle_flex": StrengthRow(40.0, 126.0, 0.64, f"plantar flexion {STOBBE}; dorsiflexion {OWN}"),
     "ankle_inv": StrengthRow(25.0, 25.0, 0.6, OWN),
 }
-"""Strength by joint, without its side."""
+"""Strength of each joint, named without its side."""
 
 
 def strength(body: Body) -> tuple[list[float], list[float]]:
-    """Return the strength of a body's joints against their sense, negative, and in it, n floats each [N m]."""
+    """Return the minimum (negative) and maximum torque that each joint's muscles can exert, n floats each [N m]."""
     subject = body.subject
     scale = subject.mass / MEAN_MASS[subject.sex]
     rows = [STRENGTH[joint.row.name] for joint in body.joints.values()]

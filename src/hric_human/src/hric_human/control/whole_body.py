@@ -1,4 +1,4 @@
-"""Whole body in the world: poses of links and markers, inverse dynamics, and the wrench on the floor."""
+"""Kinematics and inverse dynamics of a human body in the world, and the wrench of the person on the floor."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -15,7 +15,7 @@ from hric_human.body.segments import ROOT
 from hric_human.control.kinematics import GRAVITY
 
 Wrench = tuple[float, float, float, float, float, float]
-"""Force [N], and torque about the origin of the wrench's axes [N m]."""
+"""Force (x, y, z) [N] and torque (x, y, z) [N m] about the origin of the frame in which both are expressed."""
 
 
 class ExternalLoad(NamedTuple):
@@ -37,10 +37,10 @@ class RootMotion(NamedTuple):
     """Motion of a root link at n instants, in axes of the world.
 
     Attributes:
-        position: position of its origin, shape (n, 3) [m].
+        position: position of the link's origin, shape (n, 3) [m].
         orientation: unit quaternions (x, y, z, w), shape (n, 4).
         omega, alpha: angular velocity and acceleration, shape (n, 3) [rad/s], [rad/s^2].
-        acceleration: acceleration of its origin, shape (n, 3) [m/s^2].
+        acceleration: acceleration of the link's origin, shape (n, 3) [m/s^2].
     """
 
     position: FloatArray
@@ -51,18 +51,18 @@ class RootMotion(NamedTuple):
 
     @classmethod
     def at_rest(cls, T_world_root: Pose, instants: int) -> "RootMotion":
-        """Return the motion of a root at rest."""
+        """Return the motion of a root link at rest at a pose, for a number of instants."""
         rows, none = np.ones((instants, 1)), np.zeros((instants, 3))
         return cls(rows * T_world_root.position, rows * T_world_root.orientation, none, none, none)
 
 
 class Needed(NamedTuple):
-    """Inverse dynamics of n instants of a body with j joints and l links, in axes of the world.
+    """Result of inverse dynamics at n instants for a body with j joints and l links, in axes of the world.
 
     Attributes:
-        torque: torque of the joints, shape (n, j) [N m].
-        force, moment: load of the parent on each link through their joint, the moment about the link's origin, shape
-            (n, l, 3) [N], [N m].
+        torque: joint torques, shape (n, j) [N m].
+        force, moment: reaction that each link receives from its parent through their joint, the moment about the link's
+            origin, shape (n, l, 3) [N], [N m].
         position: positions of the links' origins, shape (n, l, 3) [m].
         rotation: rotations of the links, shape (n, l, 3, 3).
     """
@@ -75,14 +75,14 @@ class Needed(NamedTuple):
 
 
 class _Link(NamedTuple):
-    """Link behind its joint.
+    """Link and the joint that attaches it to its parent.
 
     Attributes:
         name: name of the link.
-        parent: index of the link to which its joint is attached; -1: the root.
+        parent: index of the parent link; -1: the root.
         offset: position of the joint, in axes of the parent [m].
         axis: axis of the joint; zero if it is fixed.
-        joint: index in the body's order; 0 if it is fixed.
+        joint: index of the joint in the body's order; 0 if it is fixed.
     """
 
     name: str
@@ -93,14 +93,14 @@ class _Link(NamedTuple):
 
 
 class WholeBody:
-    """Links of a body, from the root outwards, including those between the joints of one segment.
+    """Kinematics and inverse dynamics of all links of a body, including auxiliary links between joints at one point.
 
     Args:
         body: described body.
 
     Attributes:
         body: described body.
-        links: links, see `_Link`.
+        links: all links but the root, from the root outwards.
         index: index of each link in `links`, by name.
     """
 
@@ -130,7 +130,7 @@ class WholeBody:
         loads: Sequence[ExternalLoad] = (),
         gravity: Vector = GRAVITY,
     ) -> Needed:
-        """Compute the joint torques and reactions of a motion under external loads, by Newton and Euler.
+        """Compute the joint torques and reactions of a motion under external loads (recursive Newton-Euler algorithm).
 
         Args:
             q: joint positions, shape (n, j) [rad].
@@ -145,7 +145,7 @@ class WholeBody:
         """
         wrong = [external.link for external in loads if external.link not in self.index]
         if wrong:
-            raise HricError(f"a load on {wrong[0]!r}, which is no link of the body; valid: {', '.join(self.index)}")
+            raise HricError(f"load on {wrong[0]!r}, which is no link of the body; valid: {', '.join(self.index)}")
         n, links = len(q), len(self.links)
         acting = np.zeros((n, len(loads), 9))
         for at, external in enumerate(loads):
@@ -159,14 +159,14 @@ class WholeBody:
 
     def poses(self, q: Sequence[float], T_world_root: Pose) -> dict[str, Pose]:
         """Return the poses of all links in the world, by name; q: n floats [rad]."""
-        in_world = [*[Pose()] * len(self.links), T_world_root]  # the root is the last one, as its index has it
+        in_world = [*[Pose()] * len(self.links), T_world_root]  # the root is last: its index as a parent is -1
         for at, link in enumerate(self.links):
             parent = in_world[link.parent]
             in_world[at] = Pose(transformed(parent, link.offset), product(parent.orientation, _rotation(link, q)))
         return dict(zip([*[link.name for link in self.links], ROOT], in_world, strict=True))
 
     def markers(self, poses: Mapping[str, Pose]) -> dict[str, Vector]:
-        """Return the positions of the body's markers in the world, by name [m]; poses: of the links, see `poses`."""
+        """Return the positions of the body's markers in the world, by name [m]; poses: poses of the links by name."""
         return {
             marker.name: transformed(poses[marker.link], _vector(marker.p_link_marker))
             for marker in self.body.markers.values()
@@ -194,10 +194,10 @@ def floor_wrench(
     T_world_root: Pose,
     gravity: Vector = GRAVITY,
 ) -> Wrench:
-    """Return the wrench on the floor of a person with empty hands: sum of m (g - a) and its moments (Newton-Euler).
+    """Return the wrench that a person with empty hands exerts on the floor: sum of m (g - a) and its moments.
 
-    Loads on the hands add to it. Parts that are not described (legs, if the body is an arm) count as the rest of the
-    subject's mass, at rest below or above the root.
+    Loads on the hands are to be added. The mass of parts that the body lacks (legs, if it is an arm) counts as at rest
+    on the vertical through the root link.
 
     Args:
         dynamics: body of the person.

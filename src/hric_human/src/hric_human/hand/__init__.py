@@ -1,4 +1,4 @@
-"""Motions of a hand: programs, and the hand that runs one. No ROS.
+"""Motion programs of a human hand, and the hand that runs one; without ROS.
 
 hand = Hand(read_program({"program": "sinusoid", "cycles": 2}, seed=0))
 hand.start(1.0)

@@ -8,7 +8,7 @@ from hric_core.geometry import Pose, Vector
 
 REST, MOVING, DONE = "rest", "moving", "done"
 BEFORE = -1.0
-"""Any time before the program's start [s]."""
+"""Program time that is used for any time before the program's start [s]."""
 
 
 class Program:
@@ -20,11 +20,11 @@ class Program:
 
     @property
     def span(self) -> tuple[float, float]:
-        """Start and end of the motion since the program's start [s]; infinite: unknown in advance."""
+        """Start and end of the motion in program time [s]; an infinite end is unknown in advance."""
         raise NotImplementedError
 
     def phase(self, time: float) -> str:
-        """Return the phase of the motion at that time: a word."""
+        """Return the phase of the motion at `time` [s] after the start: "rest", "moving", "done", or a subclass's."""
         begin, end = self.span
         return REST if time < begin else MOVING if time < end else DONE
 
@@ -36,11 +36,11 @@ class Program:
 
 
 class Hand:
-    """Source of hand poses in the robot's base, z up; call it with a time.
+    """Callable that returns the pose of a hand in the robot's base frame (z up) at a robot time.
 
     Args:
-        program: program that moves the hand. Before `start` the hand rests at its first pose.
-        begin: rest between `start` and the program's time 0 [s].
+        program: program that moves the hand. Before `start` the hand rests at the program's first pose.
+        begin: rest between the call of `start` and program time 0 [s].
     """
 
     def __init__(self, program: Program, begin: float = 0.0) -> None:
@@ -48,29 +48,29 @@ class Hand:
         self._zero = math.inf
 
     def start(self, time: float) -> float:
-        """Start the program `begin` after `time` [s], and return its start time [s].
+        """Start the program `begin` seconds after `time` [s], and return the program's start time [s].
 
         Raises:
             HricError: the program has started already.
         """
         with self._lock:
             if self._zero < math.inf:
-                raise HricError(f"the hand has moved since {self._zero:.3f} s; a program runs once")
+                raise HricError(f"the hand's program has already started at {self._zero:.3f} s; it runs only once")
             self._zero = time + self._begin
             return self._zero
 
     def since(self, time: float) -> float:
-        """Return the time of the program [s]; below 0 before its start."""
+        """Convert robot time to program time [s]; negative before the program's start."""
         with self._lock:
             return time - self._zero if self._zero < math.inf else BEFORE
 
     def __call__(self, time: float) -> Pose:
-        """Return the pose of the hand [m]."""
+        """Return the pose of the hand at robot time `time` [s]."""
         with self._lock:
             return self._program.pose(self.since(time))
 
     def phase(self, time: float) -> str:
-        """Return the phase of the program."""
+        """Return the phase of the program at robot time `time` [s]."""
         with self._lock:
             return self._program.phase(self.since(time))
 

@@ -1,7 +1,7 @@
-"""Programs that move a hand.
+"""Motion programs of a human hand.
 
-A program returns a pose at each time since its start, in the robot's base, z up; it is continuous up to the
-acceleration, and at rest before 0 and after its end.
+A program returns the hand's pose at each time since its start, in the robot's base frame, z up. The motion is
+continuous up to the acceleration, and at rest before time 0 and after its end.
 """
 
 import math
@@ -20,17 +20,17 @@ from hric_human.hand.reactive import Reaction, Reactive
 
 Base = TypeVar("Base", bound=Settings)
 _PROGRAM_SEED = 1
-"""Offset that makes the seeds of programs differ from those of the cameras."""
+"""Second part of a program's seed, so that its variation is independent of the noise of cameras and senses."""
 
 
 @dataclass(frozen=True)
 class Motion(Settings):
-    """Settings that all programs share."""
+    """Settings that all motion programs of a hand share."""
 
     begin: float = number(0.0, minimum=0.0, maximum=3600.0, unit="s", text="rest after the start")
 
     def program(self, random: np.random.Generator) -> Program:
-        """Return the program of these settings; random: source of all variation."""
+        """Return the motion program of these settings; random: generator of all random variation."""
         raise NotImplementedError
 
 
@@ -42,20 +42,18 @@ class Sinusoid(Motion, Program):
     end: s' = 3 u^2 - 2 u^3, u = t / ramp, so that the first swing has full amplitude and the acceleration has no step.
     """
 
-    centre: Vector = numbers(3, (0.6, 0.0, 0.4), unit="m", text="where it begins and ends")
+    centre: Vector = numbers(3, (0.6, 0.0, 0.4), unit="m", text="position at the begin and the end of the motion")
     amplitude: Vector = numbers(3, (0.0, 0.1, 0.0), minimum=-2.0, maximum=2.0, unit="m")
     frequency: float = number(0.25, above=0.0, maximum=10.0, unit="Hz")
-    cycles: float = number(3.0, minimum=0.5, text="swings; a multiple of a half")
-    ramp: float = number(1.0, above=0.0, unit="s", text="how long it takes to set off, and to come to rest")
-    rotation: Vector = numbers(3, ORIGIN, unit="rad", text="rotation vector of the same sine")
+    cycles: float = number(3.0, minimum=0.5, text="number of swings; a multiple of 0.5")
+    ramp: float = number(1.0, above=0.0, unit="s", text="duration of the smooth start, and of the smooth stop")
+    rotation: Vector = numbers(3, ORIGIN, unit="rad", text="rotation vector, multiplied by the same sine")
 
     def check(self, where: str) -> None:
-        """Check that the swings end at the centre and the ramp fits in. Raises ParameterError."""
+        """Check that the swings end at the centre and last at least as long as the ramp. Raises ParameterError."""
         super().check(where)
         if (2 * self.cycles) % 1:
-            raise refused(
-                f"{where}cycles", self.cycles, "a multiple of 0.5, at which the hand comes back to its centre"
-            )
+            raise refused(f"{where}cycles", self.cycles, "a multiple of 0.5, so that the hand ends at the centre")
         if self.ramp > self.cycles / self.frequency:
             valid = f"at most the duration of all cycles, {self.cycles / self.frequency:g} s"
             raise refused(f"{where}ramp", self.ramp, valid)
@@ -83,7 +81,7 @@ class Sinusoid(Motion, Program):
         )
 
     def _progress(self, time: float) -> float:
-        """Return the motion time s(t) [s]."""
+        """Return s(t) [s], the time whose sine is the motion: it runs slower during the ramps."""
         since, left = max(0.0, time), max(0.0, self.duration - time)
         if since < self.ramp:
             return self.ramp * _eased(since / self.ramp)
@@ -93,7 +91,7 @@ class Sinusoid(Motion, Program):
 
 
 def _eased(u: float) -> float:
-    """Return the integral of 3 u^2 - 2 u^3."""
+    """Return the integral of the smooth step 3 x^2 - 2 x^3 from x = 0 to u."""
     return u * u * u * (1 - u / 2)
 
 
@@ -120,7 +118,7 @@ class MinimumJerk(Program):
 
 @dataclass(frozen=True)
 class Variation(Settings):
-    """Standard deviations of a point-to-point motion."""
+    """Standard deviations of the random variation of a point-to-point motion."""
 
     position: float = number(0.0, minimum=0.0, maximum=1.0, unit="m", text="of each point, per axis")
     time: float = number(0.0, minimum=0.0, maximum=0.3, text="of the logarithm of durations")
@@ -128,13 +126,13 @@ class Variation(Settings):
 
 @dataclass(frozen=True)
 class PointToPoint(Motion):
-    """Point-to-point motion of the hand."""
+    """Settings of a point-to-point motion of the hand."""
 
     points: tuple[tuple[float, ...], ...] = listing(
         numbers((4, 7)),
         default=(),
         unit="s, m, rad",
-        text="[time from 0 s on, x, y, z], or with a rotation vector besides",
+        text="[time from 0 s on, x, y, z], or the same followed by a rotation vector",
     )
     variation: Variation = section(Variation)
 
@@ -144,11 +142,11 @@ class PointToPoint(Motion):
         times = [row[0] for row in self.points]
         if not times or times[0] < 0:
             raise ParameterError(
-                f"{where}points must have one row or more, [time from 0 s on, x, y, z] or with a rotation "
-                "vector besides"
+                f"{where}points must have one row or more, [time from 0 s on, x, y, z] or the same followed by a "
+                "rotation vector"
             )
         if any(b <= a for a, b in pairwise(times)):
-            raise ParameterError(f"{where}points: the times of a track must rise")
+            raise ParameterError(f"{where}points: the times must increase from row to row")
 
     def program(self, random: np.random.Generator) -> Program:
         """Return the minimum-jerk motion with randomly varied points and durations."""
@@ -167,10 +165,10 @@ class PointToPoint(Motion):
 
 @dataclass(frozen=True)
 class TakeOver(Motion, Reaction):
-    """Hand-over from the arm to the hand."""
+    """Settings of a hand that takes objects over from the robot's arm, and reacts to it."""
 
     def program(self, random: np.random.Generator) -> Program:
-        """Return the reactive program."""
+        """Return the program of a hand that waits for the robot's arm and reacts to it."""
         return Reactive(self, random)
 
 
@@ -178,7 +176,7 @@ PROGRAMS: dict[str, type[Motion]] = {"sinusoid": Sinusoid, "minimum_jerk": Point
 
 
 def with_programs(base: type[Base]) -> dict[str, type[Base]]:
-    """Return settings classes by the name of the program: those of `base` and of the program together."""
+    """Return a settings class for each program, by its name, that joins the fields of `base` and of the program."""
     return {
         name: make_dataclass(f"{base.__name__}{kind.__name__}", (), bases=(base, kind), frozen=True)
         for name, kind in PROGRAMS.items()
@@ -186,12 +184,12 @@ def with_programs(base: type[Base]) -> dict[str, type[Base]]:
 
 
 def read_program(content: Any, seed: int, where: str = "human") -> Program:
-    """Return the program of a mapping; INTERFACE.md lists the keys.
+    """Return the motion program that a mapping of settings describes; INTERFACE.md lists the keys.
 
     Args:
         content: mapping from the experiment file or the parameter server.
-        seed: seed of all variation.
-        where: name of the mapping, for messages.
+        seed: seed of all random variation.
+        where: name of the mapping, for error messages.
 
     Raises:
         ParameterError: an unknown program, or an invalid value; names the key.
@@ -200,5 +198,5 @@ def read_program(content: Any, seed: int, where: str = "human") -> Program:
 
 
 def program_of(motion: Motion, seed: int) -> Program:
-    """Return the program of a motion's settings."""
+    """Return the motion program of checked settings; seed: seed of all random variation."""
     return motion.program(np.random.default_rng((seed, _PROGRAM_SEED)))

@@ -1,8 +1,8 @@
 """Hand that reacts to the robot: it takes an object over from the arm at rest and draws back.
 
-It also draws back when the arm comes too near, or when the force on it is too strong. Each motion is the polynomial of
-fifth degree from the present position, velocity and acceleration to rest at the goal: from rest this is the
-minimum-jerk motion (Flash and Hogan 1985), and if the goal changes on the way the acceleration stays continuous.
+The hand also draws back when the arm comes too near, or when the force on the hand is too strong. Each motion is the
+polynomial of fifth degree from the present position, velocity and acceleration to rest at the goal: from rest this is
+the minimum-jerk motion (Flash and Hogan 1985), and if the goal changes on the way the acceleration stays continuous.
 """
 
 import math
@@ -32,7 +32,7 @@ KEPT = 2.0
 
 @dataclass(frozen=True)
 class ReactionVariation(Settings):
-    """Standard deviations of a reaction."""
+    """Standard deviations of the random variation of a hand's reactions."""
 
     position: float = number(0.0, minimum=0.0, maximum=0.1, unit="m", text="of the goal of each approach, per axis")
     time: float = number(0.0, minimum=0.0, maximum=0.3, text="of the logarithm of durations")
@@ -48,7 +48,7 @@ class Reaction(Settings):
         above=0.0,
         maximum=1.0,
         unit="m",
-        text="how far from the end effector it takes over, towards its place of rest",
+        text="distance from the end effector at which the hand takes the object over, on the side of its rest position",
     )
     delay: float = number(
         0.25,
@@ -56,25 +56,25 @@ class Reaction(Settings):
         maximum=1.0,
         unit="s",
         name="reaction_delay",
-        text="from what the robot does to what the hand does: simple visual reaction time of adults, about a "
+        text="from a motion of the robot to the hand's reaction: simple visual reaction time of adults, about a "
         "quarter of a second",
     )
     still_speed: float = number(0.02, above=0.0, maximum=1.0, unit="m/s", text="an arm that is slower is at rest")
     too_near: float = number(
-        0.06, minimum=0.0, unit="m", text="it draws back from an end effector that is nearer; 0: never"
+        0.06, minimum=0.0, unit="m", text="the hand draws back from an end effector that is nearer; 0: never"
     )
     too_strong: float = number(
         0.0,
         minimum=0.0,
         unit="N",
-        text="it draws back from a larger force while it approaches or pauses; 0: never",
+        text="the hand draws back from a larger force while it approaches or pauses; 0: never",
     )
     touch_delay: float = number(
         0.05,
         minimum=0.05,
         maximum=1.0,
         unit="s",
-        text="from a force that the hand feels to what it does; with the delay of that sense about 0.13 s, the haptic "
+        text="from a sensed force to the hand's reaction; with the delay of the force sense about 0.13 s, the haptic "
         "reaction time of adults (110 to 150 ms, unconfirmed)",
     )
     approach: float = number(1.2, minimum=0.2, maximum=10.0, unit="s", text="duration")
@@ -85,7 +85,7 @@ class Reaction(Settings):
     variation: ReactionVariation = section(ReactionVariation)
 
     def check(self, where: str) -> None:
-        """Check that the hand does not draw back from the hand-over point itself. Raises ParameterError."""
+        """Check that too_near is at most the standoff, or the hand would never take over. Raises ParameterError."""
         super().check(where)
         if self.too_near > self.standoff:
             raise refused(
@@ -94,13 +94,13 @@ class Reaction(Settings):
 
 
 class _Piece:
-    """Polynomial of fifth degree over `duration` from a state to rest at a goal, where it stays.
+    """Fifth-degree polynomial motion from a position, velocity and acceleration to rest at a goal, where it stays.
 
     Args:
         begin: start time [s].
         duration: duration [s], above 0.
         state: position, velocity, acceleration at the start, shape (3, 3) [m, s].
-        goal: position, shape (3,) [m].
+        goal: final position, shape (3,) [m].
     """
 
     def __init__(self, begin: float, duration: float, state: FloatArray, goal: FloatArray) -> None:
@@ -123,11 +123,13 @@ class _Piece:
 
 
 class Reactive(Program):
-    """Program of the reactive hand, see the module. Its phases: rest, approach, pause, retreat, done.
+    """Program of a hand that takes objects over from a resting arm, and draws back if it is too near or too forceful.
+
+    Its phases are rest, approach, pause, retreat and done.
 
     Args:
         reaction: parameters of the reactions.
-        random: source of all variation.
+        random: generator of all random variation.
     """
 
     def __init__(self, reaction: Reaction, random: np.random.Generator) -> None:
@@ -148,12 +150,12 @@ class Reactive(Program):
         }
 
     def see(self, time: float, position: Vector) -> None:
-        """Store an observation of the robot's end effector."""
+        """Store the position [m] of the robot's end effector observed at `time` [s]."""
         if not self._observed or time > self._observed[-1][0]:
             self._observed.append((time, np.array(position)))
 
     def feel(self, time: float, force: Vector) -> None:
-        """Store the time of a force above `too_strong`; it counts until the hand has drawn back."""
+        """Store the time of a force above `too_strong`, to which the hand then reacts by drawing back."""
         if 0.0 < self._how.too_strong < math.hypot(*force):
             self._hurt = min(self._hurt, time)
 
@@ -204,7 +206,7 @@ class Reactive(Program):
             self._go("approach", now, self._goal(arm), self._varied(self._how.approach))
 
     def _goal(self, arm: FloatArray) -> FloatArray:
-        """Return the hand-over point [m]."""
+        """Return the hand-over point [m], the standoff away from the arm's position towards the rest position."""
         to_home = self._home - arm
         share = min(1.0, self._how.standoff / max(float(np.linalg.norm(to_home)), 1e-9))
         return np.asarray(arm + to_home * share + self._shift)

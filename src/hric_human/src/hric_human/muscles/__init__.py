@@ -1,6 +1,6 @@
 """Muscles of a human's arms.
 
-muscles = MuscleSet(body, find("delft", "anatomy"))        # or of your own model: find("arm.osim", "anatomy")
+muscles = MuscleSet(body, find("delft", "anatomy"))        # or from your own model: find("arm.osim", "anatomy")
 state = muscles.at(q, dq)                                  # each cycle
 tau = state.torque(activation)                             # of the joints muscles.joints [N m]
 """

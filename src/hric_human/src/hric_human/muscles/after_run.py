@@ -3,7 +3,7 @@
     load = AfterRun(body, muscles, anatomy, T_world_root).of(smoothed(time, q), loads)
     load.activation, load.contact["right_shoulder"], load.share
 
-Angles are smoothed and differentiated; inverse dynamics gives the joint torques in addition to gravity and the forces
+Angles are smoothed and differentiated; inverse dynamics gives the joint torques, from inertia, gravity and the forces
 on the hands; static optimisation shares them among muscles at each instant separately, without activation dynamics and
 co-contraction. All results are model estimates.
 """
@@ -28,19 +28,19 @@ from hric_human.muscles.static_optimization import StaticOptimization
 RATE = 100.0
 """Rate of the computed instants [Hz]; project default."""
 CUTOFF = 6.0
-"""Cut-off of the low-pass filter of angles [Hz], a second-order Butterworth forwards and backwards.
+"""Cut-off of the low-pass filter of angles [Hz], a second-order Butterworth filter run forwards and backwards.
 
-That of OpenSim's tutorials; Winter, Biomechanics and Motor Control of Human Movement, has 4 to 8 Hz for people.
+Value of OpenSim's tutorials; Winter, Biomechanics and Motor Control of Human Movement, uses 4 to 8 Hz for people.
 """
 DEGREE = 5
-"""Degree of the splines, so that their second derivatives are smooth."""
+"""Degree of the splines through joint angles; at this degree their second derivatives are smooth."""
 FEWEST = 20
-"""Smallest number of samples of a motion; shorter ones consist of the filter's end effects."""
+"""Minimum number of samples of a motion; a shorter one consists of the filter's end effects only."""
 
 
 @dataclass(frozen=True)
 class RecordedMotion:
-    """Motion of j joints at n instants.
+    """Smoothed motion of j joints at n instants.
 
     Attributes:
         time: evenly spaced times, shape (n,) [s].
@@ -55,23 +55,24 @@ class RecordedMotion:
 
 @dataclass(frozen=True)
 class MuscleLoad:
-    """Load of k muscles and actuators, m joints that they act on, and the joint centres, at n instants.
+    """Load of k muscles and ideal actuators, of the m joints that they move, and of the joint centres, at n instants.
 
     Attributes:
         time: times, shape (n,) [s].
         names: names of muscles and actuators.
-        is_muscle: True for each that is a muscle.
+        is_muscle: True for a muscle, False for an actuator, in the order of `names`.
         joints: names of the joints.
         activation: activations, shape (n, k) [1].
         force: force of muscles along their lines of action [N], torque of actuators [N m], shape (n, k).
-        torque: torque of the joints, shape (n, m) [N m].
-        share: size of the torque per strength in its sense, shape (n, m) [1].
-        shortfall: part of the torque that muscles cannot produce, shape (n, m) [N m].
+        torque: joint torques, shape (n, m) [N m].
+        share: ratio of each joint torque's magnitude to the strength in its direction, shape (n, m) [1].
+        shortfall: part of the torque that the muscles cannot produce, shape (n, m) [N m].
         contact: force of the proximal on the distal bone, in axes of the world, by joint centre, shape (n, 3) [N].
         centres: positions of the joint centres in the world, by joint centre, shape (n, 3) [m].
-        outside: True if the posture is outside the range of the fitted muscle paths, by side, shape (n,); values there
-            are those at the edge of the range.
-        lost: True if motion or hand force was not measured, by side, shape (n,): then all is NaN. Empty: never.
+        outside: True if the posture is outside the range of the fitted muscle paths, by side, shape (n,); muscle values
+            are then those at the edge of the range.
+        lost: True if motion or hand force was not measured, by side, shape (n,); all values are then NaN. Empty: all
+            was measured.
     """
 
     time: FloatArray
@@ -89,16 +90,20 @@ class MuscleLoad:
     lost: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
 
     def known(self, name: str) -> NDArray[np.bool_]:
-        """Return when a muscle's or joint's load (name with its side) is known and in the fitted range, shape (n,)."""
+        """Return True for instants at which the load of a muscle or joint is measured and in the fitted range.
+
+        Args:
+            name: name of the muscle or joint, with its side.
+        """
         side = name.partition("_")[0]
         return ~(self.outside[side] | self.lost[side] if self.lost else self.outside[side])
 
 
 def smoothed(time: FloatArray, q: FloatArray, cutoff: float | None = CUTOFF, rate: float = RATE) -> RecordedMotion:
-    """Return a motion with its derivatives from recorded angles.
+    """Smooth recorded joint angles and compute their derivatives.
 
-    The filter needs even samples, so a spline resamples first, at the mean rate of the recording; the first and the
-    last tenth of a second are end effects of filter and splines.
+    The filter needs evenly spaced samples, so a spline resamples first, at the mean rate of the recording. The first
+    and the last 0.1 s of the result are distorted by the filter and the splines.
 
     Args:
         time: increasing times, shape (n,) [s].
@@ -107,15 +112,16 @@ def smoothed(time: FloatArray, q: FloatArray, cutoff: float | None = CUTOFF, rat
         rate: rate of the result [Hz].
 
     Raises:
-        HricError: too short, not increasing, not finite, or a cut-off above half the sample rate.
+        HricError: the recording is too short, its times do not increase, an angle is not finite, or the cut-off is
+            above half of the sample rate.
     """
-    from scipy.interpolate import make_interp_spline  # slow to load, which who has no motion need not wait for
+    from scipy.interpolate import make_interp_spline  # slow to import, and needed only if there is a motion
     from scipy.signal import butter, sosfiltfilt
 
     if len(time) < FEWEST or not bool(np.all(np.diff(time) > 0.0)) or not np.isfinite(q).all():
         raise HricError(
-            f"a motion of {len(time)} instants; valid: {FEWEST} or more, one after the other, with angles that are "
-            "finite"
+            f"a motion of {len(time)} samples cannot be smoothed; valid: {FEWEST} samples or more, increasing times, "
+            "finite angles"
         )
     span = float(time[-1] - time[0])
     even = np.linspace(time[0], time[-1], len(time))
@@ -123,7 +129,10 @@ def smoothed(time: FloatArray, q: FloatArray, cutoff: float | None = CUTOFF, rat
     sampled = (len(time) - 1) / span
     if cutoff is not None:
         if not 0.0 < cutoff < 0.5 * sampled:
-            raise HricError(f"a cut-off of {cutoff} Hz; valid: above 0, below half of the rate of {sampled:.1f} Hz")
+            raise HricError(
+                f"the cut-off of the filter is {cutoff} Hz; valid: above 0, below half of the sample rate of "
+                f"{sampled:.1f} Hz"
+            )
         values = sosfiltfilt(butter(2, cutoff, fs=sampled, output="sos"), values, axis=0)
     curve = make_interp_spline(even, values, DEGREE)
     instants = np.minimum(time[0] + np.arange(int(span * rate + 1e-6) + 1) / rate, time[-1])
@@ -131,10 +140,11 @@ def smoothed(time: FloatArray, q: FloatArray, cutoff: float | None = CUTOFF, rat
 
 
 def of_root_too(motion: RecordedMotion, joints: int) -> tuple[RecordedMotion, RootMotion]:
-    """Split a motion into joints and root, whose position and quaternion x y z w are the last seven columns.
+    """Split a motion into that of the joints and that of the root link.
 
     Args:
-        motion: motion of both; quaternions need not be of unit length.
+        motion: motion whose first columns are the joints and whose last seven are the root's position and quaternion
+            (x, y, z, w), not necessarily of unit length.
         joints: number of joints.
     """
     q, dq, ddq = motion.q, motion.dq, motion.ddq
@@ -151,27 +161,27 @@ def of_root_too(motion: RecordedMotion, joints: int) -> tuple[RecordedMotion, Ro
 
 
 def _turning(q: FloatArray, rate: FloatArray) -> FloatArray:
-    """Return the vector part of 2 rate / q, quaternions of shape (n, 4); result of shape (n, 3).
+    """Return the vector part of 2 rate q^-1 for quaternions of shape (n, 4); result of shape (n, 3).
 
-    It is the angular velocity if `rate` is the first derivative of q, and the angular acceleration for the second.
+    It is the angular velocity if `rate` is the first derivative of q, the angular acceleration if it is the second.
     """
     v, w, dv, dw = q[:, :3], q[:, 3:], rate[:, :3], rate[:, 3:]
     return np.asarray(2.0 * (w * dv - dw * v - np.cross(dv, v)) / (q * q).sum(axis=1, keepdims=True))
 
 
 class AfterRun:
-    """Load of a body's muscles over a motion.
+    """Computation of a body's muscle load over a recorded motion.
 
     Args:
         body: body with the muscles.
         muscles: muscles of the body.
-        anatomy: anatomy of the muscles, for their pulls.
+        anatomy: fitted muscle model, for the muscles' forces on the joints.
         T_world_root: pose of the body's root link, if it is at rest.
         gravity: gravity vector in axes of the world [m/s^2].
 
     Attributes:
         names: names of muscles and actuators.
-        joints: names of the joints that they act on.
+        joints: names of the joints that muscles and actuators move.
         links: links on which the joint contact forces act, by joint centre.
     """
 
@@ -193,8 +203,8 @@ class AfterRun:
 
         Args:
             motion: motion of all joints of the body.
-            loads: external loads on its links, at the instants of the motion.
-            root: motion of the root link, at these instants; None: at rest.
+            loads: external loads on the body's links, at the instants of the motion.
+            root: motion of the root link, at the same instants; None: at rest.
 
         Raises:
             HricError: a load on a link that the body does not have.
@@ -229,7 +239,7 @@ class AfterRun:
         return outside
 
     def _shared(self, motion: RecordedMotion, torque: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return activation, force and shortfall at all instants."""
+        """Share the joint torque [N m] among the muscles; return activation, force and shortfall at all instants."""
         n, k = len(motion.time), len(self._muscles.names)
         solver = StaticOptimization(k, len(self.joints))
         activation, force, shortfall = np.empty((n, k)), np.empty((n, k)), np.empty((n, len(self.joints)))

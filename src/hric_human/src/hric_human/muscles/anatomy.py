@@ -1,9 +1,9 @@
-"""Muscles of an arm as numbers: the result of fitting a model, and its file.
+"""Anatomy: the muscles of an arm as parameters and polynomials, fitted from a musculoskeletal model; and its file.
 
     anatomy = load(BUILT_IN)
     anatomy.muscles["bic_l"].max_force, anatomy.errors["bic_l"].arm_rms
 
-A file is JSON with the attributes of `Anatomy`, a line for each muscle.
+The file is JSON with the attributes of `Anatomy`, and one line for each muscle.
 """
 
 import json
@@ -19,28 +19,28 @@ from hric_human.body.joints import ROWS
 from hric_human.muscles.polynomial import Polynomial, exponents
 
 BUILT_IN = Path(__file__).parents[3] / "config" / "muscles" / "delft.json"
-"""File of shoulder, elbow and forearm of the Delft model; its notice and licence are in the same folder."""
+"""File with the muscles of shoulder, elbow and forearm of the Delft model; its licence is in the same folder."""
 CENTRES = ("shoulder", "elbow")
-"""Joint centres that muscles cross."""
+"""Names of the joint centres that muscles cross."""
 SEGMENTS = ("torso", "upper_arm", "forearm")
-"""Segments of a muscle's drawn line; the first two have their origin in the shoulder, the third in the elbow."""
+"""Segments that points of a drawn muscle belong to; origin: the shoulder for the first two, the elbow for the third."""
 MusclePath = tuple[tuple[str, Vector], ...]
-"""Points of a line: segment, and position in axes of its link [m]."""
+"""Points of a muscle's drawn line, each with its segment and its position in axes of the segment's link [m]."""
 
 
 @dataclass(frozen=True)
 class Muscle:
-    """Line of action of a muscle, with rigid tendon.
+    """Muscle (one line of action) with a rigid tendon.
 
     Attributes:
-        name: without a side.
-        max_force: maximum isometric force along the line [N].
-        optimal_length: optimal length of the fibres along the line [m].
+        name: name without a side.
+        max_force: maximum isometric force along the line of action [N].
+        optimal_length: optimal length of the fibres along the line of action [m].
         slack_length: length of the tendon, which does not stretch [m].
-        length: length of fibres and tendon [m]; its negative gradient is the moment arms.
-        pulls: by joint centre that it crosses: force on the distal part per force of the muscle [1], x, y and z in axes
-            of the proximal link (torso, upper arm).
-        path: line in the resting posture, only for drawing.
+        length: length of fibres and tendon [m]; the moment arms are its negative gradient.
+        pulls: force on the distal bone per muscle force [1], for each joint centre that the muscle crosses; x, y, z in
+            axes of the proximal link (torso or upper arm).
+        path: points of the muscle in the resting posture, only for drawing.
     """
 
     name: str
@@ -58,8 +58,8 @@ class FitError:
 
     Attributes:
         length_rms: root mean square error of the length [m].
-        arm_rms, arm_worst: errors of the moment arms about all its joints [m].
-        pull_worst: largest error of a pull, by joint centre [1].
+        arm_rms, arm_worst: root mean square and largest error of the moment arms about all joints of the muscle [m].
+        pull_worst: largest error of the muscle's pull (`Muscle.pulls`), by joint centre [1].
     """
 
     length_rms: float
@@ -70,15 +70,15 @@ class FitError:
 
 @dataclass(frozen=True)
 class Anatomy:
-    """Muscles of a right arm; a left one is its mirror image.
+    """Fitted muscles of a right arm; a left arm is its mirror image.
 
     Attributes:
         name: name of the model.
-        joints: joints whose angles the polynomials take, names without a side.
+        joints: joints whose angles are the variables of the polynomials, names without a side.
         lower, upper: range of the fit, by joint [rad].
         muscles: muscles by name.
-        reference: lengths of the model's segments, with the names of a subject's lengths [m].
-        notice: licence and credits.
+        reference: lengths of the model's segments [m], named like the keys of `Subject.lengths`.
+        notice: licence and credits of the model.
         errors: errors of the fit, by muscle.
     """
 
@@ -92,11 +92,11 @@ class Anatomy:
     errors: Mapping[str, FitError]
 
     def save(self, path: Path) -> None:
-        """Write the file. Raises OSError."""
+        """Write the anatomy to a JSON file. Raises OSError."""
         path.write_text(self.text())
 
     def text(self) -> str:
-        """Return the text of its file."""
+        """Return the anatomy as JSON text."""
         head = {key: getattr(self, key) for key in ("name", "notice", "joints", "lower", "upper", "reference")}
         lines = [f" {json.dumps(key)}: {json.dumps(value)}," for key, value in head.items()]
         errors = {name: asdict(error) for name, error in self.errors.items()}
@@ -106,10 +106,10 @@ class Anatomy:
 
 
 def load(path: Path) -> Anatomy:
-    """Read a file.
+    """Read an anatomy from its JSON file.
 
     Raises:
-        HricError: the file does not exist, or is not a file of this kind.
+        HricError: the file does not exist, or is no valid anatomy.
     """
     try:
         content = json.loads(path.read_text())
@@ -125,13 +125,13 @@ def load(path: Path) -> Anatomy:
             {name: FitError(**error) for name, error in content["errors"].items()},
         )
     except OSError as error:
-        raise HricError(f"no muscles in {path}: {error.strerror}") from error
+        raise HricError(f"the muscle file {path} cannot be read: {error.strerror}") from error
     except (ValueError, KeyError, TypeError) as error:
         raise HricError(f"{path} is not a file of `hric fit_muscles`: {error!r}") from error
 
 
 class _MuscleRow(TypedDict):
-    """Muscle in the file; its parts are checked as they are read."""
+    """Muscle as read from the JSON file, not yet checked."""
 
     name: str
     max_force: float
@@ -157,13 +157,15 @@ def _polynomial_row(polynomial: Polynomial) -> list[Any]:
 def _muscle(row: _MuscleRow) -> Muscle:
     force, optimal, slack = (float(row[key]) for key in ("max_force", "optimal_length", "slack_length"))
     if not (0.0 < force < math.inf and 0.0 < optimal < math.inf and 0.0 <= slack < math.inf):
-        raise ValueError(f"muscle {row['name']}: {force} N, {optimal} m, {slack} m")
+        raise ValueError(
+            f"muscle {row['name']} has max_force {force} N, optimal_length {optimal} m, slack_length {slack} m"
+        )
     pulls = {}
     for centre, (x, y, z) in row["pulls"].items():
         pulls[centre] = _polynomial(x), _polynomial(y), _polynomial(z)
     path = tuple((str(segment), (float(x), float(y), float(z))) for segment, (x, y, z) in row["course"])
     if len(path) < 2 or not {segment for segment, _ in path} <= set(SEGMENTS):
-        raise ValueError(f"the course of {row['name']} is {path}")
+        raise ValueError(f"the course of muscle {row['name']} is {path}; valid: 2 points or more on {SEGMENTS}")
     return Muscle(row["name"], force, optimal, slack, _polynomial(row["length"]), pulls, path)
 
 
@@ -171,5 +173,5 @@ def _polynomial(row: Any) -> Polynomial:
     joints, order, coefficients = row
     made = Polynomial(tuple(joints), int(order), tuple(map(float, coefficients)))
     if len(made.coefficients) != len(exponents(len(made.joints), made.order)) or not set(made.joints) <= set(ROWS):
-        raise ValueError(f"{len(made.coefficients)} coefficients of order {order} about {joints}")
+        raise ValueError(f"a polynomial of order {order} in {joints} has {len(made.coefficients)} coefficients")
     return made

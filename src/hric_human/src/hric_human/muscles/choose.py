@@ -1,10 +1,10 @@
-"""Choice of an anatomy: the built-in one, a fitted file, or the user's model, fitted at its first use.
+"""Choice of the arm's muscles (anatomy): built in, a fitted file, or the user's model, fitted at its first use.
 
     anatomy = find("delft", "human.muscles.anatomy")
-    anatomy = find("~/models/arm26.osim", "human.muscles.anatomy")     # a minute, then from the cache
+    anatomy = find("~/models/arm26.osim", "human.muscles.anatomy")     # takes a minute, later read from the cache
 
-A fit is cached by the content of the model's file and FIT_VERSION in $XDG_CACHE_HOME/hric/muscles, else
-~/.cache/hric/muscles; the folder may be removed at any time.
+The cache is the folder hric/muscles in $XDG_CACHE_HOME, or in ~/.cache without it; its key is the content of the
+model's file and FIT_VERSION. The folder may be removed at any time.
 """
 
 import hashlib
@@ -21,19 +21,19 @@ LOG = logging.getLogger("hric.human.muscles")
 NAME = "delft"
 """Name of the built-in anatomy."""
 VALID = (
-    f"{NAME}, the built-in one; a .json file of `hric fit_muscles`; a model of a right arm of OpenSim "
+    f"{NAME} (built in), a .json file of `hric fit_muscles`, or a model of a right arm for OpenSim "
     "(.osim) or MuJoCo (.xml)"
 )
 FIT_VERSION = b"2"
-"""Part of every key of the cache; change it whenever the result of a fit changes."""
+"""Part of every key of the cache; to be changed whenever the fitting code gives another result."""
 
 
 def find(chosen: str, where: str) -> Anatomy:
-    """Return the anatomy of a name, a file or a model.
+    """Return the built-in anatomy, or that of a file or model.
 
     Args:
-        chosen: `delft`, or an address (path, package://, file://) of a .json file, of an .osim or an .xml model.
-        where: full name of the parameter.
+        chosen: `delft`, or an address (path, package://, file://) of a .json file, or of an .osim or .xml model.
+        where: full name of the parameter, for error messages.
 
     Raises:
         ParameterError: the file does not exist, is of another kind, or has no arm with muscles.
@@ -63,13 +63,13 @@ def _fitted(path: Path) -> Anatomy:
         try:
             return load(cached)
         except HricError as error:
-            LOG.warning("a cached fit is damaged and is repeated: %s", error)
-    LOG.warning("fitting the muscles of %s: this happens once and takes a minute or more", path)
+            LOG.warning("the cached muscle fit of %s is damaged and is repeated: %s", path, error)
+    LOG.warning("fitting the muscles of %s, which happens once and takes a minute or more", path)
     anatomy = fit(path)
     if cached is not None:
         try:
             cached.parent.mkdir(parents=True, exist_ok=True)
             write_whole(cached, anatomy.text().encode())
         except OSError as error:
-            LOG.warning("the fit of %s cannot be cached: %s", path, error)
+            LOG.warning("the muscle fit of %s cannot be cached and will be repeated at the next use: %s", path, error)
     return anatomy

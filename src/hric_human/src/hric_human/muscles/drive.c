@@ -1,12 +1,12 @@
-/* What muscles give in a cycle, and how active they are in the next one: what drive.py explains. */
+/* Muscle forces and joint torques of one cycle, and the activations of the next cycle; explained in drive.py. */
 #include "hric_core/python_numbers.h"
 
 #include <math.h>
 
 enum { COLUMNS, LAW, STATE, ACTIVATION, DECIDED, OUT, ARRAYS };
 
-/* Numbers of the law: time constants of activation and deactivation [s], smoothing between both, damping per stiffness
-   [s], time of a cycle [s]. */
+/* Parameters: time constants of activation and deactivation [s], smoothing between both [1], damping per stiffness [s],
+   duration of a cycle [s]. */
 typedef struct {
     double rise, fall, smoothing, damping, cycle;
 } Law;
@@ -18,8 +18,8 @@ static double next_activation(const Law *law, double activation, double excitati
     return excitation + (activation - excitation) * exp(-law->cycle * speed);
 }
 
-/* decided: excitations, then joint positions, velocities and stiffness at the decision.
-   out: force of k muscles, their next activation, torque of m joints. */
+/* decided: excitations, then joint positions, velocities and stiffness at the last decision; ahead: time since it [s].
+   out: force of k muscles, their activation in the next cycle, torque of m joints. */
 static void step(const Law *law, int k, int m, const double *state, const double *activation, const double *decided,
                  double ahead, const double *q, const double *dq, double *out)
 {
@@ -50,7 +50,8 @@ static int fits(const Py_buffer *view, Py_ssize_t k, Py_ssize_t m)
     return views_fit(view, ARRAYS, bytes);
 }
 
-/* The numbers of some joints of all; 0 with an error set. */
+/* Copy the values of the joints `columns` from a sequence with one value for each joint of the body. Returns 1, or 0
+   with a Python error set. */
 static int choose(PyObject *sequence, const int *columns, int m, double *out)
 {
     const Py_ssize_t n = PySequence_Size(sequence);
@@ -61,7 +62,7 @@ static int choose(PyObject *sequence, const int *columns, int m, double *out)
         return 0;
     for (int r = 0; r < m; r++) {
         if (columns[r] < 0 || columns[r] >= n) {
-            PyErr_Format(PyExc_ValueError, "joint %d of %zd", columns[r], n);
+            PyErr_Format(PyExc_ValueError, "joint index %d is outside 0 to %zd", columns[r], n - 1);
             return 0;
         }
         out[r] = all[columns[r]];
@@ -89,8 +90,8 @@ FUNCTION(give)
 }
 
 static PyMethodDef methods[] = {
-    METHOD(give, "(columns, law, state, activation, decided, out, q, dq, ahead): force, next activation and torque go "
-                 "into out; ahead: time since the decision [s]"),
+    METHOD(give, "(columns, law, state, activation, decided, out, q, dq, ahead): write force, next activation and "
+                 "torque into out; ahead: time since the decision [s]"),
     {0},
 };
 

@@ -3,11 +3,11 @@
     drive = MuscleDrive(MuscleSet(body, find("delft", "anatomy")), cycle=1e-3)
     tau = drive.update(q, dq, control.update(time, q, dq))      # each cycle
 
-Activations are decided a hundred times a second; the resulting torque is applied over each step. A decision shares the
-desired torque among the muscles (static optimisation), and sets the excitations with which the activations are reached
-at the next decision. Between two decisions the short-range stiffness of muscles resists disturbances: 75/m times the
-force of each, and 0.05 s of it as damping (PMC2784227), about the continued motion of the last decision. Without it
-Hill's curves alone make an elbow unstable.
+Excitations are decided 100 times a second, torques are computed each cycle. A decision shares the desired torque among
+the muscles (static optimisation), and sets the excitations with which these activations are reached at the next
+decision. In between, the short-range stiffness of the muscles resists deviations from the motion at the last decision,
+continued at constant velocity: 75/m times each muscle's force, with 0.05 s times the stiffness as damping (PMC2784227).
+Without it, Hill's curves alone make an elbow unstable.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,7 +22,7 @@ from hric_human.muscles.muscle_set import DAMPING_TIME, MuscleSet, MuscleState
 from hric_human.muscles.static_optimization import StaticOptimization
 
 FULL = 1.0 - 1e-6
-"""Desired activation from which on a muscle counts as saturated [1]."""
+"""Desired activation at and above which a muscle counts as saturated [1]."""
 _give: Callable[..., None]
 _give = load("hric_muscle_drive").give
 
@@ -31,23 +31,23 @@ class MuscleDrive:
     """Muscle drive of one body; called from one thread.
 
     Args:
-        muscles: muscles of the body; joints without muscles are driven by the torque itself.
+        muscles: muscles of the body; joints without muscles receive the desired torque itself.
         cycle: time between two updates [s].
         rate: rate of decisions [Hz].
         co_contraction: activation of all muscles beyond the minimum [1].
-        where: prefix of the names of parameters, for messages.
+        where: prefix of the parameters' names, for error messages.
 
     Attributes:
-        muscles: muscles of the body, with actuators of the wrists behind the muscles of each side.
-        state: state of the last cycle; None before the first.
+        muscles: muscles of the body; on each side the ideal actuators of the wrist follow the muscles.
+        state: muscle state of the last cycle; None before the first.
         excitation, activation: values of each muscle and actuator, shape (k,) [1].
         force: force of each muscle [N], torque of each actuator [N m], shape (k,).
-        at_limit: True for each that has been saturated since the last decision; a new list on each change.
-        limited: how often each became saturated; one stay at the limit counts once.
+        at_limit: True for each muscle or actuator that is saturated since the last decision; a new list if any changes.
+        limited: number of times that each muscle or actuator became saturated.
         shortfall: desired torque that the muscles cannot produce, per joint of `muscles.joints`, shape (m,) [N m].
 
     Raises:
-        ParameterError: a rate whose period is not a multiple of the cycle.
+        ParameterError: the rate's period is not a multiple of the cycle.
     """
 
     def __init__(
@@ -60,7 +60,7 @@ class MuscleDrive:
     ) -> None:
         period = 1.0 / (rate * cycle)
         if abs(period - round(period)) > 1e-6:
-            raise refused(f"{where}rate", rate, f"a whole part of the {1.0 / cycle:g} cycles of a second")
+            raise refused(f"{where}rate", rate, f"a divisor of the cycle rate, {1.0 / cycle:g} Hz")
         self._period, self._cycle, self.muscles = round(period), cycle, muscles
         k, m = len(self.muscles.names), len(self.muscles.joints)
         self._size = 2 * k + m
@@ -71,7 +71,7 @@ class MuscleDrive:
         self.restart()
 
     def restart(self) -> None:
-        """Return to the state before the first cycle."""
+        """Reset the drive to its state before the first cycle."""
         k, m = len(self.muscles.names), len(self.muscles.joints)
         self.state: MuscleState | None = None
         self.excitation = self.activation = self._next = np.zeros(k)
@@ -103,7 +103,10 @@ class MuscleDrive:
         return torque
 
     def _decide(self, state: MuscleState, q: FloatArray, dq: FloatArray, tau: FloatArray, at_rest: bool) -> None:
-        """Decide activations for the desired torque, and the excitations (0 to 1) that reach them by the next."""
+        """Set the excitations (0 to 1) with which the muscles reach the desired torque at the next decision.
+
+        The arrays have one value for each joint of `muscles.joints`.
+        """
         solution = self._law.solve(state.arms, state.gain, tau - state.passive @ state.arms, self._raised)
         aim = solution.activation
         if at_rest:

@@ -1,16 +1,16 @@
-"""Fatigue of muscles: three pools of motor units, resting, active and fatigued (3CC, with a factor of rest: 3CC-r).
+"""Model of muscle fatigue with three pools of motor units: resting, active, fatigued (3CC; with faster rest: 3CC-r).
 
     M_A' = C - F M_A,   M_F' = F M_A - R M_F,   M_R' = -C + R M_F,   M_R + M_A + M_F = 1
 
-C drives the active pool to the load, at 10 /s of the difference, and never more than 10 M_R while it rises; at a load
-of zero, R is multiplied by `rest`.
+C moves the active pool M_A towards the load: 10/s times their difference, while the pool grows at most 10/s times M_R.
+At zero load, R is multiplied by the factor `rest`.
 
 Xia & Frey Law, J. Biomech. 41:3046, 2008; rates of Frey Law, Looft & Heitsman, J. Biomech. 45:1803, 2012 (PMC3397684);
 factor of rest of Looft, Herkert & Frey Law, J. Biomech. 77:16, 2018.
 
-NOT REPRODUCED: with these rates the endurance times of the paper are not obtained (at the shoulder 7.9 s RMS from its
-curve over 20 to 90 % of strength where it states 2.7 s, at other joints more), and which rates belong to which joint is
-from memory. Only for comparisons between runs of one person, never as an endurance in seconds.
+NOT REPRODUCED: these rates do not give the endurance times of the paper (at the shoulder they differ from its curve by
+7.9 s RMS over 20 to 90 % of strength, the paper states 2.7 s; at other joints by more), and the assignment of rates to
+joints is from memory. Use the model only to compare runs of one person, never as an endurance in seconds.
 """
 
 from typing import NamedTuple
@@ -21,11 +21,11 @@ from hric_core.errors import HricError
 from hric_core.geometry import FloatArray
 
 RISE = 10.0
-"""Rate L_D = L_R at which the active pool follows the load [1/s]; Xia & Frey Law 2008, 10 in the paper of 2012."""
+"""Rate L_D = L_R at which the active pool follows the load [1/s]; Xia & Frey Law 2008; 10 in the paper of 2012."""
 REST = 15.0
-"""Factor of recovery at rest [1]; of most joints in the paper of 2018, from memory, unconfirmed."""
+"""Factor by which recovery is faster at rest [1]; most joints in the paper of 2018, from memory, unconfirmed."""
 STEP = 0.01
-"""Longest step of the integration [s]: a tenth of the fastest time constant."""
+"""Maximum integration step [s]: a tenth of the fastest time constant."""
 
 
 class Rates(NamedTuple):
@@ -54,21 +54,22 @@ class Fatigue:
 
     Args:
         joints: joint of each muscle, a key of RATES.
-        rest: factor of recovery at rest; 1 is 3CC [1].
+        rest: factor by which recovery is faster at rest [1]; 1: the 3CC model.
 
     Attributes:
-        resting, active, fatigued: pools of each muscle as shares, shape (k,) [1].
+        resting, active, fatigued: share of each muscle's motor units in the pool, shape (k,) [1].
 
     Raises:
-        HricError: a joint without rates, or a factor below 1.
+        HricError: a joint has no rates, or the factor is below 1.
     """
 
     def __init__(self, joints: list[str], rest: float = REST) -> None:
         unknown = [joint for joint in joints if joint not in RATES]
         if unknown or not rest >= 1.0:
             raise HricError(
-                f"fatigue of {unknown[0] if unknown else 'muscles'} with a factor of rest of {rest}; valid: "
-                f"{', '.join(RATES)}, and 1 or more"
+                f"fatigue of joint {unknown[0]!r}; valid: {', '.join(RATES)}"
+                if unknown
+                else f"the fatigue model's factor of rest is {rest}; valid: 1 or more"
             )
         self._fatigue, self._recovery = np.array([RATES[joint] for joint in joints]).reshape(-1, 2).T
         self._rest = rest
@@ -77,11 +78,11 @@ class Fatigue:
 
     @property
     def capacity(self) -> FloatArray:
-        """Largest load that each muscle can still take, its share that is not fatigued, shape (k,) [1]."""
+        """Maximum load of each muscle, the share of its motor units that is not fatigued, shape (k,) [1]."""
         return np.asarray(1.0 - self.fatigued)
 
     def update(self, load: FloatArray, period: float) -> FloatArray:
-        """Integrate over a period of constant load.
+        """Integrate the pools over a period of constant load.
 
         Args:
             load: load of each muscle, as share of its strength, shape (k,) [1].
@@ -96,7 +97,7 @@ class Fatigue:
         return np.maximum(load - self.active, 0.0)
 
     def _step(self, load: FloatArray, dt: float) -> None:
-        """Integrate one step by the midpoint rule, which preserves the sum of the pools."""
+        """Integrate one step by the midpoint rule, which preserves the sum of the pools of motor units."""
         active, fatigued = self._rates(load, self.active, self.fatigued)
         active, fatigued = self._rates(load, self.active + 0.5 * dt * active, self.fatigued + 0.5 * dt * fatigued)
         self.active = self.active + dt * active

@@ -1,12 +1,12 @@
-"""Contact forces in the joints of an arm: the net joint force of inverse dynamics, less the pull of the muscles.
+"""Contact forces in the joints of an arm: the net joint force of inverse dynamics minus the muscle forces.
 
     contact = JointContact(whole, anatomy, muscles.names)
     contact.over(q, whole.inverse_dynamics(q, dq, ddq, T_world_root, loads), forces)["right_shoulder"]   # (n, 3) [N]
 
 A muscle presses the bones that it spans together, so in a loaded arm a contact force is several times the net force.
-The net force on the distal part follows from gravity, inertia and loads; muscles that cross the joint provide a part of
-it, and the proximal bone the rest; ligaments and labrum count as that bone. Muscles of the wrist and of the fingers are
-unknown: the elbow of a gripping hand is loaded more than computed here.
+The net force on the distal part follows from gravity, inertia and loads. Muscles that cross the joint provide a part of
+it; the proximal bone provides the rest, which includes ligaments and labrum. Muscles of the wrist and of the fingers
+are not modelled, so the elbow force of a gripping hand is underestimated.
 """
 
 from collections.abc import Sequence
@@ -22,18 +22,18 @@ from hric_human.control.whole_body import ExternalLoad, Needed, RootMotion, Whol
 from hric_human.muscles.anatomy import CENTRES, Anatomy
 
 DISTAL = {"shoulder": "upper_arm", "elbow": "forearm"}
-"""Segment distal to each joint centre."""
+"""Segment on the distal side of each joint centre."""
 _MIRROR = np.array([1.0, -1.0, 1.0])
 
 
 class Pulls:
-    """Pull of a right arm's muscles across its joint centres, at many poses at once.
+    """Direction of the force of a right arm's muscles on the bone distal to each joint centre, at many poses at once.
 
     Args:
-        anatomy: anatomy of the arm.
+        anatomy: fitted muscles of the arm.
 
     Attributes:
-        names: names of the muscles that cross each centre, by centre.
+        names: names of the muscles that cross a joint centre, by centre.
     """
 
     def __init__(self, anatomy: Anatomy) -> None:
@@ -60,10 +60,10 @@ class Pulls:
             start = end
 
     def at(self, q: FloatArray) -> dict[str, FloatArray]:
-        """Return the force on the distal part per force of each muscle of `names`, in axes of the proximal link.
+        """Return the force on the distal bone per muscle force, in axes of the proximal link, for the muscles `names`.
 
         Args:
-            q: angles of the anatomy's joints, clipped to the range of the fit, shape (n, joints) [rad].
+            q: angles of the anatomy's joints, shape (n, joints) [rad]; clipped to the range of the fit.
 
         Returns:
             by centre, shape (n, muscles, 3) [1].
@@ -81,8 +81,8 @@ class _Joint:
     Attributes:
         side, centre: side and name of the centre.
         link: index of the distal link.
-        proximal: index of the link in whose axes the pulls are; None: the root.
-        rows: indices of its muscles in the forces.
+        proximal: index of the proximal link, in whose axes muscle forces are given; None: the root.
+        rows: indices of the muscles that cross the joint, in the array of forces.
     """
 
     def __init__(self, dynamics: WholeBody, side: str, centre: str, rows: list[int]) -> None:
@@ -97,8 +97,8 @@ class JointContact:
     """Contact forces at the shoulders (glenohumeral) and elbows of a body.
 
     Args:
-        whole: body of the joints.
-        anatomy: anatomy of its muscles.
+        dynamics: dynamics of the body.
+        anatomy: fitted muscles of an arm.
         names: names of the muscles and actuators, in the order of the forces.
 
     Attributes:
@@ -118,7 +118,9 @@ class JointContact:
             for centre, muscles in self._pulls.names.items():
                 missing = [f"{side}_{name}" for name in muscles if f"{side}_{name}" not in names]
                 if missing:
-                    raise HricError(f"contact forces need the force of {missing[0]}; given are {', '.join(names)}")
+                    raise HricError(
+                        f"joint contact forces need the force of muscle {missing[0]}; available: {', '.join(names)}"
+                    )
                 rows = [list(names).index(f"{side}_{name}") for name in muscles]
                 self._joints[f"{side}_{centre}"] = _Joint(dynamics, side, centre, rows)
         self.links = {name: dynamics.links[joint.link].name for name, joint in self._joints.items()}
@@ -129,7 +131,7 @@ class JointContact:
         Args:
             q: joint positions, shape (n, j) [rad].
             root: pose or motion of the root link in the world, see `WholeBody.inverse_dynamics`.
-            needed: inverse dynamics of this motion, see `WholeBody.inverse_dynamics`.
+            needed: inverse dynamics of the motion, see `WholeBody.inverse_dynamics`.
             forces: forces of muscles along their lines of action, shape (n, k) [N]; those of actuators have no effect.
 
         Returns:
@@ -156,15 +158,15 @@ class JointContact:
         loads: Sequence[ExternalLoad] = (),
         gravity: Vector = GRAVITY,
     ) -> dict[str, Vector]:
-        """Return the values of one instant.
+        """Return the joint contact forces at one instant, in axes of the world, by joint [N].
 
         Args:
             q: joint positions, n floats [rad].
             dq: joint velocities, n floats [rad/s].
             ddq: joint accelerations, n floats [rad/s^2].
-            forces: see `over`, shape (k,) [N].
+            forces: forces of muscles along their lines of action, shape (k,) [N].
             T_world_root: pose of the root link, which is at rest.
-            loads: loads on links, of one instant.
+            loads: external loads on links, with one instant each.
             gravity: gravity vector in axes of the world [m/s^2].
         """
         angles, speeds, rates = (np.array([values], np.float64) for values in (q, dq, ddq))

@@ -1,7 +1,7 @@
-"""Drawn lines of a body's muscles, through points that its links move, in the colours of activation.
+"""Lines that draw a body's muscles, through points fixed to its links, coloured by activation.
 
-They are only a picture: moment arms follow from the length alone (`MuscleSet`). Points are those of the model in the
-resting posture, so that in other postures a line may cut through a bone that the muscle's path wraps.
+The lines are only a picture: moment arms follow from the muscle's length polynomial (`MuscleSet`). The points are valid
+in the resting posture; in other postures a line may cut through a bone around which the muscle wraps.
 """
 
 from collections.abc import Sequence
@@ -14,11 +14,11 @@ from hric_human.body.segments import SIDES
 from hric_human.muscles.anatomy import SEGMENTS, Anatomy
 
 Points = tuple[tuple[str, Vector], ...]
-"""Link, and position in its axes [m]."""
+"""Points of a line: link, and position in axes of the link [m]."""
 ACTIVATION_COLOURS = ((0.0, "#2b5fa8"), (0.1, "#35a79c"), (0.25, "#f2c14e"), (0.5, "#b3261e"))
-"""Activation [1] and colour of each stop, linear in between, constant beyond the last.
+"""Colour scale of activation [1]: linear between these stops, constant beyond the last (project default).
 
-Reports and live views use the same, so that runs can be compared by sight (project default).
+Reports and live views share it, so that runs can be compared by sight.
 """
 _TORSO, _UPPER_ARM, _FOREARM = SEGMENTS
 _STOPS = [value for value, _ in ACTIVATION_COLOURS]
@@ -26,7 +26,7 @@ _RGB = np.array([[int(text[k : k + 2], 16) / 255.0 for k in (1, 3, 5)] for _, te
 
 
 def colour(activation: Sequence[float]) -> FloatArray:
-    """Return red, green and blue from 0 to 1 of n activations, shape (n, 3)."""
+    """Return the colours of n activations: red, green and blue from 0 to 1, shape (n, 3)."""
     return np.stack([np.interp(activation, _STOPS, part) for part in _RGB.T], axis=1)
 
 
@@ -41,7 +41,11 @@ def muscle_lines(body: Body, anatomy: Anatomy) -> dict[str, Points]:
 
 
 def _placed(body: Body, anatomy: Anatomy, side: str, segment: str, p_model: Sequence[float]) -> tuple[str, Vector]:
-    """Return a point of a right arm's model on one side of the body; points on the trunk scale with the upper arm."""
+    """Transfer a point of the right arm's model to one side of the body; points on the trunk scale with the upper arm.
+
+    Returns:
+        link of the body, and position in axes of this link [m].
+    """
     arm = body.segments[f"{side}_{_FOREARM if segment == _FOREARM else _UPPER_ARM}"]
     reference = anatomy.reference.get(arm.kind)
     p = np.array(p_model) * (arm.length / reference if reference else 1.0)

@@ -2,11 +2,12 @@
 
     live = LiveLoad(body, anatomy, "right")
     live.add(estimate), live.add_force(force)          # as they arrive
-    live.take()                                        # the load at the instants that have become known
+    live.take()                                        # load at the instants for which all data have arrived
 
-At each instant of an even grid, least-squares cubics through the frames around it give the joints and the root with
-their first two derivatives (Savitzky & Golay, Anal. Chem. 36:1627, 1964, for frames that need not be even): the load is
-late by half a window. The rest is `AfterRun`. A recording gives the same result, however it is divided.
+At equally spaced instants, least-squares cubics through the surrounding frames give joint angles, root pose and their
+first two derivatives (Savitzky & Golay, Anal. Chem. 36:1627, 1964, but frames may be unevenly spaced); the load is
+therefore delayed by half a window. `AfterRun` computes the muscle load from them. The result does not depend on how the
+data are divided among calls.
 """
 
 import math
@@ -29,28 +30,28 @@ from hric_human.muscles.muscle_set import MuscleSet
 from hric_human.tracking import BRIDGED, LOST, MEASURED, PersonEstimate
 
 WINDOW = 0.125
-"""Half of the time window around an instant [s]. The constants of this file are project defaults, unconfirmed."""
+"""Half-width of the time window around an instant [s]. Constants of this file are project defaults, unconfirmed."""
 DEGREE = 3
-"""Degree of the polynomials."""
+"""Degree of the polynomials fitted to the frames in a window."""
 FEWEST = 6
-"""Smallest number of frames in a window with a result."""
+"""Minimum number of tracker frames in a window; with fewer the load is not computed."""
 GAP = 0.1
-"""Largest time between two frames, and between two samples of the force [s]."""
+"""Maximum time between two tracker frames, and between two samples of the force [s]; a longer gap counts as missing."""
 PATIENCE = 0.3
-"""Additional time that an instant waits for the force, compared with frames [s]."""
+"""Time [s] for which an instant waits for samples of the hand force after its tracker frames have arrived."""
 REACH = 0.5
-"""Distance from the hand's centre of mass beyond which the force is not on the hand [m]."""
+"""Distance [m] from the hand's centre of mass; a force that acts farther away is not counted as on the hand."""
 ANOTHER_CLOCK = 3600.0
-"""Time between frames from which on they are of different clocks [s]."""
+"""Step of time between frames [s] from which on the clock is assumed to have changed."""
 STAMP = 1e-6
-"""Differences of times below this are rounding [s]."""
+"""Tolerance for rounding errors of times [s]."""
 UNMEASURED, MISSING, AWAY = "none", "missing", "away"
-"""States of the force other than MEASURED: no sensor; no sample yet; not on the hand, which is then empty."""
+"""States of the hand force other than MEASURED: no sensor; no sample at this time; too far from the hand to count."""
 _ORDER = (MEASURED, BRIDGED, LOST)
 
 
 class HandForce(NamedTuple):
-    """Load on a hand, in axes of the markers' frame.
+    """Measured force and torque on a hand, in the motion capture frame.
 
     Attributes:
         time: time of the sample [s].
@@ -67,16 +68,16 @@ class HandForce(NamedTuple):
 
 @dataclass(frozen=True)
 class PersonLoad:
-    """Load of a person's muscles at n instants.
+    """Muscle load of a real person at n instants, with the quality of the underlying measurements.
 
     Attributes:
-        load: load of the muscles. NaN: torque, and all that follows from it, of a lost arm; muscle values of an arm
+        load: load of the muscles. NaN: all values of an arm whose motion or force is lost; muscle values of an arm
             outside the range of the fitted muscle paths.
-        states: MEASURED, BRIDGED or LOST, by side: the worst state in the window of the joints from the root to the
-            hand, and LOST while the force on that hand is MISSING.
-        force: state of the force: UNMEASURED, MEASURED, MISSING or AWAY.
+        states: MEASURED, BRIDGED (interpolated over a gap) or LOST, by side: the worst tracking state in the window, of
+            all joints from the root to the hand; LOST also while the force on the hand is MISSING.
+        force: state of the hand force at each instant: UNMEASURED, MEASURED, MISSING or AWAY.
         acting: load on the hand as used in the computation; zero while it is AWAY, NaN while it is MISSING.
-        distance: distance between hand and force, shape (n,) [m]; NaN without a force.
+        distance: distance between the hand and the point at which the force acts, shape (n,) [m]; NaN without a force.
     """
 
     load: MuscleLoad
@@ -87,7 +88,7 @@ class PersonLoad:
 
 
 class _Frame(NamedTuple):
-    """Tracker frame: joints, position and orientation of the root, and indices of their states in _ORDER."""
+    """Tracker frame: joint positions, root position and quaternion; tracking states as indices of _ORDER."""
 
     time: float
     values: FloatArray
@@ -95,17 +96,19 @@ class _Frame(NamedTuple):
 
 
 class LiveLoad:
-    """Live load of one person; called from one thread.
+    """Live computation of one person's muscle load; called from one thread.
 
     Args:
         body: body of the person, with arms.
         anatomy: anatomy of the muscles; None: the built-in one.
         hand: "right" or "left", on which the measured force acts; None: no force is measured.
-        strength: factor of the muscles' strength.
-        gravity: gravity vector in axes of the markers' frame [m/s^2].
+        strength: factor on the muscles' strength [1].
+        gravity: gravity vector in axes of the motion capture frame [m/s^2].
 
     Attributes:
-        names, joints, links: see `AfterRun`.
+        names: names of muscles and actuators.
+        joints: names of the joints that muscles and actuators move.
+        links: links on which the joint contact forces act, by joint centre.
 
     Raises:
         HricError: the body has no such hand.
@@ -127,18 +130,18 @@ class LiveLoad:
         self.restart()
 
     def restart(self) -> None:
-        """Discard the history."""
+        """Discard all frames and forces received so far."""
         self._frames: deque[_Frame] = deque()
         self._forces: deque[HandForce] = deque()
         self._next: int | None = None
 
     def add(self, estimate: PersonEstimate) -> None:
-        """Add a frame; one that is not after the last one, or is of another clock, restarts the estimate."""
+        """Add a tracker frame; one that is older than the last, or an hour newer, restarts the computation."""
         if self._frames and not 0.0 < estimate.time - self._frames[-1].time < ANOTHER_CLOCK:
             self.restart()
         orientation = np.array(estimate.root.orientation)
         if self._frames and orientation @ self._frames[-1].values[-4:] < 0.0:
-            orientation = -orientation  # the same rotation, and a smooth curve
+            orientation = -orientation  # the same rotation, but without a jump in the fitted values
         states = np.array([_ORDER.index(state) for state in (*estimate.states, estimate.root_state)], np.int8)
         values = np.concatenate([estimate.q, estimate.root.position, orientation])
         self._frames.append(_Frame(estimate.time, values, states))
@@ -146,7 +149,7 @@ class LiveLoad:
             self._next = math.ceil((estimate.time + WINDOW - STAMP) * RATE)
 
     def add_force(self, force: HandForce) -> None:
-        """Add a sample of the force on the hand, if it is finite; an older one than the last restarts the force."""
+        """Add a sample of the hand force; ignore one that is not finite, and discard all earlier if time jumps back."""
         if not all(map(math.isfinite, (*force.force, *force.torque, *force.point))):
             return
         if self._forces and force.time <= self._forces[-1].time:
@@ -154,7 +157,7 @@ class LiveLoad:
         self._forces.append(force)
 
     def take(self) -> PersonLoad | None:
-        """Return the load at all instants that have become known since the last call; None if there are none."""
+        """Return the load at all instants whose data have become complete since the last call; None without any."""
         instants = self._due()
         if not instants:
             return None
@@ -175,7 +178,7 @@ class LiveLoad:
         return list(range(first, self._next))
 
     def _forget(self) -> None:
-        """Remove frames and forces that no window needs any more."""
+        """Remove frames and forces that no future window needs."""
         assert self._next is not None
         time = self._next / RATE
         while self._frames[0].time < time - WINDOW - GAP and len(self._frames) > 1:
@@ -195,7 +198,7 @@ class LiveLoad:
         return PersonLoad(_trusted(self._after.of(motion, [known], root), lost), states, force, acting, distance)
 
     def _state(self, side: str, worst: NDArray[np.int8], force: tuple[str, ...]) -> tuple[str, ...]:
-        """Return the states of an arm at n instants; worst: of each joint and the root in the window of each."""
+        """Return the state of an arm at n instants; worst: worst state of each joint and of the root in the window."""
         rows = worst[:, [*self._chains[side].joints, self._count]].max(axis=1)
         unknown = np.array(force) == MISSING if side == self._hand else np.zeros(len(rows), np.bool_)
         return tuple(LOST if gone else _ORDER[row] for row, gone in zip(rows.tolist(), unknown, strict=True))
@@ -203,7 +206,7 @@ class LiveLoad:
     def _acting(
         self, time: FloatArray, motion: RecordedMotion, root: RootMotion
     ) -> tuple[tuple[str, ...], ExternalLoad, FloatArray]:
-        """Return the state of the force, the load on the hand, and their distance, at n instants."""
+        """Return at n instants the state of the force, the load on the hand, and the distance of force and hand [m]."""
         n, nothing = len(time), np.zeros((len(time), 3))
         if self._hand is None:
             return (UNMEASURED,) * n, ExternalLoad(self._link, nothing, nothing, nothing), np.full(n, np.nan)
@@ -220,12 +223,12 @@ class LiveLoad:
 
 
 class _Instant(NamedTuple):
-    """Fitted values at an instant.
+    """Fitted values of the tracker frames at an instant.
 
     Attributes:
-        time: time [s].
-        derivatives: values of a frame with their first and second derivatives, shape (3, values).
-        states: worst state of each value in the window, as indices of _ORDER.
+        time: time of the instant [s].
+        derivatives: values of a frame, their first and their second derivatives, shape (3, values).
+        states: worst tracking state in the window, of each joint and of the root, as indices of _ORDER.
     """
 
     time: float
@@ -234,7 +237,7 @@ class _Instant(NamedTuple):
 
 
 class _Fitted:
-    """Least-squares cubics through frames."""
+    """Least-squares cubics through tracker frames."""
 
     def __init__(self, frames: deque[_Frame]) -> None:
         self._time = np.array([frame.time for frame in frames])
@@ -254,9 +257,10 @@ class _Fitted:
 
 
 def _between(forces: deque[HandForce], time: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Return force, torque and point at n instants, linear between samples, shape (n, 9), and which are known.
+    """Interpolate force, torque and point linearly at n instants.
 
-    Values are NaN and unknown if the samples are too far apart.
+    Returns:
+        values, shape (n, 9), NaN where samples are too far apart or missing; and True for instants with values.
     """
     if len(forces) < 2:
         return np.full((len(time), 9), np.nan), np.zeros(len(time), np.bool_)
@@ -270,7 +274,7 @@ def _between(forces: deque[HandForce], time: FloatArray) -> tuple[FloatArray, ND
 
 
 def _trusted(load: MuscleLoad, lost: Mapping[str, NDArray[np.bool_]]) -> MuscleLoad:
-    """Return the load with NaN for unknown values; lost: by side, shape (n,)."""
+    """Return the load with NaN for values that are not known; lost: True for lost instants, by side, shape (n,)."""
     load = replace(load, lost=lost)
     gone = np.stack([lost[name.partition("_")[0]] for name in load.joints], axis=1)
     muscles, joints = (np.stack([load.known(name) for name in names], axis=1) for names in (load.names, load.joints))

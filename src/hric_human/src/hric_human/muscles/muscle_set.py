@@ -1,8 +1,8 @@
-"""Muscles of a body: moment arms and forces at its joint angles, for a person of its size and strength.
+"""Muscles of a body: moment arms and forces at given joint angles, scaled to the person's size and strength.
 
 Lengths of a muscle scale with the segments that it spans, its strength with the person's mass and sex (the rule of
 `hric_human.control.strength`; for single muscles unconfirmed). An arm joint without muscles, such as the wrist, has two
-ideal actuators with activation, one for each sense.
+ideal torque actuators with activation, one for each direction.
 """
 
 from collections.abc import Iterable, Sequence
@@ -30,16 +30,16 @@ SPANNED = {
     "wr_flex": ("forearm",),
     "wr_dev": ("forearm",),
 }
-"""Segments whose mean scale is that of a muscle about the joint; project default, unconfirmed."""
+"""Segments spanned by muscles of each joint; a muscle's length scales with their mean; project default, unconfirmed."""
 STIFFNESS = 75.0
-"""Stiffness of a muscle per force and moment arm [1/m]; PMC2784227."""
+"""Stiffness of a muscle along its line of action, per muscle force [1/m]; PMC2784227."""
 DAMPING_TIME = 0.05
-"""Damping per stiffness [s]; PMC2784227."""
+"""Damping of a muscle per stiffness [s]; PMC2784227."""
 _built = load("hric_muscles")
 
 
 class MuscleState:
-    """State of k muscles and actuators at one instant.
+    """State of k muscles and ideal actuators at one instant.
 
     Attributes:
         arms: moment arms about m joints, shape (k, m) [m]; 1 or -1 for actuators.
@@ -47,7 +47,7 @@ class MuscleState:
         velocity: rate of `length`, shape (k,) [1/s]; 0 for actuators.
         gain: force per activation, shape (k,) [N]; torque for actuators [N m].
         passive: force without activation, shape (k,) [N].
-        outside: True if an angle was beyond the range of the fit, and was clipped to it.
+        outside: True if a joint angle was outside the range of the fit, and was clipped to the range.
         numbers: length, velocity, gain, passive and arms, concatenated.
     """
 
@@ -60,30 +60,35 @@ class MuscleState:
         self.outside = outside
 
     def forces(self, activation: FloatArray) -> FloatArray:
-        """Return forces at activations of shape (k,) [1]: shape (k,) [N], of actuators [N m]."""
+        """Return muscle forces [N] and actuator torques [N m], shape (k,), at activations of shape (k,) [1]."""
         return self.gain * activation + self.passive
 
     def torque(self, activation: FloatArray) -> FloatArray:
-        """Return the torque of the joints at activations of shape (k,) [1]: shape (m,) [N m]."""
+        """Return the joint torques, shape (m,) [N m], at activations of shape (k,) [1]."""
         return np.asarray(self.forces(activation) @ self.arms)
 
 
 class Intrinsic(NamedTuple):
-    """Intrinsic impedance of muscles: stiffness [N m/rad] and damping [N m s/rad], shape (m, m)."""
+    """Joint impedance of m joints from the muscles' stiffness, without reflexes.
+
+    Attributes:
+        stiffness: shape (m, m) [N m/rad].
+        damping: shape (m, m) [N m s/rad].
+    """
 
     stiffness: FloatArray
     damping: FloatArray
 
 
 class ScaledMuscle(NamedTuple):
-    """Muscle scaled to this body.
+    """Muscle scaled to the size and strength of one person.
 
     Attributes:
         name: name with the side.
         force: maximum isometric force [N].
         optimal_length, slack_length: lengths of fibres and tendon [m].
-        scale: lengths of the subject per those of the model.
-        joints: joints of the body whose angles determine its length.
+        scale: ratio of the subject's lengths to the model's [1].
+        joints: joints of the body whose angles determine the muscle's length.
         order, coefficients: length polynomial [m], see `Polynomial`.
     """
 
@@ -98,19 +103,19 @@ class ScaledMuscle(NamedTuple):
 
 
 class MuscleSet:
-    """Muscles of a body's arms.
+    """Muscles of a body's arms, scaled to the person, and ideal actuators of joints without muscles.
 
     Args:
-        body: body with an arm or two.
-        anatomy: anatomy of a right arm.
-        factor: factor of the muscles' strength.
+        body: body with one or two arms.
+        anatomy: fitted muscles of a right arm.
+        factor: factor on the muscles' strength [1].
 
     Attributes:
         names: names of k muscles and actuators, "right_bic_l", "right_wr_flex+".
-        is_muscle: True for each that is a muscle.
+        is_muscle: True for a muscle, False for an actuator, in the order of `names`.
         muscle_count: number of muscles.
-        scaled: muscles scaled to this body, without actuators.
-        joints: indices in body.joints of the m joints that they act on: the columns of moment arms.
+        scaled: muscles scaled to the body, without actuators.
+        joints: indices in body.joints of the m joints that muscles and actuators move: the columns of moment arms.
 
     Raises:
         HricError: the body has no arm, or the factor is not above 0.
@@ -119,9 +124,9 @@ class MuscleSet:
     def __init__(self, body: Body, anatomy: Anatomy, factor: float = 1.0) -> None:
         sides = [side for side in ("right", "left") if f"{side}_upper_arm" in body.segments]
         if not sides:
-            raise HricError(f"the body of {body.subject.code} has no arm for muscles; valid parts: with an arm")
+            raise HricError(f"the body of {body.subject.code} has no arm for muscles; valid: parts with an arm")
         if not factor > 0.0:
-            raise HricError(f"a strength of {factor} for muscles; valid: above 0")
+            raise HricError(f"the factor on the muscles' strength is {factor}; valid: above 0")
         self._order, self._strength, self._body, self._factor = list(body.joints), strength(body), body, factor
         self.scaled: list[ScaledMuscle] = []
         names, columns, arms, actuators = list[str](), list[str](), [], list[tuple[int, int, float]]()
@@ -145,19 +150,19 @@ class MuscleSet:
         self._compiled = _built.Muscles(_curves(), constant, shape, arms)
 
     def at(self, q: Sequence[float], dq: Sequence[float]) -> MuscleState:
-        """Return the state of the muscles at angles [rad] and speeds [rad/s] of all joints of the body."""
+        """Return the state of the muscles at the positions [rad] and velocities [rad/s] of all joints of the body."""
         out = np.empty(self._size)
         outside = self._compiled.at(q, dq, out)
         return MuscleState(out, len(self.names), outside)
 
     def intrinsic(self, state: MuscleState, activation: FloatArray) -> Intrinsic:
-        """Return the intrinsic impedance of the joints at activations of shape (k,) [1]."""
+        """Return the joint impedance that muscles have at activations of shape (k,) [1], without reflexes."""
         springs = STIFFNESS * np.where(self.is_muscle, state.forces(activation), 0.0)
         stiffness = np.asarray((state.arms.T * springs) @ state.arms)
         return Intrinsic(stiffness, DAMPING_TIME * stiffness)
 
     def _arm(self, anatomy: Anatomy, side: str, row: int, column: int) -> tuple[object, ...]:
-        """Return the muscles of one side, as arguments of the compiled type."""
+        """Return the muscles of one side, as arguments of the type in `muscles.c`."""
         angles = [self._order.index(f"{side}_{name}") for name in anatomy.joints]
         products = _Monomials(anatomy)
         start, term, coefficient = products.rows(muscle.length for muscle in anatomy.muscles.values())
@@ -193,10 +198,12 @@ class MuscleSet:
 
 
 class _Monomials:
-    """Monomials of all lengths of an anatomy and their slopes, each an earlier one times an angle.
+    """Monomials in all length polynomials of an anatomy and in their gradients.
+
+    The first monomial is 1; each other one is an earlier monomial times a joint angle.
 
     Attributes:
-        factor, angle: index of the earlier monomial and of the angle, for each; the first is 1 and has none.
+        factor, angle: for each monomial, index of the earlier monomial and of the angle; 0 for the first.
     """
 
     def __init__(self, anatomy: Anatomy) -> None:
@@ -211,7 +218,11 @@ class _Monomials:
             self.angle.append(angle)
 
     def rows(self, lengths: Iterable[Polynomial]) -> tuple[IntArray, IntArray, FloatArray]:
-        """Return the sparse matrix of lengths, each followed by its slopes: row starts, monomials, and coefficients."""
+        """Return a sparse matrix whose rows are each muscle's length, followed by its derivatives by each angle.
+
+        Returns:
+            start of each row, monomial of each entry, coefficient of each entry.
+        """
         start, term, coefficient = [0], list[int](), list[float]()
         for length in lengths:
             powers = self._powers(length)
@@ -232,7 +243,10 @@ def _lowered(power: tuple[int, ...], angle: int) -> tuple[int, ...]:
 
 
 def _constant(muscles: int, joints: int, actuators: Iterable[tuple[int, int, float]]) -> FloatArray:
-    """Return the actuators' part of a state's arrays, 0 elsewhere; actuators: rows, columns and signed torques."""
+    """Return `MuscleState.numbers` with the values of the actuators, and 0 for the muscles.
+
+    actuators: row (index in names), column (joint) and signed maximum torque [N m] of each.
+    """
     out = np.zeros(muscles * (4 + joints))
     arms = out[4 * muscles :].reshape(muscles, joints)
     for row, column, torque in actuators:
@@ -242,7 +256,7 @@ def _constant(muscles: int, joints: int, actuators: Iterable[tuple[int, int, flo
 
 
 def _curves() -> FloatArray:
-    """Return the parameters of the curves, as arguments of the compiled type."""
+    """Return the parameters of the muscle curves, as an argument of the type in `muscles.c`."""
     bells = [number for bell in curves.ACTIVE for number in bell]
     passive = curves.PASSIVE_SHAPE, curves.PASSIVE_STRAIN, curves.SHORTEST
     return np.array([*bells, *passive, *curves.VELOCITY, curves.MAX_VELOCITY])

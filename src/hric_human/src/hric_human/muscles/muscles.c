@@ -1,4 +1,4 @@
-/* Lengths, moment arms and forces of muscles from polynomials of joint angles: what muscle_set.py explains. */
+/* Lengths, moment arms and forces of muscles from polynomials of joint angles; explained in muscle_set.py. */
 #include "hric_core/python_numbers.h"
 
 #include <math.h>
@@ -9,21 +9,21 @@ typedef struct {
     double bell[BELLS][4], passive_shape, passive_strain, shortest, velocity[4], max_velocity;
 } Curves;
 
-/* Of one arm. Monomial 0 is 1; each other is an earlier one times an angle. A row of the sparse matrix is a muscle's
-   length, and behind it one for its slope with each angle. */
+/* Muscles of one arm. Monomial 0 is 1; each other is an earlier monomial (factor) times an angle. The sparse matrix has
+   for each muscle a row for its length, followed by a row for its derivative by each angle. */
 typedef struct {
-    int joints, monomials, muscles, row, column; /* the first of its muscles and joints among all */
+    int joints, monomials, muscles, row, column; /* row, column: index of the arm's first muscle and first joint */
     int *place, *factor, *angle, *start,
-        *term; /* of angles in q; of monomials; of the matrix, by row; of its entries */
+        *term; /* place: index of each angle in q; start: first entry of each row; term: monomial of each entry */
     double *lower, *upper, *coefficient, *force, *optimal, *slack, *scale; /* scale: subject's lengths per model's */
-    double *x, *value;                                                     /* angles within the range, monomials */
+    double *x, *value;                                                     /* angles clipped to the range, monomials */
 } Arm;
 
 typedef struct {
     PyObject_HEAD
     Curves curves;
-    int muscles, columns, angles, arms; /* of all arms, and their count */
-    double *constant;                   /* of actuators; what muscles have is 0 in it */
+    int muscles, columns, angles, arms; /* totals over all arms, and number of arms */
+    double *constant;                   /* state with the values of the actuators, and 0 for muscles */
     Arm *arm;
 } Muscles;
 
@@ -51,7 +51,7 @@ static double velocity_factor(const Curves *c, double v)
     return d[0] * asinh(d[1] * v + d[2]) + d[3];
 }
 
-/* Monomials at the angles within the range; whether one was beyond it. */
+/* Compute the monomials at the angles, clipped to the range of the fit. Returns 1 if an angle was clipped, else 0. */
 static int prepare(const Arm *arm, const double *q)
 {
     int outside = 0;
@@ -115,7 +115,7 @@ static PyObject *muscles_at(Muscles *self, PyObject *const *given, Py_ssize_t co
 
 /* ---- the type ---- */
 
-/* A copy of a buffer of n elements; NULL with an error set. */
+/* Return a copy of a buffer of n elements of `each` bytes, or NULL with a Python error set. */
 static void *copied(PyObject *buffer, size_t n, size_t each, const char *what)
 {
     void *memory = PyMem_Malloc(n * each + 1);
@@ -128,12 +128,12 @@ static void *copied(PyObject *buffer, size_t n, size_t each, const char *what)
     return memory;
 }
 
-/* Whether numbers are from 0 to below a bound. */
+/* Return 1 if all n values are from 0 to below a bound, else 0 with a Python error set. */
 static int below(const int *values, int n, int bound)
 {
     for (int i = 0; i < n; i++)
         if (values[i] < 0 || values[i] >= bound) {
-            PyErr_Format(PyExc_ValueError, "%d is not below %d", values[i], bound);
+            PyErr_Format(PyExc_ValueError, "index %d is outside 0 to %d", values[i], bound - 1);
             return 0;
         }
     return 1;
@@ -150,15 +150,15 @@ static int valid(const Muscles *self, const Arm *arm, int entries)
             return 0;
     if (arm->start[0] != 0 || arm->start[rows] != entries || arm->row < 0 || arm->row + arm->muscles > self->muscles
         || arm->column < 0 || arm->column + arm->joints > self->columns) {
-        PyErr_SetString(PyExc_ValueError, "an arm's rows or columns are beyond those of all");
+        PyErr_SetString(PyExc_ValueError, "an arm's rows or columns exceed the totals of all arms");
         return 0;
     }
     return below(arm->place, arm->joints, self->angles) && below(arm->angle, arm->monomials, arm->joints)
            && below(arm->term, entries, arm->monomials);
 }
 
-/* (sizes, integers, numbers) of an arm: joints, monomials, muscles, entries, first row and column; then the arrays of
-   Arm in its order. */
+/* Read an arm from the tuple (sizes, integers, numbers). sizes: joints, monomials, muscles, entries, first row, first
+   column; integers and numbers: the arrays of Arm in their order. */
 static int take_arm(const Muscles *self, PyObject *given, Arm *arm)
 {
     PyObject *integers, *numbers;
@@ -205,7 +205,7 @@ static int muscles_init(Muscles *self, PyObject *args)
         return -1;
     for (; self->arms < count; self->arms++)
         if (!take_arm(self, PyList_GET_ITEM(arms, self->arms), self->arm + self->arms)) {
-            self->arms++; /* what it has taken is freed, too */
+            self->arms++; /* so that muscles_clear also frees the memory of this incomplete arm */
             return -1;
         }
     return 0;
@@ -224,8 +224,8 @@ static void muscles_clear(Muscles *self)
 
 static PyMethodDef muscles_methods[] = {
     {"at", FAST(muscles_at),
-     "(q, dq, out) -> whether an angle is outside the range; out gets length, velocity, gain and passive force of all, "
-     "then their moment arms"},
+     "(q, dq, out) -> True if an angle is outside the range; writes length, velocity, gain and passive force of all "
+     "muscles into out, then their moment arms"},
     {0}};
 
 TYPE_MODULE(hric_muscles, Muscles, muscles, NULL)

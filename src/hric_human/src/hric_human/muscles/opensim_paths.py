@@ -1,4 +1,4 @@
-"""Muscles in the OpenSim model of a body: DeGrooteFregly2016Muscle on function-based paths, rigid tendons."""
+"""Muscles for the OpenSim model of a body: DeGrooteFregly2016Muscle with function-based paths and rigid tendons."""
 
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
@@ -8,17 +8,17 @@ from hric_human.muscles import curves
 from hric_human.muscles.muscle_set import MuscleSet, ScaledMuscle
 
 NOTE = (
-    "Muscles act on coordinates through polynomials of length, without points on bodies: what JointReaction gives "
-    "misses the joint loads of the muscles. Those are in the joint reactions of the run."
+    "Muscles act on coordinates through polynomials of length, without points on bodies, so the results of "
+    "JointReaction lack the muscles' joint loads. The joint reactions recorded in the run include them."
 )
-"""Comment in the model."""
+"""Comment that is written into the OpenSim model."""
 
 
 def with_muscles(model: str, muscles: MuscleSet) -> str:
-    """Return a model's text with the muscles of its body; ideal actuators are left out.
+    """Return the text of an OpenSim model with the muscles of its body added; ideal actuators are left out.
 
     Args:
-        model: OpenSim model, whose coordinates have the names of the body's joints.
+        model: text of the OpenSim model, whose coordinates have the names of the body's joints.
         muscles: muscles of the body.
 
     Raises:
@@ -27,11 +27,11 @@ def with_muscles(model: str, muscles: MuscleSet) -> str:
     try:
         root = ElementTree.fromstring(model)
     except ElementTree.ParseError as error:
-        raise HricError(f"muscles need an OpenSim model: {error}") from error
+        raise HricError(f"muscles can be added only to an OpenSim model, and this text is none: {error}") from error
     paths = _coordinate_paths(root)
     model_element = root.find("Model")
     if model_element is None:
-        raise HricError("muscles need an OpenSim model: the file has no Model")
+        raise HricError("muscles can be added only to an OpenSim model, and this text has no element Model")
     forces = model_element.find("ForceSet")
     forces = SubElement(model_element, "ForceSet", name="forceset") if forces is None else forces
     objects = forces.find("objects")

@@ -1,4 +1,4 @@
-"""Polynomials of joint angles: the length of a muscle, its gradient, and its pull."""
+"""Polynomials of joint angles, for the length of a muscle, its moment arms, and its force on a joint."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -24,12 +24,12 @@ def exponents(variables: int, order: int) -> IntArray:
 
 
 def monomials(q: FloatArray, order: int) -> FloatArray:
-    """Return the monomials up to an order, shape (samples, terms), of angles of shape (samples, variables)."""
+    """Return all monomials up to an order, shape (samples, terms), for angles q of shape (samples, variables) [rad]."""
     return _products(q, exponents(q.shape[1], order))
 
 
 def slopes(q: FloatArray, order: int) -> FloatArray:
-    """Return the derivatives of `monomials` by each variable, shape (variables, samples, terms)."""
+    """Return the derivatives of `monomials` by each angle, shape (variables, samples, terms)."""
     power = exponents(q.shape[1], order)
     units = np.eye(q.shape[1], dtype=np.int64)
     return np.array([power[:, i] * _products(q, np.maximum(power - unit, 0)) for i, unit in enumerate(units)])
@@ -44,12 +44,12 @@ def _products(q: FloatArray, power: IntArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class Polynomial:
-    """Polynomial sum_t c_t prod_i q_i^e_ti, with the exponents e of `exponents`.
+    """Polynomial of joint angles: sum over terms t of c_t prod_i q_i^e_ti, with the exponents e of `exponents`.
 
     Attributes:
-        joints: joints whose angles are its variables, names without a side.
+        joints: joints whose angles q are the variables, names without a side.
         order: highest sum of exponents of a term.
-        coefficients: coefficients in the unit of the value per power of rad.
+        coefficients: coefficients c in the unit of the value per power of rad.
     """
 
     joints: tuple[str, ...]
@@ -57,16 +57,16 @@ class Polynomial:
     coefficients: tuple[float, ...]
 
     def powers(self, joints: Sequence[str]) -> IntArray:
-        """Return the exponents of its terms as those of some joints, its own among them, shape (terms, joints)."""
+        """Return each joint's exponent in each term, shape (terms, joints); `joints` includes all the polynomial's."""
         term_exponents = exponents(len(self.joints), self.order)
         spread = np.zeros((len(term_exponents), len(joints)), dtype=np.int64)
         spread[:, [joints.index(name) for name in self.joints]] = term_exponents
         return spread
 
     def values(self, q: FloatArray) -> FloatArray:
-        """Return the values, shape (samples,), at angles of its joints, shape (samples, joints) [rad]."""
+        """Return the values, shape (samples,), at angles q of `joints`, shape (samples, joints) [rad]."""
         return np.asarray(monomials(q, self.order) @ np.array(self.coefficients))
 
     def gradients(self, q: FloatArray) -> FloatArray:
-        """Return the gradients, shape (samples, joints), at angles of its joints, shape (samples, joints) [rad]."""
+        """Return the gradients, shape (samples, joints), at angles q of `joints`, shape (samples, joints) [rad]."""
         return np.asarray(slopes(q, self.order) @ np.array(self.coefficients)).T

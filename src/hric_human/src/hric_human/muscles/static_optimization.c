@@ -1,38 +1,39 @@
-/* Least squares of activations that give a joint torque: what static_optimization.py explains.
+/* Least-squares activations that produce a required joint torque; the problem is explained in static_optimization.py.
 
-   The dual of the task has a closed form: activation i is b_i . x, kept within its bounds, where b_i is the torque of
-   muscle i at full activation and x has one number per joint; x minimises a convex function that is quadratic between
-   the places where a muscle reaches a bound, and whose gradient is torque given minus torque wanted. Newton's step with
-   an exact search along it ends after a few steps. A small distance from the last x is added to the function (proximal
-   point), so that every step exists, also where all muscles of a joint are at their bounds; it is moved along until it
-   has no effect. Where the torque is out of reach the residual goes to the shortest one, and x to infinity along it. */
+   The dual problem has a closed form: activation i is b_i . x clipped to its bounds, where b_i is the torque of muscle
+   i at full activation and x has one number per joint. x minimises a convex function that is quadratic between the
+   points at which a muscle reaches a bound; its gradient is the produced torque minus the required torque. Newton's
+   method with an exact line search needs a few steps. A small multiple of the squared distance from the last x is added
+   to the function (proximal point method), so that every step exists, even if all muscles of a joint are at their
+   bounds; the centre of this term follows x until the term has no effect. If the torque is out of reach, the residual
+   converges to the shortest possible one, and x goes to infinity along the residual. */
 #include "hric_core/python_numbers.h"
 
 #include <float.h>
 #include <math.h>
 
-/* Weight of the distance from the last x, in units of the strongest muscle's torque: at first; times what at each move,
-   unless the torque is out of reach; and at last, which is the smallest pivot too. */
+/* Weight of the proximal term, in units of the strongest muscle's torque: initial value, factor at each move of the
+   centre (not if the torque is out of reach), and minimum, which is also the smallest accepted pivot. */
 #define DISTANCE 1e-6
 #define NEARER 0.1
 #define SMALLEST 1e-12
-#define ROUNDING 1e-13   /* of sums over all muscles, relative */
-#define SAME 1e-9        /* of activations */
-#define ON_FACE 1e-7     /* cosine up to which a muscle pulls neither with nor against what is missing */
-#define INDEPENDENT 1e-9 /* share of a vector that must be new to the others before it */
+#define ROUNDING 1e-13   /* relative rounding error of sums over all muscles */
+#define SAME 1e-9        /* difference up to which two activations count as equal */
+#define ON_FACE 1e-7     /* cosine up to which a muscle's torque counts as orthogonal to the missing torque */
+#define INDEPENDENT 1e-9 /* share of a vector that must be orthogonal to the basis to extend it */
 
 enum { STEPS = 200, SEARCHES = 60, MOVES = 60, REFINEMENTS = 3, JOINTS = 32 };
 
-/* A task, in units of the strongest muscle's torque. Muscles that are settled have their bound in `activation`. */
+/* A problem of k muscles and m joints, in units of the strongest muscle's torque. */
 typedef struct {
     int k, m;
-    double size;                     /* of all that is summed: torque wanted, and all muscles together */
-    double distance;                 /* weight of the distance from the centre */
-    double *b, *low, *wanted;        /* (k, m), (k), (m): wanted of the muscles that are not settled */
-    double *activation, *x, *centre; /* (k), (m), (m) */
+    double size;                     /* magnitude of the summed terms: required torque plus torques of all muscles */
+    double distance;                 /* weight of the proximal term */
+    double *b, *low, *wanted;        /* (k, m), (k), (m): wanted is the torque required of muscles not settled */
+    double *activation, *x, *centre; /* (k), (m), (m): centre of the proximal term */
     double *gradient, *step, *H;     /* (m), (m), (m, m) */
     double *along, *at;              /* (k): b . step, b . x */
-    unsigned char *settled;          /* (k) */
+    unsigned char *settled;          /* (k): 1 if the muscle is fixed at the bound stored in `activation` */
 } Task;
 
 static size_t row(const Task *t) { return sizeof(double) * (size_t)t->m; }
@@ -49,8 +50,8 @@ static double within(double value, double low) { return value < low ? low : valu
 
 static int is_free(const Task *t, int i, double value) { return !t->settled[i] && value > t->low[i] && value < 1.0; }
 
-/* Lower triangle of a positive H in place, H = L L^T. A pivot that is no larger than `least` becomes infinite, so that
-   its unknown becomes 0 (a joint that nobody moves); 0 where there is one. */
+/* Cholesky factorisation H = L L^T of a positive semidefinite H, in place. A pivot that is not larger than `least`
+   becomes infinite, so that its unknown becomes 0 (a joint that no free muscle moves). Returns 0 if there was one. */
 static int factor(double *H, int m, double least)
 {
     int regular = 1;
@@ -80,7 +81,7 @@ static void back_substitute(const double *L, int m, double *v)
     }
 }
 
-/* Sum of b b^T over the muscles between their bounds, lower triangle. */
+/* Compute H, the lower triangle of the sum of b b^T over the muscles between their bounds, plus distance times I. */
 static void curvature(Task *t, double distance)
 {
     memset(t->H, 0, sizeof(double) * (size_t)(t->m * t->m));
@@ -95,7 +96,7 @@ static void curvature(Task *t, double distance)
         t->H[r * t->m + r] += distance;
 }
 
-/* Torque given by the activations of those that are not settled, less what is wanted of them. */
+/* Compute the torque of the muscles that are not settled, minus the torque required of them. */
 static void excess(const Task *t, const double *activation, double *out)
 {
     for (int r = 0; r < t->m; r++)
@@ -120,7 +121,7 @@ static void evaluate(Task *t)
         t->gradient[r] += t->distance * (t->x[r] - t->centre[r]);
 }
 
-/* Derivative of the function along the step, at this share of it; *slope is the second one. */
+/* Return the directional derivative of the function along the step, after a share of it; *slope: second derivative. */
 static double derivative(const Task *t, double share, double constant, double distance, double *slope)
 {
     double sum = constant + share * distance;
@@ -136,7 +137,7 @@ static double derivative(const Task *t, double share, double constant, double di
     return sum;
 }
 
-/* Share of the step at which the function is least along it: a root of a rising, piecewise linear function. */
+/* Return the share of the step that minimises the function along it: root of a rising, piecewise linear function. */
 static double search(Task *t)
 {
     double constant = -dot(t->wanted, t->step, t->m), slope, low = 0.0, high = INFINITY, share = 1.0;
@@ -160,7 +161,7 @@ static double search(Task *t)
     return share;
 }
 
-/* Minimise the function; number of steps. */
+/* Minimise the function by Newton's method; return the number of steps. */
 static int minimise(Task *t)
 {
     int steps = 0;
@@ -182,7 +183,7 @@ static int minimise(Task *t)
 
 /* ---- the end ---- */
 
-/* What is wanted of the muscles that are between their bounds, less what they give at x. */
+/* Compute the torque required of the muscles between their bounds, minus the torque that they produce at x. */
 static void left_to_free(const Task *t, const double *x, double *out)
 {
     memcpy(out, t->wanted, row(t));
@@ -194,7 +195,7 @@ static void left_to_free(const Task *t, const double *x, double *out)
     }
 }
 
-/* Whether x leaves all muscles where they are, between their bounds or at one of them. */
+/* Return 1 if at x the same muscles are at the same bounds as now, and the others between their bounds. */
 static int same_muscles(const Task *t, const double *x)
 {
     for (int i = 0; i < t->k; i++) {
@@ -206,7 +207,7 @@ static int same_muscles(const Task *t, const double *x)
     return 1;
 }
 
-/* Whether x leaves the activations as they are, but for rounding. */
+/* Return 1 if the activations at x equal the current ones up to rounding. */
 static int same_activations(const Task *t, const double *x)
 {
     for (int i = 0; i < t->k; i++)
@@ -215,8 +216,9 @@ static int same_activations(const Task *t, const double *x)
     return 1;
 }
 
-/* Solve for x with the muscles that are between their bounds now: the result is then the same from any start. 0 where
-   others would be between theirs, or where those do not fix x, unless they give what is wanted already. */
+/* Solve for x with the muscles that are now between their bounds, so that the result does not depend on the start.
+   Returns 0 if x would move other muscles off their bounds, or if these muscles do not determine x. given: 1 if the
+   activations already produce the required torque; then it is enough that x does not change them. */
 static int settle(Task *t, int given)
 {
     double x[JOINTS], left[JOINTS];
@@ -244,8 +246,8 @@ static int settle(Task *t, int given)
     return 1;
 }
 
-/* Whether no activation within the bounds gives what is wanted: along what is missing all of them together give less.
- */
+/* Return 1 if no activations within the bounds produce the required torque: in the direction of the missing torque,
+   even the largest torque of all muscles together is too small. */
 static int out_of_reach(const Task *t, const double *missing)
 {
     double most = 0.0;
@@ -257,7 +259,8 @@ static int out_of_reach(const Task *t, const double *missing)
     return dot(t->wanted, missing, t->m) - most > 10.0 * ROUNDING * t->size * length;
 }
 
-/* Whether all who pull along what is missing are at their bounds: then nothing can be nearer. */
+/* Return 1 if all muscles whose torque has a component along the missing torque are at their bounds: then no reachable
+   torque is nearer to the required one. */
 static int is_nearest(const Task *t, const double *missing)
 {
     const double length = sqrt(dot(missing, missing, t->m));
@@ -270,7 +273,7 @@ static int is_nearest(const Task *t, const double *missing)
     return 1;
 }
 
-/* Take from v its parts along the rows of an orthonormal basis. */
+/* Subtract from v its components along the rows of an orthonormal basis. */
 static void reduce(const double *basis, int rows, int m, double *v)
 {
     for (int twice = 0; twice < 2; twice++)
@@ -281,9 +284,10 @@ static void reduce(const double *basis, int rows, int m, double *v)
         }
 }
 
-/* Nearest to a torque out of reach is the face of what can be reached that looks towards it: those who pull along what
-   is missing are at their bounds there, and stay. Wanted of the others is the nearest that they span; what is left is
-   added to the shortfall. Number of the others. */
+/* For a torque out of reach, restrict the problem to the face of the reachable set that is nearest to it. Muscles with
+   a torque component along the missing torque are at their bounds there, and become settled. The required torque of the
+   other muscles is projected onto the space that they span; the rest is added to the shortfall. Returns the number of
+   the other muscles. */
 static int go_to_face(Task *t, const double *missing, double *shortfall)
 {
     double basis[JOINTS * JOINTS], left[JOINTS];
@@ -319,7 +323,7 @@ static int go_to_face(Task *t, const double *missing, double *shortfall)
     return others;
 }
 
-/* Torque wanted that the activations of those who are not settled do not give; its length. */
+/* Compute the missing torque: required of the muscles not settled, minus produced by them. Returns its norm. */
 static double miss(const Task *t, double *missing)
 {
     excess(t, t->activation, missing);
@@ -328,15 +332,15 @@ static double miss(const Task *t, double *missing)
     return sqrt(dot(missing, missing, t->m));
 }
 
-/* Begin at no torque: so what follows is the same from any start. */
+/* Restart at x = 0, so that the result does not depend on the caller's start value. */
 static void restart(Task *t)
 {
     memset(t->x, 0, row(t));
     t->distance = DISTANCE;
 }
 
-/* Activations of those who are not settled: 1 where they give what is wanted, but for rounding, 0 where nobody can, and
-   then what is missing is the shortest. */
+/* Compute the activations of the muscles that are not settled. Returns 1 if they produce the required torque up to
+   rounding, 0 if it is out of reach; the missing torque is then the shortest possible. */
 static int reach(Task *t, double *missing, int *steps)
 {
     double before[JOINTS];
@@ -369,7 +373,7 @@ static int reach(Task *t, double *missing, int *steps)
     return !beyond;
 }
 
-/* The whole task; x is left for the next start. */
+/* Solve the whole problem; return the number of steps. x: start value, replaced by the start value of the next call. */
 static int solve_task(Task *t, double *x, double *shortfall)
 {
     double missing[JOINTS];
@@ -393,8 +397,8 @@ static int solve_task(Task *t, double *x, double *shortfall)
 
 enum { ARMS, GAIN, LEAST, TORQUE, START, ACTIVATION, SHORTFALL, ARRAYS };
 
-/* Torque of all muscles at full activation, in units of the strongest one, which is returned; 0 where none has any, NaN
-   where a number is not finite. */
+/* Compute the torque of all muscles at full activation, in units of the strongest muscle's torque. Returns that unit: 0
+   if no muscle has a torque, NaN if an input is not finite. */
 static double scale(Task *t, const double *arms, const double *gain)
 {
     double strongest = 0.0, finite = 0.0;
@@ -442,7 +446,7 @@ static PyObject *solved(int k, int m, double *const *array)
             array[SHORTFALL][r] *= by;
         }
     } else
-        PyErr_SetString(PyExc_ValueError, "a number is not finite");
+        PyErr_SetString(PyExc_ValueError, "an input of solve is not finite");
     PyMem_Free(memory);
     return steps;
 }
@@ -461,7 +465,8 @@ FUNCTION(solve)
     const Py_ssize_t bytes[ARRAYS] = {size * k * m, size * k, size * k, size * m, size * m, size * k, size * m};
     PyObject *steps = NULL;
     if (k < 1 || m < 1 || m > JOINTS)
-        PyErr_SetString(PyExc_ValueError, "the arrays do not fit together");
+        PyErr_Format(PyExc_ValueError, "solve got %zd muscles and %zd joints; valid: 1 or more muscles, 1 to %d joints",
+                     k, m, JOINTS);
     else if (views_fit(view, ARRAYS, bytes))
         steps = solved((int)k, (int)m, array);
     release_views(view, ARRAYS);
@@ -469,8 +474,8 @@ FUNCTION(solve)
 }
 
 static PyMethodDef methods[] = {
-    METHOD(solve, "(arms, gain, least, torque, start, activation, shortfall): arrays of float64, the last three are "
-                  "written; number of steps"),
+    METHOD(solve, "(arms, gain, least, torque, start, activation, shortfall) -> number of steps; float64 arrays, the "
+                  "last three are written"),
     {0},
 };
 

@@ -1,12 +1,12 @@
-"""Static optimisation: the activations with the least sum of squares that produce a joint torque.
+"""Static optimisation: the muscle activations with the smallest sum of squares that produce a required joint torque.
 
     min sum a_i^2   with   sum_i arms_i gain_i a_i = torque,   minimum_i <= a_i <= 1
 
-Crowninshield & Brand, J. Biomech. 14:793, 1981, with activations in place of stresses, as in OpenSim's
-StaticOptimization with its exponent of 2. The problem is strictly convex and has one solution. It is solved through its
-dual, in C (`static_optimization.c`): a_i is b_i . x clipped to its bounds, with b_i = gain_i arms_i, and x, one number
-per joint, minimises a convex function that is quadratic between kinks: Newton's step with a line search. Starting from
-the last solution saves steps and does not change the result.
+Crowninshield & Brand, J. Biomech. 14:793, 1981, but with activations instead of stresses, as in OpenSim's
+StaticOptimization with exponent 2. The problem is strictly convex and has one solution. Its dual is solved in C
+(`static_optimization.c`): a_i is b_i . x clipped to its bounds, with b_i = gain_i arms_i; x has one number per joint
+and minimises a convex, piecewise quadratic function, by Newton's method with a line search. Starting from the last
+solution saves steps and does not change the result.
 """
 
 from collections.abc import Callable, Sequence
@@ -30,9 +30,9 @@ class ActivationSolution(NamedTuple):
 
     Attributes:
         activation: activations, shape (k,) [1].
-        shortfall: part of the torque that no activation within the bounds can produce; the shortest vector, zero if the
-            torque can be produced, shape (m,) [N m].
-        iterations: steps of Newton's method.
+        shortfall: required torque minus the nearest torque that activations within the bounds can produce, shape (m,)
+            [N m]; zero if the torque can be produced.
+        iterations: number of steps of Newton's method.
     """
 
     activation: FloatArray
@@ -49,14 +49,14 @@ class StaticOptimization:
         minimum: minimum of all activations [1].
 
     Raises:
-        HricError: no muscle, no or too many joints, or a minimum activation that is not from 0 to below 1.
+        HricError: no muscles, no joints or more than 32, or a minimum activation that is not from 0 to below 1.
     """
 
     def __init__(self, muscles: int, joints: int, minimum: float = MINIMUM) -> None:
         if muscles < 1 or not 1 <= joints <= 32 or not 0.0 <= minimum < 1.0:
             raise HricError(
-                f"static optimisation of {muscles} muscles on {joints} joints with activations from {minimum}: valid "
-                "are 1 and more muscles on 1 to 32 joints, and a minimum activation from 0 to below 1"
+                f"static optimisation of {muscles} muscles on {joints} joints with a minimum activation of {minimum}; "
+                "valid: 1 or more muscles, 1 to 32 joints, a minimum activation from 0 to below 1"
             )
         self._shapes = ((muscles, joints), (muscles,), (muscles,), (joints,))
         self._lower = np.full(muscles, float(minimum))
@@ -69,23 +69,25 @@ class StaticOptimization:
         torque: Sequence[float] | FloatArray,
         co_contraction: FloatArray | None = None,
     ) -> ActivationSolution:
-        """Return the activations for a torque; if it is out of reach, those for the nearest reachable one.
+        """Return the activations for a required torque, or for the nearest torque that the muscles can produce.
 
         Args:
             arms: moment arms [m], +1 or -1 for an ideal actuator, shape (k, m).
             gain: force per activation [N], torque for an ideal actuator [N m], shape (k,).
-            torque: torque from activation, without the passive part, shape (m,) [N m].
-            co_contraction: added to the minimum activation of each muscle, from 0 to 1, shape (k,) [1]. The others
-                compensate: the torque remains as requested.
+            torque: required torque of the active muscle forces, without the passive part, shape (m,) [N m].
+            co_contraction: increase of each muscle's minimum activation, from 0 to 1, shape (k,) [1]. Opposing muscles
+                compensate it, so the torque remains as required.
 
         Raises:
-            HricError: a wrong shape, a number that is not finite, or a co-contraction not from 0 to 1.
+            HricError: an array has a wrong shape, a number is not finite, or a co-contraction is not from 0 to 1.
         """
         lower = self._lower if co_contraction is None else self._raised(co_contraction)
         arrays = [np.ascontiguousarray(values, np.float64) for values in (arms, gain, lower, torque)]
         activation, shortfall = np.empty(len(self._lower)), np.empty(len(self._start))
         if tuple(array.shape for array in arrays) != self._shapes:
-            raise HricError(f"static optimisation: {_shapes(arrays)}; valid: {_NAMES} of shapes {self._shapes}")
+            raise HricError(
+                f"static optimisation got arrays of shapes {_shapes(arrays)}; valid: {_NAMES} of shapes {self._shapes}"
+            )
         try:
             iterations = _solve(*arrays, self._start, activation, shortfall)
         except ValueError as error:
@@ -95,7 +97,7 @@ class StaticOptimization:
     def _raised(self, co_contraction: FloatArray) -> FloatArray:
         added = np.asarray(co_contraction, np.float64)
         if not bool(np.all((added >= 0.0) & (added <= 1.0))):
-            raise HricError(f"static optimisation: co-contraction {added.tolist()}; valid: from 0 to 1")
+            raise HricError(f"static optimisation: the co-contraction is {added.tolist()}; valid: from 0 to 1")
         return np.asarray(np.minimum(self._lower + added, 1.0))
 
 

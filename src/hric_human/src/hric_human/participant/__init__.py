@@ -1,1 +1,1 @@
-"""Human participant of the robot's plant: body, control, grips and topics."""
+"""Simulated human in the robot's plant: body, control, grips and topics."""

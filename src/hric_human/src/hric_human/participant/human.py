@@ -1,4 +1,4 @@
-"""Human in the robot's plant: `hric_human/Human`, a participant."""
+"""Simulated human in the robot's plant: the plugin `hric_human/Human`."""
 
 import math
 from collections import deque
@@ -29,25 +29,28 @@ if TYPE_CHECKING:
     from hric_human.participant.muscles import HumanMuscles
 
 SERVICE_TIMEOUT = 5.0
-"""Longest time that a service waits for the loop [s of wall time] (project default, unconfirmed)."""
+"""Maximum time that a service call waits for the control loop [s of wall time] (project default, unconfirmed)."""
 SIGHT_PERIOD = 0.01
-"""Time between two observations of the robot [s] (project default, unconfirmed)."""
+"""Time between two observations of the robot by the person [s] (project default, unconfirmed)."""
 
 
 class Human(Participant):
-    """Human in the plant from construction on; the service `hric/NAME/start` starts their motion.
+    """Simulated human, present in the plant from construction on.
 
-    Until then the person stays in the posture in which their controller begins.
+    The person stays in their controller's initial posture until the service `hric/NAME/start` starts the motion.
 
     Raises:
-        HricError: an invalid parameter, or a plant whose models have no joints.
+        HricError: a parameter is invalid, or models of the plant cannot have joints.
     """
 
     def __init__(self, name: str, plant: Plant, node: Node, config: Mapping[str, object]) -> None:
         where = f"{node.resolve('participants')}/{name}"
         self._settings = settings = HumanSettings.of(config, where)
         if not isinstance(plant, Articulated):
-            raise HricError(f"{where}: a human needs a plant whose models have joints; {type(plant).__name__} has none")
+            raise HricError(
+                f"{where}: a simulated human needs a plant whose models can have joints; those of "
+                f"{type(plant).__name__} cannot"
+            )
         self._name, self._where, self._plant, self._node = name, where, plant, node
         self._body = settings.body()
         self._root = settings.root(self._body)
@@ -71,7 +74,7 @@ class Human(Participant):
         calls: dict[str, Callable[[], object]] = {"start": self._start}
         for grip in self._grips:
             calls[f"grips/{grip.name}/close"] = grip.close
-            calls[f"grips/{grip.name}/open"] = partial(grip.open, "its service was called")
+            calls[f"grips/{grip.name}/open"] = partial(grip.open, "the service to open it was called")
         self._services = [
             node.service(f"{namespace}/{path}", Trigger, self._served(act)) for path, act in calls.items()
         ]
@@ -106,7 +109,7 @@ class Human(Participant):
 
     @contextmanager
     def _naming(self, key: str) -> Iterator[None]:
-        """Raise an UnknownNameError of the plant with the key that has the name."""
+        """Add the parameter's key to an UnknownNameError that the plant raises."""
         try:
             yield
         except UnknownNameError as error:
@@ -115,7 +118,7 @@ class Human(Participant):
     # -- the loop ------------------------------------------------------------------------------------------------------
 
     def reset(self) -> None:
-        """Return to the initial state and wait for the service `start`."""
+        """Reset the person to the initial state and wait for the service `start`."""
         self._control = self._new_control()
         for grip in self._grips:
             grip.restart()
@@ -145,7 +148,7 @@ class Human(Participant):
         since = max(time - self._zero, 0.0)
         if since >= self._end:
             self._end = math.inf
-            self._happened("ended", self._name, 0.0, f"the motion has come to rest, {since:.3f} s after its start")
+            self._happened("ended", self._name, 0.0, f"the motion has ended, {since:.3f} s after its start")
         for grip in self._grips:
             grip.step(time, since)
         self._read()
@@ -173,7 +176,7 @@ class Human(Participant):
         self._cycles += 1
 
     def _read(self) -> None:
-        """Read the joint state; the leading joints of a walking person are not part of the body."""
+        """Read the joint state of the body; the first two joints of a walking person only move the root link."""
         if self._walk is None:
             self._plant.read_joints(self._name, self._q, self._dq)
             return
@@ -184,7 +187,7 @@ class Human(Participant):
     def _begin_motion(self, time: float) -> None:
         self._called, self._zero = False, time
         self._control.start(time)
-        self._happened("started", self._name, 0.0, f"the motion begins at {time:.3f} s")
+        self._happened("started", self._name, 0.0, f"the motion starts at {time:.3f} s")
 
     def _felt(self, contacts: Sequence[Contact]) -> Vector:
         """Return the total force on the hand from its grips and its elastic contacts [N]."""
@@ -203,13 +206,13 @@ class Human(Participant):
         before, now, control = self._strained, self._control.at_strength, self._control
         for joint, was, is_now in zip(control.person.joints, before, now, strict=True):
             if is_now and not was:
-                text = f"{joint} is saturated at its maximum strength ({control.clipped[joint]} so far)"
+                text = f"{joint} has reached its maximum strength ({control.clipped[joint]} times so far)"
                 self._happened("strength", joint, float(control.clipped[joint]), text)
         self._strained = now
 
     def _happened(self, kind: str, name: str, value: float, text: str) -> None:
         self._topics.event(self.epoch + self._time, kind, name, value, text)
-        if not self._node.publishes_inline:  # a headless run has it in its report
+        if not self._node.publishes_inline:  # a headless run lists the events in its report instead
             realtime.defer(self._node, partial(self._node.log_info, f"{self._name}: {text}"))
 
     # -- services ------------------------------------------------------------------------------------------------------
@@ -217,7 +220,8 @@ class Human(Participant):
     def _start(self) -> None:
         if self._called or self._zero < math.inf:
             raise CommandError(
-                f"{self._name} has been moving since {self._zero:.3f} s; a motion runs once, until a reset"
+                f"the motion of {self._name} has already started at {self._zero:.3f} s; it can be started again only "
+                "after a reset of the simulation"
             )
         self._called = True
 
@@ -233,7 +237,8 @@ class Human(Participant):
                 return TriggerResponse(success=True, message=done.result(SERVICE_TIMEOUT))
             except TimeoutError:
                 return TriggerResponse(
-                    success=False, message=f"the control loop has not advanced for {SERVICE_TIMEOUT:g} s"
+                    success=False,
+                    message=f"the control loop has not advanced for {SERVICE_TIMEOUT:g} s; the request stays queued",
                 )
             except HricError as error:
                 return TriggerResponse(success=False, message=str(error))

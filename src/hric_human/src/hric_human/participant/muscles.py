@@ -1,4 +1,4 @@
-"""Muscles of a human in the robot's plant: the torques they produce, and their topics."""
+"""Muscles of a simulated human: the joint torques that they produce, and their topics."""
 
 from collections.abc import Sequence
 from itertools import compress
@@ -25,12 +25,12 @@ from hric_msgs.msg import JointReactions, MuscleActivation, MuscleForce
 
 
 class Snapshot(NamedTuple):
-    """State of one cycle; its joint reactions are computed when the next cycle provides the acceleration.
+    """State of one cycle, stored until the next cycle provides the acceleration for its joint reactions.
 
     Attributes:
         time: time of the stamp [s].
         q, dq: joint positions and velocities, n floats [rad], [rad/s].
-        force: forces and torques of muscles and actuators, shape (k,) [N], [N m].
+        force: forces of muscles [N] and torques of actuators [N m], shape (k,).
         loads: loads of grips and contacts on the person.
     """
 
@@ -50,17 +50,17 @@ class HumanMuscles:
     """Muscles that produce the joint torques of one human.
 
     Args:
-        node: private names of a robot; the topics are in the neighbouring namespace `hric/NAME`.
+        node: node of the robot; the topics are in the namespace `hric/NAME` next to it.
         name: name of the human.
         person: joints of the person.
-        root: T_world_root of the body, at rest.
+        root: pose of the root link in the world, at rest.
         gravity: gravity vector in axes of the world [m/s^2].
         settings: settings of the muscles.
-        where: prefix of the settings' names, for messages.
+        where: prefix of the settings' names, for error messages.
         happened: callback for each event.
 
     Raises:
-        ParameterError: an unknown anatomy, or an error of MuscleDrive.
+        ParameterError: the anatomy cannot be loaded, or the rate does not fit the cycle.
     """
 
     def __init__(
@@ -94,12 +94,15 @@ class HumanMuscles:
             publisher.unregister()
 
     def restart(self) -> None:
-        """Return to the state before the first cycle."""
+        """Reset the muscles to their state before the first cycle."""
         self._drive.restart()
         self._exhausted, self._pending = self._drive.at_limit, None
 
     def torque(self, q: Sequence[float], dq: Sequence[float], tau: Sequence[float]) -> list[float]:
-        """Return the torque that the muscles produce for a desired one; see `MuscleDrive.update`."""
+        """Return the joint torque that the muscles produce, n floats [N m]; tau: desired torque, n floats [N m].
+
+        q, dq: current joint positions [rad] and velocities [rad/s].
+        """
         if self._pending is not None:
             self._reactions.publish(self._joint_reactions, self._pending, dq[:])
             self._pending = None
@@ -144,11 +147,11 @@ class HumanMuscles:
             drive.muscles.names, drive.limited, self._exhausted, drive.at_limit, strict=True
         ):
             if there and not was:
-                self._happened("muscle", name, float(count), f"{name} is saturated ({count} so far)")
+                self._happened("muscle", name, float(count), f"{name} reaches full activation ({count} times so far)")
         self._exhausted = drive.at_limit
 
     def _joint_reactions(self, before: Snapshot, dq: Sequence[float]) -> Any:
-        """Return the message of one cycle's joint reactions; called outside the loop."""
+        """Return the message of a cycle's joint reactions; dq: velocities in the next cycle. Runs outside the loop."""
         ddq = [(after - at) / self._cycle for after, at in zip(dq, before.dq, strict=True)]
         angles, speeds, rates = (np.array([values]) for values in (before.q, before.dq, ddq))
         needed = self._dynamics.inverse_dynamics(angles, speeds, rates, self._root, before.loads, self._gravity)
@@ -166,7 +169,7 @@ class HumanMuscles:
 
 
 def _held(grips: Sequence[Grip], prefix: str) -> list[ExternalLoad]:
-    """Return the loads of closed grips on the person's links, both as holder and as held body."""
+    """Return the loads of closed grips on the person's links, whether the person holds or is held."""
     loads = []
     for grip in grips:
         for body, sign in ((grip.holder, 1.0), (grip.settings.held, -1.0)):
@@ -177,7 +180,7 @@ def _held(grips: Sequence[Grip], prefix: str) -> list[ExternalLoad]:
 
 
 def _touched(contacts: Sequence[Contact], prefix: str) -> list[ExternalLoad]:
-    """Return the loads of elastic contacts along their normals; rigid impacts are not forces on a person."""
+    """Return the loads of elastic contacts on the person, along their normals; rigid contacts have no force."""
     loads = []
     for contact in contacts:
         for body, sign in ((contact.body_a, 1.0), (contact.body_b, -1.0)):

@@ -1,4 +1,4 @@
-"""Parameters of a human in the robot's plant."""
+"""Parameters of a simulated human in the robot's plant."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -30,11 +30,11 @@ from hric_human.control.human_control import checked
 from hric_human.participant.walk import WalkSettings
 
 SUBJECTS = Path(__file__).resolve().parents[3] / "config" / "subjects"
-"""Folder of the bodies that come with the package; the files' names are the subjects' names."""
+"""Folder of the subjects that come with the package; the names of its files are the subjects' names."""
 TORQUE, MUSCLE = "torque", "muscle"
-"""Names of the drives."""
+"""Values of the parameter `drive`: joint torques act directly, or are produced by muscles."""
 HAND = "hand"
-"""Name of the holder that is the hand of the body, which tracks the reference and senses forces."""
+"""Value of a grip's parameter `holder` for the hand that tracks the reference and senses forces."""
 
 
 def _subject(value: Any, where: str, _: Sequence[str]) -> Subject:
@@ -61,58 +61,60 @@ SUBJECT: Any = Parameter(
     "a name or path of a subject's file, or a mapping with its keys",
     _subject,
     "P50_male",
-    text="whose body: name of a file in `config/subjects`, path of one, or its keys",
+    text="body of the person: name of a file in `config/subjects`, path of a file, or its keys",
     shape=_subject_shape,
 )
 
 
 @dataclass(frozen=True)
 class CloseSettings(Settings):
-    """Conditions on which a grip closes: from a time on, as soon as palm and handle are near."""
+    """Conditions for closing a grip: it closes after a time, as soon as palm and handle are near each other."""
 
     separator = "."
     time: float = number(0.0, minimum=0.0, unit="s", text="after the motion's start; 0: from the first cycle on")
-    distance: float = number(0.05, above=0.0, maximum=0.5, unit="m", text="between palm and handle at the most")
-    by_service: bool = flag(False, text="closes only when the service asks for it")
+    distance: float = number(0.05, above=0.0, maximum=0.5, unit="m", text="maximum distance between palm and handle")
+    by_service: bool = flag(False, text="true: closes only when its service is called")
 
 
 @dataclass(frozen=True)
 class ReleaseSettings(Settings):
-    """Conditions on which a grip opens; without time and load it never opens by itself."""
+    """Conditions for opening a grip; without time and load it opens only when its service is called."""
 
     separator = "."
     time: float | None = number(None, minimum=0.0, unit="s", text="after the motion's start")
     load: float | None = number(
-        None, above=0.0, unit="N", text="when it carries so much, the weight of what is held included"
+        None, above=0.0, unit="N", text="force of the grip at which it opens, the weight of the held object included"
     )
-    delay: float = number(0.0, minimum=0.0, maximum=5.0, unit="s", text="from the load to the open hand")
+    delay: float = number(0.0, minimum=0.0, maximum=5.0, unit="s", text="from reaching the load to opening")
 
     def check(self, where: str) -> None:
-        """Refuse a delay after no load."""
+        """Refuse a delay without a load, since it would have no effect."""
         if self.load is None:
             refuse_void(self, "delay", where, f"{where}load")
 
 
 @dataclass(frozen=True)
 class GripSettings(Settings):
-    """Spring and damper between holder and held body, relaxed at the pose in which the grip closes."""
+    """Settings of a grip: a spring and damper between holder and held body, relaxed where the grip closes."""
 
     separator = "."
     held: str = text(empty=False, text='body that is held: "link" of the robot or "model::link"')
-    holder: str = text(HAND, empty=False, text="body that holds it; hand: the one that follows and feels")
+    holder: str = text(
+        HAND, empty=False, text="body that holds it; hand: the hand that tracks references and senses forces"
+    )
     handle: Vector = numbers(
-        3, ORIGIN, minimum=-3.0, maximum=3.0, unit="m", text="where it is held, in axes of its link"
+        3, ORIGIN, minimum=-3.0, maximum=3.0, unit="m", text="point at which the body is held, in axes of its link"
     )
     palm: Vector = numbers(
-        3, ORIGIN, unit="m", text="where it is held, in axes of the holder's link; of a hand from its centre of mass"
+        3, ORIGIN, unit="m", text="point of the holder, in axes of its link; for a hand from its centre of mass"
     )
     stiffness: float = number(1e4, above=0.0, maximum=1e6, unit="N/m", text="of the distance")
     damping: float = number(100.0, minimum=0.0, unit="N s/m", text="of the distance")
     rotational_stiffness: float = number(50.0, minimum=0.0, unit="N m/rad", text="of the rotation")
     rotational_damping: float = number(0.25, minimum=0.0, unit="N m s/rad", text="of the rotation")
-    force_limit: float | None = number(None, above=0.0, unit="N", text="at which it slips; none: it does not")
+    force_limit: float | None = number(None, above=0.0, unit="N", text="force at which the grip slips; none: never")
     torque_limit: float | None = number(
-        None, above=0.0, unit="N m", text="at which it slips in rotation; none: it does not"
+        None, above=0.0, unit="N m", text="torque at which the grip slips in rotation; none: never"
     )
     close: CloseSettings = section(CloseSettings)
     release: ReleaseSettings = section(ReleaseSettings)
@@ -120,28 +122,28 @@ class GripSettings(Settings):
 
 @dataclass(frozen=True)
 class MuscleSettings(Settings):
-    """Muscles of a body and the law that shares the joint torques among them."""
+    """Settings of a person's muscles, and of the static optimisation that shares joint torques among them."""
 
     separator = "."
     anatomy: str = text(
         "delft",
         empty=False,
-        text="`delft`, which comes with the package, or address of a fitted file or of a model of an arm",
+        text="muscles of an arm: `delft`, which comes with the package, or address of a fitted file or of an arm model",
     )
     rate: float = number(
         100.0,
         minimum=10.0,
         maximum=1000.0,
         unit="Hz",
-        text="of decisions about activations; a whole part of the cycles",
+        text="of decisions about activations; a divisor of the control loop's rate",
     )
-    co_contraction: float = number(0.0, minimum=0.0, maximum=0.5, text="activation of all muscles beyond the least")
-    strength: float = number(1.0, above=0.0, maximum=5.0, text="of all muscles, times that of the subject")
+    co_contraction: float = number(0.0, minimum=0.0, maximum=0.5, text="activation of all muscles above the minimum")
+    strength: float = number(1.0, above=0.0, maximum=5.0, text="factor on the strength of all muscles of the subject")
 
 
 @dataclass(frozen=True)
 class HumanSettings(Settings):
-    """Human in the plant: position, motion and grips."""
+    """Settings of a simulated human: body, position, motion and grips."""
 
     separator = "."
     subject: Subject = SUBJECT
@@ -151,32 +153,32 @@ class HumanSettings(Settings):
         2,
         (0.95, 0.0),
         unit="m",
-        text="x, y in the world of the middle between the hips, or between the shoulders of a body of arms alone",
+        text="x, y in the world of the midpoint between the hips, or between the shoulders if there are only arms",
     )
     heading: float = number(math.pi, minimum=-7.0, maximum=7.0, unit="rad", text="viewing direction, from x towards y")
     floor: float = number(-0.75, unit="m", text="height of the floor below the person, in the world")
-    control: Any = anything({}, default_text="`{}`", text="what moves the person's joints: Control, below")
+    control: Any = anything({}, default_text="`{}`", text="controller of the person's joints: Control, below")
     drive: str = choice(
-        TORQUE, MUSCLE, text="what gives the torque that `control` computes: the joints themselves, or muscles"
+        TORQUE, MUSCLE, text="torque: the torque computed by `control` acts on the joints; muscle: muscles produce it"
     )
     muscles: MuscleSettings = section(MuscleSettings)
     watches: str = text("", text="link of the robot that the person sees, for motions that react to it; empty: none")
     walk: WalkSettings | None = section(
         WalkSettings, None, text="path of the person; none: the root is fixed to the world"
     )
-    grips: Mapping[str, GripSettings] = mapping(section(GripSettings), {}, text="what is held, by name")
+    grips: Mapping[str, GripSettings] = mapping(section(GripSettings), {}, text="grips on objects, by name")
     contact_area: float | None = number(
         None,
         above=0.0,
         unit="m^2",
         default_text="not known",
-        text="over which contacts act in the verdict, the smaller of the robot's and the body's",
+        text="contact area from which the verdict computes pressures: the smaller of the robot's and the body's",
     )
     rate: float = number(200.0, above=0.0, maximum=1000.0, unit="Hz", text="of the person's topics")
-    seed: int = whole(0, minimum=0, text="of all that varies")
+    seed: int = whole(0, minimum=0, text="of all random variation")
 
     def check(self, where: str) -> None:
-        """Refuse parameters that the controller would refuse, and muscle settings that move nobody.
+        """Refuse parameters that the controller would refuse, and muscle settings without a muscle drive.
 
         Raises:
             ParameterError: a parameter is invalid, or has no effect with this drive.
@@ -188,7 +190,7 @@ class HumanSettings(Settings):
 
     @property
     def person(self) -> Subject:
-        """The subject, with `parts` and `posture` of these settings."""
+        """Subject, with `parts` and `posture` of these settings."""
         changes = {name: value for name in ("parts", "posture") if (value := getattr(self, name)) is not None}
         return replace(self.subject, **changes)
 
@@ -197,6 +199,6 @@ class HumanSettings(Settings):
         return describe(self.person)
 
     def root(self, body: Body) -> Pose:
-        """Return T_world_root of the body."""
+        """Return the pose of the body's root link in the world."""
         x, y = self.position
         return Pose((x, y, self.floor + body.base_height), from_rotation_vector((0.0, 0.0, self.heading)))

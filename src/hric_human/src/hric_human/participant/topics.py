@@ -1,4 +1,4 @@
-"""Topics of a human in the robot's plant: messages from plain snapshots, sent outside the loop."""
+"""Topics of a simulated human: messages are built and sent outside the control loop, from copies of its state."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -21,17 +21,17 @@ from hric_msgs.msg import RegionContact as RegionContactMessage
 
 WORLD = "world"
 NOWHERE = (math.nan, math.nan, math.nan)
-"""Vector of a contact whose position is unknown."""
+"""Position of a contact whose position is unknown."""
 
 SILENCE = 0.05
-"""Longest time between two contact messages while nothing touches [s] (project default)."""
+"""Maximum time between two contact messages while nothing touches the person [s] (project default)."""
 
 
 class Topics:
     """Topics of one human.
 
     Args:
-        node: private names of a robot; the topics are in the neighbouring namespace `hric/NAME`.
+        node: node of the robot; the topics are in the namespace `hric/NAME` next to it.
         name: name of the human, and prefix of the frames: NAME/LINK.
         person: joints of the person.
         root: pose of the root link `human_base` in the world.
@@ -65,8 +65,8 @@ class Topics:
             publisher.unregister()
 
     def publish_root(self, time: float, root: Pose) -> None:
-        """Publish the root pose of a walking human at a time of the run [s]."""
-        assert self._root is not None, "of a walking human"
+        """Publish the pose of a walking human's root link; time: time of the stamp [s]."""
+        assert self._root is not None, "only a walking human publishes its root"
         self._root.publish(_root, time, root)
         self._tf.publish(_placed, time, self._frame, root)
 
@@ -79,7 +79,16 @@ class Topics:
         control: HumanControl,
         grips: Sequence[Grip],
     ) -> None:
-        """Publish the state of a cycle at a time of the run [s]; the lists are not changed later."""
+        """Publish joint states, torques and grips of a cycle.
+
+        Args:
+            time: time of the stamp [s].
+            q: joint positions, n floats [rad]; the caller must not change this and the following lists later.
+            dq: joint velocities, n floats [rad/s].
+            tau: joint torques, n floats [N m].
+            control: control of the person, for the saturated joints.
+            grips: grips of the person.
+        """
         if self._states.subscribers():
             self._states.publish(_joint_state, time, self._person.joints, q, dq, tau)
         if self._torques.subscribers():
@@ -94,7 +103,7 @@ class Topics:
     ) -> None:
         """Publish the contacts of a cycle and those that ended since the last message.
 
-        While nothing touches, an empty message is sent at least every SILENCE seconds: it distinguishes "nothing
+        While nothing touches the person, an empty message is sent every SILENCE seconds: it distinguishes "nothing
         touched" from "not recorded".
 
         Args:
@@ -109,7 +118,7 @@ class Topics:
             self._contacts.publish(_contacts, time, touching, over)
 
     def event(self, time: float, kind: str, name: str, value: float, text: str) -> None:
-        """Publish an event at a time of the run [s]."""
+        """Publish an event; time: time of the stamp [s]."""
         self._events.publish(_event, time, kind, name, value, text)
 
 
@@ -155,7 +164,7 @@ def _event(time: float, kind: str, name: str, value: float, text: str) -> Any:
 
 
 def _contact(contact: RegionContact, epoch: float) -> Any:
-    """Return a copy of the contact as a message, since the contact changes later."""
+    """Copy a contact, which changes later, into a message; epoch: stamp of robot time 0 [s]."""
     message = RegionContactMessage()
     message.regions, message.dominant = list(contact.regions), bool(contact.dominant)
     message.link, message.other, message.kind = contact.link, contact.other, contact.kind

@@ -1,4 +1,4 @@
-"""Tracking of a real person: from the markers that cameras measure to the joints of the body. No ROS.
+"""Tracking of a real person: joint angles of the body from the markers that motion capture measures. No ROS.
 
     tracker = PersonTracker(body, list(body.markers))
     estimate = tracker.update(time, positions)         # each frame, NaN if a marker is not visible

@@ -1,8 +1,8 @@
 """Calibration of a person's segment lengths and marker positions from one still pose.
 
-Priors: the joints are near the stated pose, lengths near the tables', and markers near their positions in the set.
-Root, joint angles and lengths are the weighted least-squares solution for the measured markers; each marker is then
-fixed to its segment where it was measured.
+Priors: joint angles are near the stated pose, lengths near de Leva's table, and markers near their positions in the
+Plug-in Gait set. Root, joint angles and lengths are the weighted least-squares solution for the measured markers; each
+marker is then fixed to its segment where it was measured.
 """
 
 from collections.abc import Mapping, Sequence
@@ -26,30 +26,30 @@ from hric_human.tracking.tracker import PersonTracker, moved
 DURATION = 1.0
 """Duration of the still pose [s]. The constants of this file are project defaults, unconfirmed."""
 MAX_SWAY = 0.01
-"""Largest distance of a still marker from its mean position [m]."""
+"""Maximum distance of a marker from its mean position in a still pose [m]."""
 MIN_SHARE = 0.9
-"""Smallest share of the frames in which a marker must be visible [1]."""
+"""Minimum share of the frames in which a marker must be visible [1]."""
 POSE_SPREAD, MARKER_SPREAD, LENGTH_SPREAD = 0.09, 0.01, 0.05
-"""Standard deviations: joints from the pose [rad], markers from their positions [m], lengths from the table's [1]."""
+"""Prior standard deviations: of joints from the stated pose [rad], markers from the set [m], relative lengths [1]."""
 MAX_LENGTH_CHANGE = 0.2
-"""Largest change of the logarithm of a length [1]."""
+"""Maximum change of the logarithm of a length [1]."""
 MAX_OFFSET = 0.06
-"""Distance from its position in the set beyond which a marker is taken for another one [m]."""
+"""Distance of a marker from its position in the set [m] above which a wrong label is assumed."""
 STEP = 1e-3
 """Relative change of a length for numerical derivatives [1]."""
 SETTLED = 1e-4
-"""Step size below which the solver stops [rad], [m], [1]."""
+"""Step size at which the solver stops: root [m], [rad], joints [rad], logarithms of lengths [1]."""
 
 
 @dataclass(frozen=True)
 class BodyCalibration(Settings):
-    """Body that was fitted to a person, as in a YAML file."""
+    """Result of a calibration: the body that was fitted to a person. It is stored as a YAML file."""
 
     separator = "."
-    subject: Subject = section(Subject, text="with the lengths that were found")
-    markers: Mapping[str, Vector] = mapping(numbers(3, unit="m"), text="where each is, in axes of its link")
+    subject: Subject = section(Subject, text="with the fitted lengths")
+    markers: Mapping[str, Vector] = mapping(numbers(3, unit="m"), text="position of each, in axes of its link")
     residual: float = number(
-        minimum=0.0, unit="m", text="root mean square distance of the markers from the places that the set has them at"
+        minimum=0.0, unit="m", text="root mean square distance of the markers from their positions in the marker set"
     )
 
     def check(self, where: str) -> None:
@@ -61,7 +61,7 @@ class BodyCalibration(Settings):
 
     @classmethod
     def load(cls, path: Path) -> "BodyCalibration":
-        """Return the calibration of a file that `save` wrote. Raises ParameterError."""
+        """Read a calibration from a file that `save` wrote. Raises ParameterError."""
         return cls.of(read_yaml(path), f"{path.name}:")
 
     def save(self, path: Path) -> None:
@@ -74,7 +74,7 @@ class BodyCalibration(Settings):
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(yaml.safe_dump(values, sort_keys=False))
         except OSError as error:
-            raise CommandError(f"the calibration cannot be written: {error}") from error
+            raise CommandError(f"the calibration of the person cannot be written: {error}") from error
 
     @property
     def body(self) -> Body:
@@ -88,7 +88,7 @@ class BodyCalibration(Settings):
 
 
 class StillPose:
-    """Collector of the frames of a still pose.
+    """Collector of the motion capture frames of a still pose.
 
     Args:
         names: names of the markers.
@@ -100,7 +100,10 @@ class StillPose:
         self._began: float | None = None
 
     def add(self, time: float, positions: FloatArray) -> bool:
-        """Add a frame, see `PersonTracker.update`; return True if there are enough."""
+        """Add a frame at a time [s]; return True if the frames span DURATION.
+
+        positions: positions of the markers, shape (m, 3) [m]; NaN: not visible.
+        """
         if self._began is None or time < self._began:
             self._began, self._frames = time, []
         self._frames.append(positions)
@@ -110,7 +113,7 @@ class StillPose:
         """Return the mean position of each marker, shape (m, 3) [m].
 
         Raises:
-            CommandError: the person moved, or markers are missing; names them.
+            CommandError: the person moved, or markers are missing; the text names the markers.
         """
         frames = np.array(self._frames)
         seen = np.isfinite(frames).all(axis=2)
@@ -120,15 +123,16 @@ class StillPose:
         ]
         if missing:
             raise CommandError(
-                f"markers are missing: {', '.join(missing)} of the frames; valid: at least {MIN_SHARE:.0%} each"
+                f"markers are missing in too many frames: visible are {', '.join(missing)}; valid: visible in at least "
+                f"{MIN_SHARE:.0%} of the frames each"
             )
         mean: FloatArray = np.nanmean(frames, axis=0)
         sway = np.nanmax(np.linalg.norm(frames - mean, axis=2), axis=0)
         swayed = zip(self._names, sway, strict=True)
         if moving := [f"{name} {1e3 * far:.0f} mm" for name, far in swayed if far > MAX_SWAY]:
             raise CommandError(
-                f"the person has moved: {', '.join(moving)} from the mean; valid: up to {1e3 * MAX_SWAY:.0f} mm in "
-                f"{DURATION:g} s"
+                f"the person has moved: {', '.join(moving)} from the mean position; valid: up to "
+                f"{1e3 * MAX_SWAY:.0f} mm in {DURATION:g} s"
             )
         return mean
 
@@ -139,14 +143,14 @@ def calibrate(
     """Fit a body to a person in a still pose.
 
     Args:
-        subject: subject with the person's height and mass; its measured lengths are fitted like the others.
+        subject: subject with the person's height and mass; its measured lengths are start values of the fit.
         names: names of the markers.
-        positions: positions of the markers, shape (m, 3) [m].
+        positions: mean positions of the markers, shape (m, 3) [m].
         pose: angles of joints that are not zero in the pose, by joint [rad].
 
     Raises:
-        CommandError: a marker is far from its position in the set; names it.
-        ParameterError: a joint that the body does not have.
+        CommandError: a marker is far from its position in the set; the text names it.
+        ParameterError: the body does not have a joint of `pose`.
     """
     fit = _Fit(subject, names, positions, pose)
     fitted = fit.fit()
@@ -163,7 +167,7 @@ def calibrate(
 
 
 class _Fit:
-    """Least squares of root, joints and logarithms of lengths; the arguments are those of `calibrate`."""
+    """Least-squares fit of root pose, joint angles and logarithms of lengths; arguments as of `calibrate`."""
 
     def __init__(
         self, subject: Subject, names: Sequence[str], positions: FloatArray, pose: Mapping[str, float]
@@ -182,14 +186,14 @@ class _Fit:
         self.q, self._changes = self._pose, np.zeros(len(self._first))
 
     def fit(self) -> Subject:
-        """Return the subject with the best-fitting lengths; sets `q` and `root`.
+        """Return the subject with the best-fitting lengths; set `q` and `root` to the fitted posture.
 
         Raises:
             CommandError: markers are far from the body.
         """
         self._step(np.zeros((len(self._names), 3, 0)))
         self._check()
-        for _ in range(2):  # again with the lengths' derivatives in the posture just computed
+        for _ in range(2):  # the second time with derivatives by the lengths in the posture of the first
             p = self._at(self._changes)
             steps = STEP * np.eye(len(self._changes))
             self._step(np.stack([(self._at(self._changes + step) - p) / STEP for step in steps], axis=2))
@@ -200,7 +204,11 @@ class _Fit:
         refuse_far(dict(zip(self._names, distances.tolist(), strict=True)), 2.0 * MAX_OFFSET)
 
     def _step(self, by_length: FloatArray) -> None:
-        """Solve once; by_length: marker derivatives by log lengths, shape (m, 3, lengths or 0) [m]."""
+        """Solve for root, joints and lengths once.
+
+        Args:
+            by_length: derivatives of the markers by l log lengths, shape (m, 3, l) [m]; l = 0: the lengths are kept.
+        """
         n, count = ROOT_MOTIONS + len(self.q), by_length.shape[2]
         first, root = self._changes, self.root
         spread = np.concatenate([np.full(n - ROOT_MOTIONS, POSE_SPREAD), np.full(count, LENGTH_SPREAD)])
@@ -222,14 +230,14 @@ class _Fit:
             self._changes = x[n:]
 
     def _at(self, changes: FloatArray) -> FloatArray:
-        """Return the current positions of the markers, shape (m, 3) [m]."""
+        """Return the model's marker positions in the current posture, shape (m, 3) [m]; changes: of log lengths."""
         return self._marked(changes).at(self.q.tolist(), self.root)[0]
 
     def _marked(self, changes: FloatArray) -> MarkerModel:
         return MarkerModel(describe(self._with(changes)), self._names)
 
     def _with(self, changes: FloatArray) -> Subject:
-        """Return the subject with lengths multiplied by exp(change)."""
+        """Return the subject with its lengths multiplied by exp(change)."""
         if not changes.any():
             return self._subject
         lengths = dict(zip(self._first, (np.array(list(self._first.values())) * np.exp(changes)).tolist(), strict=True))
@@ -237,9 +245,12 @@ class _Fit:
 
 
 def refuse_far(offsets: Mapping[str, float], limit: float) -> None:
-    """Raise CommandError if an offset of a marker exceeds the limit [m]; offsets: by marker [m]."""
+    """Raise CommandError if markers are farther from their expected positions than `limit` [m].
+
+    offsets: distance of each marker from its expected position [m].
+    """
     if far := [f"{name} {1e3 * offset:.0f} mm" for name, offset in offsets.items() if offset > limit]:
         raise CommandError(
-            f"markers are not where they belong: {', '.join(far)} off; valid: up to {1e3 * MAX_OFFSET:.0f} mm, on "
-            "somebody who takes the pose, whose markers have their own names"
+            f"markers are not where they belong: {', '.join(far)} off; valid: up to {1e3 * MAX_OFFSET:.0f} mm. Check "
+            "that the person takes the stated pose and that the markers are labelled correctly"
         )

@@ -1,8 +1,8 @@
-"""Joints and root of a person by inverse kinematics of their markers, frame by frame.
+"""Joint angles and root pose of a person by inverse kinematics of their markers, frame by frame.
 
 Each frame is a weighted least-squares problem with two terms: the visible markers, and the prediction from the last
-frame. The prediction has so little weight that it does not change what the markers determine. Joints that they do not
-determine follow the prediction for a moment and are flagged as bridged; after that they are lost, and not reported.
+frame. The prediction has so little weight that it does not change what the markers determine. Joints that the markers
+do not determine follow the prediction for a short time and are flagged as bridged; after that they are flagged as lost.
 """
 
 import math
@@ -24,18 +24,18 @@ from hric_human.control.marker_model import ROOT_MOTIONS, MarkerModel
 
 Mask = npt.NDArray[np.bool_]
 MEASURED, BRIDGED, LOST = "measured", "bridged", "lost"
-"""States of the root and of joints."""
+"""Tracking states of the root and of joints: seen in this frame, predicted for up to BRIDGE, unknown for longer."""
 BRIDGE = 0.2
-"""Time for which joints without visible markers follow the prediction [s].
+"""Maximum time for which joints that the visible markers do not determine follow the prediction [s].
 
 The constants of this file are project defaults, unconfirmed.
 """
 STAMP = 1e-6
-"""Differences of times below this are rounding [s]."""
+"""Tolerance for rounding errors of times [s]."""
 MARKER_NOISE = 1e-3
-"""Standard deviation of a marker, its weight against the prediction [m]."""
+"""Standard deviation of a marker's measured position [m]; it sets the weight of markers against the prediction."""
 PREDICTED_POSITION, PREDICTED_ANGLE = 0.025, 0.05
-"""Standard deviations of the prediction of the next frame [m], [rad]: so wide that markers dominate."""
+"""Standard deviations of the prediction of the next frame [m], [rad]: so large that the markers dominate."""
 LOST_SPREAD = 1.0
 """Standard deviation of the prediction of a lost root or joint [m], [rad]."""
 VELOCITY_TIME, COASTING_TIME = 0.04, 0.5
@@ -44,24 +44,24 @@ VELOCITY_TIME, COASTING_TIME = 0.04, 0.5
 The decay prevents drift of joints that cannot be distinguished, such as two of a shoulder at 90 deg of abduction.
 """
 BLIND = 4.0
-"""Ratio of a joint's variance to that with all markers visible, from which on the joint is not observed, if it also
+"""Factor by which missing markers may raise a joint's variance; above it the joint may count as not observed [1].
 
-exceeds KNOWN_SHARE.
+It counts as not observed if its variance also exceeds KNOWN_SHARE times the variance of the prediction.
 """
 KNOWN_SHARE = 0.25
-"""Share of the prediction's variance above which a joint is not observed, with BLIND [1]."""
+"""Ratio of a joint's variance to that of its prediction, up to which the joint always counts as observed [1]."""
 FAR = 0.1
-"""Distance from the model beyond which a marker is mislabelled or spurious [m]."""
+"""Distance of a marker from the model [m] above which it is taken as mislabelled or spurious, and ignored."""
 MAX_MISLABELLED = 3
-"""Largest number of mislabelled markers in a frame."""
+"""Maximum number of markers that are ignored as mislabelled in a frame."""
 GOOD = 0.005
-"""Root mean square distance at which a first posture is accepted without trying others [m]."""
+"""Root mean square distance of markers at which the first posture is accepted without trying others [m]."""
 SETTLED, FIRST_SETTLED = 2e-3, 1e-6
-"""Step sizes below which the solver stops, in general and for the first posture [rad], [m]."""
+"""Step sizes at which the solver stops, in general and for the first posture [rad], [m]."""
 TRUNK = (ROOT, "waist", "torso")
-"""Links whose markers determine the root in the first frame."""
+"""Links whose markers determine the root's pose in the first frame."""
 GUESSES = 12
-"""Largest number of first postures that are tried, from a fixed seed."""
+"""Maximum number of random start postures for the first frame, from a fixed seed."""
 
 
 class PersonEstimate(NamedTuple):
@@ -69,12 +69,12 @@ class PersonEstimate(NamedTuple):
 
     Attributes:
         time: time of the frame [s].
-        root: pose of the root link in the frame of the markers.
+        root: pose of the root link in the motion capture frame.
         q, dq: positions and velocities of all joints, n floats each [rad], [rad/s]; meaningless for lost joints.
-        root_state: MEASURED, BRIDGED or LOST.
-        states: likewise for each joint.
-        residual: root mean square distance between measured and model markers [m]; NaN without any.
-        missing: names of markers that are not visible, or FAR from the model.
+        root_state: tracking state of the root: MEASURED, BRIDGED (predicted) or LOST.
+        states: tracking state of each joint.
+        residual: root mean square distance between measured and model markers [m]; NaN without visible markers.
+        missing: names of markers that are not visible, or ignored since they are too far from the model.
     """
 
     time: float
@@ -88,7 +88,15 @@ class PersonEstimate(NamedTuple):
 
 
 class _Posture(NamedTuple):
-    """First posture; distances of the markers [m], and their Jacobian."""
+    """Candidate for the posture in the first frame, with its distances to the measured markers.
+
+    Attributes:
+        residual: root mean square of the distances [m].
+        root: pose of the root link in the motion capture frame.
+        q: joint positions, shape (n,) [rad].
+        distances: distance of each marker from the model, shape (m,) [m].
+        J: Jacobian of the markers by root motion and joints, shape (m, 3, 6 + n) [m/m], [m/rad].
+    """
 
     residual: float
     root: Pose
@@ -101,11 +109,11 @@ class PersonTracker:
     """Tracker of one person; called from one thread.
 
     Args:
-        body: body of the person, with a trunk, whose root is free.
+        body: body of the person, with a trunk; its root link moves freely.
         names: names of the markers that the person wears, in the order of positions.
 
     Raises:
-        ParameterError: a marker that the body does not have, or fewer than three of them on the trunk.
+        ParameterError: the body does not have a marker, or fewer than three markers are on the trunk.
     """
 
     def __init__(self, body: Body, names: Sequence[str]) -> None:
@@ -114,8 +122,8 @@ class PersonTracker:
         self._trunk = [row for row, name in enumerate(names) if body.markers[name].link in TRUNK]
         if len(self._trunk) < 3 or "torso" not in body.segments:
             raise ParameterError(
-                f"{len(self._trunk)} markers are on the trunk of the body ({body.subject.parts}), whose pose they have "
-                "to show; valid: three or more, on a subject with parts upper_body or whole_body"
+                f"{len(self._trunk)} markers are on the trunk of the body ({body.subject.parts}), too few for its "
+                "pose; valid: three or more, on a subject with parts upper_body or whole_body"
             )
         self.body, self.names = body, tuple(names)
         self._marked = MarkerModel(body, names)
@@ -136,21 +144,20 @@ class PersonTracker:
         self.restart()
 
     def restart(self) -> None:
-        """Discard the history."""
+        """Discard all earlier frames; the next frame is handled as the first one."""
         n = len(self._rest)
         self._last: tuple[float, Pose, FloatArray] | None = None
         self._v, self._measured_at = np.zeros(ROOT_MOTIONS + n), np.full(ROOT_MOTIONS + n, -math.inf)
 
     def update(self, time: float, positions: FloatArray) -> PersonEstimate | None:
-        """Process a frame.
+        """Estimate the state of the person from a frame.
 
         Args:
-            time: time of the frame [s]; one that is not after the last one restarts the tracker.
+            time: time of the frame [s]; a time that does not increase restarts the tracker.
             positions: positions of the markers, shape (m, 3) [m]; NaN: not visible.
 
         Returns:
-            None if the person is not found yet, or is lost: too few markers of the trunk, or no posture of the body
-                fits.
+            estimate; None if too few markers of the trunk are visible, or no posture of the body fits the markers.
         """
         seen: Mask = np.array(np.isfinite(positions).all(axis=1))
         if self._last is not None and time <= self._last[0]:
@@ -174,7 +181,19 @@ class PersonTracker:
     def _fitted(
         self, positions: FloatArray, seen: Mask, root: Pose, guess: FloatArray, spread: FloatArray
     ) -> tuple[FloatArray, Mask, float]:
-        """Return root motion from `root` and joints, valid markers, and their root mean square distance [m]."""
+        """Fit root and joints to the visible markers, ignoring markers that are FAR from the model.
+
+        Args:
+            positions: positions of the markers, shape (m, 3) [m].
+            seen: True for visible markers, shape (m,).
+            root: predicted pose of the root link.
+            guess: predicted root motion (0) and joint positions, shape (6 + n,).
+            spread: standard deviation of `guess`, shape (6 + n,).
+
+        Returns:
+            motion of the root from `root` and joint positions, shape (6 + n,); True for used markers, shape (m,); root
+                mean square distance of the used markers [m], NaN without any.
+        """
         for _ in range(1 + MAX_MISLABELLED):
             x, _ = self._solver.solve(self._task(positions, seen, root, guess, spread), guess, 0.0, SETTLED)
             distances = np.linalg.norm(positions - self._p, axis=1)
@@ -185,11 +204,11 @@ class PersonTracker:
         return x, seen, float(np.sqrt(np.mean(distances[seen] ** 2))) if seen.any() else math.nan
 
     def _task(self, positions: FloatArray, seen: Mask, root: Pose, guess: FloatArray, spread: FloatArray) -> Task:
-        """Return the task: marker errors over their noise, and the distance from the prediction over its spread."""
+        """Return the least-squares task: marker errors over MARKER_NOISE, and deviations from `guess` over `spread`."""
         prior = np.diag(1.0 / spread)
 
         def task(x: list[float]) -> tuple[FloatArray, FloatArray]:
-            # Stored, since the solver's last call is at its solution.
+            # Stored for later use: the solver's last call is at its solution.
             p, J = self._p, self._J = self._marked.at(x[ROOT_MOTIONS:], moved(root, x[:ROOT_MOTIONS]))
             error = np.concatenate([(positions - p)[seen].ravel() / MARKER_NOISE, (guess - x) / spread])
             return error, np.vstack([J[seen].reshape(-1, len(x)) / MARKER_NOISE, prior])
@@ -206,7 +225,7 @@ class PersonTracker:
         seen: Mask,
         residual: float,
     ) -> PersonEstimate:
-        """Store the new state, and return it as an estimate."""
+        """Store root pose and joint positions of this frame, update the velocities, and return the estimate."""
         assert self._last is not None
         _, before, q_before = self._last
         shown = self._shown(seen)
@@ -218,7 +237,10 @@ class PersonTracker:
         return self._estimate(seen, residual)
 
     def _shown(self, seen: Mask) -> Mask:
-        """Return which motions of root and joints are observed, shape (6 + n,), by the least-squares variances."""
+        """Return True for root motions and joints that the markers `seen` determine, shape (6 + n,).
+
+        The criterion is the variance of the least-squares solution, see BLIND and KNOWN_SHARE.
+        """
         if seen.all():
             return np.ones(len(self._spread), dtype=bool)
         variances = [self._variances(rows) for rows in (seen, np.ones(len(seen), dtype=bool))]
@@ -260,9 +282,9 @@ class PersonTracker:
         return self._estimate(seen, best.residual)
 
     def _settled(self, positions: FloatArray, seen: Mask, q: FloatArray) -> "_Posture":
-        """Return the best-fitting posture near q."""
+        """Return the posture near joint positions q that fits the visible markers best."""
         root, free = self.root_from_trunk(positions, seen, q), np.full(len(self._spread), LOST_SPREAD)
-        for _ in range(2):  # again, since the root's rotation was linearised
+        for _ in range(2):  # the second time since the first one linearises the root's rotation
             guess = np.concatenate([np.zeros(ROOT_MOTIONS), q])
             x, _ = self._solver.solve(self._task(positions, seen, root, guess, free), guess, 0.0, FIRST_SETTLED)
             root, q = moved(root, x[:ROOT_MOTIONS]), x[ROOT_MOTIONS:]
@@ -270,7 +292,13 @@ class PersonTracker:
         return _Posture(float(np.sqrt(np.mean(distances[seen] ** 2))), root, q, distances, self._J)
 
     def root_from_trunk(self, positions: FloatArray, seen: Mask, q: FloatArray) -> Pose:
-        """Return the root pose that best fits the markers of an upright trunk (Kabsch 1976)."""
+        """Return the pose of the root link that best fits the trunk's visible markers (Kabsch 1976).
+
+        Args:
+            positions: positions of the markers, shape (m, 3) [m].
+            seen: True for visible markers, shape (m,).
+            q: joint positions, shape (n,) [rad].
+        """
         rows = [row for row in self._trunk if seen[row]]
         there, body = positions[rows], self._marked.at(q.tolist(), Pose())[0][rows]
         U, _, Vt = np.linalg.svd((there - there.mean(axis=0)).T @ (body - body.mean(axis=0)))
@@ -280,7 +308,7 @@ class PersonTracker:
 
 
 def moved(root: Pose, motion: Sequence[float] | FloatArray) -> Pose:
-    """Return the pose after a translation [m] and a rotation vector [rad] in world axes; see `poses.difference`."""
+    """Return a pose moved by a translation [m] and a rotation vector [rad], 6 numbers in world axes."""
     dx, dy, dz, *rotation = (float(value) for value in motion)
     x, y, z = root.position
     return Pose((x + dx, y + dy, z + dz), product(from_rotation_vector(rotation), root.orientation))

@@ -1,1 +1,1 @@
-"""Electromyography: the driver node, the envelope, and emulated muscles."""
+"""Electromyography (EMG): the driver node, the signal envelope, and emulated muscles."""

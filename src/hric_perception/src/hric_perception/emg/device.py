@@ -27,22 +27,22 @@ from hric_perception.trigno.server import TrignoServer
 
 @dataclass(frozen=True)
 class EmulatedEmgSettings(DeviceSettings):
-    """Parameters of the device."""
+    """Parameters of the node `emulated_emg`, an emulated EMG device."""
 
     kind: ClassVar[str] = "EMG"
     transport: str = choice("lsl", "trigno")
-    name: str = text("emulated_emg", figures=True, text="of the LSL stream")
+    name: str = text("emulated_emg", figures=True, text="name of the LSL stream")
     rate: float = number(2000.0, minimum=100.0, maximum=20000.0, unit="Hz")
-    muscles: tuple[str, ...] = muscle_names("how many of the usual ones, or names")
+    muscles: tuple[str, ...] = muscle_names("number of default muscles, or names of muscles")
     amplitude: float = number(AMPLITUDE, minimum=0.0, maximum=1.0, unit="V", text="root mean square at full activation")
     activation: Settings = PROGRAM
     ip: str = text("127.0.0.1", text="address of the Trigno server")
-    command_port: int = whole(COMMAND_PORT, minimum=0, maximum=65535, text="TCP")
-    data_port: int = whole(EMG_PORT, minimum=0, maximum=65535, text="TCP")
+    command_port: int = whole(COMMAND_PORT, minimum=0, maximum=65535, text="TCP port of commands; 0: any free one")
+    data_port: int = whole(EMG_PORT, minimum=0, maximum=65535, text="TCP port of EMG data; 0: any free one")
 
     @property
     def source(self) -> str:
-        """Name of the stream in the driver's messages."""
+        """Name of the device's stream, LSL or Trigno, as the EMG driver writes it into its messages."""
         return super().source if self.transport == "lsl" else trigno_name(self.ip, self.data_port)
 
     @property
@@ -51,13 +51,13 @@ class EmulatedEmgSettings(DeviceSettings):
         return f"{len(self.muscles)} emulated muscles"
 
     def device(self, node: Node) -> Device:
-        """Return the muscles, whose activation may come from a topic."""
+        """Create the emulated muscles; subscribe to their activation if the program takes it from a topic."""
         names, program = self.muscles, self.activation
         replayed = program.replayed(names) if isinstance(program, RecordedEmg) else None
         delay = 0.0 if replayed is None else follow_human(node, replayed)
         faults = faults_of(self.faults, node.resolve("faults"), self.seed, delay)
         if self.transport == "trigno" and len(names) + faults.time_code > CHANNELS:
-            valid = f"for a Trigno {CHANNELS}, the time code counts as one"
+            valid = f"up to {CHANNELS} channels of a Trigno server, time code included"
             raise refused(f"{self.prefix}muscles", list(names), valid)
         units = ("V",) * len(names)
         if replayed is not None:
@@ -67,7 +67,7 @@ class EmulatedEmgSettings(DeviceSettings):
         return Device(self, names, units, signal, faults, known, None)
 
     def outlet(self, device: Device) -> Outlet:
-        """Return a Trigno server, or an LSL outlet."""
+        """Create the sender of the samples: an emulated Trigno server or an LSL outlet."""
         if self.transport == "lsl":
             return super().outlet(device)
         server = TrignoServer(self.rate, self.ip, self.command_port, self.data_port, device.faults.time_code)
@@ -76,15 +76,15 @@ class EmulatedEmgSettings(DeviceSettings):
 
 
 def activation_of(node: Node, program: Settings, channels: tuple[str, ...]) -> tuple[Activation, Callable[[], float]]:
-    """Return the muscle activation of a program or a topic, and the time up to which it is known [s].
+    """Return the activation as a function of robot time, and a function for the time up to which it is known [s].
 
     Args:
         node: node that subscribes to the topic.
-        program: the parameter `activation`.
-        channels: names of the channels.
+        program: value of the parameter `activation`: an activation program, or a topic.
+        channels: names of the EMG channels.
 
     Raises:
-        HricError: an invalid value.
+        HricError: a value of the program is not valid.
     """
     if not isinstance(program, TopicActivation):
         assert isinstance(program, ActivationProgram)

@@ -13,56 +13,59 @@ from hric_core.parameters import mapping, number, numbers, whole
 from hric_perception.chunk import Chunk, FloatArray, Layout
 
 SHORT_GAP = 0.05
-"""Longest gap over which filters continue; after a longer one they restart [s] (project default, unconfirmed)."""
+"""Longest gap in the samples across which the filters keep their state [s] (project default, unconfirmed).
+
+After a longer gap they restart.
+"""
 
 GRID = 16384
-"""Number of frequencies at which the delay of the band-pass is computed."""
+"""Number of frequencies at which the group delay of the band-pass is computed."""
 
 
 @dataclass(frozen=True)
 class EnvelopeSettings(Base):
-    """Settings of the filter chain."""
+    """Settings of the filter chain from raw EMG to its envelope."""
 
     band: tuple[float, ...] = numbers(
         2,
         (20.0, 450.0),
         unit="Hz",
-        text="edges of the band-pass; 20 to 450 Hz is what surface EMG is recorded with by custom (SENIAM, ISEK; "
-        "textbook)",
+        text="edges of the band-pass; 20 to 450 Hz is usual for surface EMG (SENIAM, ISEK; textbook)",
     )
     band_order: int = whole(
-        2, minimum=1, maximum=8, text="of the Butterworth prototype; the band-pass has twice as many poles"
+        2, minimum=1, maximum=8, text="order of the Butterworth prototype; the band-pass has twice as many poles"
     )
     notch: tuple[float, ...] = numbers(
-        range(9), (50.0,), unit="Hz", text="frequencies that are cut out; 50 Hz: the mains"
+        range(9), (50.0,), unit="Hz", text="frequencies removed by notch filters; 50 Hz: the mains"
     )
-    notch_quality: float = number(30.0, above=0.0, text="frequency over width at -3 dB")
-    lowpass: float = number(6.0, above=0.0, unit="Hz", text="of the rectified signal; 3 to 6 Hz by custom (textbook)")
-    lowpass_order: int = whole(4, minimum=1, maximum=8, text="Butterworth")
+    notch_quality: float = number(30.0, above=0.0, text="quality of the notch filters: frequency over width at -3 dB")
+    lowpass: float = number(
+        6.0, above=0.0, unit="Hz", text="cut-off of the low-pass of the rectified signal; 3 to 6 Hz is usual (textbook)"
+    )
+    lowpass_order: int = whole(4, minimum=1, maximum=8, text="order of the Butterworth low-pass")
     mvc: Mapping[str, float] = mapping(
         number(above=0.0),
         {},
         unit="unit of the channel",
-        text="envelope of the maximum voluntary contraction by channel; others are not normalised",
+        text="envelope at maximum voluntary contraction, by channel; other channels are not normalised",
     )
-    decimate: int = whole(10, minimum=1, maximum=10000, text="every so many samples one of the envelope")
+    decimate: int = whole(10, minimum=1, maximum=10000, text="number of EMG samples per sample of the envelope")
 
 
 def band_sections(settings: EnvelopeSettings, rate: float) -> FloatArray:
-    """Return the second-order sections of band-pass and notches at a rate [Hz].
+    """Return the second-order sections of band-pass and notches at a sample rate [Hz], shape (sections, 6).
 
     Raises:
-        ParameterError: a frequency that is too high for the rate.
+        ParameterError: a frequency is not between 0 and half the rate, or the band does not rise.
     """
     half, (low, high) = rate / 2, settings.band
     for name, value in (("band", high), *(("notch", value) for value in settings.notch), ("lowpass", settings.lowpass)):
         if not 0 < value < half:
             raise ParameterError(
-                f"envelope: {name} has {value:g} Hz, which samples at {rate:g} Hz cannot hold; valid: above 0, below "
-                f"{half:g} Hz"
+                f"envelope: {name} is {value:g} Hz; valid with {rate:g} samples per second: above 0, below {half:g} Hz"
             )
     if not 0 < low < high:
-        raise ParameterError(f"envelope: band is {low:g} to {high:g} Hz; valid: rising, above 0")
+        raise ParameterError(f"envelope: band is {low:g} to {high:g} Hz; valid: two rising frequencies above 0")
     parts = [scipy.signal.butter(settings.band_order, settings.band, "bandpass", fs=rate, output="sos")]
     parts += [
         scipy.signal.tf2sos(*scipy.signal.iirnotch(value, settings.notch_quality, fs=rate)) for value in settings.notch
@@ -71,12 +74,12 @@ def band_sections(settings: EnvelopeSettings, rate: float) -> FloatArray:
 
 
 def low_sections(settings: EnvelopeSettings, rate: float) -> FloatArray:
-    """Return the second-order sections of the low-pass."""
+    """Return the second-order sections of the low-pass at a sample rate [Hz], shape (sections, 6)."""
     return np.asarray(scipy.signal.butter(settings.lowpass_order, settings.lowpass, fs=rate, output="sos"))
 
 
 def lag(settings: EnvelopeSettings, rate: float) -> float:
-    """Return the delay of the envelope behind a slow change of the amplitude at a rate [Hz] [s].
+    """Return the delay of the envelope behind a slow change of the EMG amplitude [s], at a sample rate [Hz].
 
     It is the group delay of the low-pass at frequency 0, sum over its sections of (sum k b_k / sum b_k - sum k a_k /
     sum a_k) samples, plus the mean group delay of band-pass and notches for a white signal, each frequency weighted by
@@ -92,13 +95,13 @@ def lag(settings: EnvelopeSettings, rate: float) -> float:
 
 
 class Envelope:
-    """Filter chain with state: the sizes of the chunks make no difference.
+    """EMG envelope filter with state: its result does not depend on how samples are split into chunks.
 
     The filters replace a value that is not finite by the previous one; the envelope of that sample is NaN.
 
     Args:
-        settings: settings of the chain.
-        layout: layout of the chunks; channels measured in seconds (time codes) have no envelope.
+        settings: settings of the filter chain.
+        layout: layout of the raw EMG; channels measured in seconds (time codes) have no envelope.
 
     Attributes:
         layout: layout of the envelope.
@@ -125,7 +128,7 @@ class Envelope:
         self._clear()
 
     def add(self, chunk: Chunk) -> Chunk | None:
-        """Return the envelope of a chunk; None if none of its samples is kept."""
+        """Return the envelope of the next chunk of raw EMG; None if decimation leaves none of its samples."""
         if self._next is None or not 0 <= chunk.first - self._next <= SHORT_GAP * self._rate:
             self._clear()
         self._next = chunk.after

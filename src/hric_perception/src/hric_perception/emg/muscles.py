@@ -27,7 +27,7 @@ from hric_perception.emulation import BlockNoise
 from hric_perception.replayed import RecordedEmg, ValueTrack
 
 AMPLITUDE = 1e-3
-"""Root mean square at full activation [V]; surface EMG has 0 to 10 mV peak to peak (textbook)."""
+"""Root mean square of emulated EMG at full activation [V]; surface EMG has 0 to 10 mV peak to peak (textbook)."""
 PARTS: Mapping[str, tuple[str, ...]] = {
     "deltoid_anterior": ("delt_clav_a", "delt_clav_b"),
     "deltoid_middle": ("delt_scap_c", "delt_scap_d"),
@@ -38,48 +38,48 @@ PARTS: Mapping[str, tuple[str, ...]] = {
     "brachioradialis": ("brachiorad",),
     "wrist_flexors": ("wr_flex+",),
 }
-"""Eight muscles of a working arm (project default, unconfirmed), with their lines of action in the built-in anatomy.
+"""Eight default EMG channels of an arm (project default, unconfirmed), with the muscle paths below each electrode.
 
-The lines, named without the side, lie below an electrode there. Those of the deltoid that begin at the scapula run from
-its spine (a) to the acromion (d), so that a and b lie behind, c and d at the side (unconfirmed). The anatomy has no
-muscles of the wrist: their electrode measures the actuator that flexes it.
+Paths are those of the built-in body model, named without the side. The scapular paths of the deltoid begin along the
+spine of the scapula (a) up to the acromion (d): a and b are posterior, c and d lateral (unconfirmed). The body model
+has no wrist muscles: their electrode measures the actuator that flexes the wrist.
 """
 MUSCLES = tuple(PARTS)
-"""Names of the default muscles."""
+"""Names of the default EMG channels."""
 Activation = Callable[[FloatArray], FloatArray]
-"""Run times, shape (n,) [s] -> activation from 0 to 1, shape (n, muscles)."""
+"""Function from robot times, shape (n,) [s], to activation from 0 to 1, shape (n, muscles)."""
 
 
 @dataclass(frozen=True)
 class ActivationProgram(Settings):
-    """Activation program of muscles."""
+    """Settings of a program that activates emulated muscles over time."""
 
     def activation(self, count: int) -> Activation:
-        """Return the activation of `count` muscles. Raises ParameterError."""
+        """Return the activation of `count` muscles as a function of robot time. Raises ParameterError."""
         raise NotImplementedError
 
 
 @dataclass(frozen=True)
 class ConstantActivation(ActivationProgram):
-    """Constant activation program."""
+    """Settings of a program with the same constant activation for all muscles."""
 
     level: float = number(0.3, minimum=0.0, maximum=1.0)
 
     def activation(self, count: int) -> Activation:
-        """Return the constant activation."""
+        """Return the constant activation of `count` muscles as a function of robot time."""
         return lambda times: np.full((len(times), count), self.level)
 
 
 @dataclass(frozen=True)
 class Bursts(ActivationProgram):
-    """Half-cosine burst in each period, one muscle after the other."""
+    """Settings of a program with one raised-cosine burst of activation per period, one muscle after the other."""
 
     period: float = number(4.0, minimum=0.1, maximum=3600.0, unit="s")
     share: float = number(0.5, above=0.0, maximum=1.0)
     level: float = number(0.5, minimum=0.0, maximum=1.0)
 
     def activation(self, count: int) -> Activation:
-        """Return the bursts."""
+        """Return the bursts of `count` muscles as a function of robot time."""
         shift = np.arange(count) / count
 
         def bursts(times: FloatArray) -> FloatArray:
@@ -92,18 +92,18 @@ class Bursts(ActivationProgram):
 
 @dataclass(frozen=True)
 class Points(ActivationProgram):
-    """Rows of time and activation of all muscles, or of each; linear in between."""
+    """Settings of a program that interpolates linearly between rows of time and activation, common or per muscle."""
 
     points: tuple[tuple[float, ...], ...] = listing(numbers(), default=(), unit="s, 1")
 
     def activation(self, count: int) -> Activation:
-        """Return the interpolated activation."""
+        """Return the interpolated activation of `count` muscles as a function of robot time."""
         even = len({len(row) for row in self.points}) == 1 and len(self.points[0]) in (2, count + 1)
         rows = np.array(self.points) if even else np.empty((0, 2))
         if not len(rows) or (np.diff(rows[:, 0]) <= 0).any() or rows[:, 1:].min() < 0 or rows[:, 1:].max() > 1:
             raise ParameterError(
-                f"{self.prefix}points: valid: rows of rising time [s] and activation, 0 to 1, of all muscles or of "
-                f"each of {count}"
+                f"{self.prefix}points is not valid; valid: rows of rising time [s] and activation, 0 to 1: one for all "
+                f"muscles, or one for each of {count}"
             )
         values = np.broadcast_to(rows[:, 1:], (len(rows), count))
         return lambda times: np.column_stack([np.interp(times, rows[:, 0], column) for column in values.T])
@@ -111,10 +111,10 @@ class Points(ActivationProgram):
 
 @dataclass(frozen=True)
 class TopicActivation(Settings):
-    """Activation of a simulated human from a topic."""
+    """Settings of the activation of a simulated human's muscles, received on a topic."""
 
     topic: str = text("hric/human/activation", empty=False)
-    side: str = choice("right", "left", text="arm that wears the electrodes of the usual muscles")
+    side: str = choice("right", "left", text="arm with the electrodes of the default muscles")
 
 
 PROGRAM: Any = variant(
@@ -127,7 +127,7 @@ PROGRAM: Any = variant(
     '[s] and activation of all or of each), `topic` (`topic`, `side`): that of a simulated human, see "Muscles of a '
     'simulated human", `c3d`: EMG as it was recorded, see "A recorded trial"',
 )
-"""Parameter `activation`."""
+"""Parameter `activation`: source of the emulated muscles' activation, chosen by the key `program`."""
 
 
 BAND = (20.0, 450.0)
@@ -137,14 +137,14 @@ FLOOR = 2e-6
 
 
 class BodyActivation(ValueTrack):
-    """Activation of a simulated human's muscles from messages, linear in between; one thread adds.
+    """Muscle activation of a simulated human, interpolated linearly between messages; one thread adds them.
 
-    An electrode of a default muscle measures the mean of its lines (project default, unconfirmed: their shares below it
-    are not known); any other channel is a muscle of that name.
+    A default channel has the mean activation of its muscle paths (project default, unconfirmed: how much each one
+    contributes at the electrode is not known). Any other channel has that of the muscle path of the same name.
 
     Args:
-        channels: names of the channels.
-        side: side of the default muscles.
+        channels: names of the EMG channels.
+        side: side of the arm of default channels, "right" or "left".
     """
 
     def __init__(self, channels: Sequence[str], side: str) -> None:
@@ -156,15 +156,15 @@ class BodyActivation(ValueTrack):
         self._columns: list[list[int]] = []
 
     def add(self, time: float, names: Sequence[str], activation: Sequence[float]) -> None:
-        """Add a message; an earlier time restarts the track.
+        """Add the activation of one message; a time before the last one clears what is stored.
 
         Args:
             time: robot time [s].
-            names: names of the muscles.
-            activation: activation of each [1].
+            names: names of the muscle paths.
+            activation: activation of each path [1].
 
         Raises:
-            CommandError: a muscle is missing; raised once, since it is missing in the following messages, too.
+            CommandError: a muscle path is missing; raised only for the first of several messages with equal names.
         """
         if tuple(names) != self._names:
             self._names, self._columns = tuple(names), []
@@ -180,7 +180,7 @@ class BodyActivation(ValueTrack):
 
 
 class EmulatedMuscles:
-    """EMG signal for `EvenSensor`: amplitude * activation * noise + floor.
+    """Emulated EMG, a signal for `EvenSensor`: amplitude * activation * band-limited noise + noise floor.
 
     Args:
         activation: activation of each muscle.
@@ -196,16 +196,16 @@ class EmulatedMuscles:
         self._activation, self._amplitude = activation, amplitude
         low, high = BAND[0], min(BAND[1], 0.45 * rate)
         if low >= high:
-            raise ParameterError(f"EMG at {rate:g} Hz: valid: above {BAND[0] / 0.45:.0f} Hz")
+            raise ParameterError(f"emulated EMG has a rate of {rate:g} Hz; valid: above {BAND[0] / 0.45:.0f} Hz")
         self._sections = scipy.signal.butter(2, (low, high), "bandpass", fs=rate, output="sos")
         response = scipy.signal.freqz_sos(self._sections, 4096, fs=rate)[1]
-        self._gain = 1.0 / math.sqrt(float(np.mean(np.abs(response) ** 2)))  # white noise of deviation 1 keeps it
+        self._gain = 1.0 / math.sqrt(float(np.mean(np.abs(response) ** 2)))  # the filtered noise has deviation 1 again
         self._state = np.zeros((len(self._sections), 2, count))
         self._carrier = BlockNoise(count, seed, 3, self._in_band)
         self._floor = BlockNoise(count, seed, 4)
 
     def __call__(self, first: int, times: FloatArray) -> FloatArray:
-        """Return the signal [V]."""
+        """Return the EMG of samples numbered from `first` at robot times, shape (n,) [s]: shape (n, muscles) [V]."""
         carrier, floor = self._carrier.values(first, len(times)), self._floor.values(first, len(times))
         return self._amplitude * np.clip(self._activation(times), 0.0, 1.0) * carrier + FLOOR * floor
 
@@ -215,14 +215,14 @@ class EmulatedMuscles:
 
 
 def muscles(names_or_count: int | tuple[str, ...]) -> tuple[str, ...]:
-    """Return names of muscles: the given ones, or the first default ones. Raises ValueError."""
+    """Return names of EMG channels: the given ones, or the first default ones. Raises ValueError."""
     if isinstance(names_or_count, int) and not 1 <= names_or_count <= len(MUSCLES):
         raise ValueError
     return MUSCLES[:names_or_count] if isinstance(names_or_count, int) else names_or_count
 
 
 def muscle_names(text: str = "") -> Any:
-    """Return a parameter with names of muscles, or the number of default ones."""
+    """Return the declaration of a parameter: names of EMG channels, or how many default channels."""
     kinds: Parameter = either(whole(), names(range(1, 65)), default=len(MUSCLES), made=muscles, text=text)
     kinds.accepts = f"1 to {len(MUSCLES)} of the usual muscles, or a list of up to 64 names, all different"
     return kinds

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-import scipy.signal  # noqa: F401  the filters' own, else loaded with the first sample, while others wait in the driver
+import scipy.signal  # noqa: F401  imported here, so that loading it does not delay the first samples
 from std_srvs.srv import SetBool, SetBoolResponse
 
 from hric_core.errors import HricError
@@ -28,7 +28,7 @@ LOG = logging.getLogger("hric.perception.emg")
 
 @dataclass(frozen=True)
 class EmgSettings(DriverSettings):
-    """Parameters of the node."""
+    """Parameters of the node `emg`, the EMG driver."""
 
     kind: ClassVar[str] = "EMG"
     also: ClassVar[tuple[str, ...]] = ("measured_mvc",)
@@ -37,17 +37,17 @@ class EmgSettings(DriverSettings):
     envelope: EnvelopeSettings = section(EnvelopeSettings)
 
     def publisher(self, node: Node, on_trouble: Callable[[str], None]) -> "EmgPublisher":
-        """Return the publisher of samples and envelope."""
+        """Return the publisher of raw EMG and its envelope."""
         return EmgPublisher(node, self.envelope, on_trouble)
 
     def driver(self, node: Node, publisher: Any, stream: SampleStream, health: StreamHealth) -> Driver:
-        """Return the driver of the source."""
+        """Return the driver that reads EMG: a Trigno client or an LSL reader."""
         if self.source == "trigno":
             return TrignoClient(self.trigno, stream, health)
         return super().driver(node, publisher, stream, health)
 
     def local_outlet(self, device: Device, publisher: SamplePublisher, stream: SampleStream) -> Outlet:
-        """Return the outlet of emulated muscles in this process."""
+        """Return the outlet by which emulated muscles in this process send to `stream`, without a network."""
         settings = device.settings
         if not self.source == settings.transport == "trigno":
             return super().local_outlet(device, publisher, stream)
@@ -56,12 +56,12 @@ class EmgSettings(DriverSettings):
 
 
 class TrignoOutlet(StampedOutlet):
-    """Outlet through the encoder of a Trigno server and the decoder of its client.
+    """Outlet of emulated EMG that encodes and decodes samples like Trigno server and client, within one process.
 
-    A frame arrives when its last sample was sent.
+    A frame arrives when its last sample is sent.
 
     Args:
-        stream: receiver of the samples; it has begun.
+        stream: receiver of the samples, already begun.
         settings: settings of the client.
         rate: rate of the samples [Hz].
         faults: faults of the samples.
@@ -80,9 +80,10 @@ class TrignoOutlet(StampedOutlet):
 
 
 class MvcService:
-    """Service `record_mvc`: true begins a recording, false ends it.
+    """Service `record_mvc`: records the largest EMG envelope of a maximum voluntary contraction (MVC).
 
-    At the end it sets the parameter `measured_mvc` and responds with the largest envelope of each channel.
+    A request with true begins a recording. One with false ends it, sets the parameter `measured_mvc` to the largest
+    envelope of each channel, and responds with these values.
 
     Args:
         node: private node.
@@ -96,7 +97,7 @@ class MvcService:
         node.service("record_mvc", SetBool, self._serve)
 
     def take(self, chunk: Chunk) -> None:
-        """Update the largest envelope with a chunk."""
+        """Update the largest envelope of each channel with the next chunk, while a recording runs."""
         with self._lock:
             if self._recording and len(chunk.data):
                 largest = np.nan_to_num(chunk.data, nan=0.0).max(axis=0)
@@ -111,9 +112,9 @@ class MvcService:
             if request.data:
                 self._largest = None
         if request.data:
-            return SetBoolResponse(True, "contract as hard as you can; call again with false")
+            return SetBoolResponse(True, "recording: contract as hard as you can, then call again with false")
         if not was or largest is None:
-            return SetBoolResponse(False, "no envelope was recorded; call with true first, while samples come")
+            return SetBoolResponse(False, "no envelope was recorded; call with true first, while EMG samples arrive")
         maxima = {name: float(value) for name, value in zip(names, largest, strict=True)}
         self._node.set_param("measured_mvc", maxima)
         return SetBoolResponse(
@@ -122,12 +123,12 @@ class MvcService:
 
 
 class EmgPublisher:
-    """Publisher of chunks and their envelope; called from one thread.
+    """Publisher of raw EMG and its envelope; called from one thread.
 
     Args:
         node: private node.
         settings: settings of the envelope.
-        on_trouble: callback with the reason if a stream can have no envelope.
+        on_trouble: callback with the reason if the envelope of a stream cannot be computed.
     """
 
     def __init__(self, node: Node, settings: EnvelopeSettings, on_trouble: Callable[[str], None]) -> None:
@@ -140,11 +141,11 @@ class EmgPublisher:
         self._mvc = MvcService(node)
 
     def choose(self, layout: Layout) -> Layout:
-        """Return the layout of a stream as it is."""
+        """Return the layout unchanged: EMG is published with the channels of its source."""
         return layout
 
     def publish(self, chunk: Chunk) -> None:
-        """Publish the next chunk and its envelope."""
+        """Publish the next chunk of raw EMG and its envelope."""
         self._raw.publish(chunk_message(chunk))
         if self._layout is not chunk.layout:
             self._begin(chunk)
@@ -153,7 +154,7 @@ class EmgPublisher:
             self._smooth.publish(chunk_message(smooth))
 
     def _begin(self, chunk: Chunk) -> None:
-        """Begin with the filters of another stream; a stream that they cannot filter has no envelope."""
+        """Create the envelope filter of a new stream; log why if the filter does not suit its rate or channels."""
         self._layout, self._envelope = chunk.layout, None
         try:
             self._envelope = Envelope(self._settings, chunk.layout)

@@ -19,7 +19,7 @@ from hric_perception.trigno.client import TrignoSettings as TrignoSettings
 
 @dataclass(frozen=True)
 class EmulatedEmg(Settings):
-    """Mapping `emulated` of EMG."""
+    """Mapping `emulated` of the section `emg`: the emulated muscles."""
 
     activation: Settings = PROGRAM
     amplitude: float = number(AMPLITUDE, minimum=0.0, maximum=1.0, unit="V")
@@ -28,26 +28,32 @@ class EmulatedEmg(Settings):
 
 @dataclass(frozen=True)
 class EmgSection(SensorSection):
-    """Section `emg`."""
+    """Section `emg` of an experiment file: an EMG sensor, real or emulated."""
 
     name, emulated_name = "emg", "emulated_emg"
     driver_keys = ("envelope", "lsl", "trigno")
-    transport: str = choice("lsl", "trigno", text="by which EMG comes")
-    channels: tuple[str, ...] = muscle_names("how many of the usual muscles, or names, which a real stream needs")
-    rate: float = number(2000.0, minimum=100.0, maximum=20_000.0, unit="Hz", text="of the emulated device")
-    envelope: Mapping[str, object] | None = for_node(section(EnvelopeSettings), "how it is made: hric_perception")
-    trigno: Mapping[str, object] | None = for_node(section(TrignoSettings), "which server: hric_perception")
+    transport: str = choice("lsl", "trigno", text="transport of the EMG")
+    channels: tuple[str, ...] = muscle_names(
+        "number of default muscles, or names of muscles, which a real stream needs"
+    )
+    rate: float = number(2000.0, minimum=100.0, maximum=20_000.0, unit="Hz", text="sample rate of the emulated device")
+    envelope: Mapping[str, object] | None = for_node(
+        section(EnvelopeSettings), "filters and normalisation of the envelope, see hric_perception"
+    )
+    trigno: Mapping[str, object] | None = for_node(
+        section(TrignoSettings), "connection to the Trigno server, see hric_perception"
+    )
 
     @classmethod
     def parts(cls) -> tuple[type[DriverSettings], type[DeviceSettings]]:
-        """Return the parameters of both nodes."""
+        """Return the parameter classes of the driver's node and of the emulated device's node."""
         from hric_perception.emg.device import EmulatedEmgSettings
         from hric_perception.emg.publisher import EmgSettings
 
         return EmgSettings, EmulatedEmgSettings
 
     def check(self, where: str) -> None:
-        """Refuse values that the emulated device would refuse."""
+        """Check that the activation program suits the channels, as the emulated device would. Raises ParameterError."""
         program = EmulatedEmg.of(self.emulated, f"{where}emulated").activation
         if isinstance(program, RecordedEmg):
             program.replayed(self.channels)
@@ -55,7 +61,7 @@ class EmgSection(SensorSection):
             program.activation(len(self.channels))
 
     def nodes(self, seed: int, person: Mapping[str, object]) -> dict[str, dict[str, object]]:
-        """Return the private parameters of both nodes; muscles of a simulated human are those of the hand's side."""
+        """Return the private parameters of driver and device; default muscles are of a simulated human's active arm."""
         parameters, settings, names = super().nodes(seed, person), dict(self.trigno or {}), list(self.channels)
         trigno, device = self.transport == "trigno", parameters.get(self.emulated_name)
         if trigno:
@@ -69,12 +75,12 @@ class EmgSection(SensorSection):
 
     @property
     def source(self) -> SourcePlan:
-        """Source for the plan of the synchroniser."""
+        """Entry of the EMG samples in the synchroniser's plan."""
         return self._source("hric/perception/emg/raw", {"V": self.channels})
 
 
 def _following_side(human: Any) -> str:
-    """Return the side of the hand that follows and feels: "right" or "left"; human: the section `human`."""
+    """Return the side, "right" or "left", of the hand with which a simulated human acts; human: section `human`."""
     person = HumanSettings.of(human, HUMAN)
     control = ControlSettings.of(person.control, f"{person.prefix}control")
     return hand_side(person.body(), control.side, person.prefix)

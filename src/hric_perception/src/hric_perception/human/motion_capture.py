@@ -1,4 +1,4 @@
-"""Emulated Motive that measures a hand, the markers of a recorded trial, or the human in the robot's plant.
+"""Emulated Motive (OptiTrack) that measures a moving hand, the markers of a recorded trial, or a simulated human.
 
 Its settings and scene come from a section of an experiment file.
 """
@@ -24,27 +24,27 @@ from mocap_natnet.server.c3d_source import RecordedBody, labels_of
 
 
 class Recorded(Program):
-    """Program whose hand follows a recorded one; it is as smooth as the recording.
+    """Program that moves the hand as in a recorded trial, without smoothing.
 
     Args:
-        bodies: name -> body; the first is the hand.
-        T_base_mocap: pose of the laboratory's frame, z up, in the robot's base.
+        bodies: rigid bodies of the trial by name; the first is the hand.
+        T_base_mocap: pose of the mocap frame, z up, in the robot's base.
     """
 
     def __init__(self, bodies: dict[str, RecordedBody], T_base_mocap: Pose) -> None:
         self._hand, self.bodies, self._T = next(iter(bodies.values())), bodies, T_base_mocap
 
     def pose(self, time: float) -> Pose:
-        """Return the recorded pose of the hand; gaps are interpolated linearly."""
+        """Return the hand's recorded pose in the robot's base at a time of the trial [s]; gaps are interpolated."""
         return compose(self._T, self._hand.pose(time))
 
     @property
     def span(self) -> tuple[float, float]:
-        """Start 0, and the duration of the recording [s]."""
+        """Start and end of the program [s]: 0, and the duration of the recording."""
         return 0.0, self._hand.duration
 
     def seen(self, hand: Hand) -> list[SceneBody]:
-        """Return all bodies as the cameras see them, in the time of the hand."""
+        """Return all recorded bodies as emulated cameras see them; `hand` converts stream time to time of the trial."""
         return [_body(name, number, body, hand.since) for number, (name, body) in enumerate(self.bodies.items(), 1)]
 
 
@@ -54,21 +54,21 @@ def _body(name: str, number: int, body: RecordedBody, since: Callable[[float], f
 
 @dataclass(frozen=True)
 class RecordedHuman(TrialSettings):
-    """Emulated human as the markers of a trial."""
+    """Settings of an emulated human that replays the markers of a recorded trial (c3d file)."""
 
     name: str = text("hand", figures=True)
     begin: float = number(0.0, minimum=0.0, maximum=3600.0, unit="s")
     still: Mapping[str, Vector] = mapping(numbers(3, unit="m"), {})
-    labels: tuple[str, ...] | None = names(None, None, text="of the hand's markers")
-    bodies: Mapping[str, tuple[str, ...]] = mapping(names(), {}, text="further ones: name -> labels")
+    labels: tuple[str, ...] | None = names(None, None, text="labels of the hand's markers")
+    bodies: Mapping[str, tuple[str, ...]] = mapping(names(), {}, text="further rigid bodies: name -> labels of markers")
 
     def check(self, where: str) -> None:
-        """Refuse an additional body with the hand's name."""
+        """Raise ParameterError if a further body has the hand's name."""
         if self.name in self.bodies:
-            raise ParameterError(f"{where}bodies has {self.name!r}, which is the hand; valid: other names")
+            raise ParameterError(f"{where}bodies has {self.name!r}, which is the name of the hand; valid: other names")
 
     def recorded(self, T_base_mocap: Pose) -> Recorded:
-        """Return the program. Raises ParameterError."""
+        """Return the program that replays the trial; T_base_mocap: pose of the mocap frame. Raises ParameterError."""
         trial = self.trial()
         labelled = {self.name: self.labels, **self.bodies}
         try:
@@ -83,7 +83,7 @@ class StreamSettings(Settings):
     """Settings and faults of the emulated Motive's stream."""
 
     rate: float = number(240.0, minimum=1.0, maximum=1000.0, unit="Hz")
-    version: Version = bitstream((4, 1), "newest that it speaks", "bitstream")
+    version: Version = bitstream((4, 1), "newest bitstream (protocol version) of the emulated Motive", "bitstream")
     transport: str = choice(*TRANSPORTS, default="multicast")
     up_axis: str = choice(*UP_AXES)
     command_port: int = whole(COMMAND_PORT, minimum=1, maximum=65535)
@@ -100,52 +100,52 @@ class StreamSettings(Settings):
     occlusion_length: float = number(0.3, minimum=0.0, maximum=60.0, unit="s")
 
     def motive(self, seed: int) -> MotiveSettings:
-        """Return the settings of the emulated Motive; seed: of jitter and loss."""
+        """Return the settings of the emulated Motive; seed: seed of its random jitter and packet loss."""
         shared = ("rate", "version", "transport", "command_port", "data_port", "latency", "jitter", "loss", "drift")
         return MotiveSettings(**{name: getattr(self, name) for name in shared}, seed=seed)
 
     def faults(self, seed: int) -> CameraFaults:
-        """Return the faults of the measured poses and markers."""
+        """Return the faults of measured poses and markers: noise and occlusions; seed: seed of their randomness."""
         shared = ("noise", "rotation_noise", "marker_noise", "occlusions", "occlusion_rate", "occlusion_length")
         return CameraFaults(**{name: getattr(self, name) for name in shared}, seed=seed)
 
 
 @dataclass(frozen=True)
 class Marked(Settings):
-    """Settings of the hand of the human in the robot's plant as a marked body, with static bodies next to it."""
+    """Settings of a simulated human's hand as a rigid body with markers, and of static rigid bodies next to it."""
 
     name: str = text("hand", figures=True)
     still: Mapping[str, Vector] = mapping(numbers(3, unit="m"), {})
     markers: tuple[Vector, ...] = listing(numbers(3), default=(), unit="m")
 
     def check(self, where: str) -> None:
-        """Refuse too few markers."""
+        """Raise ParameterError if the hand has markers, but fewer than three."""
         super().check(where)
         if self.markers and len(self.markers) < 3:
             raise ParameterError(
-                f"{where}markers has {len(self.markers)} rows; valid: three markers or more make a body"
+                f"{where}markers has {len(self.markers)} rows; valid: at least three, which a rigid body needs"
             )
 
 
 @dataclass(frozen=True)
 class CapturedHand(Marked, Motion):
-    """Settings of a marked hand that is moved by a program."""
+    """Settings of a hand with markers that is moved by a program."""
 
 
 PROGRAMS: dict[str, type[Settings]] = {**with_programs(CapturedHand), "c3d": RecordedHuman, PROGRAM: Marked}
 HUMAN: Any = variant("program", PROGRAMS, "sinusoid", {})
-"""Mapping `human`."""
+"""Declaration of the mapping `human`: what moves the emulated human's hand, chosen by its key `program`."""
 
 
 @dataclass(frozen=True)
 class CapturedHuman:
-    """Human and the motion capture that measures them.
+    """Emulated human, and the emulated motion capture that measures them.
 
     Attributes:
         hand: moving hand.
         motive: emulated Motive that measures the hand and the static bodies.
-        name: name of the hand's body.
-        body: body of the human in the robot's plant, if the hand is theirs; None: the hand moves by a program.
+        name: name of the hand's rigid body.
+        body: body of the simulated human to whom the hand belongs; None: the hand is moved by a program.
     """
 
     hand: Hand
@@ -163,20 +163,20 @@ def see(
     person: Any = None,
     world_from_base: Any = None,
 ) -> CapturedHuman:
-    """Build the human and the emulated Motive.
+    """Create an emulated human and the emulated Motive that measures them.
 
     Args:
-        human: mapping: the program with its keys, `begin`, `name`, `markers`, `still`.
-        stream: mapping: settings and faults of the Motive's stream.
-        base_from_mocap: mapping `xyz`, `xyzw`: pose of the mocap frame, z up, in the base, the program's frame; None:
-            the same frame.
+        human: mapping with the program and its keys, `begin`, `name`, `markers`, `still`.
+        stream: mapping with settings and faults of the Motive's stream.
+        base_from_mocap: mapping `xyz` [m], `xyzw`: pose of the mocap frame, z up, in the robot's base, in which a
+            program moves the hand; None: identity.
         seed: seed of all randomness.
-        where: name of what contains the mappings, for messages, e.g. "mocap.".
-        person: section `human` of the experiment, which the program `body` needs.
-        world_from_base: mapping `xyz`, `xyzw`: pose of the base in the world, the human's frame; None: the same frame.
+        where: prefix of the mappings' names in error messages, e.g. "mocap.".
+        person: section `human` of the experiment, the simulated human that the program `body` needs.
+        world_from_base: mapping `xyz` [m], `xyzw`: pose of the robot's base in the world; None: identity.
 
     Raises:
-        HricError: an invalid value; names the key.
+        HricError: a value is not valid; the message names its key.
     """
     settings: Marked | RecordedHuman = HUMAN.checked(human, f"{where}human")
     streaming = StreamSettings.of(stream, f"{where}stream")
@@ -214,7 +214,7 @@ def _in_mocap(T_mocap_base: Pose, source: Callable[[float], Pose]) -> Callable[[
 
 
 def _still(positions: Mapping[str, Vector], T_mocap_base: Pose, first: int) -> list[SceneBody]:
-    """Return static bodies: name -> [x, y, z] in the base [m]; first: streaming id of the first one."""
+    """Return static rigid bodies at positions in the robot's base [m], by name; first: streaming id of the first."""
     bodies = []
     for index, (name, position) in enumerate(positions.items(), first):
         pose = compose(T_mocap_base, Pose(position))

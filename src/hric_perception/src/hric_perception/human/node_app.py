@@ -1,4 +1,4 @@
-"""Node `emulated_human`: the hand, the Motive that measures it, and topics with the true motion."""
+"""Node `emulated_human`: a moving hand, the emulated Motive that measures it, and topics with its true motion."""
 
 import threading
 from dataclasses import dataclass, replace
@@ -24,42 +24,42 @@ from mocap_natnet.client.settings import address
 from mocap_natnet.server import MotiveServer
 
 MIN_SLEEP = 2e-4
-"""Time between checks if a pose is due [s] (project default, unconfirmed)."""
+"""Shortest time between checks whether a true pose is due [s] (project default, unconfirmed)."""
 
 
 @dataclass(frozen=True)
 class EmulatedHumanSettings(Settings):
-    """Parameters of the node; the mappings are read by `see`."""
+    """Parameters of the node `emulated_human`; the function `see` reads the mappings."""
 
     human: Any = anything({}, default_text="`{program: sinusoid}`", text="how the hand moves, see below")
-    stream: Any = anything({}, text="how Motive streams, see below")
+    stream: Any = anything({}, text="settings and faults of Motive's stream, see below")
     base_from_mocap: Any = anything(
         None,
         default_text="identity",
-        text="`xyz` [m], `xyzw`: pose of the mocap frame, turned to z up, in the base, as `natnet_client` has it",
+        text="`xyz` [m], `xyzw`: pose of the mocap frame, turned to z up, in the base, as for `natnet_client`",
     )
     person: Any = PERSON
     world_from_base: Any = anything(
         None,
         default_text="identity",
-        text="`xyz` [m], `xyzw`: pose of the base in the world, in which `person` is",
+        text="`xyz` [m], `xyzw`: pose of the base in the world, in which `person` is placed",
     )
     base_frame: str = text("panda_link0", text="frame of `hric/human/hand`, in which the program moves")
     seed: int = SEED
     ip: str = address("127.0.0.1", "address to listen on", empty=False)
     state_topic: str = text(
-        "", text="of the robot; empty: `franka_state_controller/franka_states` in the node's namespace"
+        "", text="topic of the robot's state; empty: `franka_state_controller/franka_states` in the node's namespace"
     )
 
 
 class HumanNode(NodeApp):
-    """Emulated human that streams from construction on; the hand moves from `~start` on.
+    """Node of an emulated human: it streams from construction on; the hand moves once the service `~start` is called.
 
     Args:
         node: private node.
 
     Raises:
-        HricError: a parameter is not valid, or the port is in use.
+        HricError: a parameter is not valid, or the UDP port is in use.
     """
 
     def __init__(self, node: RosNode) -> None:
@@ -79,7 +79,7 @@ class HumanNode(NodeApp):
         clock: Clock = self._robot_time
         self._behind = 0.0
         if (body := seen.body) is not None:
-            # A frame goes out when its latency is over and what it shows is known; its truth is known no earlier.
+            # A frame is sent after its latency, once the measured motion is known. The true pose is not known earlier.
             self._behind, states = settings.latency, body.states
             clock = KnownTime(clock, lambda: states.known, self._behind)
             follow_joints(node, states.add)
@@ -100,11 +100,11 @@ class HumanNode(NodeApp):
         self._thread = threading.Thread(target=self._publish_truth, name="truth", daemon=True)
         self._server.start()
         self._thread.start()
-        waits = f"waits for {node.resolve('start')}" if body is None else "is that of the human in the robot's plant"
-        node.log_info(f"{seen.name} streams at {settings.rate:g} Hz by {settings.transport} and {waits}")
+        start = f"rests until {node.resolve('start')} is called" if body is None else "belongs to the simulated human"
+        node.log_info(f"streaming {seen.name} at {settings.rate:g} Hz by {settings.transport}; it {start}")
 
     def tick(self) -> None:
-        """Check that the run is paced, once a second.
+        """Check once a second that the run is paced, that is, held to a real-time factor.
 
         Raises:
             HricError: the run is not paced.
@@ -139,7 +139,7 @@ class HumanNode(NodeApp):
             self._hand.see(message.header.stamp.to_sec() - began, (x, y, z))
 
     def _on_event(self, time: float, kind: str) -> None:
-        """Store an event of the human in the robot's plant."""
+        """Store an event of the simulated human, and publish the start of their motion."""
         assert self._body is not None
         self._body.happened(time, kind)
         if kind == "started":
@@ -147,14 +147,14 @@ class HumanNode(NodeApp):
 
     def _on_start(self, _: Any) -> Any:
         if self._body is not None:
-            return TriggerResponse(success=True, message=f"the human in the plant begins with hric/{HUMAN}/start")
+            return TriggerResponse(success=True, message=f"no effect: hric/{HUMAN}/start starts the simulated human")
         began = self._server.robot_time(0.0)
         if began is None:
-            return TriggerResponse(success=False, message="robot time is not known yet")
+            return TriggerResponse(success=False, message="not started: robot time is not known yet")
         time = self._server.time
         try:
             zero = self._hand.start(time)
         except HricError as error:
             return TriggerResponse(success=False, message=str(error))
         self._truth.started(began + zero)
-        return TriggerResponse(success=True, message=f"the hand starts at {began + time:.3f} s")
+        return TriggerResponse(success=True, message=f"the hand starts at {began + time:.3f} s of robot time")

@@ -1,4 +1,4 @@
-"""Human in the robot's plant as measured by cameras: hand, bones and markers of the body. No ROS."""
+"""Simulated human as measured by cameras: hand, bones and markers of the body. No ROS."""
 
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
@@ -15,21 +15,21 @@ from hric_perception.simulated import JointTrack
 from mocap_natnet.server import Bone, ServedSkeleton
 
 PHASES = {"started": MOVING, "ended": DONE}
-"""Phase that begins with an event of that kind."""
+"""Kind of a simulated human's event -> phase of their motion that begins with it."""
 SKELETON = "body"
-"""Name in the description, and of its published data; different from the frames of the human, `human/...`."""
+"""Name of the streamed skeleton; different from `human`, the prefix of the simulated human's own frames."""
 
 
 class SimulatedBody(Program):
-    """Motion of the human in the plant, by the time of a stream.
+    """Program that moves the hand as the simulated human does; its times are those of the mocap stream [s].
 
     Args:
         person: section `human` of the experiment.
         T_base_world: pose of the world in the robot's base.
 
     Attributes:
-        states: track of the joint states.
-        robot_time: time of the stream -> robot time [s]; None while that is not known.
+        states: joint states of the human over robot time.
+        robot_time: function from stream time to robot time [s]; it returns None while that is not known.
     """
 
     def __init__(self, person: HumanSettings, T_base_world: Pose) -> None:
@@ -43,16 +43,16 @@ class SimulatedBody(Program):
         self._changes: list[tuple[float, str]] = []
 
     def pose(self, time: float) -> Pose:
-        """Return the pose of the hand in the base."""
+        """Return the pose of the hand in the robot's base at a time of the stream [s]."""
         return compose(self._T_base_root, self._hand.pose(self._q(time)))
 
     @property
     def span(self) -> tuple[float, float]:
-        """Start 0 and an infinite end; `phase` is more precise."""
+        """Start and end of the program [s]: 0 and infinity, because the end is not known before; see `phase`."""
         return 0.0, float("inf")
 
     def phase(self, time: float) -> str:
-        """Return the phase from the events of the human."""
+        """Return the phase of the motion at a time of the stream [s], from the human's events: rest, moving or done."""
         robot_time, changes = self.robot_time(time), self._changes
         if robot_time is None:
             return REST
@@ -60,7 +60,7 @@ class SimulatedBody(Program):
         return changes[done - 1][1] if done else REST
 
     def happened(self, time: float, kind: str) -> None:
-        """Store an event of the human at a robot time [s]."""
+        """Store an event of the human; time: robot time [s]; kind: kind of the event, e.g. "started"."""
         if kind in PHASES:
             self._changes = [*(change for change in self._changes if change[0] <= time), (time, PHASES[kind])]
 
@@ -68,7 +68,7 @@ class SimulatedBody(Program):
         """Return the skeleton as the cameras see it: a bone for each segment, with the axes of its link.
 
         Args:
-            number: its streaming id.
+            number: streaming id of the skeleton.
             T_mocap_base: pose of the robot's base in the mocap frame, z up.
         """
         segments, T_mocap_root = list(self._body.segments.values()), compose(T_mocap_base, self._T_base_root)
@@ -85,7 +85,7 @@ class SimulatedBody(Program):
         return ServedSkeleton(SKELETON, number, tuple(bones), tuple(self._body.markers), source)
 
     def _q(self, time: float) -> Sequence[float]:
-        """Return the joint positions at a time of the stream [rad]."""
+        """Return the joint positions [rad] at a time of the stream [s]; all 0 while they are not known."""
         robot_time = self.robot_time(time)
         positions = None if robot_time is None else self.states.at(robot_time)
         return self._rest if positions is None else positions

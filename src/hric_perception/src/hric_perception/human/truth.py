@@ -10,7 +10,7 @@ from hric_human.hand import Hand
 from hric_perception.replayed import START_TOPIC
 
 RATE = 100.0
-"""Rate of the hand's pose [Hz]."""
+"""Rate of the hand's true pose [Hz of robot time]."""
 
 
 class Truth:
@@ -37,15 +37,15 @@ class Truth:
 
     @property
     def next(self) -> float:
-        """Time at which the next pose is due, by the hand's time [s]."""
+        """Time at which the next pose is due, on the hand's clock [s]."""
         return (self._next or 0) / RATE
 
     def advance(self, time: float, offset: float = 0.0) -> None:
-        """Publish the due pose: poses are on a grid, and only the newest is sent.
+        """Publish the pose that is due on the time grid of RATE; of several due poses only the newest.
 
         Args:
-            time: time of the hand [s].
-            offset: time of the run minus time of the hand [s].
+            time: time on the hand's clock [s].
+            offset: robot time minus time on the hand's clock [s].
         """
         due = int(time * RATE + 1e-6)
         if self._next is not None and due < self._next:

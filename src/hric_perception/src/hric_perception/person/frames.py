@@ -1,4 +1,4 @@
-"""Conversion between messages and the data of `hric_human.tracking`. No node."""
+"""Conversion between ROS messages and the data of person tracking (`hric_human.tracking`). No node."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -16,17 +16,17 @@ from hric_human.tracking import LOST, PersonEstimate
 from hric_msgs.msg import PersonTracking
 
 PERSON = "person"
-"""Name of the person's topics in `hric/` and of their frames; the human in the robot's plant has other names."""
+"""Name of a real, tracked person in topics `hric/person/...` and frames; a simulated human is called `human`."""
 _NOWHERE = Pose((math.nan, math.nan, math.nan), IDENTITY)
 
 
 class PersonMarkers:
-    """Marker positions of the person from frames.
+    """Reader of a person's marker positions from motion capture frames.
 
     Args:
-        names: names of the markers, the order of the rows.
-        labels: name in the stream by marker, if it has another one.
-        asset: asset whose markers count; "": any.
+        names: names of the markers, in the order of the rows.
+        labels: name in the mocap stream by marker, for markers that have another name there.
+        asset: Motive asset to which the markers belong; "": any.
     """
 
     def __init__(self, names: Sequence[str], labels: Mapping[str, str], asset: str) -> None:
@@ -34,7 +34,7 @@ class PersonMarkers:
         self._count, self._asset = len(names), asset
 
     def positions(self, message: Any) -> FloatArray:
-        """Return positions from a hric_msgs/MocapData, shape (m, 3) [m]; NaN: not visible."""
+        """Return the positions of the markers from a hric_msgs/MocapData, shape (m, 3) [m]; NaN: not visible."""
         rows = np.full((self._count, 3), np.nan)
         for label, point in zip(message.labelled_marker_names, message.labelled_markers, strict=True):
             asset, _, name = label.rpartition("/")
@@ -45,11 +45,11 @@ class PersonMarkers:
 
 
 class BodyMessages:
-    """Messages of one body.
+    """Converter of tracking estimates of one body to ROS messages.
 
     Args:
         body: body whose joints are estimated.
-        calibrated: True if it was fitted to the person.
+        calibrated: True if the body was fitted to the person.
     """
 
     def __init__(self, body: Body, calibrated: bool) -> None:
@@ -58,7 +58,7 @@ class BodyMessages:
 
     @staticmethod
     def _joints_of_links(body: Body) -> dict[str, list[int]]:
-        """Return the joints between the root and each segment's link, as rows."""
+        """Return, for each link, the indices of the joints between the body's root and that link."""
         by_link: dict[str, list[int]] = {ROOT: []}
         for segment in body.segments.values():
             rows = [row for row, joint in enumerate(body.joints.values()) if joint.link == segment.link]
@@ -66,14 +66,14 @@ class BodyMessages:
         return by_link
 
     def joint_states(self, head: Any, estimate: PersonEstimate) -> Any:
-        """Return sensor_msgs/JointState of the joints that are not lost."""
+        """Return sensor_msgs/JointState of an estimate, without joints whose position is lost."""
         known = [row for row, state in enumerate(estimate.states) if state != LOST]
         message = JointState(header=head, name=[self._joints[row] for row in known])
         message.position, message.velocity = [estimate.q[row] for row in known], [estimate.dq[row] for row in known]
         return message
 
     def tracking(self, head: Any, estimate: PersonEstimate, dropped: int) -> Any:
-        """Return hric_msgs/PersonTracking."""
+        """Return hric_msgs/PersonTracking of an estimate; dropped: number of mocap frames skipped so far."""
         root = _NOWHERE if estimate.root_state == LOST else estimate.root
         return PersonTracking(
             header=head,

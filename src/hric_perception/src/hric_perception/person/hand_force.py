@@ -13,10 +13,10 @@ from hric_perception.person.settings import PLATE, ROBOT, HandForceSettings
 
 
 class ForceSource(NamedTuple):
-    """Topic of a robot, in a namespace next to the node's.
+    """Topic of the sensor that measures the force on the hand, and the function that reads its messages.
 
     Attributes:
-        topic, type: name and type of the topic.
+        topic, type: name, relative to the namespace around the node's, and type of the topic.
         read: function from time [s] and message to the force on the hand.
     """
 
@@ -26,7 +26,7 @@ class ForceSource(NamedTuple):
 
 
 def source_of(settings: HandForceSettings) -> ForceSource | None:
-    """Return the source of the force; None if there is none."""
+    """Return the topic from which the force on the hand is read; None if it is not measured."""
     if settings.source == ROBOT:
         topic = "franka_state_controller/franka_states"
         return ForceSource(topic, FrankaState, lambda time, message: of_robot(time, message, settings.pose))
@@ -37,9 +37,9 @@ def source_of(settings: HandForceSettings) -> ForceSource | None:
 
 
 def of_robot(time: float, message: Any, T_markers_base: Pose) -> HandForce:
-    """Return the force from a franka_msgs/FrankaState: its estimated external wrench is the force that the arm exerts.
+    """Return the force of the robot on the hand in the markers' frame, from a franka_msgs/FrankaState.
 
-    It acts at the origin of the stiffness frame K.
+    It is the estimated external wrench, which is what the arm exerts, at the origin of the stiffness frame K.
     """
     T, (kx, ky, kz) = message.O_T_EE, message.EE_T_K[12:15]
     x, y, z = (T[12 + i] + T[i] * kx + T[4 + i] * ky + T[8 + i] * kz for i in range(3))
@@ -49,7 +49,7 @@ def of_robot(time: float, message: Any, T_markers_base: Pose) -> HandForce:
 
 
 def of_plate(time: float, message: Any, T_markers_plate: Pose) -> HandForce:
-    """Return the force from a geometry_msgs/WrenchStamped: the load on a plate, about the middle of its surface."""
+    """Return the reaction of a force plate on the hand, in the markers' frame, from the load as WrenchStamped."""
     f, m = message.wrench.force, message.wrench.torque
     force, torque = (rotated(T_markers_plate.orientation, (-vector.x, -vector.y, -vector.z)) for vector in (f, m))
     return HandForce(time, force, torque, T_markers_plate.position)

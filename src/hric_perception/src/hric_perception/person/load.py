@@ -1,4 +1,4 @@
-"""Muscle load of a tracked person, in a separate thread, since markers do not wait for it."""
+"""Muscle load of a tracked person, computed in a separate thread, so that it does not delay the tracking."""
 
 import math
 import threading
@@ -23,27 +23,27 @@ from hric_perception.person.settings import HandForceSettings
 from hric_perception.stream import OK, START, WARN, Driver, StreamReport
 
 PORTION = 0.05
-"""Time over which frames are collected, since many instants cost little more than one [s of the stamps].
+"""Time span of the mocap frames whose muscle load is computed together [s of the stamps]: many cost little more.
 
 The constants of this file are project defaults, unconfirmed.
 """
 BACKLOG = 1000
 """Largest number of waiting frames and force samples; the oldest are dropped."""
 RECENT = 1.0
-"""Largest age of frames with the person for which force samples are used [s of the stamps]."""
+"""Longest time after the last frame with the person for which force samples are still used [s of the stamps]."""
 WAIT = 0.1
-"""Time between checks if the node ends [s]."""
+"""Time between checks whether the node shuts down [s]."""
 FULL = 1.0 - 1e-9
-"""Activation of a saturated muscle, and torque of a saturated joint over its strength [1]."""
+"""Activation from which a muscle, and torque over strength from which a joint counts as saturated [1]."""
 
 
 class TrackerFrame(NamedTuple):
-    """Frame of the tracker.
+    """Result of the person tracker for one mocap frame.
 
     Attributes:
-        live: live load of the tracked body.
-        one: estimate of the tracker.
-        frame_id: frame of the markers.
+        live: muscle load computation of the tracked body.
+        estimate: posture estimated by the tracker.
+        frame_id: tf frame of the markers.
     """
 
     live: LiveLoad
@@ -52,10 +52,10 @@ class TrackerFrame(NamedTuple):
 
 
 class Arrivals:
-    """Counter of how often each of some values reached its limit.
+    """Counter of how often each of several values has reached its limit.
 
     Attributes:
-        counts: count of each value.
+        counts: how often each value has reached its limit.
         there: True for each value that is at its limit now.
     """
 
@@ -63,16 +63,16 @@ class Arrivals:
         self.counts, self.there = np.zeros(size, int), np.zeros(size, np.bool_)
 
     def update(self, there: NDArray[np.bool_]) -> None:
-        """Update the state and count new arrivals at a limit."""
+        """Store which values are at their limit, and count those that were not at it before."""
         self.counts += there & ~self.there
         self.there = there
 
 
 class LoadMessages:
-    """Messages of the load of one body.
+    """Converter of the muscle load of one body to ROS messages.
 
     Args:
-        live: live load of the body.
+        live: muscle load computation of the body.
         hand: side of the hand whose force is measured; "": none.
     """
 
@@ -81,12 +81,12 @@ class LoadMessages:
         self._strong, self._full = Arrivals(len(live.joints)), Arrivals(len(live.names))
 
     def count(self, person_load: PersonLoad, row: int) -> None:
-        """Count limits at the next instant; call it before the messages of that instant."""
+        """Count newly saturated joints and muscles at instant `row`; call it before making messages of that instant."""
         self._strong.update(np.abs(person_load.load.share[row]) >= FULL)
         self._full.update(person_load.load.activation[row] >= FULL)
 
     def torque(self, head: Any, person_load: PersonLoad, row: int) -> Any:
-        """Return hric_msgs/JointTorque; NaN for a lost arm."""
+        """Return hric_msgs/JointTorque of instant `row`; NaN for an arm whose markers are lost."""
         return JointTorque(
             header=head,
             name=person_load.load.joints,
@@ -97,7 +97,7 @@ class LoadMessages:
         )
 
     def activation(self, head: Any, person_load: PersonLoad, row: int) -> Any:
-        """Return hric_msgs/MuscleActivation; static optimisation has no excitation."""
+        """Return hric_msgs/MuscleActivation of instant `row`; excitation is NaN: static optimisation has none."""
         return MuscleActivation(
             header=head,
             name=person_load.load.names,
@@ -108,7 +108,7 @@ class LoadMessages:
         )
 
     def reactions(self, head: Any, person_load: PersonLoad, row: int) -> Any:
-        """Return hric_msgs/JointReactions: contact forces between the bones."""
+        """Return hric_msgs/JointReactions of instant `row`: contact forces between the bones."""
         names = list(person_load.load.contact)
         return JointReactions(
             header=head,
@@ -119,7 +119,7 @@ class LoadMessages:
         )
 
     def load(self, head: Any, person_load: PersonLoad, row: int, behind: float) -> Any:
-        """Return hric_msgs/PersonLoad."""
+        """Return hric_msgs/PersonLoad of instant `row`; behind: robot time since that instant [s]."""
         return PersonLoadMessage(
             header=head,
             side=list(person_load.states),
@@ -137,13 +137,13 @@ class LoadMessages:
 
 
 class LoadThread(Driver):
-    """Thread that computes and publishes the load from construction on.
+    """Thread that computes and publishes the muscle load of a tracked person from construction on.
 
     Args:
         node: private node.
         where: prefix of the topics.
-        settings: source of the force on the hand.
-        side: side of that hand; None: the force is not measured.
+        settings: sensor that measures the force on the hand.
+        side: side of that hand, "right" or "left"; None: the force is not measured.
         now: robot time [s]; None while it is not known.
     """
 
@@ -170,7 +170,7 @@ class LoadThread(Driver):
             node.subscribe(node.beside(source.topic), source.type, self._on_force, queue_size=0)
 
     def add(self, item: TrackerFrame | HandForce) -> None:
-        """Add a frame or a force sample, each kind in its order; thread-safe."""
+        """Add a tracked frame or a force sample, each kind in the order of time; thread-safe."""
         self._queue.append(item)
         if isinstance(item, TrackerFrame):
             self._came.set()
@@ -179,7 +179,7 @@ class LoadThread(Driver):
         self.add(self._read(message.header.stamp.to_sec(), message))
 
     def report(self) -> StreamReport:
-        """Return the health report, once a second."""
+        """Return the health report for diagnostics; to be called once a second."""
         return self._tally.report()
 
     def close(self) -> None:
@@ -230,7 +230,7 @@ class _Tally:
     """Counts for the diagnostics; written by one thread, read by another.
 
     Attributes:
-        cost: processor time [s].
+        cost: processor time so far [s].
     """
 
     def __init__(self, source: str) -> None:
@@ -240,28 +240,28 @@ class _Tally:
         self._last: PersonLoad | None = None
 
     def took(self, person_load: PersonLoad, now: float | None) -> None:
-        """Count published instants."""
+        """Count the instants of a published load; now: robot time [s], None if unknown."""
         self._instants += len(person_load.load.time)
         self._last = person_load
         if now is not None:
             self._behind = max(self._behind, now - float(person_load.load.time[0]))
 
     def report(self) -> StreamReport:
-        """Return the health report, once a second."""
+        """Return the health report for diagnostics; to be called once a second."""
         newest, instants, cost = self._last, self._instants, self.cost
         now, (then, cost_then, instants_then) = time.monotonic(), self._before
         self._before, span = (now, cost, instants), max(now - then, 1e-3)
         values = {
             "instants": str(instants),
             "rate [Hz]": f"{(instants - instants_then) / span:.0f}",
-            "behind at most [s]": f"{self._behind:.3f}",
-            "processor [1]": f"{(cost - cost_then) / span:.3f}",
+            "largest delay [s]": f"{self._behind:.3f}",
+            "processor share [1]": f"{(cost - cost_then) / span:.3f}",
             "force": self._source,
         }
         self._behind = 0.0
         if newest is None or instants == instants_then:
             starts = not instants and now - self._made < START
-            return StreamReport(OK if starts else WARN, "waits for frames that show the person", values)
+            return StreamReport(OK if starts else WARN, "waiting for mocap frames that show the person", values)
         values |= {f"{side} arm": states[-1] for side, states in newest.states.items()}
         if math.isfinite(newest.distance[-1]):
             values["force from the hand [m]"] = f"{newest.distance[-1]:.3f}"
@@ -269,14 +269,14 @@ class _Tally:
 
 
 def _diagnosis(person_load: PersonLoad) -> tuple[int, str]:
-    """Return level and text about the newest instant."""
+    """Return the level and text of diagnostics about the newest instant of a load."""
     if person_load.force[-1] == MISSING:
-        return WARN, "no force on the person's hand arrives: the load of that arm is not known"
+        return WARN, "no samples of the force on the person's hand arrive: the load of that arm is not known"
     if lost := [side for side, states in person_load.states.items() if states[-1] == LOST]:
-        return WARN, f"lost for want of markers: {' and '.join(lost)} arm"
+        return WARN, f"too few visible markers: {' and '.join(lost)} arm lost"
     if person_load.force[-1] == AWAY:
-        return OK, f"the force is {person_load.distance[-1]:.2f} m from the person's hand, and does not count"
+        return OK, f"the force is {person_load.distance[-1]:.2f} m from the person's hand and is ignored"
     if outside := [side for side, rows in person_load.load.outside.items() if rows[-1]]:
-        return OK, f"outside the range of muscle paths: {' and '.join(outside)} arm"
+        return OK, f"joints outside the range of the fitted muscle paths: {' and '.join(outside)} arm"
     measured = person_load.force[-1] == MEASURED
-    return OK, "the load is known" if measured else "the load is known, without a force on a hand"
+    return OK, "the load is known" if measured else "the load is known; no force on a hand is measured"

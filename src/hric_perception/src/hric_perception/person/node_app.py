@@ -1,4 +1,4 @@
-"""Node `person`: joints of a real person from the markers of motion capture, and the load of the muscles."""
+"""Node `person`: joint positions of a real person from motion capture markers, and the load of their muscles."""
 
 import threading
 import time
@@ -26,18 +26,18 @@ from hric_perception.stream import ERROR, OK, START, WARN, StreamReport
 
 FRAMES = "hric/perception/mocap"
 TF_RATE = 30.0
-"""Rate of the person's frames, for visualisation [Hz of the stamps].
+"""Rate of the person's tf frames, for visualisation [Hz of the stamps].
 
 The constants of this file are project defaults, unconfirmed.
 """
 PATIENCE = 5.0
-"""Longest time that a calibration waits for the next frame [s of wall time]."""
+"""Longest time that a calibration waits for the next mocap frame [s of wall time]."""
 WAIT = 0.1
-"""Time between checks if the node ends [s]."""
+"""Time between checks whether the node shuts down [s]."""
 
 
 class _Known(NamedTuple):
-    """Tracker and messages of one body."""
+    """Tracker, message converter and muscle load of one body model."""
 
     tracker: PersonTracker
     messages: BodyMessages
@@ -50,13 +50,13 @@ class _Known(NamedTuple):
 
 
 class PersonNode(NodeApp):
-    """Node of a person, publishing from construction on; of frames that wait, only the newest is used.
+    """Node that tracks a person from construction on; of the mocap frames that wait, only the newest is used.
 
     Args:
         node: private node.
 
     Raises:
-        HricError: a parameter or the calibration's file is not valid.
+        HricError: a parameter or the calibration file is not valid.
     """
 
     def __init__(self, node: RosNode) -> None:
@@ -84,7 +84,7 @@ class PersonNode(NodeApp):
         node.subscribe(node.beside(FRAMES), MocapData, self._on_frame, queue_size=1)
 
     def tick(self) -> None:
-        """Publish diagnostics. Raises HricError in a run that is not paced."""
+        """Publish diagnostics. Raises HricError if the run is not paced, that is, not held to a real-time factor."""
         self._robot_time.tick()
         self._reporter.report(self._health.report())
         self._load_reporter.report(self._load.report())
@@ -135,7 +135,7 @@ class PersonNode(NodeApp):
 
     def _on_calibrate(self, _: Any) -> Any:
         if not self._calibrating.acquire(blocking=False):
-            return TriggerResponse(False, "a calibration is under way")
+            return TriggerResponse(False, "a calibration is already running")
         try:
             return TriggerResponse(True, self._calibrate())
         except HricError as error:
@@ -150,20 +150,21 @@ class PersonNode(NodeApp):
         saved = ""
         if settings.calibration:
             fitted.save(settings.path)
-            saved = f", in {settings.path}"
+            saved = f"; saved to {settings.path}"
         self._known.set(_Known.of(fitted.body, True, settings))
         self._node.set_param(f"{self._node.beside(f'hric/{PERSON}')}/robot_description", fitted.body.urdf)
         self._health.calibrated = True
-        return f"calibrated; markers were {1e3 * fitted.residual:.1f} mm from their places (rms){saved}"
+        return f"calibrated: markers differ from the fitted body by {1e3 * fitted.residual:.1f} mm (rms){saved}"
 
     def _still_positions(self) -> FloatArray:
-        """Return the mean positions of the markers in a still pose, shape (m, 3) [m]."""
+        """Return the mean positions of the markers while the person is still, shape (m, 3) [m]."""
         still = StillPose(self._names)
         self._still_done.clear()
         self._still, came = still, -1
         while not self._still_done.wait(PATIENCE):
             if self._health.came == came or self._stop.is_set():
-                raise CommandError(f"no frames on {self._node.resolve(self._node.beside(FRAMES))} for {PATIENCE:g} s")
+                topic = self._node.resolve(self._node.beside(FRAMES))
+                raise CommandError(f"no mocap frames on {topic} for {PATIENCE:g} s")
             came = self._health.came
         return still.mean()
 
@@ -172,8 +173,8 @@ class _Tally:
     """Counts for the diagnostics; written by one thread each, read by another.
 
     Attributes:
-        came: frames that were received.
-        dropped: frames replaced by a newer one.
+        came: number of mocap frames received.
+        dropped: number of frames replaced by a newer one before they were processed.
         calibrated: True if the body was fitted to the person.
     """
 
@@ -184,32 +185,32 @@ class _Tally:
         self._cost = 0.0
 
     def took(self, stamp: float, estimate: PersonEstimate | None, cost: float) -> None:
-        """Count a processed frame; cost: processor time [s]."""
+        """Count a processed mocap frame; cost: its processor time [s]."""
         self._used += 1
         self.dropped = max(self.dropped, self.came - self._used)
         self._last = estimate
         self._cost += 0.05 * (cost - self._cost)
 
     def report(self) -> StreamReport:
-        """Return the health report, once a second."""
+        """Return the health report for diagnostics; to be called once a second."""
         estimate, fresh, self._before = self._last, self._used - self._before, self._used
         values = {
             "frames": str(self.came),
             "frames dropped": str(self.dropped),
             "rate [Hz]": str(fresh),
-            "processor per frame [ms]": f"{1e3 * self._cost:.2f}",
+            "processor time per frame [ms]": f"{1e3 * self._cost:.2f}",
             "calibrated": str(self.calibrated).lower(),
         }
         if not fresh:
             starts = not self.came and time.monotonic() - self._made < START
-            return StreamReport(WARN if starts else ERROR, f"no frames on {FRAMES}", values)
+            return StreamReport(WARN if starts else ERROR, f"no mocap frames on {FRAMES}", values)
         if estimate is None:
             return StreamReport(
                 WARN, "the person is not found: too few markers of the trunk, or they do not fit the body", values
             )
         values |= {"residual [mm]": f"{1e3 * estimate.residual:.1f}", "markers missing": ", ".join(estimate.missing)}
         if estimate.root_state == LOST or LOST in estimate.states:
-            return StreamReport(WARN, f"lost for want of markers: {', '.join(estimate.missing)}", values)
+            return StreamReport(WARN, f"body parts are lost; missing markers: {', '.join(estimate.missing)}", values)
         if not self.calibrated:
-            return StreamReport(WARN, "tracked; not calibrated", values)
+            return StreamReport(WARN, "tracked; the body is not calibrated to the person", values)
         return StreamReport(OK, "tracked", values)

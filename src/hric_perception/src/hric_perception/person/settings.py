@@ -19,15 +19,15 @@ DOMINANT = "dominant"
 
 @dataclass(frozen=True)
 class HandForceSettings(PoseSettings):
-    """Source of the force on the hand, and its pose in the frame of the markers."""
+    """Parameters of the force on the person's hand: its sensor, and that sensor's pose in the markers' frame."""
 
     xyz: Vector = numbers(
-        3, ORIGIN, unit="m", text="of the robot's base, or of the middle of the plate, in the frame of the markers"
+        3, ORIGIN, unit="m", text="position of the robot's base, or of the plate's middle, in the frame of the markers"
     )
     source: str = choice(
         NONE, ROBOT, PLATE, text="source of the force on a hand: the external wrench of the robot, or a plate"
     )
-    hand: str = choice(DOMINANT, "right", "left", text="on which hand it acts")
+    hand: str = choice(DOMINANT, "right", "left", text="hand on which the force acts")
     id: str = PLATE_ID
 
     def side(self, subject: Subject) -> str | None:
@@ -39,32 +39,32 @@ class HandForceSettings(PoseSettings):
 
 @dataclass(frozen=True)
 class PersonSettings(Settings):
-    """Body, markers, calibration and hand force of the person."""
+    """Parameters of the node `person`: body, markers, calibration and hand force."""
 
     subject: Subject = SUBJECT
     parts: str = choice("upper_body", "whole_body", text="estimated parts of the body")
     markers: tuple[str, ...] | None = names(
         default=None,
         default_text="all of the body",
-        text="markers of the body that the person wears: names of Plug-in Gait",
+        text="markers that the person wears, by the names of Plug-in Gait",
     )
     labels: Mapping[str, str] = mapping(
-        text(empty=False), default={}, text="name in the stream by marker, where it has another one"
+        text(empty=False), default={}, text="name in the mocap stream by marker, for markers with another name there"
     )
     asset: str = text("", text="asset of the stream (`asset/marker`) that the person's markers belong to; empty: any")
     pose: Mapping[str, float] = mapping(
         number(unit="rad"),
         default={},
-        text="angles of joints that are not zero in the pose that the person takes for `calibrate`; none: standing "
+        text="angles of the joints that are not zero in the pose for `calibrate`; none: standing "
         "upright, arms hanging, thumbs forward",
     )
     calibration: str = text(
-        "", text="YAML file that `calibrate` writes, and that is read at the start where it is there; empty: none"
+        "", text="YAML file that `calibrate` writes, and that is read at the start if it exists; empty: none"
     )
     force: HandForceSettings = section(HandForceSettings)
 
     def check(self, where: str) -> None:
-        """Refuse markers and joints that the body does not have, and too few markers."""
+        """Check that the body has the named markers and joints, and that the markers suffice. Raises HricError."""
         mistakes, body = Mistakes(), describe(self.person)
         for checked_names, valid, kind, key in (
             (self.markers or (), body.markers, "marker", "markers"),
@@ -80,7 +80,7 @@ class PersonSettings(Settings):
 
     @property
     def person(self) -> Subject:
-        """Subject with `parts` of these settings in place of their own."""
+        """Subject, reduced or extended to the parts of the body that this node estimates."""
         return replace(self.subject, parts=self.parts)
 
     @property
@@ -94,7 +94,7 @@ class PersonSettings(Settings):
         return self.markers or tuple(describe(self.person).markers)
 
     def known(self) -> tuple[Body, bool]:
-        """Return the body, and True if it is calibrated.
+        """Return the person's body model, and True if it is calibrated to them.
 
         Raises:
             HricError: the calibration is of another person, or its file is not valid.
@@ -104,12 +104,12 @@ class PersonSettings(Settings):
         calibration = BodyCalibration.load(self.path)
         if (calibration.subject.code, calibration.subject.parts) != (self.person.code, self.parts):
             raise HricError(
-                f"{self.path} is of {calibration.subject.code} ({calibration.subject.parts}); valid: a calibration of "
-                f"{self.person.code} ({self.parts})"
+                f"{self.path} is for {calibration.subject.code} ({calibration.subject.parts}); valid: a calibration "
+                f"for {self.person.code} ({self.parts})"
             )
         return calibration.body, True
 
     @property
     def path(self) -> Path:
-        """Path of the calibration."""
+        """Path of the calibration file."""
         return Path(self.calibration).expanduser()

@@ -1,4 +1,4 @@
-"""Emulated force plate: its parameters, its load, and the time up to which that is known."""
+"""Emulated force plate: its parameters, its load, and the time up to which the load is known."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -31,11 +31,11 @@ from hric_perception.simulated import PERSON, always, follow_grips, follow_joint
 
 @dataclass(frozen=True)
 class EmulatedPlateSettings(DeviceSettings):
-    """Parameters of the device."""
+    """Parameters of the node `emulated_plate`, an emulated force plate."""
 
     kind: ClassVar[str] = "Force"
     transport: str = choice("lsl", "natnet")
-    name: str = text("emulated_plate", figures=True, text="of the LSL stream")
+    name: str = text("emulated_plate", figures=True, text="name of the LSL stream")
     rate: float = number(1000.0, minimum=10.0, maximum=20000.0, unit="Hz")
     load: Settings = PROGRAM
     person: Any = PERSON
@@ -44,7 +44,7 @@ class EmulatedPlateSettings(DeviceSettings):
 
     @property
     def ahead(self) -> float:
-        """Lead of the device's clock: over NatNet a frame goes out its latency after its samples [s]."""
+        """Lead of the device's clock over its known load [s]: a NatNet frame is sent one latency after its samples."""
         return self.natnet.latency if self.transport == "natnet" else 0.0
 
     @property
@@ -53,7 +53,7 @@ class EmulatedPlateSettings(DeviceSettings):
         return "an emulated force plate"
 
     def device(self, node: Node) -> Device:
-        """Return the plate, whose load may come from topics."""
+        """Create the emulated plate; subscribe to topics if its load comes from them."""
         program, delay = self.load, 0.0
         replayed = program.replayed() if isinstance(program, RecordedLoad) else None
         known: Callable[[], float] = always
@@ -74,7 +74,7 @@ class EmulatedPlateSettings(DeviceSettings):
         return Device(self, CHANNELS, UNITS, lambda first, times: load(times), faults, known, replayed)
 
     def served(self, device: Device, clock: Clock, on_reached: Callable[[float | None], None]) -> Closable | None:
-        """Return the emulated Motive that samples the plate over NatNet."""
+        """Start and return the emulated Motive that streams the plate over NatNet; None with LSL."""
         if self.transport == "lsl":
             return None
         stream = replace(self.natnet, centre=self.natnet.centre or self.pose.xyz)
@@ -82,7 +82,7 @@ class EmulatedPlateSettings(DeviceSettings):
 
 
 def _followed(node: Node, program: Contacts, pose: Pose) -> ContactLoad:
-    """Return the contact load on a body of the simulation."""
+    """Subscribe to contacts of the simulation, and return their load on a simulated plate."""
     load = ContactLoad(program.body, pose)
 
     def add(message: Any) -> None:
@@ -96,6 +96,6 @@ def _followed(node: Node, program: Contacts, pose: Pose) -> ContactLoad:
 
 
 def _points(state: Any) -> Any:
-    """Return (point, force) of each contact point."""
+    """Yield (point [m], force [N]) of each contact point of a gazebo_msgs/ContactState."""
     for position, wrench in zip(state.contact_positions, state.wrenches, strict=True):
         yield (position.x, position.y, position.z), (wrench.force.x, wrench.force.y, wrench.force.z)

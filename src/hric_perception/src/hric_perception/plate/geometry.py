@@ -15,36 +15,41 @@ from hric_perception.chunk import Chunk, FloatArray, Layout
 CHANNELS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 UNITS = ("N", "N", "N", "N m", "N m", "N m")
 PLATE_SIZE = (0.6, 0.4)
-"""Size of the plate's surface along x and y, as emulated [m] (default chosen by this project, unconfirmed)."""
+"""Size of an emulated plate's surface along x and y [m] (default chosen by this project, unconfirmed)."""
 THRESHOLD = 20.0
-"""Minimum vertical force for which a centre of pressure is published [N]; below it noise dominates.
+"""Vertical force above which a centre of pressure is published [N]; below it noise dominates.
 
 The value is common in gait analysis.
 """
 
 
 def plate_name(name: str) -> str:
-    """Return a part of topic names. Raises ValueError: letters, digits and _ only."""
+    """Return a plate's name, a part of topic names. Raises ValueError unless it has only letters, digits and _."""
     if not name.replace("_", "").isalnum() or not name.isascii():
         raise ValueError
     return name
 
 
 PLATE_ID: Any = text(
-    "1", valid="letters, digits and _", figures=True, made=plate_name, name="id", text="in the names of topics"
+    "1",
+    valid="letters, digits and _",
+    figures=True,
+    made=plate_name,
+    name="id",
+    text="id of the plate in the names of topics",
 )
 
 
 @dataclass(frozen=True)
 class PlatePose(PoseSettings):
-    """Pose of the middle of the surface."""
+    """Parameters of a force plate's pose: middle of its surface, z normal to it, in a parent frame."""
 
-    xyz: Vector = numbers(3, ORIGIN, unit="m", text="of the middle of the surface, in `frame`")
+    xyz: Vector = numbers(3, ORIGIN, unit="m", text="position of the middle of the surface in `frame`")
     frame: str = text("world")
 
 
 def mean_wrench(chunk: Chunk) -> tuple[float, FloatArray] | None:
-    """Return the mean (robot time [s], wrench shape (6,) [N, N m]) of the finite samples; None without any."""
+    """Return (mean robot time [s], mean wrench, shape (6,) [N, N m]) of a chunk's finite samples; None without any."""
     columns = [chunk.layout.channels.index(name) for name in CHANNELS]
     data = chunk.data[:, columns]
     good = np.isfinite(data).all(axis=1)
@@ -54,12 +59,12 @@ def mean_wrench(chunk: Chunk) -> tuple[float, FloatArray] | None:
 
 
 def at_surface(wrench: FloatArray, height: float) -> FloatArray:
-    """Return the load about the middle of the surface.
+    """Return the wrench on a plate about the middle of its surface, shape (6,) [N, N m].
 
     M' = M - p x F with p = (0, 0, height), so Mx' = Mx + height Fy, My' = My - height Fx
 
     Args:
-        wrench: about the plate's electrical origin, z normal to the surface, shape (6,) [N, N m].
+        wrench: wrench about the plate's electrical origin, z normal to the surface, shape (6,) [N, N m].
         height: height of the surface above that origin [m]; the sign differs between makers: check with a known weight.
     """
     fx, fy, fz, mx, my, mz = wrench.tolist()
@@ -67,32 +72,32 @@ def at_surface(wrench: FloatArray, height: float) -> FloatArray:
 
 
 def centre_of_pressure(wrench: FloatArray) -> Vector | None:
-    """Return where the load's line of action intersects the surface: px = -My / Fz, py = Mx / Fz.
+    """Return the centre of pressure on a plate's surface: px = -My / Fz, py = Mx / Fz.
 
     Args:
-        wrench: about the middle of the surface, z normal to it, shape (6,) [N, N m].
+        wrench: wrench about the middle of the surface, z normal to it, shape (6,) [N, N m].
 
     Returns:
-        from the middle of the surface [m]; None up to THRESHOLD.
+        position from the middle of the surface [m]; None if the vertical force is at most THRESHOLD.
     """
     _, _, fz, mx, my, _ = wrench.tolist()
     return None if abs(fz) <= THRESHOLD else (-my / fz, mx / fz, 0.0)
 
 
 def wrench_at(point: Vector, force: Vector) -> FloatArray:
-    """Return the wrench about the origin of a force [N] at a point [m], shape (6,)."""
+    """Return the wrench about the origin of a force [N] that acts at a point [m], shape (6,) [N, N m]."""
     return np.concatenate([force, np.cross(point, force)])
 
 
 def frame_of(corners: Sequence[Vector], up: str) -> Pose:
-    """Return the plate's frame at the centre of its surface, in axes with z up.
+    """Return the pose of a plate's frame (centre of its surface) in the stream's frame, turned to z up.
 
     Args:
-        corners: four, clockwise from the plate's +x +y, in the axes of the stream [m].
-        up: axis of the stream that points up.
+        corners: four corners, clockwise from the plate's +x +y, in the axes of the stream [m].
+        up: axis of the stream that points up, e.g. "y".
 
     Raises:
-        ParameterError: the corners span no plate.
+        ParameterError: the corners do not span a rectangle.
     """
     a, b, c, d = (np.array(z_up(up, corner)) for corner in corners)
     x, y = (a + b - c - d) / 2, (a + d - b - c) / 2
@@ -109,11 +114,11 @@ def frame_of(corners: Sequence[Vector], up: str) -> Pose:
 
 
 def choose_channels(layout: Layout, frame: str) -> Layout:
-    """Return the layout with the six channels by their usual names.
+    """Return the layout of a force plate with its six channels renamed to Fx ... Mz.
 
     Args:
-        layout: layout of a source that names them in any case, or has six without names.
-        frame: frame of the vectors.
+        layout: layout of the source, which names these channels in any letter case, or has six unnamed channels.
+        frame: coordinate frame of force and moment.
 
     Raises:
         ParameterError: a channel is missing.
@@ -125,7 +130,7 @@ def choose_channels(layout: Layout, frame: str) -> Layout:
     missing = [name for name in CHANNELS if name not in names]
     if missing:
         raise ParameterError(
-            f"{layout.source} has no channel {', '.join(missing)}, but {', '.join(layout.channels)}; valid: "
+            f"{layout.source} has no channel {', '.join(missing)}, only {', '.join(layout.channels)}; valid: "
             f"{', '.join(CHANNELS)}"
         )
     units = [

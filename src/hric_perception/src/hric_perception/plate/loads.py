@@ -19,42 +19,45 @@ from hric_perception.plate.geometry import CHANNELS, wrench_at
 from hric_perception.replayed import RecordedLoad, ValueTrack
 
 CONTACTS_PERIOD = 0.01
-"""Period of `sim/contacts` [s]; it is silent while nothing touches."""
+"""Period of the topic `sim/contacts` [s]; nothing is published while nothing touches."""
 CONTACTS_DELAY = 0.03
-"""Delay until the contacts of a sample are known [s] (project default, unconfirmed: two periods and transport)."""
+"""Delay of a sample until the contacts at its time have arrived [s]: two periods and transport.
+
+Project default, unconfirmed.
+"""
 Load = Callable[[FloatArray], FloatArray]
-"""Run times, shape (n,) [s] -> wrench on the plate in its frame, shape (n, 6) [N, N m]."""
+"""Function from robot times, shape (n,) [s], to the wrench on a plate in its frame, shape (n, 6) [N, N m]."""
 
 
 @dataclass(frozen=True)
 class Push(Settings):
-    """Periodic push with smooth rise and fall."""
+    """Settings of a periodic vertical push on the plate with smooth rise and fall."""
 
     force: float = number(100.0, minimum=0.0, maximum=1e5, unit="N")
     point: tuple[float, float] = numbers(2, (0.1, 0.05), unit="m")
     period: float = number(2.0, minimum=0.01, maximum=3600.0, unit="s")
 
     def load(self) -> Load:
-        """Return the load as a function of time."""
+        """Return the load as a function of robot time."""
         wrench = wrench_at((*self.point, 0.0), (0.0, 0.0, -self.force))
         return lambda times: 0.5 * (1 - np.cos(2 * np.pi * times / self.period))[:, None] * wrench
 
 
 @dataclass(frozen=True)
 class ConstantLoad(Settings):
-    """Constant load."""
+    """Settings of a constant load on the plate."""
 
     wrench: tuple[float, ...] = numbers(len(CHANNELS), (0.0,) * len(CHANNELS), unit="N, N m")
 
     def load(self) -> Load:
-        """Return the load as a function of time."""
+        """Return the load as a function of robot time."""
         wrench = np.array(self.wrench)
         return lambda times: np.tile(wrench, (len(times), 1))
 
 
 @dataclass(frozen=True)
 class Contacts(Settings):
-    """Contact forces in the simulation."""
+    """Settings of a load that consists of contact forces on a body of the simulation."""
 
     body: str = text("plate")
     topic: str = text("sim/contacts", valid="a topic of gazebo_msgs/ContactsState", empty=False)
@@ -62,7 +65,7 @@ class Contacts(Settings):
 
 @dataclass(frozen=True)
 class StandingBody(Settings):
-    """Human in the robot's plant, standing on the plate."""
+    """Settings of a load that consists of the simulated human standing on the plate."""
 
 
 PROGRAM: Any = variant(
@@ -80,15 +83,15 @@ PROGRAM: Any = variant(
     text="`push` (`force` [N], `point` [x, y] [m], `period` [s]), `constant` (`wrench` [N, N m]), "
     '`contacts` (`body` of the world, `topic`), `c3d`: see "A recorded trial", `body`: see "The human in the plant"',
 )
-"""Parameter `load`."""
+"""Parameter `load`: what presses on an emulated plate, chosen by the key `program`."""
 
 
 class ContactLoad:
-    """Sum of the contact forces on a body of the simulation, linear between the instants of the messages.
+    """Sum of the contact forces on a simulated plate, interpolated linearly between messages.
 
     Args:
-        body: model of the plate; all its links count.
-        T_world_plate: frame of the plate: surface centre, z up.
+        body: name of the plate's model in the simulation; all its links count.
+        T_world_plate: pose of the plate's frame (surface centre, z up) in the world.
     """
 
     def __init__(self, body: str, T_world_plate: Pose) -> None:
@@ -96,15 +99,16 @@ class ContactLoad:
         self._last = -np.inf
 
     def __call__(self, times: FloatArray) -> FloatArray:
-        """Return the load at times of the run."""
+        """Return the wrench on the plate in its frame at robot times, shape (n,) [s]: shape (n, 6) [N, N m]."""
         return self._track.at(times)
 
     def add(self, time: float, contacts: Sequence[tuple[str, str, Sequence[tuple[Vector, Vector]]]]) -> None:
-        """Add the contacts of an instant.
+        """Add all contacts of the simulation at one instant.
 
         Args:
-            time: time of the run [s].
-            contacts: (first body, second body, (point [m], force on the first body [N]) each), world axes.
+            time: robot time [s].
+            contacts: name of the first body, name of the second, and (point [m], force on the first body [N]) of each
+                contact point, in world axes, of each pair in contact.
         """
         total = np.zeros(len(CHANNELS))
         for first, second, points in contacts:
@@ -113,7 +117,7 @@ class ContactLoad:
                     total += sign * sum(
                         (self._wrench(point, force) for point, force in points), np.zeros(len(CHANNELS))
                     )
-        if time - self._last > 1.5 * CONTACTS_PERIOD:  # silent before: nothing touched until one period ago
+        if time - self._last > 1.5 * CONTACTS_PERIOD:  # no message before: nothing touched until one period ago
             self._track.store(time - CONTACTS_PERIOD, np.zeros(len(CHANNELS)))
         self._last = time
         self._track.store(time, total)
@@ -125,14 +129,14 @@ class ContactLoad:
 
 
 class FloorLoad:
-    """Load of the human in the robot's plant on the floor, computed from motion and grips.
+    """Load of the simulated human on a force plate in the floor, computed from their motion and grip forces.
 
-    Values are linear between the instants of the messages. Accelerations are differences of the velocities of the
-    previous and the next message.
+    Values are interpolated linearly between messages. Joint accelerations are central differences of the velocities in
+    the previous and the next message.
 
     Args:
         person: section `human` of the experiment.
-        T_world_plate: frame of the plate: surface centre, z up.
+        T_world_plate: pose of the plate's frame (surface centre, z up) in the world.
     """
 
     def __init__(self, person: HumanSettings, T_world_plate: Pose) -> None:
@@ -146,17 +150,17 @@ class FloorLoad:
 
     @property
     def known(self) -> float:
-        """Time up to which the load is known [s]; minus infinity if it is unknown."""
+        """Robot time up to which the load is known [s]; minus infinity if it is unknown."""
         return min(self._floor.known, *(track.known for track in self._grips.values()), np.inf)
 
     def __call__(self, times: FloatArray) -> FloatArray:
-        """Return the load at times of the run."""
+        """Return the wrench on the plate in its frame at robot times, shape (n,) [s]: shape (n, 6) [N, N m]."""
         total = sum((track.at(times) for track in self._grips.values()), self._floor.at(times))
         force, torque = total[:, :3], total[:, 3:]
         return np.hstack([force @ self._R, (torque - np.cross(self._p, force)) @ self._R])
 
     def add(self, time: float, names: Sequence[str], q: Sequence[float], dq: Sequence[float]) -> None:
-        """Add a joint state of the human, see `JointTrack.add`."""
+        """Add a joint state of the human: robot time [s], joint names, positions [rad], velocities [rad/s]."""
         simulated.check_joints(names, self._joints)
         rows = self._rows
         if rows and time < rows[-1][0]:

@@ -1,6 +1,6 @@
-"""Force plates within the frames of a motion capture system: a driver, and an emulated Motive with only a plate.
+"""Force plates in the NatNet frames of a motion capture system: a driver, and an emulated Motive with only a plate.
 
-It is the only module of EMG, plates and the synchroniser that needs motion capture. No ROS except a node's parameters.
+Among EMG, plates and synchroniser, only this module needs motion capture. No ROS except a node's parameters.
 """
 
 import struct
@@ -26,24 +26,24 @@ from mocap_natnet.node.parameters import Publishing
 
 NS = 1e-9
 LOOK = 0.5
-"""Time between checks of the connection [s] (project default, unconfirmed)."""
+"""Time between checks of the NatNet connection [s] (project default, unconfirmed)."""
 CODE_PERIOD = 1.0
-"""Period of a time code [s]: a 32 bit number holds no more digits."""
+"""Period after which a time code starts at 0 again [s]: a 32 bit float has too few digits for more."""
 
 
 class NatNetPlate(Driver):
-    """NatNet client that reads only the plate.
+    """Driver that reads a force plate from a NatNet stream.
 
     The protocol does not contain the times of the samples of a frame: they are spread evenly over the frame's period,
     the last one at its stamp.
 
     Args:
-        settings: address of the server.
+        settings: settings of the connection to the NatNet server.
         plate: id of the plate; 0: the first of the stream.
         stream: receiver of the samples.
         health: receiver of status reports.
-        choose: function that changes the layout.
-        on_described: callback for the plate's description.
+        choose: function that returns the layout to publish; it may raise ParameterError.
+        on_described: callback for the plate's description in the stream.
     """
 
     def __init__(
@@ -65,12 +65,12 @@ class NatNetPlate(Driver):
         self._missing = ""
 
     def start(self) -> None:
-        """Start the client."""
+        """Start the NatNet client and the thread."""
         self._client.start()
         super().start()
 
     def close(self) -> None:
-        """Stop the client."""
+        """Stop the NatNet client and the thread."""
         self._stop.set()
         self._client.close()
         super().close()
@@ -104,7 +104,7 @@ class NatNetPlate(Driver):
         plate = next((plate for plate in plates if self._plate in (0, plate.id)), None)
         if plate is None or len(plate.channels) < len(CHANNELS):
             self._missing = (
-                f"no force plate {self._plate or ''} in the stream; valid: "
+                f"no force plate {self._plate or 'with six channels'} in the NatNet stream; valid: "
                 f"{', '.join(str(plate.id) for plate in plates) or 'none'}"
             )
             self._count = 0
@@ -127,13 +127,13 @@ class NatNetPlate(Driver):
 
 @dataclass(frozen=True)
 class PlateClient(client.ClientSettings, Publishing):
-    """Group `natnet` of a node that reads `plate_of`: the client, and the plate."""
+    """Parameters in the group `natnet` of a force plate's node: NatNet connection, and id of the plate."""
 
     plate: int = whole(0, minimum=0, maximum=2**31 - 1, text="id of the plate; 0: the first of the stream")
 
 
 NATNET = tuple(f"natnet/{name}" for name in known_names((PlateClient,)))
-"""Names of the group's parameters."""
+"""Names of the parameters in the group `natnet`, group included."""
 
 
 def plate_of(
@@ -143,13 +143,13 @@ def plate_of(
     choose: Callable[[Layout], Layout],
     on_pose: Callable[[str, Pose], None],
 ) -> NatNetPlate:
-    """Return the plate that the parameters of a node choose.
+    """Return the driver of the force plate that a node's parameters select.
 
     Args:
-        node: node with the parameters of `natnet_client`, and `plate`.
-        stream: see `NatNetPlate`.
-        health: see `NatNetPlate`.
-        choose: see `NatNetPlate`.
+        node: node with the parameters of `PlateClient`.
+        stream: receiver of the samples.
+        health: receiver of status reports.
+        choose: function that returns the layout to publish; it may raise ParameterError.
         on_pose: callback for the frame of the stream and the plate's pose in it, once the stream describes the plate.
 
     Raises:
@@ -168,7 +168,7 @@ def plate_of(
 class PlateStream(Settings):
     """Settings of the emulated Motive that streams a plate."""
 
-    rate: float = number(200.0, minimum=1.0, maximum=1000.0, unit="Hz", text="of frames")
+    rate: float = number(200.0, minimum=1.0, maximum=1000.0, unit="Hz", text="frame rate")
     ip: str = address("127.0.0.1", "address to listen on", empty=False)
     command_port: int = whole(COMMAND_PORT, minimum=0, maximum=65535)
     data_port: int = whole(DATA_PORT, minimum=1, maximum=65535)
@@ -184,14 +184,14 @@ class PlateMotive:
 
     Args:
         stream: settings of the stream.
-        rate: rate of the plate, a multiple of that of the frames [Hz].
+        rate: sample rate of the plate, a multiple of the frame rate [Hz].
         load: load on the plate.
-        faults: noise, bias and time code (in Mz) are used, the others are those of Motive.
+        faults: faults of the samples; only noise, bias and time code (in channel Mz) are used.
         clock: clock of the stream.
-        on_reached: see `MotiveServer`.
+        on_reached: callback with the robot time up to which all samples are sent [s]; None: not known.
 
     Raises:
-        HricError: an invalid value, or the port is in use.
+        HricError: a value is not valid, or the UDP port is in use.
     """
 
     def __init__(
@@ -205,7 +205,7 @@ class PlateMotive:
     ) -> None:
         count = round(rate / stream.rate)
         if count < 1 or abs(count * stream.rate - rate) > 1e-6 * rate:
-            valid = f"with a plate of {rate:g} Hz a whole number of samples per frame"
+            valid = f"a frame rate that divides the plate's {rate:g} Hz without remainder"
             raise refused(f"{stream.prefix}rate", stream.rate, valid)
         shared = ("rate", "ip", "command_port", "data_port", "transport", "latency", "loss")
         settings = server.MotiveSettings(**{name: getattr(stream, name) for name in shared}, seed=faults.seed)
@@ -220,7 +220,7 @@ class PlateMotive:
         self.server.close()
 
     def _sample(self, time: float) -> tuple[float, ...]:
-        """Return the plate's measured wrench at a time of the stream [s]."""
+        """Return the plate's measured wrench at a time of the stream [s]: six values [N, N m]."""
         robot_time, faults = self.server.robot_time(time), self._faults
         robot_time = time if robot_time is None else robot_time
         values = self._load(np.array([robot_time]))[0] + faults.bias

@@ -28,35 +28,35 @@ from hric_perception.stream import Driver, SampleStream, StreamHealth
 
 @dataclass(frozen=True)
 class ForcePlateSettings(DriverSettings):
-    """Parameters of the node; those in the group `natnet` are read where they are used."""
+    """Parameters of the node `force_plate`; those in its group `natnet` are read by `plate_of`."""
 
     kind: ClassVar[str] = "Force"
     also: ClassVar[tuple[str, ...]] = NATNET
     source: str = choice("lsl", "natnet")
     id: str = PLATE_ID
-    frame: str = text("", default_text="`force_plate_<id>`", text="of the vectors")
+    frame: str = text("", default_text="`force_plate_<id>`", text="tf frame of force and moment")
     pose: PlatePose | None = section(PlatePose, None)
     height: float = number(
         0.0,
         unit="m",
-        text="of the surface over the origin of the device's moments; its sign differs between makers: check with "
-        "a known weight",
+        text="height of the surface above the origin of the device's moments; its sign differs between makers: check "
+        "with a known weight",
     )
-    invert: bool = flag(False, text="the device measures the reaction, not the load")
+    invert: bool = flag(False, text="true: the device measures the reaction, not the load")
 
     def publisher(self, node: Node, on_trouble: Callable[[str], None]) -> "PlatePublisher":
         """Return the publisher of samples, wrench and centre of pressure."""
         return PlatePublisher(node, self)
 
     def driver(self, node: Node, publisher: Any, stream: SampleStream, health: StreamHealth) -> Driver:
-        """Return the driver of the source."""
+        """Return the driver that reads the plate: a NatNet client or an LSL reader."""
         if self.source == "natnet":
             return plate_of(node.child("natnet"), stream, health, publisher.choose, publisher.described)
         return super().driver(node, publisher, stream, health)
 
 
 class PlatePublisher:
-    """Publisher of chunks and the values computed from them; called from one thread.
+    """Publisher of a force plate's samples, wrench and centre of pressure; called from one thread.
 
     Args:
         node: private node.
@@ -75,11 +75,11 @@ class PlatePublisher:
             self._publish_pose(settings.pose.frame, settings.pose.pose)
 
     def choose(self, layout: Layout) -> Layout:
-        """Return the layout of a stream, its vectors in the plate's frame. Raises ParameterError."""
+        """Return a stream's layout with the plate's channel names and frame. Raises ParameterError."""
         return choose_channels(layout, self._frame)
 
     def described(self, parent: str, pose: Pose) -> None:
-        """Publish the pose that the stream describes; the pose among the parameters has precedence."""
+        """Publish the plate's pose in the stream's description, unless the parameter `pose` gives one."""
         if self._static is None:
             self._publish_pose(parent, pose)
 
@@ -98,7 +98,7 @@ class PlatePublisher:
             self._cop.publish(PointStamped(head, Point(*point)))
 
     def _publish_pose(self, parent: str, pose: Pose) -> None:
-        """Publish the transform from a frame to that of the plate."""
+        """Publish the pose of the plate's frame in a parent frame on `tf_static`."""
         self._static = self._node.advertise("/tf_static", TFMessage, latch=True)
         self._static.publish(
             TFMessage([stamped.transform_stamped(stamped.header(self._node.now(), parent), self._frame, pose)])

@@ -17,12 +17,15 @@ from hric_perception.section import EMULATED, SensorSection, SourcePlan, for_nod
 from hric_perception.simulated import measures_person
 
 NATNET_PORTS = {"command_port": 1512, "data_port": 1513}
-"""UDP ports of an emulated plate's Motive, next to that of the motion capture (project default, unconfirmed)."""
+"""UDP ports of the emulated Motive that streams only a plate (project default, unconfirmed).
+
+They differ from the default ports, which an emulated motion capture uses.
+"""
 
 
 @dataclass(frozen=True)
 class EmulatedPlate(Settings):
-    """Mapping `emulated` of a force plate."""
+    """Mapping `emulated` of the section `force_plate`: the emulated plate."""
 
     load: Settings = loads.PROGRAM
     faults: Faults = section(Faults)
@@ -48,28 +51,30 @@ CALIBRATION.accepts = "six rows of six numbers that can be inverted"
 
 @dataclass(frozen=True)
 class PlateSection(SensorSection):
-    """Section `force_plate`."""
+    """Section `force_plate` of an experiment file: a force plate, real or emulated."""
 
     name, emulated_name = "force_plate", "emulated_plate"
     driver_keys = ("id", "height", "invert", "pose", "lsl", "natnet")
     described_keys = ("size", "calibration")
-    transport: str = choice("lsl", "natnet", text="by which the samples come")
+    transport: str = choice("lsl", "natnet", text="transport of the samples")
     channels: tuple[str, ...] = CHANNELS
     id: str = PLATE_ID
-    height: float | None = number(None, unit="m", text="of the surface over the origin of the device's moments")
-    invert: bool | None = flag(None, text="whether the device reports the reaction, not the load")
+    height: float | None = number(None, unit="m", text="height of the surface above the origin of the device's moments")
+    invert: bool | None = flag(None, text="true: the device reports the reaction, not the load")
     pose: Mapping[str, object] | None = for_node(
         section(PlatePose), "`frame`, `xyz` [m], `xyzw` of the middle of the surface"
     )
-    natnet: Mapping[str, object] | None = for_node(section(PlateClient), "which server and `plate`: hric_perception")
+    natnet: Mapping[str, object] | None = for_node(
+        section(PlateClient), "NatNet connection and `plate`, see hric_perception"
+    )
     size: tuple[float, ...] = numbers(
-        2, PLATE_SIZE, above=0.0, unit="m", text="of the surface along x and y, for c3d files"
+        2, PLATE_SIZE, above=0.0, unit="m", text="size of the surface along x and y, for c3d files"
     )
     calibration: tuple[tuple[float, ...], ...] | None = CALIBRATION
 
     @classmethod
     def parts(cls) -> tuple[type[DriverSettings], type[DeviceSettings]]:
-        """Return the parameters of both nodes."""
+        """Return the parameter classes of the driver's node and of the emulated device's node."""
         from hric_perception.plate.device import EmulatedPlateSettings
         from hric_perception.plate.publisher import ForcePlateSettings
 
@@ -77,27 +82,27 @@ class PlateSection(SensorSection):
 
     @property
     def wire(self) -> str:
-        """Part of the plate that needs a wire; over NatNet it is within the frames of a separate Motive."""
+        """Name, for messages, of what needs a network: a real plate, or any plate over NatNet; "": nothing."""
         return super().wire or (f"{self.name} over natnet" if self.transport == "natnet" else "")
 
     @property
     def follows(self) -> str:
-        """Key of the load if it is that of the human in the robot's plant."""
+        """Name of the key of the load if an emulated plate measures the simulated human; else ""."""
         measured = self.device == EMULATED and measures_person(self.emulated.get("load"))
         return f"{self.name}.emulated.load" if measured else ""
 
     def record(self) -> dict[str, object]:
-        """Return the values for run.yaml; a load that is not measured on anything is called computed."""
+        """Return the section's values for run.yaml, with a note if the load is computed from a simulated motion."""
         return super().record() | ({"computed": "load: from the simulated body's motion"} if self.follows else {})
 
     def check(self, where: str) -> None:
-        """Refuse values that the emulated device would refuse."""
+        """Check the trial of a recorded load, as the emulated device would. Raises ParameterError."""
         load = EmulatedPlate.of(self.emulated, f"{where}emulated").load
         if isinstance(load, RecordedLoad):
             load.replayed()
 
     def nodes(self, seed: int, person: Mapping[str, object]) -> dict[str, dict[str, object]]:
-        """Return the private parameters of both nodes."""
+        """Return the private parameters of driver and emulated device, by the names of the nodes."""
         parameters = super().nodes(seed, person)
         if (device := parameters.get(self.emulated_name)) is None:
             return parameters
@@ -110,6 +115,6 @@ class PlateSection(SensorSection):
 
     @property
     def source(self) -> SourcePlan:
-        """Source for the plan of the synchroniser."""
+        """Entry of the plate's samples in the synchroniser's plan."""
         units = {"N": self.channels[:3], "N m": self.channels[3:]}
         return self._source(f"hric/perception/force_plate/{self.id}/samples", units)

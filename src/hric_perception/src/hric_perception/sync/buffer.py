@@ -1,4 +1,4 @@
-"""Latest samples of a source, sorted by time, for bisection. No ROS."""
+"""Buffer of a source's latest samples, sorted by time, so that they can be searched by bisection. No ROS."""
 
 import numpy as np
 import numpy.typing as npt
@@ -11,13 +11,13 @@ Values = npt.NDArray[np.float64]
 
 
 class StampBuffer:
-    """Buffer of the last `capacity` samples.
+    """Buffer of the last `capacity` samples of one source, sorted by stamp.
 
     The samples are contiguous in an array of twice the capacity; only when that is full are they moved to its front.
 
     Args:
         capacity: number of stored samples.
-        width: values per sample.
+        width: number of values per sample.
     """
 
     def __init__(self, capacity: int, width: int) -> None:
@@ -53,8 +53,8 @@ class StampBuffer:
         """Add samples, sorted and later than all others.
 
         Args:
-            stamps: shape (n,) [ns].
-            values: shape (n, width).
+            stamps: stamps of the samples, shape (n,) [ns].
+            values: values, shape (n, width).
         """
         count = min(len(stamps), self.capacity)
         if not count:

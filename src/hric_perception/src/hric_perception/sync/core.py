@@ -1,8 +1,8 @@
-"""Synchroniser: samples of many sources go in at their own rates; samples at common instants come out. No ROS.
+"""Synchroniser: takes samples of many sources at their own rates, and returns samples at common instants. No ROS.
 
-An instant goes out when every source that is not starving has a sample at or after it, so that later samples cannot
-change it; at the latest when the newest stamp of all is `delay` past it. Time is that of the stamps: a paused run
-pauses the synchroniser, and a recorded bag gives the same samples as the run did, at any speed.
+An instant is returned when every source that is not starving has a sample at or after it, so that later samples cannot
+change it; at the latest when the newest stamp of all sources is `delay` past it. Time is that of the stamps: a paused
+run pauses the synchroniser, and a recorded bag gives the same samples as the run did, at any speed.
 """
 
 import threading
@@ -20,7 +20,7 @@ from hric_perception.sync.layout import APPROXIMATE, RESAMPLE, SyncPlan
 from hric_perception.sync.sampling import Mask, SampledValues, picker, resampler
 
 SPAN = 1_000_000_000
-"""Time span of the statistics [ns]."""
+"""Time span of the statistics on skew and waiting time [ns]."""
 
 
 class _Row(NamedTuple):
@@ -31,7 +31,7 @@ class _Row(NamedTuple):
 
 
 class Window:
-    """Skew of each source, and waiting time of instants, over the last second; computed on request.
+    """Statistics of the last second: skew of each source, and waiting time of instants; computed on request.
 
     Args:
         sources: number of sources.
@@ -42,11 +42,12 @@ class Window:
         self._rows: deque[_Row] = deque()
 
     def add(self, stamp: int, skews: Sequence[Values | None], valid: Mask, waited: int) -> None:
-        """Add a batch.
+        """Add a batch of instants.
 
         Args:
-            stamp: its last instant [ns].
-            skews: per source, at each instant [s]; NaN if there is no sample; None: all values are of the instant.
+            stamp: last instant of the batch [ns].
+            skews: for each source, time between value and instant, shape (instants,) [s]; NaN without a value; None:
+                values are interpolated at the instants.
             valid: validity of each source, shape (instants, sources).
             waited: waiting time of the first instant [ns].
         """
@@ -55,15 +56,15 @@ class Window:
             self._rows.popleft()
 
     def clear(self) -> None:
-        """Remove all batches."""
+        """Remove all statistics."""
         self._rows.clear()
 
     def mean(self) -> list[float]:
-        """Return the mean skew of each source [s]; 0 if there was no sample."""
+        """Return the mean skew of each source [s], the time between value and instant; 0 if there was no sample."""
         return [float(skews.mean()) if len(skews) else 0.0 for skews in map(self._skews, range(self._sources))]
 
     def largest(self) -> list[float]:
-        """Return the largest skew of each source [s]."""
+        """Return the largest skew of each source [s], the time between value and instant."""
         return [float(self._skews(index).max(initial=0.0)) for index in range(self._sources)]
 
     def valid(self) -> list[float]:
@@ -73,7 +74,7 @@ class Window:
         return list(map(float, np.concatenate([row.valid for row in self._rows]).mean(axis=0)))
 
     def delay(self) -> float:
-        """Return the longest waiting time of an instant [s]."""
+        """Return the longest time that an instant waited for samples [s]."""
         return max((row.waited for row in self._rows), default=0) * 1e-9
 
     def _skews(self, index: int) -> Values:
@@ -83,11 +84,11 @@ class Window:
 
 
 class SampleBatch(NamedTuple):
-    """Synchronised samples.
+    """Batch of synchronised samples.
 
     Attributes:
-        stamps: instants, shape (n,) [ns].
-        values: shape (n, values); NaN if there is none.
+        stamps: common instants, shape (n,) [ns].
+        values: values of all sources, shape (n, values); NaN if there is none.
         age: instant minus stamp of the sample used, shape (n, sources) [s]; NaN if there is none.
         valid: True if all values of the source are finite, shape (n, sources).
     """
@@ -105,13 +106,13 @@ class Synchroniser:
 
     Args:
         plan: sources and policy.
-        now: time of a monotonic clock, the same as in all other calls [s].
+        now: current time of the monotonic clock that all calls use [s].
 
     Attributes:
         intakes: intake of each source.
         last: last instant that was returned [ns]; None: none was.
-        restarts: number of times that all sources changed to another time.
-        sent: samples returned; incomplete: those with an invalid source; dropped: instants left out.
+        restarts: number of times that the stamps of all sources jumped, as in a restarted run.
+        sent: number of samples returned; incomplete: of these, with an invalid source; dropped: instants left out.
     """
 
     def __init__(self, plan: SyncPlan, now: float) -> None:
@@ -135,7 +136,7 @@ class Synchroniser:
         self._readers = [_reader(intake) for intake in self.intakes]
 
     def push_message(self, index: int, message: Any, arrived: float) -> None:
-        """Add a message of source `index` that arrived then [s]; unusable samples are counted."""
+        """Add a message of source `index`; arrived: monotonic time [s]. Unusable samples are only counted."""
         intake = self.intakes[index]
         try:
             intake.put(self._readers[index](message), arrived)
@@ -148,20 +149,20 @@ class Synchroniser:
 
         Args:
             index: index of the source.
-            stamps: shape (n,) [ns].
-            values: shape (n, columns of the source).
-            arrived: arrival by the monotonic clock [s].
+            stamps: stamps of the samples, shape (n,) [ns].
+            values: values, shape (n, columns of the source).
+            arrived: arrival time by the monotonic clock [s].
         """
         if len(stamps):
             self.intakes[index].put(MessageSamples(stamps, values), arrived)
 
     def take(self, now: float) -> SampleBatch | None:
-        """Return the samples that are due, at most `instants.MAX_INSTANTS`; None if there are none.
+        """Return the synchronised samples that are due, at most `instants.MAX_INSTANTS`; None if there are none.
 
         Args:
             now: time of the monotonic clock [s].
         """
-        with self._lock, np.errstate(all="ignore"):  # of values that are infinite
+        with self._lock, np.errstate(all="ignore"):  # infinite values are allowed
             self._collect()
             limit = self._limit(now)
             stamps = self._instants.due(limit) if limit is not None else None
@@ -174,7 +175,7 @@ class Synchroniser:
             return self._assemble(stamps, sampled)
 
     def _collect(self) -> None:
-        """Process the samples put since the last call, in the order of their arrival."""
+        """Store the samples that arrived since the last call, in the order of their arrival."""
         collected = [
             (*batch, index) for index, intake in enumerate(self.intakes) if (batch := intake.collect()) is not None
         ]
@@ -187,13 +188,13 @@ class Synchroniser:
             self.intakes[index].take(samples.stamps, samples.values, verdict, self.last, arrived, busy)
 
     def starving(self, now: float) -> dict[str, str]:
-        """Return the topics that starve, and why."""
+        """Return the topics that have been silent for longer than their time-out, and why."""
         with self._lock:
             reasons = {intake.topic: intake.starving(now) for intake in self.intakes}
         return {topic: reason for topic, reason in reasons.items() if reason}
 
     def _limit(self, now: float) -> int | None:
-        """Return the time up to which instants are due [ns]."""
+        """Return the robot time up to which instants are due [ns]; None before the first instant."""
         if self._time.newest is None:
             return None
         busy = self._busy.at(now)

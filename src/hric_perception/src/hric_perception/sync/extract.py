@@ -1,4 +1,4 @@
-"""Extraction of stamps and values from messages. Of ROS, only message classes are used.
+"""Extraction of stamps and values from ROS messages for the synchroniser. Of ROS, only message classes are used.
 
 A message is one sample, except for the types in `BATCHES`: their messages hold many samples, each with its own stamp.
 """
@@ -27,8 +27,8 @@ class MessageSamples(NamedTuple):
     """Samples of a message.
 
     Attributes:
-        stamps: shape (n,), increasing [ns].
-        values: shape (n, columns).
+        stamps: increasing stamps, shape (n,) [ns].
+        values: values, shape (n, columns).
     """
 
     stamps: Stamps
@@ -36,11 +36,11 @@ class MessageSamples(NamedTuple):
 
 
 Fill = Callable[[Any, list[float]], None]
-"""(message, row): appends the values of some leaves to the row. Raises NotForUsError."""
+"""Function (message, row) that appends some values of the message to the row. It raises NotForUsError."""
 
 
 def row_reader(leaves: Sequence[Leaf]) -> Callable[[Any], list[float]]:
-    """Return a function that reads the leaves of a message as a row."""
+    """Return a function that reads the numbers at `leaves` of a message as a list."""
     parts = _fills([(leaf, leaf.steps) for leaf in leaves])
 
     def read(message: Any) -> list[float]:
@@ -56,7 +56,7 @@ _Path = tuple[Leaf, tuple[PathStep, ...]]
 
 
 def _fills(paths: Sequence[_Path]) -> list[Fill]:
-    """Return one function for each run of paths that go down the same field."""
+    """Return one reader for each group of consecutive paths that begin with the same field."""
     groups = groupby(paths, lambda path: (path[1][0].field, path[1][0].element is None, len(path[1]) == 1))
     return [_fill(field, plain, last, list(group)) for (field, plain, last), group in groups]
 
@@ -79,7 +79,7 @@ def _each(parts: list[Fill], message: Any, row: list[float]) -> None:
 
 
 def _numbers(field: str, steps: list[PathStep]) -> Fill:
-    """Return a reader of elements of a list of numbers; all of them must exist."""
+    """Return a reader of elements of a list of numbers; it raises NotForUsError if one is missing."""
     find = _finder(steps)
 
     def fill(message: Any, row: list[float]) -> None:
@@ -118,7 +118,7 @@ def _finder(steps: Sequence[PathStep]) -> Callable[[Any], list[int]]:
 def _elements(field: str, group: list[_Path]) -> Fill:
     """Return a reader of elements of a list of messages.
 
-    A missing or untracked element gives NaN: the source lives, but does not see it.
+    A missing or untracked element gives NaN: the source works, but does not see that object.
     """
     parts = []
     for step, paths in groupby(group, lambda path: path[1][0]):
@@ -138,7 +138,7 @@ def _elements(field: str, group: list[_Path]) -> Fill:
 
 
 def _chooser(field: str, step: PathStep) -> Callable[[Any], Any]:
-    """Return a function that finds an element of a list of messages, or None."""
+    """Return a function that finds one element of a message's list of messages; None if it is missing."""
     if isinstance(step.element, str) and not step.names:
         name = step.element
         return lambda message: next((element for element in getattr(message, field) if element.name == name), None)
@@ -157,7 +157,7 @@ def chunk_reader(leaves: Sequence[Leaf], where: str) -> Callable[[Any], MessageS
     """Return a function that splits a SampleChunk into samples.
 
     Raises:
-        PathError: a leaf is no channel of `data`.
+        PathError: a leaf is not a channel of `data`.
     """
     steps = _columns(leaves, ("data",), where)
     find = _finder(steps)
@@ -178,7 +178,7 @@ def log_reader(leaves: Sequence[Leaf], where: str) -> Callable[[Any], MessageSam
     """Return a function that splits a ControlLog into samples.
 
     Raises:
-        PathError: a leaf is no joint's value of each cycle.
+        PathError: a leaf is not a joint's value in each control cycle.
     """
     steps = _columns(leaves, ("position", "velocity", "effort", "command_raw", "command"), where)
     groups = [
@@ -190,7 +190,7 @@ def log_reader(leaves: Sequence[Leaf], where: str) -> Callable[[Any], MessageSam
         times = np.asarray(message.time)
         joints = len(message.joint_names)
         if len(times) == 0 or any(len(getattr(message, field)) != len(times) * joints for field, _, _ in groups):
-            raise MalformedError(f"{len(times)} cycles of {joints} joints, but other numbers of values")
+            raise MalformedError(f"the numbers of values do not fit {len(times)} cycles of {joints} joints")
         stamps = stamp_of(message) + np.rint((times - times[0]) * NS).astype(np.int64)
         values = [
             np.asarray(getattr(message, field)).reshape(-1, joints)[:, _indices(find, message)]
@@ -212,7 +212,7 @@ def _indices(find: Callable[[Any], list[int]], message: Any) -> list[int]:
     try:
         return find(message)
     except ValueError:
-        raise NotForUsError("none of the names") from None
+        raise NotForUsError("a requested name is missing") from None
 
 
 def stamp_of(message: Any) -> int:
@@ -222,4 +222,4 @@ def stamp_of(message: Any) -> int:
 
 
 BATCHES = {"hric_msgs/SampleChunk": chunk_reader, "hric_msgs/ControlLog": log_reader}
-"""Types whose messages hold many samples."""
+"""Message type with many samples per message -> function that makes its reader."""

@@ -1,4 +1,4 @@
-"""Time of the synchroniser: stamps that belong to the run, and instants that are due. No ROS."""
+"""Time of the synchroniser: which stamps belong to the current run, and which instants are due. No ROS."""
 
 from enum import Enum
 from fractions import Fraction
@@ -8,26 +8,29 @@ import numpy as np
 from hric_perception.sync.buffer import NS, StampBuffer, Stamps
 
 AGREE = NS
-"""Largest difference of stamps from the newest one of the same time [ns].
+"""Largest difference of a stamp from the newest one with which both belong to the same run and clock [ns].
 
-Project default, unconfirmed; no sensor has such a delay.
+Project default, unconfirmed; it is larger than the delay of any sensor.
 """
 SILENCE = 0.5
-"""Silence after which the next stamp begins another time [s of wall time] (project default, unconfirmed)."""
-STILL = 0.1
-"""Largest duration that a silence of all sources counts [s of wall time] (project default, unconfirmed).
+"""Time without a stamp of the current run, after which any stamp begins a new one [s of wall time].
 
-A time-out is longer.
+Project default, unconfirmed.
+"""
+STILL = 0.1
+"""Longest time that `BusyClock` counts while all sources are silent [s of wall time] (project default, unconfirmed).
+
+It is shorter than a time-out, so that no source starves in a paused run.
 """
 MAX_INSTANTS = 1000
 """Largest number of instants returned at once (project default, unconfirmed).
 
-The rest follows with the next call, and messages are received in between.
+The others follow with the next call, so that messages are received in between.
 """
 
 
 class StampRelation(Enum):
-    """Relation of a stamp to the current time."""
+    """Relation of a stamp to the current run: of the same run, of a foreign clock, or of a restarted run."""
 
     SAME = "same"
     FOREIGN = "foreign"
@@ -35,10 +38,10 @@ class StampRelation(Enum):
 
 
 class CommonTime:
-    """Common time, which follows the newest stamp; a source whose clock jumped does not affect the others.
+    """Common time of all sources, which follows the newest stamp; a source whose clock jumped affects no other.
 
-    A jump of all sources, as in a restarted run, is followed: sources whose stamps continue the current time have
-    precedence, and without any, the first source to arrive sets the time.
+    If all sources jump, as in a restarted run, the common time jumps, too: while any stamps continue the current time,
+    these have precedence; after SILENCE without any, the next stamp sets the time.
     """
 
     def __init__(self) -> None:
@@ -46,11 +49,11 @@ class CommonTime:
         self._last = 0.0
 
     def see(self, stamps: Stamps, arrived: float) -> StampRelation:
-        """Judge stamps that arrived together, and advance to the last of them unless they are foreign.
+        """Classify stamps that arrived together, and advance to the last of them unless they are foreign.
 
         Args:
-            stamps: in the order of arrival, shape (n,) [ns].
-            arrived: arrival by a monotonic clock [s].
+            stamps: stamps in the order of arrival, shape (n,) [ns].
+            arrived: arrival time by a monotonic clock [s].
         """
         last = int(stamps[-1])
         if self.newest is None or self._reached(stamps, self.newest):
@@ -64,9 +67,9 @@ class CommonTime:
 
     @staticmethod
     def _reached(stamps: Stamps, newest: int) -> bool:
-        """Return True if the current time leads to the last stamp without a jump.
+        """Return True if stamps lead from the current time to the last one without a jump.
 
-        Samples that a process receives after a pause of seconds are still of the same time.
+        Samples that are received late, after a pause of the process, thus still belong to the same run.
         """
         if abs(int(stamps[-1]) - newest) <= AGREE:
             return True
@@ -76,25 +79,25 @@ class CommonTime:
 
 
 class BusyClock:
-    """Clock of the time during which anything was received: in a paused run no source has to wait for another."""
+    """Clock that runs only while any source sends, so that in a paused run no source times out."""
 
     def __init__(self, now: float) -> None:
         self._busy, self._last = 0.0, now
 
     def at(self, now: float) -> float:
-        """Return the busy time [s] at `now` of a monotonic clock [s]."""
+        """Return this clock's time [s]; now: time of a monotonic clock [s]."""
         return self._busy + min(now - self._last, STILL)
 
     def received(self, now: float) -> None:
-        """Note that something was received."""
+        """Note that a message of any source arrived; now: time of a monotonic clock [s]."""
         self._busy, self._last = self.at(now), now
 
 
 class Ticks:
-    """Integer multiples of a period, counted from robot time 0: the ticks of 100 Hz are among those of 1 kHz.
+    """Instants at integer multiples of a period from robot time 0; those of 100 Hz are among those of 1 kHz.
 
     Args:
-        rate: rate of the ticks [Hz].
+        rate: rate of the instants [Hz].
     """
 
     def __init__(self, rate: float) -> None:
@@ -103,7 +106,7 @@ class Ticks:
         self._next: int | None = None
 
     def begin(self, stamp: int) -> None:
-        """Set the first instant to the first tick from here on [ns]; without it there is none."""
+        """Set the first instant to the first tick at or after `stamp` [ns]; before, there are no instants."""
         self._next = -int(-stamp // self._period)
 
     @property
@@ -112,11 +115,11 @@ class Ticks:
         return self._next is not None
 
     def restart(self) -> None:
-        """Restart with another time."""
+        """Forget the last instant, because robot time restarts."""
         self._next = None
 
     def due(self, limit: int) -> Stamps:
-        """Return the ticks after the last one returned up to limit [ns], at most `MAX_INSTANTS`."""
+        """Return the instants after the last one returned, up to `limit` [ns], at most `MAX_INSTANTS`."""
         if self._next is None:
             return np.zeros(0, np.int64)
         last = min(int(limit // self._period), self._next + MAX_INSTANTS - 1)
@@ -129,10 +132,10 @@ class Ticks:
 
 
 class ReferenceStamps:
-    """Instants at the stamps of a source.
+    """Instants at the stamps of the reference source.
 
     Args:
-        buffer: samples of the source.
+        buffer: samples of the reference source.
     """
 
     def __init__(self, buffer: StampBuffer) -> None:
@@ -140,11 +143,11 @@ class ReferenceStamps:
         self._last: int | None = None
 
     def restart(self) -> None:
-        """Restart with another time."""
+        """Forget the last instant, because robot time restarts."""
         self._last = None
 
     def due(self, limit: int) -> Stamps:
-        """Return the stamps after the last one returned up to limit [ns], at most `MAX_INSTANTS`."""
+        """Return the stamps after the last one returned, up to `limit` [ns], at most `MAX_INSTANTS`."""
         stamps = self._buffer.stamps
         begin = 0 if self._last is None else int(np.searchsorted(stamps, self._last, side="right"))
         end = min(int(np.searchsorted(stamps, limit, side="right")), begin + MAX_INSTANTS)

@@ -1,4 +1,4 @@
-"""Intake of one source: its samples, refused ones with the reason, and starvation. No ROS."""
+"""Intake of one source of the synchroniser: stored samples, refused samples by reason, starvation. No ROS."""
 
 from collections import Counter, deque
 
@@ -13,28 +13,28 @@ from hric_perception.sync.layout import SyncSource
 NS = 1e-9
 OUT_OF_ORDER, FOREIGN, MALFORMED, NOT_FOR_US = (
     "not later than the sample before",
-    "stamped with another time",
+    "stamped by another clock",
     "malformed",
     "without the requested values",
 )
 NOT_YET = "no message yet"
-"""Reason of a source without messages during startup: no failure."""
+"""Reason why a source starves that has not sent yet during startup: not a failure."""
 REFUSALS = (OUT_OF_ORDER, FOREIGN, MALFORMED)
-"""Reasons for which refused samples are losses; messages for others on the same topic are none."""
+"""Reasons by which refused samples count as losses; messages without the requested values do not."""
 
 
 class Intake:
-    """Samples of one source.
+    """Received samples of one source of the synchroniser.
 
     Args:
         source: description of the source.
         now: start time by a monotonic clock [s].
-        delay: how long an instant waits for a delayed source [s]; at least its time-out.
+        delay: how long an instant waits for a delayed source [s]; it waits at least for the source's time-out.
 
     Attributes:
         samples: number of accepted samples.
-        refused: reason -> samples.
-        late: samples that arrived after their instants had gone out.
+        refused: number of refused samples by reason.
+        late: number of samples that arrived after their instants had been returned.
     """
 
     def __init__(self, source: SyncSource, now: float, delay: float) -> None:
@@ -49,11 +49,11 @@ class Intake:
         self._trouble = ""
 
     def put(self, samples: MessageSamples | tuple[int, list[float]], arrived: float) -> None:
-        """Put samples, or stamp [ns] and values of one, that arrived then [s], for `collect`; thread-safe."""
+        """Queue samples, or one sample as (stamp [ns], values), for `collect`; arrived: in [s]. Thread-safe."""
         self._waiting.append((arrived, samples))
 
     def collect(self) -> tuple[float, MessageSamples] | None:
-        """Return (arrival of the last one [s], waiting samples with stamps in any order); None if there are none."""
+        """Return (arrival of the last queued message [s], all queued samples in order of arrival); None without any."""
         count = len(self._waiting)
         if not count:
             return None
@@ -75,14 +75,14 @@ class Intake:
     def take(
         self, stamps: Stamps, values: Values, verdict: StampRelation, sent: int | None, arrived: float, busy: float
     ) -> None:
-        """Accept samples that are later than the previous ones.
+        """Store samples that are later than the stored ones; refuse and count the others.
 
         Args:
-            stamps: in any order, shape (n,) [ns].
-            values: shape (n, columns).
-            verdict: judgement of the common time; foreign samples are refused.
-            sent: last instant that went out [ns]; samples before it are late.
-            arrived: arrival by the monotonic clock [s].
+            stamps: stamps in any order, shape (n,) [ns].
+            values: values, shape (n, columns).
+            verdict: relation of the stamps to the common time; foreign samples are refused.
+            sent: last instant that was returned [ns]; samples before it are late.
+            arrived: arrival time by the monotonic clock [s].
             busy: time of the `BusyClock` [s].
         """
         if verdict is StampRelation.FOREIGN:
@@ -100,7 +100,7 @@ class Intake:
         self._last, self._busy, self._trouble = arrived, busy, ""
 
     def _in_order(self, stamps: Stamps, values: Values, last: int | None) -> tuple[Stamps, Values]:
-        """Return the samples that are of the same time as the last of them, and later than all before them."""
+        """Return the samples that are of the same run as the last of them, and later than all before them."""
         same = np.abs(stamps - stamps[-1]) <= AGREE
         if not same.all():
             self.refuse(FOREIGN, int((~same).sum()))
@@ -112,12 +112,12 @@ class Intake:
         return stamps[fresh], values[fresh]
 
     def refuse(self, reason: str, count: int = 1) -> None:
-        """Count samples that are not accepted."""
+        """Count samples that are refused for a reason."""
         self.refused[reason] += count
         self._trouble = reason
 
     def starving(self, now: float) -> str:
-        """Return why nothing usable came for longer than the time-out, as text; empty if it came.
+        """Return why no usable sample arrived for longer than the source's time-out; empty if one did.
 
         Args:
             now: time of the monotonic clock [s].
@@ -132,7 +132,7 @@ class Intake:
                 else f"only messages {NOT_FOR_US}"
             )
         if self._last is None:
-            return NOT_YET if now - since <= START else "never heard"
+            return NOT_YET if now - since <= START else "no message since the start"
         return f"silent for {now - since:.1f} s" if now - since < 100 else "silent"
 
     def awaited(self, busy: float) -> bool:
@@ -140,12 +140,12 @@ class Intake:
         return busy - self._busy <= self._patience
 
     def restart(self, now: float, busy: float) -> None:
-        """Restart with another time; waiting samples are judged again."""
+        """Remove the stored samples, because robot time restarts; queued samples stay."""
         self.buffer.clear()
         self._last, self._begun, self._busy = None, now, busy
 
     def rate(self) -> float:
-        """Return samples per second over the stored samples of the last second [Hz]; 0: fewer than two."""
+        """Return the rate of the stored samples of the last second [Hz]; 0: fewer than two."""
         stamps = self.buffer.stamps
         if not len(stamps):
             return 0.0

@@ -1,4 +1,4 @@
-"""Plan of a synchronisation, read from a mapping such as a YAML file's. No ROS but the classes of its messages."""
+"""Plan of a synchronisation, read from a mapping such as a YAML file. Of ROS, only message classes are used."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -11,27 +11,27 @@ from hric_perception.sync.paths import WHOLES, Leaf, leaves, message_class
 RESAMPLE, APPROXIMATE, EXACT = "resample", "approximate", "exact"
 POLICIES = (EXACT, APPROXIMATE, RESAMPLE)
 LINEAR, HOLD, SLERP, NEAREST = "linear", "hold", "slerp", "nearest"
-"""Methods that bring a value to an instant; policy resample chooses one of the first three."""
+"""Methods that give a source's value at an instant; policy resample uses the first three."""
 # Defaults of this file are project defaults, unconfirmed.
 RATE = 100.0
 TOLERANCE = 0.01
 DELAY = 0.25
-"""Longest time that an instant waits for a delayed source [s]; more than the latency of any sensor here."""
+"""Longest time that an instant waits for a delayed source [s]; more than the latency of any supported sensor."""
 TIMEOUT = 0.5
-"""Silence after which a source starves [s of wall time]: named within a second."""
+"""Silence after which a source counts as starving [s of wall time]."""
 MAX_GAP = 0.1
 CAPACITY = 8192
-"""Samples stored per source: 4 s at 2 kHz."""
+"""Number of samples stored per source: 4 s at 2 kHz."""
 
 
 @dataclass(frozen=True)
 class SyncColumn:
-    """Value of the synchronised sample.
+    """One value of a synchronised sample.
 
     Attributes:
-        leaf: number of the message.
-        interpolation: method that brings it to the instant.
-        unit: empty: that of the message, if it has one.
+        leaf: number in the source's message.
+        interpolation: method that gives the value at an instant.
+        unit: unit of the value; empty: that of the message, if it has one.
     """
 
     leaf: Leaf
@@ -41,14 +41,14 @@ class SyncColumn:
 
 @dataclass(frozen=True)
 class SyncSource:
-    """Topic from which values are taken.
+    """Source of a synchronisation: topic from which values are taken.
 
     Attributes:
-        topic: name in the plan.
-        message: class of its messages.
-        columns: columns of the message in the order of the values.
-        max_gap: largest distance of samples for interpolation, or age of a held sample [s].
-        timeout: silence after which it starves [s of wall time].
+        topic: topic name as in the plan.
+        message: class of the topic's messages.
+        columns: values taken from a message, in their order.
+        max_gap: longest time between samples for interpolation, or largest age of a held sample [s].
+        timeout: silence after which the source starves [s of wall time].
         capacity: number of stored samples.
     """
 
@@ -61,7 +61,7 @@ class SyncSource:
 
     @property
     def batched(self) -> bool:
-        """True if its messages hold many samples."""
+        """True if a message of this source contains many samples."""
         return self.message._type in BATCHES
 
 
@@ -71,12 +71,12 @@ class SyncPlan:
 
     Attributes:
         policy: one of `POLICIES`.
-        sources: at least one.
+        sources: sources, at least one.
         reference: index of the source whose stamps are the instants; None with policy resample.
-        rate: rate of the instants, policy resample [Hz].
-        tolerance: tolerance of policy approximate [s].
+        rate: rate of the instants with policy resample [Hz].
+        tolerance: largest time between sample and instant with policy approximate [s].
         delay: how long an instant waits for a delayed source [s of robot time].
-        mark: True: instants at which a source has nothing go out, marked; False: they are dropped.
+        mark: True: instants at which a source has no value are returned and marked; False: they are dropped.
     """
 
     policy: str
@@ -89,13 +89,13 @@ class SyncPlan:
 
     @property
     def names(self) -> list[str]:
-        """Names of the values: topic and field."""
+        """Names of the values: topic and field, such as joint_states.position[a]."""
         return [f"{source.topic}.{column.leaf}" for source in self.sources for column in source.columns]
 
 
 @dataclass(frozen=True)
 class SignalSettings(Settings):
-    """Fields of a message."""
+    """Settings of signals: fields of a message, their interpolation and unit."""
 
     field: str = text(empty=False)
     interpolation: str | None = choice(LINEAR, HOLD, SLERP, default=None)
@@ -104,7 +104,7 @@ class SignalSettings(Settings):
 
 @dataclass(frozen=True)
 class SourceSettings(Settings):
-    """Topic, and fields taken from it."""
+    """Settings of a source: topic, and signals taken from its messages."""
 
     topic: str = text(valid="the name of a topic", empty=False)
     type: str = text()
@@ -114,7 +114,7 @@ class SourceSettings(Settings):
     capacity: int = whole(CAPACITY, minimum=2, maximum=10_000_000)
 
     def source(self, policy: str) -> SyncSource:
-        """Return the source for the synchroniser. Raises HricError."""
+        """Return the source that these settings describe; policy: one of `POLICIES`. Raises HricError."""
         kind = message_class(self.type, f"{self.prefix}type")
         columns = [
             column for index, signal in enumerate(self.signals) for column in self._columns(index, signal, kind, policy)
@@ -144,7 +144,7 @@ class SourceSettings(Settings):
 
 @dataclass(frozen=True)
 class PlanSettings(Settings):
-    """Settings of a plan."""
+    """Settings of a synchronisation plan, as in a YAML file."""
 
     policy: str = choice(*POLICIES, default=RESAMPLE)
     rate: float | None = number(None, above=0.0, maximum=10_000.0, unit="Hz")
@@ -155,12 +155,12 @@ class PlanSettings(Settings):
     sources: tuple[SourceSettings, ...] = listing(section(SourceSettings), range(1, 10_000))
 
     def check(self, where: str) -> None:
-        """Check that the reference is one of the sources."""
+        """Check that topics differ, and that `rate` or `reference` suits the policy. Raises ParameterError."""
         topics = [source.topic for source in self.sources]
         _once(topics, f"{where}sources", "each topic once, with all its signals")
         if self.policy == RESAMPLE and self.reference:
             raise refused(
-                f"{where}reference", self.reference, f"rate, in Hz: the reference of policy {RESAMPLE} is a rate"
+                f"{where}reference", self.reference, f"rate [Hz]; the reference of policy {RESAMPLE} is a rate"
             )
         if self.policy != RESAMPLE and self.rate is not None:
             raise ParameterError(
@@ -175,8 +175,8 @@ def read_plan(where: str, content: Any) -> SyncPlan:
     """Return the plan that a mapping describes; INTERFACE.md lists its keys.
 
     Args:
-        where: full name of the mapping, for messages.
-        content: the mapping.
+        where: full name of the mapping, for error messages.
+        content: mapping of the plan.
 
     Raises:
         HricError: a key, value, type or field that is not valid; the message names it and the valid ones.
@@ -202,13 +202,13 @@ def _once(names: list[str], where: str, valid: str) -> None:
 
 
 def _interpolations(method: str | None, signal_leaves: list[Leaf], where: str) -> list[str]:
-    """Return the methods: slerp for quaternions, hold for partial ones and integers, else linear."""
+    """Return a method per number; default: slerp for quaternions, hold for parts of them and integers, else linear."""
     if method is None:
         return [
             SLERP if leaf.quaternion else HOLD if leaf.part or leaf.kind in WHOLES else LINEAR for leaf in signal_leaves
         ]
     if method == SLERP and not all(leaf.quaternion for leaf in signal_leaves):
         raise ParameterError(
-            f"{where}.interpolation is {SLERP} for what is no whole quaternion; valid: {LINEAR}, {HOLD}"
+            f"{where}.interpolation is {SLERP}, but the field is no whole quaternion; valid: {LINEAR}, {HOLD}"
         )
     return [method] * len(signal_leaves)

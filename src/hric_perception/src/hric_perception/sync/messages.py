@@ -1,4 +1,4 @@
-"""Synchronised samples as ROS messages."""
+"""Conversion of synchronised samples, their layout and status to ROS messages."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -14,10 +14,10 @@ from hric_perception.sync.layout import RESAMPLE, SyncPlan, SyncSource
 
 
 def samples(batch: SampleBatch, blanks: Iterator[Any]) -> Iterator[Any]:
-    """Yield a SyncedSample for each instant.
+    """Yield a hric_msgs/SyncedSample for each instant of a batch.
 
     Args:
-        batch: the instants.
+        batch: synchronised samples.
         blanks: infinite iterator of messages to fill; they are reused, because creating one takes longer than sending
             it.
     """
@@ -30,7 +30,7 @@ def samples(batch: SampleBatch, blanks: Iterator[Any]) -> Iterator[Any]:
 
 
 class Units:
-    """Units of the values; those that the plan does not know come with the first SampleChunk of the source.
+    """Units of synchronised values; those missing in the plan are read from a source's first SampleChunk.
 
     Args:
         plan: plan of the synchronisation.
@@ -45,7 +45,7 @@ class Units:
         }
 
     def see(self, source: SyncSource, message: Any) -> bool:
-        """Read the units of a message; return True if it contained new ones."""
+        """Read the units from a message of a source; return True if some were missing before."""
         if source.topic not in self._open:
             return False
         names, words = list(message.channels), message.unit.split()
@@ -61,7 +61,7 @@ class Units:
         return True
 
     def of(self, source: SyncSource) -> list[str]:
-        """Return the unit of each column; empty if it is not known."""
+        """Return the unit of each value of a source; empty if it is not known."""
         known = _units(source)
         return [unit or reported for unit, reported in zip(known, self._reported.get(source.topic, known), strict=True)]
 
@@ -71,7 +71,7 @@ def _units(source: SyncSource) -> list[str]:
 
 
 def layout(plan: SyncPlan, units: Units, topics: list[str]) -> Any:
-    """Return the SyncLayout of a plan.
+    """Return the hric_msgs/SyncLayout of a plan.
 
     Args:
         plan: plan of the synchronisation.
@@ -91,7 +91,7 @@ def layout(plan: SyncPlan, units: Units, topics: list[str]) -> Any:
 
 
 def status(synchroniser: Synchroniser, now: float, topics: list[str]) -> Any:
-    """Return the SyncStatus at a time of the monotonic clock [s]."""
+    """Return the hric_msgs/SyncStatus; now: monotonic time [s]; topics: full names of the sources' topics."""
     intakes, window, starving = synchroniser.intakes, synchroniser.window, synchroniser.starving(now)
     message = SyncStatus(
         sources=topics,
@@ -113,12 +113,12 @@ def status(synchroniser: Synchroniser, now: float, topics: list[str]) -> Any:
 
 
 def diagnostics(current: Any, synchroniser: Synchroniser, before: Any, standing: bool) -> Any:
-    """Return a DiagnosticStatus without name.
+    """Return a DiagnosticStatus of the synchroniser; the caller sets its name.
 
     Args:
         current: current SyncStatus.
         synchroniser: synchroniser of the status.
-        before: the SyncStatus of the last diagnostics; None: these are the first.
+        before: SyncStatus of the previous diagnostics; None: there are none yet.
         standing: True if the run is paused or has not begun.
     """
     starving = [f"{topic}: {reason}" for topic, reason in zip(current.sources, current.reasons, strict=True) if reason]
@@ -139,7 +139,7 @@ def diagnostics(current: Any, synchroniser: Synchroniser, before: Any, standing:
 
 
 def _losses(current: Any, shares: list[float], before: Any) -> Iterator[tuple[str, str]]:
-    """Yield (topic, text about its losses since `before`)."""
+    """Yield (topic, description of its losses since the status `before`); shares: valid share of each source."""
     for index, (topic, share) in enumerate(zip(current.sources, shares, strict=True)):
         if share < 1.0:
             yield topic, f"valid {100 * share:.0f} % of the time"
@@ -148,7 +148,7 @@ def _losses(current: Any, shares: list[float], before: Any) -> Iterator[tuple[st
             ("late", current.late, before and before.late),
         ):
             if grown := now[index] - (was[index] if was else 0):
-                yield topic, f"{grown} {word}"
+                yield topic, f"{grown} samples {word}"
 
 
 def _figures(current: Any, synchroniser: Synchroniser) -> Iterator[tuple[str, object]]:
@@ -156,11 +156,11 @@ def _figures(current: Any, synchroniser: Synchroniser) -> Iterator[tuple[str, ob
     yield "incomplete", current.incomplete
     yield "dropped", current.dropped
     yield "longest delay [ms]", f"{1e3 * current.delay:.1f}"
-    yield "times begun again", synchroniser.restarts
+    yield "restarts", synchroniser.restarts
     for index, (topic, intake) in enumerate(zip(current.sources, synchroniser.intakes, strict=True)):
         yield f"{topic} rate [Hz]", f"{current.rate[index]:.1f}"
         yield f"{topic} samples", current.samples[index]
-        yield f"{topic} skew, largest [ms]", f"{1e3 * current.skew_max[index]:.3f}"
+        yield f"{topic} largest skew [ms]", f"{1e3 * current.skew_max[index]:.3f}"
         yield f"{topic} late", current.late[index]
         for reason, count in intake.refused.copy().items():
             yield f"{topic} {reason}", count
@@ -170,5 +170,5 @@ TOPIC = "hric/perception/sync"
 
 
 def rate_topic(topic: str, rate: float) -> str:
-    """Return the topic of samples of one rate of several, such as hric/perception/sync_100hz."""
+    """Return the topic of synchronised samples at one of several rates, e.g. hric/perception/sync_100hz."""
     return f"{topic}_{f'{rate:g}'.replace('.', '_')}hz"

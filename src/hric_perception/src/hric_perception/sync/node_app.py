@@ -1,4 +1,4 @@
-"""Node `synchronizer`."""
+"""Node `synchronizer`: publishes samples of many topics at common instants."""
 
 import threading
 import time
@@ -21,7 +21,7 @@ from hric_perception.sync.layout import RESAMPLE, SyncPlan, SyncSource, read_pla
 from hric_perception.sync.messages import TOPIC, rate_topic
 
 QUEUE = 200
-"""Queue length of the samples for a slow subscriber, in work cycles: 4 s (project default, unconfirmed)."""
+"""Queue length for a slow subscriber, in work cycles: 4 s of samples (project default, unconfirmed)."""
 BURST, MIN_BURST = 2.0, 20
 """Largest number of samples sent at once, relative to one work cycle, and at least MIN_BURST.
 
@@ -29,20 +29,23 @@ Subscribers with a short queue, such as rosbag record with its 100 messages, thu
 (project default, unconfirmed).
 """
 STATUS_PERIOD = 0.2
-"""Period of the status [s]; a source that starves is reported after its time-out plus at most this."""
+"""Period of the status messages [s]; a starving source is reported at most this after its time-out."""
 STATUSES = 5
-"""Number of statuses per diagnostics (1 Hz, REP 107), which also come when a source begins or ends to starve."""
+"""Number of status messages per diagnostics message (1 Hz, REP 107).
+
+Diagnostics are also published when a source begins or ceases to starve.
+"""
 
 
 class SyncStream:
-    """Stream of synchronised samples; messages are pushed from any threads, `work` is called by one.
+    """Publisher of synchronised samples at one rate; messages come from any threads, `work` is called by one.
 
     Args:
         node: private node.
         plan: plan of the synchronisation.
-        topic: topic of the samples; `_layout` and `_status` are added for the others.
+        topic: topic of the samples; layout and status are on `<topic>_layout` and `<topic>_status`.
         topics: full names of the sources' topics.
-        robot_time: clock of the run, which may be paused.
+        robot_time: clock of robot time, from which it is known if the run is paused.
         period: time between calls of `work` [s].
         label: name of the stream in diagnostics, if the node has several.
     """
@@ -72,12 +75,12 @@ class SyncStream:
         self._starving, self._count, self._status = "", 0, time.monotonic()
 
     def see_units(self, source: SyncSource, message: Any) -> None:
-        """Read new units from a SampleChunk of a source."""
+        """Publish the layout again if a SampleChunk of a source has units that were missing in it."""
         if self._units.see(source, message):
             self._layouts.publish(messages.layout(self._plan, self._units, self._topics))
 
     def work(self, now: float) -> None:
-        """Publish the samples that are due, by the monotonic clock [s]."""
+        """Publish the synchronised samples that are due, and the status; now: monotonic time [s]."""
         due: list[Any] = []
         while True:
             due += islice(self._waiting, self._burst - len(due))
@@ -113,23 +116,23 @@ class SyncStream:
         if state.level == DiagnosticStatus.ERROR:
             self._node.log_error(state.message)
         elif not starving:
-            self._node.log_info("all sources send")
+            self._node.log_info("all sources of the synchroniser send samples")
         self._starving = starving
 
 
 PERIOD = 0.02
 """Period of the work cycle [s] (project default, unconfirmed).
 
-All instants of a cycle are computed together, and a cycle costs half a millisecond or more. The robot's cycles arrive
-in batches of that length.
+All instants of a work cycle are computed together; one costs at least half a millisecond. The robot's control cycles
+also arrive in batches of 20 ms.
 """
 
 
 @dataclass(frozen=True)
 class SyncSettings(Settings):
-    """Parameters of the node."""
+    """Parameters of the node `synchronizer`."""
 
-    plan: Mapping[str, object] = mapping(text='what is synchronised, and how: see "Synchroniser"')
+    plan: Mapping[str, object] = mapping(text='plan of the synchronisation, see "Synchroniser"')
     rates: tuple[float, ...] | None = listing(
         number(above=0.0, maximum=10_000.0),
         range(1, 100),
@@ -139,14 +142,20 @@ class SyncSettings(Settings):
         text="several streams of one plan with policy resample, each with its own rate, on `<topic>_<rate>hz`: "
         "one subscription to each source serves all; not of `synchronizer_cpp`",
     )
-    topic: str = text(TOPIC, empty=False, text="of the samples; `_layout` and `_status` are added for the others")
+    topic: str = text(
+        TOPIC, empty=False, text="topic of the samples; layout and status are on `<topic>_layout` and `<topic>_status`"
+    )
     period: float = number(
-        PERIOD, above=0.0, maximum=1.0, unit="s", text="between looks at what is due; not of `synchronizer_cpp`"
+        PERIOD,
+        above=0.0,
+        maximum=1.0,
+        unit="s",
+        text="period at which due samples are published; not of `synchronizer_cpp`",
     )
 
 
 class SynchronizerNode(NodeApp):
-    """Synchronizer node: subscribes to all sources and publishes their common samples from a separate thread.
+    """Synchronizer node: subscribes to all sources and publishes synchronised samples from a separate thread.
 
     Several rates share one subscription to each source.
 
@@ -179,7 +188,8 @@ class SynchronizerNode(NodeApp):
             for index, (source, name) in pairs
         ]
         self._thread.start()
-        node.log_info(f"{plan.policy} of {', '.join(topics)} on {', '.join(node.resolve(name) for _, name in outputs)}")
+        names = ", ".join(node.resolve(name) for _, name in outputs)
+        node.log_info(f"synchronising {', '.join(topics)} on {names}; policy {plan.policy}")
 
     def close(self) -> None:
         """Stop the thread."""
@@ -211,7 +221,7 @@ class SynchronizerNode(NodeApp):
 
 
 def checked_rates(where: str, rates: Sequence[float], plan: SyncPlan) -> Sequence[float]:
-    """Return the rates of one plan, checked to have policy resample; empty: the plan's rate. Raises ParameterError."""
+    """Return the rates if the plan's policy is resample, or if there are none. Raises ParameterError otherwise."""
     if rates and plan.policy != RESAMPLE:
         raise ParameterError(
             f"{where} is given, but the reference of policy {plan.policy} is a topic; valid: policy {RESAMPLE}"
@@ -220,14 +230,14 @@ def checked_rates(where: str, rates: Sequence[float], plan: SyncPlan) -> Sequenc
 
 
 def outputs_of(plan: SyncPlan, topic: str, rates: Sequence[float]) -> list[tuple[SyncPlan, str]]:
-    """Return (plan, topic) of each stream: one on the topic itself, or one per rate on `<topic>_<rate>hz`."""
+    """Return (plan, topic) of each output: one on the topic itself, or one per rate on `<topic>_<rate>hz`."""
     if not rates:
         return [(plan, topic)]
     return [(replace(plan, rate=rate), rate_topic(topic, rate)) for rate in rates]
 
 
 def main(text: str, warning: str = "") -> int:
-    """Run the node, and return the exit code; text: for --help; warning: logged at its start."""
+    """Run the node, and return its exit code; text: printed by --help; warning: logged at the start."""
 
     def start(node: RosNode) -> SynchronizerNode:
         if warning:

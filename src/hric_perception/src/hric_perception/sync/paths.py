@@ -1,8 +1,8 @@
 """Paths to values of a message: `position[panda_joint1]`, `rigid_bodies[hand].pose`, `wrench.force`. No ROS.
 
-A path names a field; one that has further fields means all numbers below it. Brackets choose elements of an array, by
-number or by name, several with commas: elements of a list of messages by their field `name`, those of a list of numbers
-by the message's list of names.
+A path names a field; if the field has further fields, the path means all numbers below it. Brackets choose elements of
+an array by index or name, several with commas. Names of elements are their fields `name` in a list of messages, and the
+message's list of names for a list of numbers.
 """
 
 import itertools
@@ -17,7 +17,7 @@ FLOATS = ("float32", "float64")
 WHOLES = ("bool", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64", "byte", "char")
 QUATERNION = "geometry_msgs/Quaternion"
 NAME_FIELDS = ("name", "names", "joint_names", "channels", "labelled_marker_names")
-"""Lists of strings that name the elements of the other lists of their message."""
+"""Fields with a list of strings that names the elements of other lists in the message."""
 _PART = re.compile(r"(?P<field>[A-Za-z_]\w*)(?:\[(?P<chosen>[^\[\]]*)\])?$")
 _ARRAY = re.compile(r"(?P<element>[^\[]+)\[(?P<length>\d*)\]$")
 
@@ -32,7 +32,7 @@ class PathStep:
 
     Attributes:
         field: name of the field.
-        element: element of an array field, by number or by name; None: the field is no array.
+        element: element of an array field, by index or name; None: the field is not an array.
         names: list in the same message in which a name is looked up; empty: the elements have a field `name`.
     """
 
@@ -46,14 +46,14 @@ class PathStep:
 
 @dataclass(frozen=True)
 class Leaf:
-    """Number in a message.
+    """Number in a message, and the path to it.
 
     Attributes:
-        steps: steps from the message to it.
-        kind: type of the number.
-        quaternion: True if it belongs to a quaternion that is chosen completely.
-        part: True if it belongs to a quaternion of which others are left out.
-        unit: unit by the type of the message; empty: not known.
+        steps: steps from the message to the number.
+        kind: ROS type of the number.
+        quaternion: True if it belongs to a quaternion of which all components are chosen.
+        part: True if it belongs to a quaternion of which other components are left out.
+        unit: unit that the message type prescribes; empty: not known.
     """
 
     steps: tuple[PathStep, ...]
@@ -70,7 +70,7 @@ def message_class(name: str, where: str) -> Any:
     """Return the class of a message type, which must have a header.
 
     Raises:
-        PathError: there is no such type, or it has no time of measurement.
+        PathError: there is no such type, or it has no header with the time of measurement.
     """
     try:
         message_type = _class_of(name)
@@ -88,7 +88,7 @@ def message_class(name: str, where: str) -> Any:
 
 
 def _class_of(name: str) -> Any:
-    from roslib.message import get_message_class  # here: tools that work without ROS read the units below
+    from roslib.message import get_message_class  # imported here: tools without ROS use `UNITS`
 
     return get_message_class(name)
 
@@ -98,11 +98,11 @@ def leaves(message_type: Any, path: str, where: str) -> list[Leaf]:
 
     Args:
         message_type: class of the message.
-        path: path, see the module.
-        where: name of the path, for messages.
+        path: path, such as "rigid_bodies[hand].pose".
+        where: name of the path, for error messages.
 
     Raises:
-        HricError: it names no field, or a field that is not numeric.
+        HricError: the path names no field, or a field that is not numeric.
     """
     parts = [_PART.match(part.strip()) for part in re.split(r"\.(?![^\[]*\])", path)]
     if not all(parts):
@@ -133,7 +133,7 @@ def _walk(
     array = _ARRAY.match(kind)
     if array is None:
         if chosen is not None:
-            raise PathError(f"{where}: {field} of {message_type._type} is no list; valid: {field} without brackets")
+            raise PathError(f"{where}: {field} of {message_type._type} is not a list; valid: {field} without brackets")
         yield from _down(kind, message_type, rest, (*steps, PathStep(field)), where, unit)
         return
     for element in [chosen] if chosen is not None else _all(array, field, message_type, where):
@@ -159,13 +159,13 @@ def _element(field: str, chosen: str, array: re.Match[str], message_type: Any, w
             )
         return PathStep(field, int(chosen))
     if not chosen:
-        raise PathError(f"{where}: empty brackets after {field}; valid: numbers or names with commas in between")
+        raise PathError(f"{where}: empty brackets after {field}; valid: indices or names, separated by commas")
     if "/" in array["element"] and "name" in _class_of(array["element"]).__slots__:
         return PathStep(field, chosen)
     for name, kind in zip(message_type.__slots__, message_type._slot_types, strict=True):
         if name in NAME_FIELDS and kind == "string[]" and name != field:
             return PathStep(field, chosen, name)
-    raise PathError(f"{where}: nothing in {message_type._type} names the elements of {field}; valid: numbers from 0")
+    raise PathError(f"{where}: {message_type._type} has no names for the elements of {field}; valid: indices from 0")
 
 
 def _down(
@@ -220,4 +220,4 @@ UNITS: dict[tuple[str, str], str] = {
     ("hric_msgs/MocapData", "latency"): "s",
     ("hric_msgs/RigidBodyState", "mean_error"): "m",
 }
-"""(type of the message, field) -> unit of the field and of all numbers below it, unless a nested type overrides it."""
+"""(message type, field) -> unit of the field and of all numbers below it, unless a nested type overrides it."""

@@ -1,4 +1,4 @@
-"""Values of one source at instants. No ROS."""
+"""Interpolation or selection of one source's values at common instants. No ROS."""
 
 from collections.abc import Callable
 from itertools import groupby
@@ -13,22 +13,22 @@ from hric_perception.sync.layout import HOLD, LINEAR, SLERP, SyncSource
 Indices = npt.NDArray[np.intp]
 NS = 1e-9
 STRAIGHT = 1e-4
-"""Angle below which quaternions are interpolated on the chord [rad] (project default, unconfirmed).
+"""Angle below which quaternions are interpolated linearly [rad] (project default, unconfirmed).
 
-The error is below its cube over 24, 1e-13.
+The error is below the cube of this angle over 24, 1e-13 rad.
 """
 Mask = npt.NDArray[np.bool_]
 
 
 class Bracket(NamedTuple):
-    """Neighbouring samples of instants; all of shape (instants,).
+    """Samples before and after each instant; all arrays have shape (instants,).
 
     Attributes:
-        low: last sample at or before the instant; -1: there is none.
-        high: the sample after that; the last one if there is none.
-        weight: 0 at the low one, 1 at the high one.
-        age: instant minus the low sample [s]; infinite if there is none.
-        gap: high minus low sample [s]; 0 if the low one is at the instant; infinite if one is missing.
+        low: index of the last sample at or before the instant; -1: there is none.
+        high: index of the next sample; that of the last one if there is none.
+        weight: weight of the high sample, from 0 at the low one to 1 at the high one.
+        age: instant minus stamp of the low sample [s]; infinite if there is none.
+        gap: time from low to high sample [s]; 0 if the low one is at the instant; infinite if one is missing.
     """
 
     low: Indices
@@ -39,13 +39,13 @@ class Bracket(NamedTuple):
 
 
 def bracket(stamps: Stamps, instants: Stamps) -> Bracket:
-    """Find the samples around instants; stamps: sorted, (n,) [ns], not empty; instants: sorted, (m,) [ns]."""
+    """Find the samples around instants; stamps: sorted, shape (n > 0,) [ns]; instants: sorted, shape (m,) [ns]."""
     last = len(stamps) - 1
     low = stamps.searchsorted(instants, side="right") - 1
     inside = low[0] >= 0 and low[-1] < last
     first, second = (low, low + 1) if inside else (np.maximum(low, 0), np.minimum(low + 1, last))
     before = stamps[first]
-    # Differences of whole nanoseconds first: only these are small enough for a float.
+    # Differences are taken in whole nanoseconds, since stamps are too large for the digits of a float.
     age: Values = (instants - before) * np.float64(NS)
     span: Values = (stamps[second] - before) * np.float64(NS)
     hit = age == 0.0
@@ -59,30 +59,30 @@ def bracket(stamps: Stamps, instants: Stamps) -> Bracket:
 
 
 def linear(values: Values, at: Bracket, reach: float) -> Values:
-    """Interpolate linearly between samples that are no further apart than reach [s]; never beyond the last sample."""
+    """Interpolate linearly between samples at most `reach` [s] apart; NaN elsewhere and after the last sample."""
     return _between(values, at, reach, _straight)
 
 
 def hold(values: Values, at: Bracket, reach: float) -> Values:
-    """Return the last sample at or before the instant, if it is no older than reach [s]."""
+    """Return the last sample at or before each instant; NaN if it is older than `reach` [s]."""
     out = values[at.low]
     out[at.age > reach] = np.nan
     return out
 
 
 def slerp(quaternions: Values, at: Bracket, reach: float) -> Values:
-    """Interpolate on the shorter way at constant angular velocity, otherwise like `linear`.
+    """Interpolate quaternions along the shorter rotation at constant angular velocity; NaN as `linear` has it.
 
     Args:
-        quaternions: x, y, z, w, shape (n, 4); each is normalised. One of norm 0 is none.
-        at: the instants.
-        reach: largest distance of samples [s].
+        quaternions: x, y, z, w, shape (n, 4); each is normalised, and is NaN if its norm is 0.
+        at: samples around the instants.
+        reach: longest time between samples [s].
     """
     return _between(quaternions, at, reach, _rotate)
 
 
 def _between(values: Values, at: Bracket, reach: float, mix: Callable[[Values, Values, Values], Values]) -> Values:
-    """Mix both samples; ends are exact to the last bit, and a sample at the instant ignores a NaN next to it."""
+    """Interpolate with `mix`; an instant at a sample gets exactly that sample, even if the next one is NaN."""
     out = mix(values[at.low], values[at.high], at.weight[:, None])
     hit = at.weight == 0.0
     if hit.any():
@@ -100,7 +100,7 @@ def _straight(low: Values, high: Values, weight: Values) -> Values:
 def _rotate(low: Values, high: Values, weight: Values) -> Values:
     low, high = _unit(low), _unit(high)
     high = np.where(_dot(low, high) < 0.0, -high, high)
-    # From the chord: arccos loses half of the digits where the quaternions are near each other.
+    # The angle is computed from the chord: arccos loses half of the digits for nearly equal quaternions.
     chord = high - low
     angle = 2.0 * np.arcsin(np.minimum(0.5 * np.sqrt(_dot(chord, chord)), 1.0))
     straight = ~(angle > STRAIGHT)
@@ -113,7 +113,7 @@ def _rotate(low: Values, high: Values, weight: Values) -> Values:
 
 
 def nearest(stamps: Stamps, instants: Stamps) -> tuple[Indices, Values]:
-    """Return (nearest sample, the earlier of two; instant minus its stamp [s]) of each instant; stamps: not empty."""
+    """Return, per instant, the index of the nearest (or earlier) sample, and instant minus its stamp [s]."""
     high = np.minimum(np.searchsorted(stamps, instants, side="left"), len(stamps) - 1)
     low = np.maximum(high - 1, 0)
     index = np.where(np.abs(instants - stamps[low]) <= np.abs(stamps[high] - instants), low, high)
@@ -130,14 +130,14 @@ def _unit(quaternions: Values) -> Values:
 
 
 class SampledValues(NamedTuple):
-    """Values at instants.
+    """Values of one source at instants.
 
     Attributes:
-        values: shape (instants, columns), NaN if there is none.
+        values: values, shape (instants, columns); NaN if there is none.
         age: instant minus the sample's stamp, shape (instants,) [s]; NaN if there is none.
         valid: True if all values are finite, shape (instants,).
-        skew: distance in time from the value to the instant, shape (instants,) [s]; NaN if there is none. None: all
-            values are of the instant.
+        skew: time between value and instant, shape (instants,) [s]; NaN without a value. None: all values are
+            interpolated at the instants.
     """
 
     values: Values
@@ -155,7 +155,7 @@ def resampler(source: SyncSource) -> Sampler:
     begin = 0
     for interpolation, group in groupby(column.interpolation for column in source.columns):
         end = begin + len(list(group))
-        # A run of slerp may be several quaternions.
+        # Consecutive slerp columns may be several quaternions.
         parts = range(begin, end, 4) if interpolation == SLERP else (begin,)
         function = _INTERPOLATIONS[interpolation]
         runs += [(function, slice(first, first + 4 if interpolation == SLERP else end)) for first in parts]
@@ -176,7 +176,7 @@ def resampler(source: SyncSource) -> Sampler:
 
 
 def picker(source: SyncSource, tolerance: float) -> Sampler:
-    """Return a sampler of the sample nearest to each instant, within tolerance [s]; 0: of the very same stamp."""
+    """Return a sampler that takes the sample nearest to each instant, within `tolerance` [s]; 0: equal stamps."""
     width = len(source.columns)
 
     def sample(buffer: StampBuffer, instants: Stamps) -> SampledValues:
@@ -197,7 +197,7 @@ _INTERPOLATIONS: dict[str, Callable[[Values, Bracket, float], Values]] = {LINEAR
 def _finite(values: Values) -> Mask:
     """Return a mask of the rows whose values are all finite, shape (n,).
 
-    The sum of a row times 0 is NaN if a value is not finite: one call of numpy, because the calls are the cost.
+    A row times 0 sums to NaN if a value is not finite. This needs one call of numpy; calls dominate the cost.
     """
     return np.asarray(~np.isnan(values @ np.zeros(values.shape[1])))
 

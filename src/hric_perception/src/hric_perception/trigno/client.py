@@ -16,47 +16,51 @@ LOG = logging.getLogger("hric.perception.trigno")
 TIMEOUT = 2.0
 """Time-out of a response [s]; the constants of this file are project defaults, unconfirmed."""
 MAX_RESPONSE = 4096
-"""Longest response to a command [B]; those of the protocol have a line."""
+"""Longest accepted response to a command [B]; valid ones have one line."""
 AGAIN = 0.5
-"""Time between attempts to connect [s]."""
+"""Time between attempts to connect to the Trigno server [s]."""
 IDLE = 0.1
-"""Longest wait before a request to end is noticed [s]."""
+"""Longest time until the thread notices that it is to end [s]."""
 BUFFER = 1 << 16
-"""Number of bytes read at once."""
+"""Largest number of bytes read at once."""
 RATES = 1.0, 1e5
-"""Lowest and highest rate of a server [Hz]."""
+"""Lowest and highest sample rate accepted from a server [Hz]."""
 
 
 @dataclass(frozen=True)
 class TrignoSettings(Base):
-    """Address of the server, and its channels."""
+    """Parameters of the connection to a Trigno server: address and EMG channels."""
 
-    host: str = text("127.0.0.1", empty=False, text="address")
-    command_port: int = whole(protocol.COMMAND_PORT, minimum=1, maximum=65535, text="TCP")
-    data_port: int = whole(protocol.EMG_PORT, minimum=1, maximum=65535, text="TCP")
+    host: str = text("127.0.0.1", empty=False, text="address of the Trigno server")
+    command_port: int = whole(protocol.COMMAND_PORT, minimum=1, maximum=65535, text="TCP port of commands")
+    data_port: int = whole(protocol.EMG_PORT, minimum=1, maximum=65535, text="TCP port of EMG data")
     channels: tuple[str, ...] = names(
         range(1, protocol.CHANNELS + 1),
         tuple(f"emg{index}" for index in range(1, protocol.CHANNELS + 1)),
-        text="names of the first sensors; a channel named `time` carries a time code [s]",
+        text="names of the first sensors; a channel named `time` has a time code [s]",
     )
     rate: float = number(
-        protocol.RATE, minimum=RATES[0], maximum=RATES[1], unit="Hz", text="of a server that does not report it"
+        protocol.RATE,
+        minimum=RATES[0],
+        maximum=RATES[1],
+        unit="Hz",
+        text="sample rate of a server that does not report it",
     )
     latency: float = number(
         0.0, minimum=0.0, maximum=1.0, unit="s", text="minimum time from a sample to its arrival here"
     )
 
     def layout(self, rate: float) -> Layout:
-        """Return the layout of the samples at a rate [Hz]."""
+        """Return the layout of the server's samples at a sample rate [Hz]."""
         units = tuple("s" if name == "time" else "V" for name in self.channels)
         return Layout(protocol.trigno_name(self.host, self.data_port), self.channels, units, rate)
 
 
 class TrignoClient(Driver):
-    """Driver that reads the EMG of a server.
+    """Driver that reads EMG from a Trigno server, and reconnects after a lost connection.
 
     Args:
-        settings: address of the server.
+        settings: address and channels of the server.
         stream: receiver of the samples.
         health: receiver of status reports.
     """
@@ -106,7 +110,7 @@ class TrignoClient(Driver):
                 continue
             now = time.monotonic()
             if not got:
-                raise ConnectionResetError("the connection was closed")
+                raise ConnectionResetError("the server closed the connection")
             self._stream.arrived(now, decoder.decode(got))
 
 
@@ -114,7 +118,7 @@ def _rate(command: socket.socket) -> float | None:
     """Return the rate that the server reports [Hz]; None for an older server, which does not know the request.
 
     Raises:
-        ValueError: an impossible rate.
+        ValueError: the server reports a rate outside `RATES`.
     """
     interval, count = (_request(command, word) for word in (protocol.FRAME_INTERVAL, protocol.FRAME_COUNT))
     try:
@@ -138,6 +142,6 @@ def _response(command: socket.socket) -> str:
             raise ValueError(f"a response did not end within {MAX_RESPONSE} bytes and {TIMEOUT:g} s")
         data = command.recv(4096)
         if not data:
-            raise ConnectionResetError("the connection was closed")
+            raise ConnectionResetError("the server closed the connection")
         received += data
     return received.decode(errors="replace").strip()

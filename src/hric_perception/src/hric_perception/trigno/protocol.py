@@ -1,36 +1,36 @@
-"""Protocol of a Trigno connection, for both sides. The data contain neither stamps nor sequence numbers."""
+"""Protocol of a Delsys Trigno server, for both sides. The data contain neither stamps nor sequence numbers."""
 
 import numpy as np
 
 from hric_perception.chunk import FloatArray
 
 COMMAND_PORT, EMG_PORT = 50040, 50043
-"""TCP ports; older servers send EMG on 50041."""
+"""TCP ports of commands and of EMG data; older servers send EMG on 50041."""
 CHANNELS = 16
-"""EMG channels of every sample, sensors that are off included."""
+"""Number of EMG channels in every sample, including sensors that are off."""
 RATE, FRAME_SAMPLES = 2000.0, 27
-"""Rate of a server in its usual mode [Hz]; samples come 27 at a time, every 13.5 ms."""
+"""Sample rate of a server in its usual mode [Hz], and number of samples in a frame, which lasts 13.5 ms."""
 SAMPLE = np.dtype("<f4")
-"""Little-endian volts."""
+"""Data type of one EMG value: little-endian 32 bit float [V]."""
 SAMPLE_SIZE = CHANNELS * SAMPLE.itemsize
 END = b"\r\n\r\n"
 """Terminator of each command and response."""
 GREETING = b"Delsys Trigno System Digital Protocol Version 3.6.0" + END
 FRAME_INTERVAL, FRAME_COUNT = "FRAME INTERVAL?", "MAX SAMPLES EMG?"
-"""Requests for the seconds and the samples of a frame; the rate is their quotient. Older servers do not know them."""
+"""Requests for duration [s] and number of samples of a frame, which give the rate; older servers reject them."""
 
 
 CODE_PERIOD = 1.0
-"""Period of a time code [s]: a 32 bit number holds no more digits."""
+"""Period after which a time code starts at 0 again [s]: a 32 bit float has too few digits for more."""
 
 
 def frame_samples(rate: float) -> int:
-    """Return the samples of a frame at a rate [Hz], for the frame duration of the usual mode."""
+    """Return the number of samples in a frame at a sample rate [Hz], with the usual duration of a frame."""
     return max(1, round(rate * FRAME_SAMPLES / RATE))
 
 
 class Encoder:
-    """Encoder of samples to whole frames on the wire.
+    """Encoder of EMG samples to whole frames of the Trigno protocol.
 
     Args:
         rate: sample rate [Hz].
@@ -47,7 +47,7 @@ class Encoder:
         return len(self._rest)
 
     def encode(self, data: FloatArray) -> bytes:
-        """Return the frames of waiting samples and these [V], shape (n, up to CHANNELS); other channels are 0."""
+        """Return the frames that these samples complete; data: EMG [V], shape (n, up to CHANNELS), padded with 0."""
         block = np.zeros((len(data), CHANNELS), dtype=SAMPLE)
         block[:, : data.shape[1]] = data
         if self._time_code:
@@ -63,7 +63,7 @@ class Encoder:
 
 
 class Decoder:
-    """Decoder of bytes on the wire to samples.
+    """Decoder of bytes of the Trigno protocol to EMG samples.
 
     Args:
         columns: number of used channels.
@@ -73,7 +73,7 @@ class Decoder:
         self._columns, self._rest = columns, b""
 
     def decode(self, received: bytes) -> FloatArray:
-        """Return the complete samples [V], shape (n, columns); bytes of an incomplete one are stored."""
+        """Return the complete samples [V], shape (n, columns); bytes of an incomplete one wait for the next call."""
         received = self._rest + received
         complete = len(received) - len(received) % SAMPLE_SIZE
         self._rest = received[complete:]
@@ -81,5 +81,5 @@ class Decoder:
 
 
 def trigno_name(host: str, data_port: int) -> str:
-    """Return the name of a server in the driver's messages."""
+    """Return the name by which a driver's messages refer to a Trigno server."""
     return f"trigno {host}:{data_port}"

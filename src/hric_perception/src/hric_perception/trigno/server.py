@@ -1,4 +1,4 @@
-"""Emulated Trigno server. No ROS."""
+"""Emulated Delsys Trigno server. No ROS."""
 
 import contextlib
 import logging
@@ -13,17 +13,17 @@ from hric_perception.trigno import protocol
 
 LOG = logging.getLogger("hric.perception.trigno")
 IDLE = 0.1
-"""Longest wait before a request to end is noticed [s]."""
+"""Longest time until a thread notices that it is to end [s]."""
 
 
 class TrignoServer:
-    """Outlet for `Emulator` that sends whole frames to every listener between the commands START and STOP.
+    """Emulated Trigno server, an outlet for `Emulator`: sends frames to all clients between commands START and STOP.
 
     Args:
         rate: sample rate [Hz].
         ip: address to listen on.
-        command_port: 0: any free port.
-        data_port: 0: any free port.
+        command_port: TCP port of commands; 0: any free port.
+        data_port: TCP port of EMG data; 0: any free port.
         time_code: True if the last column is a time code [s].
 
     Raises:
@@ -51,7 +51,7 @@ class TrignoServer:
         self.command_port, self.data_port = (sock.getsockname()[1] for sock in self._sockets)
 
     def start(self) -> None:
-        """Listen, in threads."""
+        """Accept clients, in threads."""
         for work, listening in zip((self._talk, self._listen), self._sockets, strict=True):
             self._threads.append(
                 threading.Thread(target=self._accept, args=(listening, work), name="trigno server", daemon=True)
@@ -59,7 +59,7 @@ class TrignoServer:
             self._threads[-1].start()
 
     def push(self, times: FloatArray, data: FloatArray) -> None:
-        """Send samples [V], shape (n, up to CHANNELS); other channels are 0."""
+        """Send EMG samples [V], shape (n, up to CHANNELS); other channels are 0. `times` is not used."""
         with self._lock:
             if not self._started:
                 self._encoder.clear()
@@ -69,7 +69,7 @@ class TrignoServer:
     def close(self) -> None:
         """Stop the server."""
         self._stop.set()
-        for thread in self._threads:  # a socket that is waited on keeps its port
+        for thread in self._threads:  # a port stays in use while a thread waits for its socket
             thread.join(1.0)
         with self._lock:
             for sock in [*self._sockets, *self._listeners]:
@@ -127,7 +127,7 @@ class TrignoServer:
         if word in ("START", "STOP"):
             with self._lock:
                 self._started = word == "START"
-            LOG.info("%s", word)
+            LOG.info("received the command %s", word)
             return "OK"
         responses = {
             protocol.FRAME_INTERVAL: f"{self._frame / self._rate:.9g}",

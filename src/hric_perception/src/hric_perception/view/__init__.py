@@ -1,1 +1,1 @@
-"""Live view of a run: topics at a viewer's rate, limits as markers for rviz, a window with curves."""
+"""Live view of a run: decimated topics, limits as markers for rviz, and a window with curves."""

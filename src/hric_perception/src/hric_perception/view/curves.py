@@ -1,4 +1,4 @@
-"""Curves of the last seconds: samples of messages, and their picture. Matplotlib, no ROS node."""
+"""Curves of the last seconds of a run: samples read from messages, drawn by Matplotlib. No ROS node."""
 
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
@@ -11,17 +11,17 @@ from hric_msgs.msg import SampleChunk
 from hric_perception.replayed import RecentRows
 
 WINDOW = 10.0
-"""Shown time span [s]; project default, unconfirmed."""
+"""Time span that the curves show [s]; project default, unconfirmed."""
 Sample = tuple[tuple[str, ...], tuple[float, ...], str]
-"""Names of curves, their values, and their unit."""
+"""Sample of one panel at one time: names of its curves, their values, and their unit."""
 
 
 class CurvePanel(NamedTuple):
-    """Description of one set of axes.
+    """Description of one panel of the live plot: a set of axes with the curves of one topic.
 
     Attributes:
-        title: title of the axes.
-        topic, type: topic in the namespace of the robot, and its message type.
+        title: title of the panel.
+        topic, type: topic in the robot's namespace, and its message type.
         read: function from a message to its sample.
     """
 
@@ -51,7 +51,7 @@ def _chunk(message: Any) -> Sample:
 
 
 def panels(plate: str = "1") -> dict[str, CurvePanel]:
-    """Return the panels by name; plate: name of the force plate."""
+    """Return all panels of the live plot by name; plate: name of the force plate."""
     return {
         "positions": _joints("joint positions", "position", "rad"),
         "velocities": _joints("joint velocities", "velocity", "rad/s"),
@@ -63,13 +63,13 @@ def panels(plate: str = "1") -> dict[str, CurvePanel]:
 
 
 class SampleHistory(RecentRows[Sample]):
-    """Samples of the last WINDOW."""
+    """Samples of one panel in the last WINDOW seconds."""
 
     def __init__(self) -> None:
         super().__init__(WINDOW)
 
     def read(self) -> tuple[tuple[str, ...], str, Any, Any]:
-        """Return names and unit of the newest sample, and times (n,) [s] and values (n, names) of those alike."""
+        """Return names and unit of the newest sample, and times (n,) [s] and values (n, names) of samples like it."""
         rows = self.rows()
         names, _, unit = rows[-1][1] if rows else ((), (), "")
         alike = [
@@ -80,13 +80,13 @@ class SampleHistory(RecentRows[Sample]):
 
 
 def draw(all_axes: Sequence[Any], shown: Sequence[CurvePanel], histories: Sequence[SampleHistory]) -> None:
-    """Draw the curves of panels, from top to bottom."""
+    """Draw the curves of the shown panels into their axes, from top to bottom."""
     curves = [history.read() for history in histories]
     newest = max((times[-1] for *_, times, _ in curves if len(times)), default=0.0)
     for axes, panel, (names, unit, times, values) in zip(all_axes, shown, curves, strict=True):
         axes.clear()
         axes.grid(alpha=0.3)
-        nothing = "" if len(times) else f": nothing on {panel.topic} yet"
+        nothing = "" if len(times) else f": no message on {panel.topic} yet"
         axes.set_title(f"{panel.title}{nothing}", fontsize=9, loc="left")
         if names and len(times):
             for name, column in zip(names, values.T, strict=True):

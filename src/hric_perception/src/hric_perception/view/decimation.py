@@ -1,4 +1,4 @@
-"""Decimation of streams to a viewer's rate: the newest message, or the mean since the last one. No node."""
+"""Decimation of topics to a viewer's rate: the newest message, or the mean since the last one sent. No node."""
 
 import threading
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ NAN = float("nan")
 
 
 class Newest:
-    """Newest message of a topic, returned once; thread-safe."""
+    """Buffer of a topic's newest message, which `take` returns once; thread-safe."""
 
     def __init__(self) -> None:
         self._message: Any = None
@@ -31,10 +31,10 @@ class Newest:
 
 
 class ReactionWrench(Newest):
-    """Newest WrenchStamped with opposite sign, returned once: from the wrench of the arm to that on the arm."""
+    """Buffer of the newest WrenchStamped; `take` turns the wrench by the arm into that on the arm (opposite sign)."""
 
     def take(self) -> Any:
-        """Return geometry_msgs/WrenchStamped; None if nothing came since the last call."""
+        """Return geometry_msgs/WrenchStamped; None if no message came since the last call."""
         message = super().take()
         if message is None:
             return None
@@ -45,7 +45,7 @@ class ReactionWrench(Newest):
 
 
 class NewestJoints:
-    """Newest state of each joint as one message, returned once; arm and hand are published apart. Thread-safe.
+    """Buffer that merges the newest states of all joints, since arm and hand publish separately. Thread-safe.
 
     Args:
         names: joints to include, in order.
@@ -74,7 +74,7 @@ class NewestJoints:
                 self._header = message.header
 
     def take(self) -> Any:
-        """Return sensor_msgs/JointState of all joints received, with the newest stamp; None if nothing came since."""
+        """Return sensor_msgs/JointState of all joints received so far; None if no message came since the last call."""
         with self._lock:
             header, self._header = self._header, None
             names = [name for name in self._names if name in self._states]
@@ -86,13 +86,13 @@ class NewestJoints:
 
 
 class MeanChunk:
-    """Mean of the received samples as a SampleChunk of one sample, returned once; thread-safe.
+    """Buffer that averages received samples to a SampleChunk with one sample; thread-safe.
 
-    The stamp is the mean time of the samples; `first_sample` the number of the first of them; `rate` that at which
-    means are taken.
+    The stamp is the mean time of the samples, `first_sample` the number of the first of them, and `rate` the rate of
+    the means.
 
     Args:
-        rate: rate of `take` [Hz].
+        rate: rate at which `take` is called [Hz].
     """
 
     def __init__(self, rate: float) -> None:
@@ -107,7 +107,7 @@ class MeanChunk:
             self._chunks.append(message)
 
     def take(self) -> Any:
-        """Return hric_msgs/SampleChunk; None if nothing came. A channel without a finite value is NaN."""
+        """Return hric_msgs/SampleChunk; None if no sample came since the last call. Channels with only NaN are NaN."""
         with self._lock:
             messages, self._chunks = self._chunks, []
         chunks = [chunk for chunk in map(read_chunk, messages) if len(chunk.data)]

@@ -12,13 +12,13 @@ from hric_core.robot_time import stamps
 from hric_msgs.msg import HumanGrip
 
 PER_NEWTON_GRIP, PER_NEWTON_CONTACT = 0.02, 0.002
-"""Length of an arrow of grips, as that of the force on the arm, and of contacts, of hundreds of newtons [m/N]."""
+"""Arrow length per force: of grips, as of the force on the arm, and of contacts with hundreds of newtons [m/N]."""
 SHAFT, HEAD, TEXT = 0.01, 0.025, 0.04
-"""Diameters of an arrow, height of letters [m]."""
+"""Diameters of an arrow's shaft and head, and height of letters [m]."""
 FORCE_MIN = 0.1
-"""Smallest force with an arrow [N]."""
+"""Smallest force that is shown by an arrow [N]."""
 GRIP_LIFETIME, CONTACT_LIFETIME = 0.5, 1.0
-"""Lifetimes of markers [s]: long enough to see an impact of milliseconds.
+"""Lifetimes of the markers [s]: long enough to see an impact that lasts milliseconds.
 
 The constants of this file are project defaults, unconfirmed.
 """
@@ -26,7 +26,7 @@ GRIP, CONTACT = ColorRGBA(0.1, 0.35, 0.75, 1.0), ColorRGBA(0.8, 0.12, 0.1, 1.0)
 
 
 class HumanMarkers:
-    """Newest grip loads and largest contact forces of one human since the last `take`; thread-safe."""
+    """Markers of a human's newest grip loads and largest contact forces since the last `take`; thread-safe."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -49,13 +49,13 @@ class HumanMarkers:
                 self._note(contact, contact.peak, frame)
 
     def _note(self, contact: Any, force: float, frame: str) -> None:
-        """Store a contact with a position if its force is the largest; any force replaces NaN (rigid contact)."""
+        """Store a contact that has a position if its force is the link's largest; any force replaces NaN (rigid)."""
         before = self._contacts[contact.link][0] if contact.link in self._contacts else math.nan
         if not math.isnan(contact.point.x) and (math.isnan(before) or force > before):
             self._contacts[contact.link] = force, frame, contact
 
     def take(self) -> Any:
-        """Return visualization_msgs/MarkerArray of the data since the last call; None if there is nothing to show."""
+        """Return visualization_msgs/MarkerArray of grips and contacts since the last call; None if there are none."""
         with self._lock:
             grips, self._grips = self._grips, {}
             contacts, self._contacts = self._contacts, {}
@@ -64,7 +64,7 @@ class HumanMarkers:
         return MarkerArray(markers) if markers else None
 
     def _grip(self, grip: Any) -> list[Any]:
-        """Return the markers of the force on the hand, starting at its point."""
+        """Return arrow and text of a grip's force on the hand; the arrow starts at the point of application."""
         force, point, frame = grip.wrench.force, grip.point, grip.header.frame_id
         size = math.hypot(force.x, force.y, force.z)
         tip = Point(*(a + PER_NEWTON_GRIP * f for a, f in zip(_xyz(point), _xyz(force), strict=True)))
@@ -72,7 +72,7 @@ class HumanMarkers:
         return [*self._arrow("human/grips", grip.name, frame, point, tip, size, GRIP), words]
 
     def _contact(self, link: str, force: float, frame: str, contact: Any) -> list[Any]:
-        """Return the markers of the force on the body, ending at its point, so that the body does not hide them."""
+        """Return arrow and text of a contact force; the arrow ends at the contact, so the body does not hide it."""
         length, regions = (
             PER_NEWTON_CONTACT * (0.0 if math.isnan(force) else force),
             " / ".join(contact.regions) or link,
@@ -84,7 +84,7 @@ class HumanMarkers:
         return [*self._arrow("human/contacts", link, frame, tail, tip, force, CONTACT), words]
 
     def _arrow(self, space: str, name: str, frame: str, tail: Any, tip: Any, force: float, colour: Any) -> list[Any]:
-        """Return an arrow; empty without a force."""
+        """Return an arrow from tail to tip; empty if the force is below FORCE_MIN or NaN."""
         if not force >= FORCE_MIN:
             return []
         marker = self._marker(space, name, frame, Marker.ARROW, colour)

@@ -1,4 +1,4 @@
-"""Limits as markers for rviz: rings with joint ranges, hands at positions, text near a limit. No node."""
+"""Limits as markers for rviz: rings for joint ranges, pointers for positions, text near a limit. No node."""
 
 import itertools
 import math
@@ -18,24 +18,33 @@ from hric_core.robot_time import stamps
 from hric_core.urdf import Joint, read
 
 NEAR_POSITION, AT_POSITION = 0.2, 0.05
-"""Distance to the end of the range below which a joint is near it, or at it; project default, unconfirmed [rad]."""
+"""Distance from the end of a joint's range below which the joint is near that end, or at it [rad].
+
+Project default, unconfirmed.
+"""
 NEAR_RATIO, AT_RATIO = 0.8, 0.95
-"""Share of the velocity or effort limit above which a joint is near it, or at it; project default, unconfirmed [1]."""
+"""Share of the velocity or effort limit above which a joint is near that limit, or at it [1].
+
+Project default, unconfirmed.
+"""
 NEAR_WALL, AT_WALL = 0.1, 0.02
-"""Distance of the end effector to the border of its workspace, likewise; project default, unconfirmed [m]."""
+"""Distance to a face of the workspace below which the end effector is near it, or at it [m].
+
+Project default, unconfirmed.
+"""
 RADIUS = 0.12
 """Radius of a ring, outside of the links [m]."""
 STEP = math.radians(7.5)
 """Angle between the points of a ring [rad]."""
 LINE, HAND, TEXT = 0.004, 0.012, 0.035
-"""Width of the ring and of the hand, height of letters [m]."""
+"""Line width of a ring and of a pointer, and height of letters [m]."""
 LIFETIME = 1.0
-"""Lifetime of hands, texts and walls [s]; that of rings is RING_LIFETIME."""
+"""Lifetime of pointers, texts and walls [s]; that of rings is RING_LIFETIME."""
 RING_LIFETIME = 5.0
 
 
 class Level(IntEnum):
-    """Nearness level of a limit."""
+    """Nearness of a value to a limit: far, near or at it."""
 
     FAR = 0
     NEAR = 1
@@ -44,11 +53,11 @@ class Level(IntEnum):
 
 @dataclass(frozen=True)
 class LimitNearness:
-    """Nearness of a joint to its limits.
+    """Nearness of a joint to its position, velocity and effort limits.
 
     Attributes:
         level: level of the nearest limit.
-        text: list of the limits that are near, for the user; empty: no limit is near.
+        text: list of the near limits for the user; empty: none is near.
     """
 
     level: Level
@@ -56,15 +65,15 @@ class LimitNearness:
 
 
 def of_distance(distance: float, near: float, at: float) -> Level:
-    """Return the level of a limit at `distance`; negative: beyond."""
+    """Return the nearness at a distance from a limit (negative: beyond it); near, at: thresholds in its unit."""
     return Level.AT if distance < at else Level.NEAR if distance < near else Level.FAR
 
 
 def of_joint(limits: JointLimits, q: float, dq: float, tau: float) -> LimitNearness:
-    """Return the nearness of a revolute joint.
+    """Return how near a revolute joint is to its limits.
 
     Args:
-        limits: its limits; infinite ones do not count.
+        limits: limits of the joint; infinite ones do not count.
         q: position [rad]; NaN: not known.
         dq: velocity [rad/s]; NaN: not known.
         tau: measured effort [N m]; NaN: not known.
@@ -91,11 +100,11 @@ def of_joint(limits: JointLimits, q: float, dq: float, tau: float) -> LimitNearn
 
 @dataclass(frozen=True)
 class Wall:
-    """Side of a workspace near the end effector.
+    """Face of the box-shaped workspace that is near the end effector.
 
     Attributes:
-        axis, side: 0 to 2 for x, y, z; 0: the lower side, 1: the upper one.
-        level: nearness level.
+        axis, side: axis normal to the face, 0 to 2 for x, y, z; side 0: lower face, 1: upper face.
+        level: nearness of the end effector.
     """
 
     axis: int
@@ -104,7 +113,7 @@ class Wall:
 
 
 def walls(lower: Sequence[float], upper: Sequence[float], p: Sequence[float]) -> list[Wall]:
-    """Return the sides of a box near a point.
+    """Return the faces of a box that are near a point.
 
     Args:
         lower: lower corner, shape (3,) [m].
@@ -120,17 +129,20 @@ def walls(lower: Sequence[float], upper: Sequence[float], p: Sequence[float]) ->
 
 
 COLOURS = {Level.FAR: (0.25, 0.55, 0.35, 0.55), Level.NEAR: (0.95, 0.65, 0.1, 0.95), Level.AT: (0.85, 0.1, 0.1, 1.0)}
-"""Green, amber, red: red, green, blue, alpha. The constants of this file are project defaults, unconfirmed."""
+"""Colours (red, green, blue, alpha) by nearness: green, amber, red.
+
+The constants of this file are project defaults, unconfirmed.
+"""
 
 
 @dataclass(frozen=True)
 class JointRing:
-    """Revolute joint of the description, for its ring.
+    """Ring that shows the range of a revolute joint.
 
     Attributes:
-        limits: its limits.
-        parent: link to which its ring is fixed.
-        p: origin in the parent, shape (3,) [m].
+        limits: limits of the joint.
+        parent: link to which the ring is fixed.
+        p: centre of the ring in the parent, shape (3,) [m].
         R: rotation from the ring's axes (z: the joint's axis; x: position 0) to the parent's, shape (3, 3).
     """
 
@@ -146,7 +158,7 @@ class JointRing:
 
 
 def rings(description: str, limits: Mapping[str, JointLimits]) -> dict[str, JointRing]:
-    """Return the joints that rotate within a range, by name; others have no ring.
+    """Return a ring for each revolute joint with a finite range, by the joint's name.
 
     Args:
         description: URDF.
@@ -172,7 +184,7 @@ def _ring_of(joint: Joint, limits: JointLimits) -> JointRing:
 
 
 def ring(joint_ring: JointRing, number: int) -> Any:
-    """Return the range of a joint with coloured ends; without a stamp, so that it is drawn at once."""
+    """Return the marker of a ring with coloured ends; without a stamp, rviz draws it at the newest transform."""
     low, high = joint_ring.limits.lower, joint_ring.limits.upper
     angles = np.linspace(low, high, max(2, round((high - low) / STEP) + 1))
     marker = _marker("limits/ranges", number, Marker.LINE_LIST, joint_ring.parent, RING_LIFETIME, LINE)
@@ -191,13 +203,13 @@ def ring(joint_ring: JointRing, number: int) -> Any:
 
 
 def hand(joint_ring: JointRing, number: int, q: float, near: LimitNearness) -> list[Any]:
-    """Return the position of a joint in its range, and a text about near limits.
+    """Return a pointer at a joint's position on its ring, and a text if limits are near.
 
     Args:
-        joint_ring: the joint.
-        number: number of the marker.
-        q: position [rad].
-        near: nearness to its limits.
+        joint_ring: ring of the joint.
+        number: id of both markers.
+        q: joint position [rad].
+        near: nearness of the joint to its limits.
     """
     line = _marker("limits/positions", number, Marker.LINE_LIST, joint_ring.parent, LIFETIME, HAND)
     line.pose = joint_ring.pose
@@ -212,7 +224,7 @@ def hand(joint_ring: JointRing, number: int, q: float, near: LimitNearness) -> l
 
 
 def wall(face: Wall, lower: Sequence[float], upper: Sequence[float], frame: str) -> Any:
-    """Return a side of the workspace as a thin plate in the frame of the box."""
+    """Return the marker of a workspace's face: a thin plate; lower, upper: corners of the box in `frame` [m]."""
     marker = _marker("limits/workspace", 2 * face.axis + face.side, Marker.CUBE, frame, LIFETIME, 0.0)
     centre, size = (
         [0.5 * (low + high) for low, high in zip(lower, upper, strict=True)],

@@ -17,18 +17,18 @@ from hric_core.urdf import Joint, read
 from hric_human.muscles.lines import colour
 
 WIDTH = 0.007
-"""Width of a line [m]."""
+"""Width of a muscle's line [m]."""
 LIFETIME = 0.5
 """Lifetime of the lines after the last message [s]; constants of this file are project defaults, unconfirmed."""
 
 
 class MuscleMarkers:
-    """Newest posture and activation of one human for the next `take`; thread-safe.
+    """Markers of a human's muscles, from the newest posture and activation; thread-safe.
 
     Args:
         description: URDF of the body.
-        lines: points of each muscle's line by its name: link, and x, y, z in its axes [m].
-        prefix: prefix of the human's frames.
+        lines: by muscle, the points of its line: name of the link, and x, y, z in the link's frame [m].
+        prefix: prefix of the human's tf frames.
     """
 
     def __init__(self, description: str, lines: Mapping[str, Sequence[Sequence[Any]]], prefix: str) -> None:
@@ -52,7 +52,7 @@ class MuscleMarkers:
             self._activation = message
 
     def take(self) -> Any:
-        """Return visualization_msgs/MarkerArray of the newest; None: no new activation, or no posture yet."""
+        """Return visualization_msgs/MarkerArray of the muscles; None without a new activation, or without a posture."""
         with self._lock:
             angles, message, self._activation = self._angles, self._activation, None
         if message is None or not angles:
@@ -71,7 +71,7 @@ class MuscleMarkers:
         return MarkerArray([marker])
 
     def _poses(self, angles: Mapping[str, float]) -> dict[str, FloatArray]:
-        """Return the poses of all links in the root, shape (4, 4) each."""
+        """Return the poses of all links in the root's frame, shape (4, 4) each; angles: joint positions [rad]."""
         poses, waiting = {self._root: np.eye(4)}, self._joints
         while waiting:
             ready = [joint for joint in waiting if joint.parent in poses]

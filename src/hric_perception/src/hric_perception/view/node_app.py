@@ -27,23 +27,35 @@ from hric_perception.view.human_markers import HumanMarkers
 from hric_perception.view.muscle_markers import MuscleMarkers
 
 RINGS_PERIOD = 2.0
-"""Period at which rings are sent again, for an rviz that starts later [s]; project default, unconfirmed."""
+"""Period at which the rings of joint ranges are sent again, for an rviz that starts later [s].
+
+Project default, unconfirmed.
+"""
 HUMAN = "human"
-"""Name of the human next to the robot: of the topics in `hric/`, and prefix of the frames."""
+"""Name of the simulated human next to the robot in topics `hric/human/...`, and prefix of their frames."""
 FOLLOWERS = ("cartesian_pose_controller", "cartesian_pose_impedance_controller")
-"""Controllers with a workspace."""
+"""Names of the controllers that have a workspace limit."""
 RUNNING_TIMEOUT = 1.0
-"""Largest age of a running controller's state [s of wall time]; project default, unconfirmed."""
+"""Largest age of a state message by which its controller counts as running [s of wall time].
+
+Project default, unconfirmed.
+"""
 
 
 @dataclass(frozen=True)
 class ViewSettings(Settings):
-    """Parameters of the node."""
+    """Parameters of the node `live_view`."""
 
     rate: float = number(
-        30.0, minimum=1.0, maximum=200.0, unit="Hz", text="of its topics, in wall time; a topic without news is silent"
+        30.0,
+        minimum=1.0,
+        maximum=200.0,
+        unit="Hz",
+        text="rate of the topics in wall time; nothing is published without a new message",
     )
-    limits_rate: float = number(10.0, minimum=0.0, maximum=100.0, unit="Hz", text="of the markers; 0: none")
+    limits_rate: float = number(
+        10.0, minimum=0.0, maximum=100.0, unit="Hz", text="rate of the markers of limits; 0: none"
+    )
     plates: tuple[str, ...] = listing(
         PLATE_ID, default=("1",), single=True, text="force plates whose wrench is published"
     )
@@ -53,13 +65,13 @@ class ViewSettings(Settings):
 
 
 class LiveView(NodeApp):
-    """Live view node; publishes from construction on.
+    """Node `live_view`: publishes decimated topics and markers for viewers, from construction on.
 
     Args:
         node: private node.
 
     Raises:
-        HricError: a parameter is not valid, or the description cannot be read.
+        HricError: a parameter is not valid, or the robot description cannot be read.
     """
 
     def __init__(self, node: RosNode) -> None:
@@ -97,7 +109,7 @@ class LiveView(NodeApp):
         self._root.subscribe(source, kind, keeper.push, queue_size=100)
 
     def _mark_human(self) -> None:
-        """Publish markers of the forces on the human next to the robot, if there is one."""
+        """Subscribe to the data of markers on the simulated human next to the robot, if there is one."""
         if not self._root.has_param(f"hric/{HUMAN}/robot_description"):
             return
         markers, publisher = HumanMarkers(), self._root.advertise(f"hric/view/{HUMAN}", MarkerArray)
@@ -124,7 +136,7 @@ class LiveView(NodeApp):
 
 
 class _Limits:
-    """Limits of the arm as markers."""
+    """Publisher of markers that show how near the arm is to its limits."""
 
     def __init__(self, root: RosNode, description: str, names: list[str]) -> None:
         limits: dict[str, JointLimits] = {joint.name: joint for joint in load_limits(description, root, names)}
@@ -139,13 +151,13 @@ class _Limits:
         root.subscribe("joint_states", JointState, self._joints.push)
         root.subscribe("franka_state_controller/franka_states", FrankaState, self._state.push)
         for name in FOLLOWERS:
-            # Only that it speaks is of interest.
+            # The content does not matter, only that the controller publishes.
             rospy.Subscriber(
                 root.resolve(f"{name}/state"), rospy.AnyMsg, self._on_follower, callback_args=name, queue_size=1
             )
 
     def send(self) -> None:
-        """Publish the markers of near limits."""
+        """Publish the markers: joint ranges, joint positions, and limits that are near."""
         markers: list[Any] = []
         now = time.monotonic()
         if now - self._rings_sent > RINGS_PERIOD:

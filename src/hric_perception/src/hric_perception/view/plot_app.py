@@ -1,4 +1,4 @@
-"""Node `live_plot`: a window with the curves of the last seconds, or a picture of it."""
+"""Command `hric live_plot`: a window with curves of the last seconds of a run, or a picture of these."""
 
 import argparse
 import signal
@@ -19,9 +19,9 @@ from hric_perception.view import curves
 from hric_perception.view.curves import CurvePanel, SampleHistory, draw
 
 SIZE = (9.0, 2.2)
-"""Width of the picture, height of a panel [inch]."""
+"""Width of the picture, and height of one panel [inch]."""
 REFRESH = 200
-"""Time between pictures in the window [ms]."""
+"""Time between updates of the window [ms]."""
 DEFAULT = ("positions", "velocities", "efforts", "wrench")
 
 
@@ -30,38 +30,41 @@ class PlotError(HricError):
 
 
 class LivePlotCommand(Command):
-    """Show a window with curves of the last seconds: joints, forces and EMG, as sent by live_view.
+    """Show a window with curves of the last seconds: joints, forces and EMG, as published by live_view.
 
-    Without a display: a picture of it.
+    On a machine without a display, --screenshot saves a picture of the curves.
     """
 
     is_node = True
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments."""
+        """Return the command-line arguments of `hric live_plot`."""
         return [
             Argument(
                 "panels",
                 nargs="*",
                 metavar="PANEL",
-                help=f"of {', '.join(curves.panels())}, from top to bottom (default: {' '.join(DEFAULT)})",
+                help=f"panels, from top to bottom: {', '.join(curves.panels())} (default: {' '.join(DEFAULT)})",
                 complete=curves.panels,
             ),
             Argument("--plate", default="1", metavar="ID", help="name of the force plate (default: 1)"),
             Argument(
-                "--screenshot", type=Path, metavar="FILE", help="no window: save a picture, .png, .svg or .pdf, and end"
+                "--screenshot",
+                type=Path,
+                metavar="FILE",
+                help="save a picture (.png, .svg or .pdf) without opening a window, and end",
             ),
             Argument(
                 "--after",
                 type=float,
                 default=curves.WINDOW,
                 metavar="SECONDS",
-                help="save the picture so much later (default: %(default)g)",
+                help="time until the picture is saved (default: %(default)g)",
             ),
         ]
 
     def run(self, arguments: argparse.Namespace) -> int:
-        """Show until the window is closed or Ctrl-C."""
+        """Show the window until it is closed or Ctrl-C, or save a picture; return the exit code."""
         check_private("live_plot")
         return run_command("hric live_plot", lambda: _show(arguments), interrupted=0)
 
@@ -72,7 +75,7 @@ def _show(arguments: argparse.Namespace) -> None:
         if name not in known:
             raise UnknownNameError("panel", name, known)
     if arguments.screenshot and arguments.screenshot.suffix not in (".png", ".svg", ".pdf"):
-        raise PlotError(f"--screenshot {arguments.screenshot}: not a format of pictures; valid: .png, .svg, .pdf")
+        raise PlotError(f"--screenshot {arguments.screenshot}: unknown picture format; valid: .png, .svg, .pdf")
     shown = [known[name] for name in arguments.panels or DEFAULT]
     shutdown = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -81,7 +84,7 @@ def _show(arguments: argparse.Namespace) -> None:
     rospy.init_node("live_plot", anonymous=True, disable_signals=True)
     rospy.on_shutdown(shutdown.set)
     histories = [_listen(panel) for panel in shown]
-    from matplotlib.figure import Figure  # slow to load, which a wrong word need not wait for
+    from matplotlib.figure import Figure  # imported late: it loads slowly, and wrong arguments are reported before
 
     figure = Figure(figsize=(SIZE[0], SIZE[1] * len(shown)), layout="constrained")
     picture = partial(draw, figure.subplots(len(shown), 1, squeeze=False).ravel().tolist(), shown, histories)
@@ -110,23 +113,23 @@ def _listen(panel: CurvePanel) -> SampleHistory:
 
 
 def _window() -> Any:
-    """Return an empty window, made before ROS begins, so that a missing display is an error at once."""
+    """Open an empty window, before ROS starts, so that a missing display is reported at once."""
     try:
         import tkinter
 
         root = tkinter.Tk(className="live_plot")
     except ImportError as error:
         raise PlotError(
-            "a window needs the Debian package python3-tk (scripts/setup --gui); without it: --screenshot FILE"
+            "a window needs the Debian package python3-tk (scripts/setup --gui); without it, use --screenshot FILE"
         ) from error
     except tkinter.TclError as error:
-        raise PlotError(f"no window: {error}; without a display: --screenshot FILE") from error
+        raise PlotError(f"cannot open a window: {error}; without a display, use --screenshot FILE") from error
     root.title("live_plot")
     return root
 
 
 def _run_window(root: Any, figure: Any, picture: Callable[[], None], shutdown: threading.Event) -> None:
-    """Show a picture until the window is closed."""
+    """Show the curves, updated regularly, until the window is closed or the node shuts down."""
     from matplotlib.backends.backend_tkagg import FigureCanvasTkAgg
 
     canvas = FigureCanvasTkAgg(figure, master=root)

@@ -1,6 +1,6 @@
-"""Figures of a run, for its page and for print: each module of this package adds some, and no list names them.
+"""Figures of a run, for its HTML page and for print; all modules of this package are found and used.
 
-A module outside the workspace adds figures, too, if it can be imported and its name begins with `hric_figures_`. Each
+Modules outside the workspace add figures, too, if they can be imported and their names begin with `hric_figures_`. Each
 module has a function `figures` that takes `FigureData` and returns a list of `Figure`, empty if the run lacks the data.
 """
 
@@ -30,11 +30,11 @@ class FigureData:
     Attributes:
         record: recording of the run.
         moves: setpoints of the run.
-        limits: limits by joint.
-        tolerances: bounds in the figure of the errors [rad].
-        person: simulated human; None: there was none.
-        safety: decisions of the supervisor; None: there was none.
-        followed: marker tracking; None: no marker was followed.
+        limits: values of the limits, by joint and by kind of limit.
+        tolerances: bands of the settling time, drawn in the figure of the setpoint errors [rad].
+        person: data of the simulated human; None: there was none.
+        safety: decisions of the safety supervisor; None: there was none.
+        followed: data of marker tracking; None: the robot followed no marker.
         signals: sensor signals.
     """
 
@@ -66,6 +66,6 @@ def _modules() -> list[str]:
 def _figures(module: str) -> Callable[[FigureData], list[Figure]]:
     try:
         made: Callable[[FigureData], list[Figure]] = import_module(module).figures
-    except Exception as error:  # whatever a module from outside raises
+    except Exception as error:  # a module outside the workspace may raise any error
         raise FailureError(f"cannot import the figures of the module {module}: {error}") from error
     return made

@@ -1,4 +1,4 @@
-"""Simulated human: grips, contacts, carried objects, muscles and joints."""
+"""Figures of the simulated human: grips, contacts, carried objects, muscles and joints."""
 
 from collections.abc import Sequence
 
@@ -15,12 +15,12 @@ from hric_report.heat import heat_map
 from hric_report.sections import HUMAN
 
 SHOWN = 1.5
-"""Time span of an impact that is shown, in durations of its half sine [1]."""
-ESTIMATE = "A model's estimate, not a measurement of a person."
+"""Time span of an impact that is shown, as multiple of the duration of the expected half sine [1]."""
+ESTIMATE = "Estimate of a model, not a measurement of a person."
 
 
 def figures(data: FigureData) -> list[Figure]:
-    """Return the figures of the human of a run; none without a human."""
+    """Return the figures of the simulated human of a run; none if the run has no human."""
     person = data.person
     if person is None:
         return []
@@ -28,7 +28,7 @@ def figures(data: FigureData) -> list[Figure]:
     made = []
     if panels := [_grip_panel(name, record) for name, grip in record.grips.items() if grip.closed.any()]:
         forces = Figure("grip", "Grip force", "force on the hand [N]", tuple(panels), min_height=1.0)
-        made.append(forces.about(HUMAN, f"Force of what is held on what holds it. {ESTIMATE}"))
+        made.append(forces.about(HUMAN, f"Force of the held object on the hand that holds it. {ESTIMATE}"))
     made += _contact_figures(person.impacts)
     for k, transport in enumerate(person.transports):
         suffix = f"_{k + 1}" if len(person.transports) > 1 else ""
@@ -38,7 +38,7 @@ def figures(data: FigureData) -> list[Figure]:
     share = Curve("of the strength", "measured", record.torque_time, record.share)
     strength = per_joint(
         "strength",
-        "Torque of the human's joints as share of their strength",
+        "Joint torques of the human as share of the strength",
         "share [1]",
         record.joints,
         [share],
@@ -55,7 +55,9 @@ def figures(data: FigureData) -> list[Figure]:
     )
     return [
         *made,
-        strength.about(HUMAN, f"In the sense in which the torque acts. {ESTIMATE}"),
+        strength.about(
+            HUMAN, f"Joint torque divided by the strength in the direction in which the torque acts. {ESTIMATE}"
+        ),
         angles.about(HUMAN, "Joint angles of the simulated body."),
     ]
 
@@ -66,8 +68,9 @@ def _muscle_figures(record: MuscleRecord) -> list[Figure]:
     rows = tuple(name.partition("_")[2] if len(sides) == 1 else name for name in record.names)
     heat = heat_map(rows, record.time, record.activation, "activation [1]", ACTIVATION_COLOURS)
     caption = (
-        f"Activation of {len(record.muscles)} muscles, and of the ideal actuators of joints without any, whose names "
-        f"end with their sense. From {heat.top:g} on all have the same colour. {ESTIMATE}"
+        f"Activation of {len(record.muscles)} muscles, and of the ideal actuators of joints without muscles, whose "
+        "names "
+        f"end with their direction. All values above {heat.top:g} have the same colour. {ESTIMATE}"
     )
     made = [Figure("activation", "Activation of the muscles", "", (Panel("", (), heat=heat),)).about(HUMAN, caption)]
     if record.contact:
@@ -76,13 +79,13 @@ def _muscle_figures(record: MuscleRecord) -> list[Figure]:
             for joint, size in record.contact.items()
         )
         figure = Figure("joint_contact", "Contact forces between bones", "force [N]", panels, min_height=10.0)
-        text = f"Force of the proximal on the distal bone of a joint: what muscles pull there included. {ESTIMATE}"
+        text = f"Force of the proximal on the distal bone of a joint, including the pull of the muscles. {ESTIMATE}"
         made.append(figure.about(HUMAN, text))
     return made
 
 
 def _contact_figures(impacts: Sequence[ExpectedContact]) -> list[Figure]:
-    """Return the figures of impacts and of clamping, of the spring contacts that have expected values."""
+    """Return the figures of impacts and of clamping, for spring contacts with an expected (closed-form) force."""
     hardest: dict[tuple[str, str], tuple[ExpectedContact, ClosedFormImpact]] = {}
     for impact in impacts:
         pair, form = (impact.contact.link, impact.contact.other), impact.impact
@@ -95,17 +98,21 @@ def _contact_figures(impacts: Sequence[ExpectedContact]) -> list[Figure]:
     made = []
     if panels := [_blow_panel(*impact_and_form) for impact_and_form in hardest.values()]:
         text = (
-            "Force on the human from the first touch on, of each pair of bodies the hardest blow, and the half sine of "
-            "two reflected masses on the spring of the region, which has the first force that was recorded. "
+            "Force on the human from the first touch on, for the hardest impact of each pair of bodies; for "
+            "comparison the "
+            "half sine of two reflected masses with the spring of the body region, aligned with the first recorded "
+            "force. "
             f"{ESTIMATE}"
         )
         figure = Figure(
-            "blow", "Blow", "force [N]", tuple(panels), min_height=1.0, abscissa="after the first touch [ms]"
+            "blow", "Impact", "force [N]", tuple(panels), min_height=1.0, abscissa="after the first touch [ms]"
         )
         made.append(figure.about(HUMAN, text))
     if panels := [_press_panel(impact, impact.clamping) for impact in impacts if impact.clamping]:
-        text = f"Force of contacts that last, beside what the commanded torque balances along the normal. {ESTIMATE}"
-        figure = Figure("press", "Pressed contact", "force [N]", tuple(panels), min_height=1.0)
+        text = (
+            f"Force of lasting contacts, and the force along the normal that the commanded torque balances. {ESTIMATE}"
+        )
+        figure = Figure("press", "Clamping", "force [N]", tuple(panels), min_height=1.0)
         made.append(figure.about(HUMAN, text))
     return made
 
@@ -137,23 +144,24 @@ def _between(impact: ExpectedContact) -> str:
 
 
 def _carrying(transport: Transport, key: str) -> Figure:
-    """Return the figure of load share, internal force and tilt of an object over time."""
+    """Return the figure of load share, internal force and tilt of a carried object over time."""
     panels = []
     if transport.share is not None:
         shares = zip(transport.ends, transport.share, strict=True)
         curves = tuple(Curve(name, f"s{k}", transport.time, 100.0 * share) for k, (name, share) in enumerate(shares))
         panels.append(Panel("load share", curves, unit="of the weight [%]"))
     panels.append(
-        Panel("squeeze", (Curve("both together", "s2", transport.time, transport.squeeze),), unit="force [N]")
+        Panel("internal force", (Curve("both together", "s2", transport.time, transport.squeeze),), unit="force [N]")
     )
     panels.append(
         Panel("tilt", (Curve("both together", "s2", transport.time, np.rad2deg(transport.tilt)),), unit="angle [deg]")
     )
     a, b = transport.ends
     caption = (
-        f"Vertical force of the grips {a} and {b} on {transport.body} over its weight; what of both forces cancels "
-        "along the line between the grips (positive: it is squeezed, negative: it is stretched); how far that line is "
-        f"out of the horizontal (positive: {b} is higher). {ESTIMATE}"
+        f"Vertical force of the grips {a} and {b} on {transport.body} as share of its weight; internal force, the "
+        "part of "
+        "both grip forces that cancels along the line between the grips (positive: squeezed, negative: stretched); "
+        f"inclination of this line (positive: {b} is higher). {ESTIMATE}"
     )
     return Figure(key, f"{transport.body}, carried by two", "", tuple(panels), min_height=1.0, columns=3).about(
         HUMAN, caption
@@ -161,13 +169,15 @@ def _carrying(transport: Transport, key: str) -> Figure:
 
 
 def _path(transport: Transport, key: str) -> Figure:
-    """Return the paths of both ends and their midpoint, each from its start, as the ends are far apart."""
+    """Return the figure of the paths of an object's ends and midpoint, each relative to its start."""
     points = [
         *zip(transport.ends, ("s0", "s1"), transport.point, strict=True),
         ("middle of both", "s2", transport.centre),
     ]
     curves = [Curve(name, role, transport.time, point - point[0]) for name, role, point in points]
-    caption = f"How far both ends of {transport.body} and their middle went from where they were, seen along each axis."
+    caption = (
+        f"Displacement of both ends of {transport.body} and of their midpoint from the start, seen along each axis."
+    )
     figure = path(key, f"Path of {transport.body}", curves, ("from above", "from the side", "along x"))
     return figure.about(HUMAN, caption)
 

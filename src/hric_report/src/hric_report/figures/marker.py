@@ -1,4 +1,4 @@
-"""End effector that follows a marker, over time and in space."""
+"""Figures of marker tracking: the end effector follows a marker, over time and in space."""
 
 from dataclasses import replace
 
@@ -11,16 +11,16 @@ from hric_report import sections
 from hric_report.figure import AXES, Curve, Figure, FloatArray, Panel, path, per_joint
 from hric_report.figures import FigureData
 
-PATH = "The same path seen along each axis, the marker shifted by the lag; all axes have one scale."
+PATH = "Path seen along each axis, with the marker shifted by the lag; all axes have the same scale."
 
 
 def figures(data: FigureData) -> list[Figure]:
-    """Return figures of the end effector that follows a marker, over time and in space; empty without tracking."""
+    """Return the figures of marker tracking; empty if the robot followed no marker."""
     return tracking_figures(data.followed)
 
 
 def tracking_figures(tracking: MarkerTracking | None) -> list[Figure]:
-    """Return the figures of one run; None: no marker was followed."""
+    """Return the figures of marker tracking over time and in space; `tracking` is None: no marker was followed."""
     if tracking is None or tracking.data is None:
         return []
     data, record = tracking.data, tracking.record
@@ -28,9 +28,9 @@ def tracking_figures(tracking: MarkerTracking | None) -> list[Figure]:
     names = [f"{axis} in {record.base}" for axis in AXES]
     curves = _followed(tracking, data.desired(0))
     caption = (
-        "Position of the marker and of the end effector, each from its origin, and what the controller desired. Last "
-        f"panel: distance of the end effector from where the marker was {1e3 * lag * STEP:.0f} ms before, the lag that "
-        "fits best."
+        "Position of the marker and of the end effector, each relative to its position when following began, and the "
+        "desired position of the controller. Last panel: distance of the end effector from where the marker was "
+        f"{1e3 * lag * STEP:.0f} ms earlier, the lag that fits best."
     )
     over_time = per_joint("tracking", "The end effector follows the marker", "position [m]", names, curves)
     over_time = over_time.about(sections.TRACKING, caption)
@@ -44,7 +44,7 @@ def tracking_figures(tracking: MarkerTracking | None) -> list[Figure]:
 
 
 def _followed(tracking: MarkerTracking, marker: FloatArray) -> list[Curve]:
-    """Return the curves of marker, desired and actual end effector, with values of shape (n, 3) [m]."""
+    """Return the position curves of marker, desired and actual end effector, values of shape (n, 3) [m]."""
     assert tracking.data is not None
     states, time = tracking.record.states, tracking.data.time
     return [
@@ -55,7 +55,7 @@ def _followed(tracking: MarkerTracking, marker: FloatArray) -> list[Curve]:
 
 
 def _losses(states: States) -> tuple[tuple[str, float, float], ...]:
-    """Return the time spans in which the controller had lost the marker."""
+    """Return the time spans (name, begin [s], end [s]) in which the controller had lost the marker."""
     lost = np.array([0, *(word == "lost" for word in states.tracking), 0], dtype=int)
     begins, ends = np.flatnonzero(np.diff(lost) > 0), np.flatnonzero(np.diff(lost) < 0)
     last = len(states.time) - 1

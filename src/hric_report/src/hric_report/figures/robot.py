@@ -1,4 +1,4 @@
-"""Joint motion, torques and setpoint errors."""
+"""Figures of the robot: joint motion, torques and setpoint errors."""
 
 from collections.abc import Callable, Mapping, Sequence
 
@@ -12,7 +12,8 @@ from hric_report.figures import FigureData
 
 Limits = Mapping[str, Mapping[str, float]]
 MIN_ERROR = 1e-9
-"""Lower bound of errors on the logarithmic axis; smaller ones are drawn here [rad]. Project default, unconfirmed."""
+"""Smallest error on the logarithmic axis; smaller errors are drawn at this value [rad]. Project default,
+unconfirmed."""
 
 
 def figures(data: FigureData) -> list[Figure]:
@@ -25,7 +26,7 @@ def figures(data: FigureData) -> list[Figure]:
     if data.moves:
         made.append(_errors(log, data.moves, data.tolerances))
     velocities = per_joint("velocities", "Joint velocities", unit, log.joint_names, [velocity], bounds, min_height=0.02)
-    made.append(velocities.about(sections.MOTION, "Measured joint velocities. Dotted: velocity limits where near."))
+    made.append(velocities.about(sections.MOTION, "Measured joint velocities. Dotted: velocity limits, if near."))
     return [*made, *_torques(log, data.limits)] if "effort" in log.interfaces else made
 
 
@@ -39,15 +40,17 @@ def _torques(log: ControlRecord, limits: Limits) -> list[Figure]:
     torques = per_joint("torques", "Commanded torques", unit, names, [requested, sent], bounds, min_height=0.2)
     bounds, unit = _bounds(limits, "rotatum limit", "effort_rate"), "rate [N m/s]"
     of_torques = per_joint("rotatum", "Rate of torque (rotatum)", unit, names, [rates], bounds, min_height=2.0)
-    requests = "Torque that the controller requested, and what was sent after the limits. Dotted: limits where near."
+    requests = (
+        "Torque requested by the controller, and torque sent after the limits were applied. Dotted: limits, if near."
+    )
     return [
         torques.about(sections.FORCES, requests),
-        of_torques.about(sections.FORCES, "Rate of the torque sent, per cycle. Dotted: its limits where near."),
+        of_torques.about(sections.FORCES, "Rate of change of the torque sent, per cycle. Dotted: its limits, if near."),
     ]
 
 
 def _bounds(limits: Limits, name: str, *keys: str) -> Callable[[str], tuple[Bound, ...]]:
-    """Return a function from joint to its known limits; a single key is a limit in both directions."""
+    """Return a function that returns the known limits of a joint; a single key is a limit in both directions."""
 
     def of_joint(joint: str) -> tuple[Bound, ...]:
         known = limits.get(joint, {})
@@ -74,7 +77,7 @@ def _positions(record: RunRecord, moves: Sequence[Move], limits: Limits) -> Figu
     curves.append(Curve("measured", "measured", log.time, log.position))
     bounds = _bounds(limits, "position limit", "lower", "upper")
     shown = ["setpoints (dashed)"] * bool(moves) + ["positions of the profile"] * bool(record.profiles)
-    caption = f"{', '.join([*shown, 'measured positions']).capitalize()}. Dotted: position limits where near."
+    caption = f"{', '.join([*shown, 'measured positions']).capitalize()}. Dotted: position limits, if near."
     unit, names = "position [rad]", log.joint_names
     figure = per_joint("positions", "Joint positions", unit, names, curves, bounds, min_height=0.02)
     return figure.about(sections.MOTION, caption)
@@ -87,6 +90,6 @@ def _errors(log: ControlRecord, moves: Sequence[Move], tolerances: Sequence[floa
         error[part] = np.maximum(np.abs(move.target - log.position[part]), MIN_ERROR)
     curves = tuple(Curve(name, f"s{j % 10}", log.time, error[:, j]) for j, name in enumerate(log.joint_names))
     panel = Panel("", curves, tuple((f"{tolerance:g} rad", tolerance) for tolerance in tolerances))
-    caption = "Distance of each joint from its setpoint, on a logarithmic axis. Dotted: bands of the settling time."
+    caption = "Distance of each joint from its setpoint, on a logarithmic axis. Dotted: settling tolerances."
     figure = Figure("errors", "Distance from the setpoint", "distance [rad]", (panel,), logarithmic=True)
     return figure.about(sections.MOTION, caption)

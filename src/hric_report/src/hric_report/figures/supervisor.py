@@ -1,13 +1,14 @@
-"""Protective distance and speed scale of a supervised run."""
+"""Figure of the safety supervisor: protective distance and speed scale."""
 
 from hric_report.figure import Curve, Figure, Panel
 from hric_report.figures import FigureData
 from hric_report.sections import SUPERVISOR
 
 CAPTION = (
-    "Distance of the part of the person with the smallest margin from the arm, beside the protective distance that it "
-    "should have at the measured speeds; the speed scale that was requested. Bands: the arm moves nearer than that. "
-    "A model's estimate, no certified safety function."
+    "Distance between the arm and the body part with the smallest margin, and the protective distance required at the "
+    "measured speeds; speed scale requested by the supervisor. Bands: the arm moves nearer than the protective "
+    "distance. "
+    "Estimate of a model, not a certified safety function."
 )
 
 
@@ -23,5 +24,5 @@ def figures(data: FigureData) -> list[Figure]:
     scale = (Curve("requested scale", "s2", record.time, record.scale),)
     panels = (Panel("distance", distance, unit="distance [m]"), Panel("speed", scale, unit="scale [1]"))
     bands = tuple(("violation", begin, end) for begin, end in record.violations)
-    title = "Distance of arm and person, and the speed that was requested"
+    title = "Distance between arm and person, and requested speed scale"
     return [Figure("supervisor", title, "", panels, 0.1, bands=bands).about(SUPERVISOR, CAPTION)]

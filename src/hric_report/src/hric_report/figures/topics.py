@@ -1,4 +1,4 @@
-"""Sensor signals by topic, assigned to sections of the report."""
+"""Figures of the sensor signals, one per topic, in the section of the report that suits the topic."""
 
 from collections.abc import Iterable
 
@@ -8,13 +8,13 @@ from hric_report.figure import Curve, Figure, Panel
 from hric_report.figures import FigureData
 
 TOGETHER = 3
-"""Maximum number of channels of one unit that share a panel: those of a vector."""
+"""Maximum number of channels of one unit that share a panel, such as the components of a vector."""
 QUANTITIES = {"V": "voltage", "N": "force", "N m": "moment", "m": "position", "MVC": "activation"}
-"""Quantity by unit, for topics that name only the unit."""
+"""Name of the quantity by unit, for topics that give only the unit of their values."""
 
 
 def figures(data: FigureData) -> list[Figure]:
-    """Return one figure per topic: the channels of a vector share a panel, many channels get a panel each."""
+    """Return one figure per topic; up to TOGETHER channels of one unit share a panel, more get one panel each."""
     by_topic: dict[str, list[Signal]] = {}
     for signal in data.signals:
         by_topic.setdefault(signal.topic, []).append(signal)
@@ -30,7 +30,7 @@ def _figure(topic: str, signals: Iterable[Signal]) -> Figure:
 
 
 def _panels(signal: Signal, roles: dict[str, str]) -> list[Panel]:
-    """Return the panels of the channels of one unit; adds new legend names with their roles to `roles`."""
+    """Return the panels of a signal, whose channels have one unit; adds new legend names with roles to `roles`."""
     quantity, _, unit = signal.unit.rpartition("[")
     quantity = quantity.strip() or QUANTITIES.get(unit.rstrip("]"), "")
     label = f"{quantity} [{unit}".strip()

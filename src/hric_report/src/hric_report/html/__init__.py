@@ -1,4 +1,4 @@
-"""HTML report of a run folder: report.html, one file with plots, tables and a replay, which needs no network."""
+"""HTML report of a run folder: report.html, one file with plots, tables and a 3D replay; needs no network."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def write(folder: RunFolder, *, progress: bool = False) -> Path:
         progress: show a progress bar while the bag is read.
 
     Raises:
-        HricError: the bag or the description cannot be used, or a library of the page is not installed.
+        HricError: the bag or the robot description cannot be read, or a library for the page is not installed.
     """
     from hric_report.html import run_data, run_page
     from hric_report.html.verdict import verdict_of
@@ -41,7 +41,7 @@ def write(folder: RunFolder, *, progress: bool = False) -> Path:
 def write_comparison(
     runs: Sequence[RunFolder], labels: Sequence[str], target: Path, *, fit: bool = False, progress: bool = False
 ) -> Path:
-    """Write the page of two or more runs of the same motion, overlaid on the first of them; return its path.
+    """Write the page that compares two or more runs of the same motion, aligned with the first run; return its path.
 
     Args:
         runs: run folders.
@@ -51,7 +51,7 @@ def write_comparison(
         progress: show a progress bar while the bags are read.
 
     Raises:
-        HricError: as `write`; or the runs do not match.
+        HricError: a bag or robot description cannot be read, a library is not installed, or the runs do not match.
     """
     from hric_report.compare import settings_of
     from hric_report.html import comparison_page, run_data
@@ -70,7 +70,9 @@ def metrics_of(folder: RunFolder) -> JsonObject:
     try:
         values: JsonObject = json.loads(folder.metrics_path.read_text())
     except (OSError, ValueError) as error:
-        raise RunFolderError(f"cannot read {folder.metrics_path}: {error}; `report` writes it again") from error
+        raise RunFolderError(
+            f"cannot read {folder.metrics_path}: {error}; the command `report` writes the file again"
+        ) from error
     return values
 
 

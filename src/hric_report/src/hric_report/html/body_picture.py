@@ -1,4 +1,4 @@
-"""Front view of a body as SVG, with the regions of ISO/TS 15066 coloured by their share of the limit."""
+"""Front view of the human body as SVG, with the regions of ISO/TS 15066 coloured by contact load over limit."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from hric_report.html.verdict_file import FindingEntry
 
 CONTACT, NOT_ASSESSABLE = "contact", "not assessable"
 SCALE = ((0.0, (246, 234, 196)), (0.8, (224, 138, 44)), (1.0, (179, 38, 30)))
-"""Share of the limit and colour of each stop, interpolated linearly; shares above 1 have the last colour."""
+"""Colour scale: (share of the limit, RGB colour), interpolated linearly; shares above 1 have the last colour."""
 SHAPES: Mapping[str, str] = {
     "skull, forehead": "M84 34 a16 18 0 0 1 32 0 z",
     "face": "M84 34 h32 q0 24 -16 26 q-16 -2 -16 -26 z",
@@ -20,7 +20,7 @@ SHAPES: Mapping[str, str] = {
     "abdomen": "M72 124 q28 10 56 0 l-3 36 q-25 8 -50 0 z",
     "pelvis": "M75 162 q25 8 50 0 l5 26 q-15 14 -30 14 q-15 0 -30 -14 z",
 }
-"""SVG paths of the central regions of the body in a picture 200 wide and 380 high; the person faces the reader."""
+"""SVG paths of the central body regions, in a picture 200 wide and 380 high; the person faces the reader."""
 PAIRS: Mapping[str, str] = {
     "back, shoulders": "M92 71 q-26 3 -33 15 l13 10 l20 -10 z",
     "upper arm, elbow": "M57 89 l11 10 l-1 48 q-8 6 -17 0 q-1 -45 7 -58 z",
@@ -30,20 +30,20 @@ PAIRS: Mapping[str, str] = {
     "lower leg": "M73 286 h22 l-3 72 h-15 z",
     "foot, toes, ankle": "M77 361 h15 l2 12 h-28 q0 -8 11 -12 z",
 }
-"""SVG paths of regions on two sides, for the person's right side, which is on the left of the picture."""
+"""SVG paths of the paired body regions: those of the person's right side, on the left of the picture."""
 OF_ARMS = ("upper arm, elbow", "lower arm, wrist", "hand, fingers")
-"""Regions that are missing if the body model lacks the arm of that side."""
+"""Regions of an arm; they are drawn faintly on a side whose arm the body model lacks."""
 SIDES = ("right", "left")
 
 
 @dataclass(frozen=True)
 class Touched:
-    """Assessment of all contacts with one body region.
+    """Summary of all contact findings on one body region.
 
     Attributes:
         share: largest share of the limit [1]; None: unknown for every contact.
         assessable: True if all contacts could be compared with limits.
-        outcome: worst outcome.
+        outcome: worst outcome of the findings.
         time: start of the worst contact [s]; None: unknown.
     """
 
@@ -54,12 +54,12 @@ class Touched:
 
     @property
     def fill(self) -> str:
-        """Colour of the region; above its limit by an unknown share: that of the limit."""
+        """Fill colour of the region; for a value above its limit by an unknown share, the colour of 100 %."""
         return colour(1.0 if self.share is None and self.outcome == "above limits" else self.share or 0.0)
 
 
 def touched(findings: Sequence[FindingEntry]) -> dict[str, Touched]:
-    """Summarise the contact findings by region; findings: those of a verdict, the worst first."""
+    """Summarise the contact findings of a verdict by body region; `findings`: all findings, the worst first."""
     regions: dict[str, Touched] = {}
     for finding in findings:
         if finding["group"] != CONTACT:
@@ -78,7 +78,7 @@ def touched(findings: Sequence[FindingEntry]) -> dict[str, Touched]:
 
 
 def colour(share: float) -> str:
-    """Return the colour of a share of the limit, as a hex code."""
+    """Return the colour of a share of the limit [1] in SCALE, as hex code."""
     for (low, a), (high, b) in pairwise(SCALE):
         if share <= high:
             part = max(share - low, 0.0) / (high - low)
@@ -87,7 +87,7 @@ def colour(share: float) -> str:
 
 
 def picture(findings: Sequence[FindingEntry], arms: Sequence[str] = ()) -> Markup:
-    """Return the SVG of the body with its legend.
+    """Return the SVG picture of the body with its legend.
 
     A region without contact is empty, one with a contact that could not be assessed is hatched, and one above its limit
     has a thick outline.

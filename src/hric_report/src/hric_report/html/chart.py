@@ -1,11 +1,11 @@
-"""Horizontal axes of the charts of a page, which templates draw as SVG."""
+"""Horizontal axes for charts of an HTML page; templates draw them as SVG."""
 
 import math
 from dataclasses import dataclass
 
 
 def ticks(low: float, high: float, count: int) -> list[float]:
-    """Return about `count` round numbers between two ends."""
+    """Return about `count` round numbers from `low` to `high`, for the ticks of an axis."""
     if not high > low:
         return [low]
     rough = (high - low) / count
@@ -17,7 +17,7 @@ def ticks(low: float, high: float, count: int) -> list[float]:
 
 @dataclass(frozen=True)
 class Axis:
-    """Horizontal axis.
+    """Horizontal axis of a chart: maps values to positions in the picture.
 
     Attributes:
         low, high: ends of the axis, in its unit.
@@ -36,5 +36,5 @@ class Axis:
 
     @property
     def ticks(self) -> list[float]:
-        """Round numbers along the axis."""
+        """Round values for ticks along the axis."""
         return [value if abs(value) > 1e-12 else 0.0 for value in ticks(self.low, self.high, 6)]

@@ -1,4 +1,4 @@
-"""Page of two or more runs of the same motion, overlaid on each other from their first setpoint on."""
+"""Page that compares two or more runs of the same motion, aligned in time by their first setpoint."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -21,13 +21,13 @@ from hric_report.html.scene import SceneRobot
 
 @dataclass(frozen=True)
 class OverlaidRun:
-    """Run that is overlaid on the first run of the page.
+    """One of the compared runs, aligned in time with the first run.
 
     Attributes:
         data: run data.
         label: label of the run.
-        columns: column of each joint of the first run in this run's log.
-        zero: robot time of the run at which the time of the page is 0 [s].
+        columns: for each joint of the first run, its column in the log of this run.
+        zero: robot time of this run that corresponds to time 0 on the page [s].
         compared: comparison with the first run; None: this is the first run.
     """
 
@@ -44,12 +44,12 @@ class OverlaidRun:
 
 
 def lay(runs: Sequence[RunData], labels: Sequence[str], *, fit: bool = False) -> list[OverlaidRun]:
-    """Overlay runs on the first of them.
+    """Align runs in time with the first of them.
 
     Args:
         runs: two or more runs.
         labels: labels of the runs.
-        fit: align the runs by their positions, see `comparison.overlay`.
+        fit: align the runs by their positions instead of their setpoints, see `comparison.overlay`.
 
     Raises:
         ComparisonError: joints or setpoints of a run differ from those of the first.
@@ -65,19 +65,19 @@ def lay(runs: Sequence[RunData], labels: Sequence[str], *, fit: bool = False) ->
 
 
 def build(runs: Sequence[OverlaidRun], settings: Sequence[Mapping[str, object]]) -> Page:
-    """Return the contents of the page.
+    """Return the contents of the comparison page.
 
     Args:
-        runs: overlaid runs, starting with the first.
-        settings: settings that differ: key, and values in the order of the runs.
+        runs: aligned runs, starting with the first one.
+        settings: settings that differ: their keys, and their values in the order of the runs.
     """
-    notes = ["Each run's own page shows its sensors, its limits and its parameters."]
+    notes = ["The separate page of each run shows its sensors, limits and parameters."]
     duration = max(float(np.ptp(run.time)) for run in runs)
     rate = replay_rate(duration, sum(moving.width(run.data) + human_and_objects.width(run.data) for run in runs))
     pairs = {run.label: comparison.difference_metrics(run.compared) for run in runs if run.compared is not None}
     return Page(
         title=" and ".join(run.label for run in runs),
-        subtitle="runs of the same motion, overlaid on each other",
+        subtitle="runs of the same motion, aligned in time",
         verdicts=[("plain", f"{run.label}: {run.data.run.get('status', '')}") for run in runs],
         findings=[*headline.of_comparison(runs[0].label, pairs), *_problems(runs)],
         figures=_figures(runs),
@@ -88,7 +88,7 @@ def build(runs: Sequence[OverlaidRun], settings: Sequence[Mapping[str, object]])
 
 
 def _problems(runs: Sequence[OverlaidRun]) -> list[headline.KeyFigure]:
-    """Return the bad key figures of all runs, and the tracking lag and error of each."""
+    """Return the key figures of all runs that report problems, and each run's tracking lag and error."""
     figures = []
     for run in runs:
         metrics = replace(run.data.run_metrics, setpoints=(), sources=None)
@@ -99,7 +99,7 @@ def _problems(runs: Sequence[OverlaidRun]) -> list[headline.KeyFigure]:
 
 
 def differing(runs: Sequence[Mapping[str, object]]) -> list[dict[str, object]]:
-    """Return the settings that differ between runs, with the value in each; runs: trees of plain values."""
+    """Return the settings that differ between runs, with the value in each run; `runs`: their nested settings."""
     keys: dict[str, None] = {}
     for run in runs[1:]:
         keys |= dict.fromkeys(item.key for item in comparison.settings(runs[0], run))
@@ -108,7 +108,7 @@ def differing(runs: Sequence[Mapping[str, object]]) -> list[dict[str, object]]:
 
 
 def _figures(runs: Sequence[OverlaidRun]) -> list[Figure]:
-    """Return the figures of differences, positions, torques if a run commands them, and marker tracking."""
+    """Return the figures of position differences, positions, torques (if commanded) and marker tracking."""
     first, names = runs[0], runs[0].data.record.log.joint_names
     positions = [
         replace(curve, time=curve.time - first.zero)
@@ -133,12 +133,12 @@ def _figures(runs: Sequence[OverlaidRun]) -> list[Figure]:
         forces.about(sections.FORCES, "Torques that were sent to the joints, after the limits."),
         *_paths(runs),
     ]
-    since = "the first setpoint" if first.data.moves else "the begin"
+    since = "the first setpoint" if first.data.moves else "the beginning"
     return [replace(figure, abscissa=f"time since {since} [s]") for figure in figures]
 
 
 def _paths(runs: Sequence[OverlaidRun]) -> list[Figure]:
-    """Return the figure of the end effectors that follow a marker; empty unless all runs have tracking."""
+    """Return the figure of marker tracking in all runs; empty unless the robot follows a marker in each."""
     followed = [figures[0] for run in runs if (figures := marker.tracking_figures(run.data.followed))]
     if len(followed) != len(runs):
         return []
@@ -151,19 +151,19 @@ def _paths(runs: Sequence[OverlaidRun]) -> list[Figure]:
         ]
         panels.append(replace(panel, curves=tuple(curves)))
     panels[-1] = replace(panels[-1], title="distance from the marker, after the lag of each run")
-    caption = "Position of the end effector in each run, and its distance from where the marker was a lag before."
+    caption = "Position of the end effector in each run, and its distance from where the marker was one lag earlier."
     figure = replace(followed[0], title="The end effectors follow the marker", panels=tuple(panels), bands=())
     return [figure.about(sections.TRACKING, caption)]
 
 
 def _events(runs: Sequence[OverlaidRun]) -> list[tuple[float, str, RunEvent]]:
-    """Return time, run and content of the events of all runs, in the order of time."""
+    """Return (time on the page [s], label of the run, event) for the events of all runs, in the order of time."""
     events = [(event.time - run.zero, run.label, event) for run in runs for event in run_page.events(run.data)]
     return sorted(events, key=lambda item: item[0])
 
 
 def _robots(run: OverlaidRun, number: int, rate: float, notes: list[str]) -> list[SceneRobot]:
-    """Return the robot of a run, its human and its objects for the replay."""
+    """Return the robot of a run, its human and its objects, as robots of the replay."""
     role, shift = f"s{number}", -run.zero
     robot = moving.robot(run.data, rate, notes, label=run.label, role=role, shift=shift)
     human = human_and_objects.human(run.data, rate, role=role, shift=shift)

@@ -1,4 +1,4 @@
-"""Human and objects near the robot in the replay of a run, with grip forces, contact forces and muscles."""
+"""Human and objects in the replay of a run, with grip forces, contact forces and muscles."""
 
 import numpy as np
 
@@ -16,11 +16,11 @@ from hric_report.html.scene import Arrow, SceneLines, SceneRobot, SceneSkin, Sce
 from hric_skin import fitted
 
 PER_NEWTON_GRIP, PER_NEWTON_CONTACT = 0.02, 0.002
-"""Lengths of the arrows of grip and contact forces, as in the live view [m/N]; project defaults, unconfirmed."""
+"""Arrow length per newton for grip and contact forces, as in the live view [m/N]; project defaults, unconfirmed."""
 
 
 def width(data: RunData) -> int:
-    """Return the values per instant of the human's replay: joints and time; force, point and time of each arrow."""
+    """Return how many numbers the replay of the human stores per instant; 0 without a human."""
     if data.person is None:
         return 0
     record = data.person.record
@@ -30,12 +30,12 @@ def width(data: RunData) -> int:
 
 
 def human(data: RunData, rate: float, *, role: str = "", shift: float = 0.0) -> list[SceneRobot]:
-    """Return the human of a run for the replay; empty without a human.
+    """Return the human of a run as a robot of the replay; empty without a human.
 
     Args:
         data: run data.
-        rate: maximum number of instants per second [Hz].
-        role: colour role of the run in a page with several runs; "": work clothes.
+        rate: maximum number of replayed instants per second [Hz].
+        role: colour role of the run on a page with several runs; "": work clothes.
         shift: offset added to all times [s].
     """
     if data.person is None:
@@ -67,7 +67,7 @@ def human(data: RunData, rate: float, *, role: str = "", shift: float = 0.0) -> 
 
 
 def _muscles(record: MuscleRecord, body: Body, settings: HumanSettings, rate: float, shift: float) -> SceneLines | None:
-    """Return the muscle lines coloured by activation; None if the anatomy of the run can no longer be read."""
+    """Return the lines of the muscles, coloured by activation; None if the run's muscle anatomy cannot be read."""
     try:
         lines = muscle_lines(body, find(settings.muscles.anatomy, "human.muscles.anatomy"))
     except HricError:
@@ -79,7 +79,7 @@ def _muscles(record: MuscleRecord, body: Body, settings: HumanSettings, rate: fl
 
 
 def objects(data: RunData, *, role: str = "", shift: float = 0.0) -> list[SceneRobot]:
-    """Return the objects around the robot for the replay; for the arguments see `human`."""
+    """Return the objects of a run as robots of the replay; `role` and `shift` as for `human`."""
     return [
         SceneRobot(
             "",
@@ -102,7 +102,7 @@ def _grip(grip: GripRecord, rate: float, shift: float) -> Arrow:
 
 
 def _contact(contact: ContactRecord, rate: float, shift: float) -> Arrow:
-    """Return the arrow of a contact force with the peak force between two instants, so that no impact is missed."""
+    """Return the arrow of a contact force; it shows the peak between replayed instants, so that none is missed."""
     first = instants(contact.time, rate)
     parts = np.split(np.arange(len(contact.time)), first[1:])
     largest = [part[np.argmax(contact.force[part])] for part in parts]

@@ -1,4 +1,4 @@
-"""Meshes of a robot description, reduced to few triangles, one surface per material colour."""
+"""Meshes of a robot description for the browser: few triangles, one surface per material colour."""
 
 from functools import lru_cache
 from pathlib import Path
@@ -10,20 +10,20 @@ from hric_core.meshes.canonical import MeshSurface
 from hric_core.meshes.files import read_coloured
 
 TRIANGLES = 3000
-"""Maximum number of triangles of a mesh: the Panda's links still look round, and the meshes of a page take half a
+"""Maximum number of triangles of a mesh; the Panda's links still look round, and all meshes of a page take half a
 megabyte. Project default, unconfirmed."""
 FEWEST = 40
-"""Minimum number of triangles of one colour of a reduced mesh. Project default, unconfirmed."""
+"""Minimum number of triangles per colour in a reduced mesh. Project default, unconfirmed."""
 SHARP = np.radians(35.0)
 """Angle between faces above which the edge stays sharp in the browser's shading [rad]. Project default, unconfirmed."""
 Coloured = tuple[MeshSurface, tuple[float, ...] | None]
-"""Surface and the red, green, blue and opacity of its material, each 0 to 1; None: no material."""
+"""(surface, colour of its material): red, green, blue and opacity, each 0 to 1; None: no material."""
 
 
 def few_triangles(path: Path, scale: tuple[float, float, float]) -> tuple[Coloured, ...]:
     """Read a mesh file for the browser, one surface per colour, with few triangles.
 
-    Vertices on sharp edges are duplicated for each side, as smooth shading needs it.
+    Vertices on sharp edges are duplicated, one for each side, as smooth shading requires.
 
     Raises:
         OSError, UnreadableMeshError: the file cannot be read.

@@ -1,4 +1,4 @@
-"""Moving parts of the replay of a run: robot, markers and frames, and the force plates near it."""
+"""Robot of a run for the replay, with recorded markers and frames and the force plates near it."""
 
 import re
 from collections.abc import Mapping
@@ -15,19 +15,19 @@ from hric_report.html.run_data import RunData
 from hric_report.html.scene import ScenePlate, SceneRobot, SceneTrack, joint_track
 
 Statics = Mapping[str, tuple[str, list[float], list[float]]]
-"""Fixed frames: parent, translation [m] and quaternion x y z w by name."""
+"""Static transforms by name of the child frame: parent, translation [m] and quaternion x y z w."""
 WORLDS = ("", "world", "map")
-"""Frames that are taken as the robot's root if the description has no link of that name."""
+"""Names of frames that are treated as the robot's root if the robot description has no link of that name."""
 BODY = "body "
 """Prefix of the names of motion capture bodies."""
 FLANGE, TOOL = "_link8", "_hand_tcp"
-"""Suffixes of the names of the link to which the end effector is fixed, and of the link between the fingers."""
+"""Suffixes of link names: flange, and tool centre point between the gripper's fingers."""
 PLATE_SIZE = (0.6, 0.4)
-"""Size of a force plate if the experiment does not set it: the default of `force_plate.size` [m]."""
+"""Size of a force plate, length and width [m], if the experiment does not set `force_plate.size`."""
 
 
 def width(data: RunData) -> int:
-    """Return the values per instant of a run's replay: joints, and markers and frames with their times."""
+    """Return how many numbers the replay of the robot, markers and frames stores per instant."""
     return len(data.record.log.joint_names) + sum(int(moving.values.shape[1]) + 2 for moving in data.recorded.moving)
 
 
@@ -38,8 +38,8 @@ def robot(
 
     Args:
         data: run data.
-        rate: maximum number of instants per second [Hz].
-        notes: list to which notes for the reader are added.
+        rate: maximum number of replayed instants per second [Hz].
+        notes: list to which the function appends notes for the page's reader.
         label: name of the run in a page with several runs.
         role: colour role in a page with several runs.
         shift: offset added to all times [s].
@@ -62,9 +62,9 @@ def robot(
 
 
 def _tip(data: RunData, described: urdf.Robot) -> tuple[str, tuple[float, ...]] | None:
-    """Return the link and point that leave a trail.
+    """Return the point whose trail the replay shows, as (link, position in its frame [m]); None: no moving link.
 
-    The point is the end effector if the bag has its position on the flange, else the tool, the flange or the last link.
+    The point is the end effector if the bag has its offset from the flange, else the tool, flange or last moving link.
     """
     flange, tool = (next((name for name in described.links if name.endswith(end)), None) for end in (FLANGE, TOOL))
     if flange is not None and data.followed is not None:
@@ -76,7 +76,7 @@ def _tip(data: RunData, described: urdf.Robot) -> tuple[str, tuple[float, ...]] 
 
 
 def _plates(signal: Signal, run: RunFile, links: set[str], statics: Statics, shift: float) -> list[ScenePlate]:
-    """Return the force plate of a wrench topic if its pose is known; empty for other topics."""
+    """Return the force plate that belongs to a wrench topic; empty for other topics, or if its pose is unknown."""
     match = re.search(r"/perception/force_plate/([^/]+)/wrench$", signal.topic)
     if match is None or not signal.unit.startswith("force"):
         return []
@@ -94,15 +94,15 @@ def _plates(signal: Signal, run: RunFile, links: set[str], statics: Statics, shi
 def _track(
     moving: Moving, rate: float, links: set[str], statics: Statics, notes: list[str], shift: float
 ) -> SceneTrack:
-    """Return a motion thinned to the rate, in the frame of a link if that transform is known."""
+    """Return a recorded motion at a reduced rate, in the frame of a robot link if the transform is known."""
     steps = np.floor((moving.time - moving.time[0]) * rate)
     _, shown = np.unique(steps, return_index=True)
     frame, R, p = _placed(moving.frame_id, links, statics)
     if frame not in links and frame not in WORLDS:
         R, p = Rotation.from_matrix(np.array(tracking.THESIS_ROTATION)), np.zeros(3)
         note = (
-            f"Where the frame {moving.frame_id!r} stands is not in the bag: what it holds is drawn about the "
-            "robot's root, its y axis upwards."
+            f"The bag has no pose of the frame {moving.frame_id!r}: its contents are drawn relative to the "
+            "robot's root, with its y axis upwards."
         )
         if note not in notes:
             notes.append(note)
@@ -115,13 +115,13 @@ def _track(
 
 
 def _unit(quaternions: FloatArray) -> FloatArray:
-    """Replace zero quaternions, which messages that were not filled in have, by the identity."""
+    """Replace zero quaternions, as in messages without orientation, by the identity; shape (n, 4), x y z w."""
     empty = np.linalg.norm(quaternions, axis=1) < 0.5
     return np.where(empty[:, None], np.array([0.0, 0.0, 0.0, 1.0]), quaternions)
 
 
 def _placed(frame: str, links: set[str], statics: Statics) -> tuple[str, Rotation, FloatArray]:
-    """Return link, rotation and translation of a fixed frame; the last known parent frame if no link is known."""
+    """Return (parent, rotation, translation [m]) of a fixed frame; parent: nearest link, else topmost known frame."""
     name, R, p = frame, Rotation.identity(), np.zeros(3)
     for _ in range(len(statics) + 1):
         if name in links or name not in statics:

@@ -1,4 +1,4 @@
-"""Rendering of a page into one HTML file that needs no network: sections, scripts, libraries and numbers."""
+"""Rendering of a report page as one HTML file with sections, scripts, libraries and data; needs no network."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -17,8 +17,8 @@ from hric_report.html.strip import Strip
 from hric_report.thinning import thin
 
 PLOT_VALUES, REPLAY_VALUES = 1_100_000, 600_000
-"""Maximum number of values in the plots and in the replay: 5.9 MB and 3.2 MB as single precision in base64, plus times
-and rounding. With 6 MB of libraries and meshes a page stays below 20 MB for runs of any length. Project default,
+"""Maximum number of values in the plots and in the replay, so that a page stays below 20 MB for runs of any length: as
+single precision in base64 they take 5.9 MB and 3.2 MB, plus times, plus 6 MB of libraries and meshes. Project default,
 unconfirmed."""
 REPLAY_RATE = 60.0
 """Maximum rate of the joint positions in the replay: the refresh rate of a screen [Hz]."""
@@ -26,21 +26,21 @@ REPLAY_RATE = 60.0
 
 @dataclass
 class Page:
-    """Contents of a page.
+    """Contents of a report page.
 
     Attributes:
         title: title of the run.
         subtitle: line below the title.
-        verdicts: short labels next to the title, as (kind, text) with kind good, bad or plain.
+        verdicts: short labels below the title, as (kind, text) with kind good, bad or plain.
         findings: key figures.
-        figures: figures in order, shown in their sections; a figure without panels is skipped.
+        figures: figures, shown in their sections in this order; a figure without panels is skipped.
         robots: robots, persons and objects of the replay.
-        notes: remarks on the page itself, e.g. what could not be drawn.
-        run: data of a single run, whose tables follow; None: there are several runs, or none.
-        events: events of that run.
-        compared: runs that are compared, for their tables; None: there is one run, or none.
-        verdict: safety and ergonomics of the person in the run; empty: there was no person.
-        supervisor: the supervisor's states over time; None: there was no supervisor.
+        notes: remarks on the page itself, e.g. parts that could not be drawn.
+        run: data of the run, for its tables; None: the page shows several runs or a recording without run folder.
+        events: events of the run.
+        compared: compared runs, for their tables; None: the page shows no comparison.
+        verdict: HTML on safety and ergonomics of the person; empty: there was no person.
+        supervisor: chart of the supervisor's states over time; None: there was no supervisor.
         name: name of the run, for captions and file names; "": the title.
     """
 
@@ -60,18 +60,18 @@ class Page:
 
 
 def render_page(page: Page) -> str:
-    """Return the HTML of the page.
+    """Return the HTML of a report page.
 
     Raises:
-        HricError: a library of the page is not installed, or the description of a robot cannot be read.
+        HricError: a library for the page is not installed, or the description of a robot cannot be read.
     """
     blob = Blob()
     notes = list(page.notes)
     figures, points = thin([figure for figure in page.figures if figure.panels], PLOT_VALUES)
     if points is not None:
         notes.append(
-            f"Long curves are thinned to {points} points: smallest and greatest value of {points // 2} equal parts of "
-            "time each. The bag has all."
+            f"Long curves are reduced to {points} points: the smallest and the largest value in each of {points // 2} "
+            "equal time spans. The bag contains all values."
         )
     scene = PageScene(blob)
     for robot in page.robots:
@@ -128,7 +128,7 @@ def _figure(figure: Figure, blob: Blob) -> dict[str, object]:
 
 
 def _heat(heat: HeatMap | None, blob: Blob) -> dict[str, object] | None:
-    """Return the data of a heat map with the values row by row, as plotly expects them."""
+    """Return the data of a heat map for the page's scripts, with values stored row by row; None: no heat map."""
     if heat is None:
         return None
     words = {"rows": heat.rows, "unit": heat.unit, "scale": heat.scale}
@@ -136,10 +136,10 @@ def _heat(heat: HeatMap | None, blob: Blob) -> dict[str, object] | None:
 
 
 def replay_rate(duration: float, columns: int) -> float:
-    """Return the rate at which a replay stays within REPLAY_VALUES, at most REPLAY_RATE [Hz].
+    """Return the rate [Hz] at which a replay has at most REPLAY_VALUES values; at most REPLAY_RATE.
 
     Args:
         duration: duration of the run [s].
-        columns: values per instant.
+        columns: number of values per instant.
     """
     return min(REPLAY_RATE, REPLAY_VALUES / max(duration * max(columns, 1), 1e-9))

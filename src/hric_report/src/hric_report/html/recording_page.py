@@ -1,4 +1,4 @@
-"""Page of a bag or a c3d file without a run folder: its verdict, and a replay of arm and person."""
+"""Page of a bag or a c3d file without a run folder: verdict on the person, and replay of arm and person."""
 
 from pathlib import Path
 
@@ -17,11 +17,11 @@ from hric_skin import fitted
 
 
 def build(source: AssessmentInput, judged: VerdictFile) -> Page:
-    """Return the contents of the page.
+    """Return the contents of the page of a recording.
 
     Args:
-        source: recording.
-        judged: its verdict, as in verdict.json.
+        source: recording to show.
+        judged: verdict on the recording, as in verdict.json.
     """
     log, notes, robots = source.recording.log, list[str](), list[SceneRobot]()
     rate = replay_rate(source.recording.end - source.recording.begin, 50)
@@ -30,7 +30,7 @@ def build(source: AssessmentInput, judged: VerdictFile) -> Page:
         robots.append(SceneRobot("", source.description, log.joint_names, time, position))
     robots += [_person(source, person, rate, notes) for person in people_of(source) if len(person.time)]
     if not robots:
-        notes.append("There is no replay: neither an arm with its description nor a person is in the recording.")
+        notes.append("There is no replay: the recording has neither an arm with its description nor a person.")
     kind = f"a {source.kind} without a run folder"
     return Page(source.name, kind, robots=robots, notes=notes, verdict=verdict.part(judged), name=source.name)
 
@@ -38,12 +38,12 @@ def build(source: AssessmentInput, judged: VerdictFile) -> Page:
 def _person(source: AssessmentInput, person: AssessedPerson, rate: float, notes: list[str]) -> SceneRobot:
     root = person.root or _of_markers(source)
     if root is None:
-        notes.append("Where the person was is not known: they are drawn about the origin.")
+        notes.append("The position of the person is not known: they are drawn at the origin.")
     elif person.root is None:
-        notes.append("The person is drawn in the frame of the markers, whose place in the world is not known.")
+        notes.append("The person is drawn in the frame of the markers, whose pose in the world is not known.")
     q, unknown = filled(person.q)
     if unknown:
-        notes.append(f"Some joints are not known for {100.0 * unknown:.1f} % of the time; there interpolated.")
+        notes.append(f"Some joint angles are not known for {100.0 * unknown:.1f} % of the time; they are interpolated.")
     shown = instants(person.time, rate)
     skin = SceneSkin.of(fitted(person.body))
     robot = SceneRobot("", person.body.urdf, person.names, person.time[shown], q[shown], skin=skin)
@@ -54,7 +54,7 @@ def _person(source: AssessmentInput, person: AssessedPerson, rate: float, notes:
 
 
 def _of_markers(source: AssessmentInput) -> RootRecord | None:
-    """Return the tracked root pose in the frame of the markers, at the times at which it is known; None: never."""
+    """Return the tracked pose of the person's root in the frame of the markers, when known; None: never known."""
     for tracked in source.recording.tracked.values():
         known = np.isfinite(tracked.pose).all(axis=1)
         if known.any():
@@ -63,10 +63,10 @@ def _of_markers(source: AssessmentInput) -> RootRecord | None:
 
 
 def write(source: AssessmentInput, judged: VerdictFile, target: Path) -> Path:
-    """Write the page, overwriting an earlier one.
+    """Write the page of a recording to `target`, overwriting an earlier page; return its path.
 
     Raises:
-        HricError: the page cannot be written, or a library of it is not installed.
+        HricError: the page cannot be written, or a library for it is not installed.
     """
     files.write_text(target, render_page(build(source, judged)))
     return target

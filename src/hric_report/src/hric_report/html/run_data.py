@@ -1,4 +1,4 @@
-"""Data of a run for its page, read from its folder."""
+"""Data of a run for its HTML page, read from the run folder."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,19 +23,19 @@ from hric_report.html.verdict_file import VerdictFile
 
 @dataclass(frozen=True)
 class RunData:
-    """Data of a run for its page.
+    """Data of a run for its HTML page.
 
     Attributes:
         folder: run folder.
         run: contents of run.yaml.
         values: contents of metrics.json.
         record: control log with setpoints, profiles and reflexes.
-        followed: marker tracking; None: no marker was followed.
+        followed: data of marker tracking; None: the robot followed no marker.
         recorded: sensor signals, moving frames and markers, events and synchronisation data from the bag.
         description: URDF of the robot; "": the run folder has none.
-        person: simulated human; None: there was none.
+        person: data of the simulated human; None: there was none.
         objects: objects around robot and person.
-        safety: decisions of the supervisor; None: there was none.
+        safety: decisions of the safety supervisor; None: there was none.
         verdict: contents of verdict.json; None: there was no person.
     """
 
@@ -53,7 +53,7 @@ class RunData:
 
     @property
     def moves(self) -> list[metrics.Move]:
-        """Setpoints of the run, each with the cycles until the next one."""
+        """Setpoints of the run, each with the range of control cycles until the next setpoint."""
         return metrics.moves(self.record, joint_orders(self.run))
 
     @property
@@ -67,11 +67,11 @@ def load(folder: RunFolder, values: Content, *, progress: bool = False) -> RunDa
 
     Args:
         folder: run folder.
-        values: metrics of the run, as `analysis.analyse` returns them.
-        progress: show a progress bar.
+        values: metrics of the run, the contents of metrics.json.
+        progress: True to show a progress bar.
 
     Raises:
-        HricError: the bag or the description cannot be used.
+        HricError: the bag or the robot description cannot be read.
     """
     run = folder.read()
     bag = folder.bag_of(run)

@@ -1,4 +1,4 @@
-"""Page of one run."""
+"""HTML page of one run."""
 
 from markupsafe import Markup
 
@@ -42,7 +42,7 @@ def build(data: RunData) -> Page:
         robots=[moving.robot(data, rate, notes), *human_and_objects.human(data, rate), *human_and_objects.objects(data)]
         if data.description
         else [],
-        notes=notes if data.description else ["The run folder has no robot.urdf: there is no replay."],
+        notes=notes if data.description else ["There is no replay: the run folder has no robot.urdf."],
         verdict=Markup() if data.verdict is None else verdict.part(data.verdict),
         supervisor=supervisor.strip(data.safety),
         name=data.folder.path.name,
@@ -50,7 +50,7 @@ def build(data: RunData) -> Page:
 
 
 def verdicts(data: RunData) -> list[tuple[str, str]]:
-    """Return the labels next to the title: status, stability, reflexes, limits and missing cycles."""
+    """Return the labels below the title, as (kind, text): status, stability, reflexes, limits, missing cycles."""
     status, values = str(data.run.get("status", "")), data.values
     labels = [("good" if status == COMPLETED else "bad", status)]
     stable = values["stability"]
@@ -72,7 +72,7 @@ def verdicts(data: RunData) -> list[tuple[str, str]]:
 
 
 def events(data: RunData) -> list[RunEvent]:
-    """Return the events of the bag, setpoints, reflexes and supervisor events in the order of time."""
+    """Return all events of a run in the order of time: recorded ones, setpoints, reflexes, supervisor events."""
     listed = list(data.recorded.events)
     listed += [
         RunEvent(s.time, "setpoint", s.controller, ", ".join(number(float(q)) for q in s.positions) + " rad")

@@ -1,4 +1,4 @@
-"""Scene of the replay for the browser: robots with links, shapes, joints and joint positions, and moving objects."""
+"""Scene of the 3D replay in the browser: robots with links, shapes, joints and joint positions, moving objects."""
 
 import base64
 from collections.abc import Mapping, Sequence
@@ -19,7 +19,7 @@ from hric_report.style import Stops
 from hric_skin import Skin
 
 GREY = (0.86, 0.87, 0.88, 1.0)
-"""Colour of links without a material: red, green, blue, opacity."""
+"""Colour of links without a material: red, green, blue and opacity, each 0 to 1."""
 
 
 @dataclass(frozen=True)
@@ -29,11 +29,11 @@ class SceneTrack:
     Attributes:
         kind: marker or frame.
         name: name for display.
-        parent: link in whose frame the values are; a name that is not a link: the world.
+        parent: link in whose frame the values are given; any other name: the world frame.
         time: times, shape (n,) [s].
         values: position of a marker, shape (n, 3) [m]; or position and quaternion x y z w of a frame, shape (n, 7);
             NaN: not visible.
-        trail: True if it leaves a trail.
+        trail: True to draw a trail.
     """
 
     kind: str
@@ -46,15 +46,15 @@ class SceneTrack:
 
 @dataclass(frozen=True)
 class ScenePlate:
-    """Force plate of a scene.
+    """Force plate in the replay, with the force on it.
 
     Attributes:
         name: name for display.
-        parent: link to which it is fixed; a name that is not a link: the world.
+        parent: link to which the plate is fixed; any other name: the world frame.
         xyz, quaternion: centre of the surface [m], and orientation x y z w; z is normal to the surface.
         size: size along x and y [m].
         time: times of the forces, shape (n,) [s].
-        force: force on the plate in its axes, shape (n, 3) [N].
+        force: force on the plate, in the plate's axes, shape (n, 3) [N].
     """
 
     name: str
@@ -72,8 +72,8 @@ class Arrow:
 
     Attributes:
         name: name for display.
-        colour: name of a role, or limit.
-        parent: link in whose frame force and point are; a name that is not a link: the world.
+        colour: role of the colour (see `style.ROLES`), or "limit".
+        parent: link in whose frame force and point are given; any other name: the world frame.
         time: times, shape (n,) [s].
         force: forces, shape (n, 3) [N].
         point: points of action, shape (n, 3) [m].
@@ -93,13 +93,13 @@ class Arrow:
 
 @dataclass(frozen=True)
 class SceneLines:
-    """Lines through points of links, coloured by values over time.
+    """Lines through points fixed to links, such as muscles, coloured by values over time.
 
     Attributes:
-        points: (link, point in its axes [m]) along each line, by name of the line.
+        points: points along each line, as (link, position in its frame [m]), by name of the line.
         time: times of the values, shape (n,) [s].
-        values: values that give the colours, shape (n, lines).
-        scale: colours, as `style.Stops`.
+        values: values that determine the colours, shape (n, lines).
+        scale: colour scale as pairs of value and colour.
         title: title of the colour scale.
     """
 
@@ -134,29 +134,29 @@ class SceneSkin:
     @classmethod
     def of(cls, skin: Skin) -> "SceneSkin":
         """Return the surface of a person."""
-        inverses: FloatArray = np.linalg.inv(skin.T_base_link).reshape(-1, 16)
+        inverses = np.linalg.inv(skin.T_base_link).astype(np.float64).reshape(-1, 16)
         return cls(skin.links, inverses, skin.vertices, skin.colours, *skin.influences, skin.triangles)
 
 
 @dataclass
 class SceneRobot:
-    """Robot, human body or object with its motion.
+    """Robot, human body or object in the replay, with its motion.
 
     Attributes:
-        label: name of the run in a page with several runs.
-        description: URDF.
+        label: name of the run on a page with several runs; "": one run.
+        description: URDF of the robot.
         joint_names: names of the columns of `position`.
         time: times on the time axis of the page, shape (n,) [s].
         position: joint positions, shape (n, j) [rad, m].
-        tracks: other moving markers and frames.
-        role: colour in a page with several runs, as `Curve.role`; "": colours of the description.
-        tip: link and point in its frame [m] that leave a trail; None: none.
+        tracks: markers and frames with their own motion.
+        role: colour role on a page with several runs, as `Curve.role`; "": colours of the description.
+        tip: point whose trail is drawn, as (link, position in its frame [m]); None: no trail.
         plates: force plates near the robot.
-        pose: pose of its root link in the world.
-        arrows: forces on it.
-        motion: motion of its root link in the world; None: it is fixed.
-        lines: lines on its links, such as muscles; None: none.
-        skin: surface in place of its shapes; None: the shapes are drawn.
+        pose: fixed pose of the root link in the world.
+        arrows: forces on the robot.
+        motion: motion of the root link in the world; None: the root link is fixed.
+        lines: lines between points of the links, such as muscles; None: no lines.
+        skin: surface in place of the shapes; None: the shapes are drawn.
     """
 
     label: str
@@ -176,10 +176,10 @@ class SceneRobot:
 
 
 class PageScene:
-    """Scene of all robots of a page; shared meshes are stored once.
+    """Scene of all robots of a page; meshes that robots share are stored once.
 
     Attributes:
-        notes: notes for the reader on what could not be drawn.
+        notes: notes for the page's reader on parts that could not be drawn.
     """
 
     def __init__(self, blob: "Blob") -> None:
@@ -193,7 +193,7 @@ class PageScene:
         """Add a robot to the scene.
 
         Raises:
-            DescriptionError: its description cannot be read.
+            DescriptionError: the robot's description cannot be read.
         """
         described = read(robot.description)
         laws, joints = mimic_laws(described.joints), described.joints.values()
@@ -226,7 +226,7 @@ class PageScene:
         return {"robots": self._robots, "meshes": self._meshes}
 
     def _packed(self, item: SceneTrack | ScenePlate | Arrow | SceneLines | SceneSkin) -> dict[str, object]:
-        """Return the attributes of an item, arrays as their locations in the blob."""
+        """Return the attributes of an item as plain values; an array is replaced by its location in the blob."""
         return {
             field.name: self._blob.add(
                 value, "f8" if field.name == "time" else "u4" if value.dtype.kind == "i" else "f4"
@@ -237,9 +237,9 @@ class PageScene:
         }
 
     def _visuals(self, shape: Shape) -> list[dict[str, object]]:
-        """Return the drawn parts of a shape; a mesh has one per colour, and its colours override the description's."""
+        """Return the parts of a visual shape; a mesh has one per colour, which overrides the colour in the URDF."""
         if shape.kind == "capsule":
-            self.notes.append("a shape <capsule> is not drawn")
+            self.notes.append("a link is drawn without its shape <capsule>")
             return []
         parts = self._mesh(shape.address, shape.size) if shape.kind == "mesh" else [{shape.kind: shape.size}]
         common = {**_origin(shape.T_link_shape), "rgba": shape.colour or GREY}
@@ -272,10 +272,10 @@ class PageScene:
 
 
 def mesh_path(address: str) -> Path:
-    """Return the file of a mesh; a Panda mesh with another path on the machine of the run is found by its name.
+    """Return the file of a mesh; a Panda mesh that has a different path on this machine is found by its name.
 
     Raises:
-        HricError: the mesh is not found.
+        HricError: the mesh was not found.
     """
     try:
         return resources.resolve(address)
@@ -294,9 +294,9 @@ def _origin(T: FloatArray) -> dict[str, object]:
 
 
 def _joint(joint: Joint, law: Mimic | None, columns: tuple[str, ...]) -> dict[str, object]:
-    """Return a joint for the page, whose value is multiplier * position + offset.
+    """Return a joint as plain values for the page's scripts.
 
-    Its column is that of the joint position that moves it, null for a fixed joint.
+    Its value is multiplier * position + offset; `column` is the index of this position, None for a fixed joint.
     """
     mimic = None if joint.name in columns else law
     source = mimic.joint if mimic else joint.name
@@ -314,35 +314,38 @@ def _joint(joint: Joint, law: Mimic | None, columns: tuple[str, ...]) -> dict[st
 
 
 def joint_track(log: ControlRecord, rate: float) -> tuple[FloatArray, FloatArray]:
-    """Return times (n,) [s] and joint positions (n, j) [rad, m], at most `rate` per second, with first and last."""
+    """Return times, shape (n,) [s], and joint positions, shape (n, j) [rad, m], at most `rate` instants per second.
+
+    The first and the last instant of the log are always included.
+    """
     chosen = instants(log.time, rate)
     return log.time[chosen], log.position[chosen]
 
 
 def instants(time: FloatArray, rate: float) -> npt.NDArray[np.int64]:
-    """Return at most `rate` indices per second of increasing times, shape (n,) [s], always with first and last."""
+    """Return indices into increasing times, shape (n,) [s]: at most `rate` per second, always the first and last."""
     cycles, span = len(time), float(time[-1] - time[0])
     count = min(cycles, max(2, int(span * rate) + 1)) if cycles > 1 else 1
     return np.unique(np.linspace(0, cycles - 1, count).round().astype(np.int64))
 
 
 KINDS = {"f8": "<f8", "f4": "<f4", "u4": "<u4"}
-"""Array types that `data.js` reads, little-endian."""
+"""Types of arrays that `data.js` reads, as little-endian numpy types."""
 ALIGNMENT = 8
-"""Alignment of the arrays, since a typed array of the browser starts at a multiple of its element size [bytes]."""
+"""Alignment of arrays [bytes]; a typed array in a browser must start at a multiple of its element size."""
 
 
 class Blob:
-    """Binary data of all arrays of one page; the same array object is stored once."""
+    """Binary data of all arrays of a page; an array object that is used several times is stored once."""
 
     def __init__(self) -> None:
         self._parts: list[bytes] = []
         self._size = 0
-        # The array is stored, too, so that its id is not reused.
+        # Keep a reference to each array, so that no other array gets its id.
         self._known: dict[tuple[int, str], tuple[Any, dict[str, object]]] = {}
 
     def add(self, values: npt.NDArray[Any], kind: str) -> dict[str, object]:
-        """Store an array row by row; return its location: kind, offset [bytes], number of values."""
+        """Store an array row by row; return its location: kind (key of KINDS), offset [bytes], number of values."""
         stored = self._known.get((id(values), kind))
         if stored is None:
             raw = np.ascontiguousarray(values, dtype=KINDS[kind]).tobytes()

@@ -1,4 +1,4 @@
-"""Strips of bars over time, which `strip.html` draws; a click on a bar shows its start in the replay."""
+"""Charts with rows of bars over time ("strips"), drawn by `strip.html`; a click on a bar sets the replay's time."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,11 +7,11 @@ from typing import NamedTuple
 from hric_report.html.chart import Axis
 
 LEFT, WIDTH = 120.0, 640.0
-"""Width of the labels, and of a strip with its labels [units of the picture]."""
+"""Width of the row labels, and of a chart including its labels [units of the picture]."""
 
 
 class StripBar(NamedTuple):
-    """Bar from begin to end [s], with its row, CSS class and tooltip."""
+    """Bar from begin to end [s], with index of its row, CSS class and tooltip."""
 
     begin: float
     end: float
@@ -22,16 +22,16 @@ class StripBar(NamedTuple):
 
 @dataclass(frozen=True)
 class Strip:
-    """Rows of bars, or an image, over time.
+    """Chart with rows of bars, or an image, over time.
 
     Attributes:
-        name: name of the strip.
+        name: name of the chart.
         title: title for the reader.
         labels: labels of the rows.
         axis: time axis [s].
         bars: bars, the last one on top.
-        key: CSS class and meaning of each colour.
-        image: PNG as base64 that fills all rows; "": none.
+        key: legend: CSS class and meaning of each colour.
+        image: PNG as base64 that fills all rows; "": no image.
         row: height of a row [units of the picture].
     """
 
@@ -46,5 +46,5 @@ class Strip:
 
 
 def time_axis(begin: float, end: float) -> Axis:
-    """Return the time axis of a strip from begin to end [s]."""
+    """Return the time axis of a chart, from begin to end [s]."""
     return Axis(float(begin), float(end), LEFT, WIDTH)

@@ -1,18 +1,18 @@
-"""States and violations of a supervisor over time, as a strip of bars."""
+"""Chart of the safety supervisor's states and of violations of the protective distance over time."""
 
 from hric_bags.records.safety_record import SLOWED, STOPPED, SafetyRecord
 from hric_report.html.strip import Strip, StripBar, time_axis
 
 LOOKS = {SLOWED: "level2", STOPPED: "level3"}
-"""CSS class of the colour of a state; the state free is not drawn."""
+"""CSS class of each drawn state; the state "free" is not drawn."""
 
 
 def strip(record: SafetyRecord | None) -> Strip | None:
-    """Return the strip; None without a supervisor. The disclaimer is part of the verdict."""
+    """Return the chart of supervisor states and violations; None without a supervisor."""
     if record is None:
         return None
     bars = [_bar(begin, end, 0, LOOKS[state], state) for state in LOOKS for begin, end in record.stretches(state)]
-    bars += [_bar(begin, end, 1, "above", "nearer than S_p") for begin, end in record.violations]
+    bars += [_bar(begin, end, 1, "above", "nearer than the protective distance") for begin, end in record.violations]
     violated = bool(record.violations)
     red = ", and nearer than the protective distance (red)" if violated else ""
     title = f"Slowed (yellow) and stopped (orange){red}; a click shows the time in the replay"

@@ -1,4 +1,4 @@
-"""Table of a page, as plain cells, and numbers as text."""
+"""Table of an HTML page with cells of plain text, and formatting of numbers."""
 
 import math
 import re
@@ -11,15 +11,15 @@ NUMERIC = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?( %)?$|[-–]$|never
 
 @dataclass(frozen=True)
 class PageTable:
-    """Table of a page.
+    """Table of an HTML page.
 
     Attributes:
-        title: heading; "": none.
+        title: heading; "": no heading.
         head: names of the columns, with units.
         rows: cells of each row; columns of numbers are right-aligned.
         note: text below the heading.
-        folded: True if the table is collapsed until it is clicked; it is printed anyway.
-        times: replay time that a click on each row shows [s]; empty: rows cannot be clicked.
+        folded: True if the table is collapsed until it is clicked; in print it is always expanded.
+        times: for each row, time to which a click sets the replay [s]; empty: rows cannot be clicked.
     """
 
     title: str
@@ -31,13 +31,13 @@ class PageTable:
 
     @property
     def numeric(self) -> list[bool]:
-        """True for each column of numbers."""
+        """True for each column that contains only numbers."""
         columns = zip(*self.rows, strict=True) if self.rows else [("",)] * len(self.head)
         return [all(map(NUMERIC.match, column)) for column in columns]
 
 
 def number(value: Any, digits: int = 4) -> str:
-    """Format a number with `digits` significant digits; None or not finite: a dash; anything else as text."""
+    """Format a number with `digits` significant digits; None or not finite gives a dash, other values their text."""
     if value is None or (isinstance(value, float) and not math.isfinite(value)):
         return "-"
     if isinstance(value, bool) or not isinstance(value, int | float):

@@ -1,4 +1,4 @@
-"""Tables of a page, as plain cells."""
+"""Tables of a run's page: overview, setpoints, contacts, synchronisation."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -17,11 +17,11 @@ from hric_report.html.table import PageTable, number
 from hric_report.text import setpoint_cells
 
 SHOWN_EVENTS = 500
-"""Maximum number of listed events; the rest is only counted. Project default, unconfirmed."""
+"""Maximum number of events in the table; further events are only counted. Project default, unconfirmed."""
 
 
 def flat(tree: Any, prefix: str = "") -> list[tuple[str, str]]:
-    """Return the leaves of a tree of plain values with dotted keys; a list of plain values is one leaf."""
+    """Return all values in nested mappings as (dotted key, text); a list of plain values is one value."""
     if isinstance(tree, Mapping):
         return [leaf for key, value in tree.items() for leaf in flat(value, f"{prefix}.{key}" if prefix else str(key))]
     if isinstance(tree, Sequence) and not isinstance(tree, str) and any(isinstance(item, Mapping) for item in tree):
@@ -32,7 +32,7 @@ def flat(tree: Any, prefix: str = "") -> list[tuple[str, str]]:
 
 
 def overview(run: RunFile, metrics: Content) -> PageTable:
-    """Return the table of the run's experiment, status, robot, times and revision."""
+    """Return the overview table of a run: experiment, status, robot, times and revision."""
     robot = (run.get("definition") or {}).get("robot") or {}
     log = metrics["control_log"]
     revision: Mapping[str, object] = run.get("revision") or {}
@@ -53,31 +53,34 @@ def overview(run: RunFile, metrics: Content) -> PageTable:
             f"{log['duration']:.3f} s, {log['cycles']} cycles, {number(run.get('real_time_factor'))} times real time",
         ),
         ("cycles missing, repeated", f"{log['missing_cycles']}, {log['repeated_cycles']}"),
-        ("revision", f"{str(revision.get('commit') or '-')[:12]}{' (changed since)' if revision.get('dirty') else ''}"),
+        (
+            "revision",
+            f"{str(revision.get('commit') or '-')[:12]}{' (with local changes)' if revision.get('dirty') else ''}",
+        ),
         ("hash of the states", str(metrics.get("state_sha256") or "-")[:16]),
     ]
     rows += [(key, str(run[key])) for key in ("error", "subject", "notes") if run.get(key)]
     if run.get("arm_error"):
-        rows.append(("error of the arm at the end", str(run["arm_error"])))
-    return PageTable("What ran", ("what", "value"), tuple(rows))
+        rows.append(("arm error at the end", str(run["arm_error"])))
+    return PageTable("Overview of the run", ("entry", "value"), tuple(rows))
 
 
 def setpoint_table(move: Content) -> PageTable:
-    """Return the table of one setpoint; move: entry of `setpoints` in metrics.json."""
+    """Return the table of one setpoint; `move`: its entry of `setpoints` in metrics.json."""
     columns, rows = setpoint_cells(from_json(SetpointMetrics, move))
     head = tuple(f"{name} [{unit}]" if unit else name for name, unit in columns)
     return PageTable(f"Setpoint at {move['time']:.3f} s through {move['controller']}", head, tuple(map(tuple, rows)))
 
 
 def known(table: PageTable) -> PageTable:
-    """Return a table without the columns that have no known value."""
+    """Return a copy of a table without the columns in which no value is known."""
     columns = [k for k in range(len(table.head)) if any(row[k] != "-" for row in table.rows)]
     rows = tuple(tuple(row[k] for k in columns) for row in table.rows)
     return replace(table, head=tuple(table.head[k] for k in columns), rows=rows)
 
 
 def contact_table(contacts: Sequence[Content]) -> PageTable:
-    """Return the table of contact forces; contacts: `contacts` of metrics.json."""
+    """Return the table of contact forces; `contacts`: entry of metrics.json."""
     pairs = [from_json(PairForce, pair) for pair in contacts]
     return PageTable(
         "Contact forces", contact_record.HEAD, tuple(contact_record.cells(pairs)), contact_record.note(pairs)
@@ -85,7 +88,7 @@ def contact_table(contacts: Sequence[Content]) -> PageTable:
 
 
 def sync_tables(recorded: Recordings) -> list[PageTable]:
-    """Return the tables of validity and age of each source of the synchronisers."""
+    """Return one table per synchroniser topic: validity and age of the values of each source."""
     tables = []
     for topic, samples in recorded.samples.items():
         layout = recorded.layouts.get(topic + "_layout") or next(iter(recorded.layouts.values()), None)

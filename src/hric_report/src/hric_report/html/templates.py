@@ -1,7 +1,8 @@
-"""Templates of all pages, by Jinja2: each page is one HTML file that makes no network requests.
+"""Jinja2 templates of all HTML pages; each page is one file that makes no network requests.
 
-Every text is escaped, and an unknown name in a template is an error. A template ends with `{% include "frame.html" %}`,
-which shows its variables `title`, `subtitle`, `verdicts`, `main`, `foot`, and, if it may run scripts, `scripts`.
+Texts are escaped automatically, and an unknown name in a template is an error. A template ends with
+`{% include "frame.html" %}`, which shows its variables `title`, `subtitle`, `verdicts`, `main` and `foot`, and
+`scripts` if the page may run scripts.
 """
 
 import re
@@ -19,11 +20,11 @@ SECTION = re.compile(r'<section id="([^"]*)"><h2>(.*?)</h2>')
 
 
 def environment(folder: Path = ASSETS, **filters: Any) -> Environment:
-    """Return the templates of a folder, with those that all pages share.
+    """Return the Jinja2 environment with the templates of a folder and the templates that all pages share.
 
     Args:
-        folder: folder of templates and assets, which come before shared ones of the same name.
-        filters: functions that its templates use as filters.
+        folder: folder of templates and assets, which take precedence over shared ones with the same name.
+        filters: functions that the templates use as filters, by name.
     """
     made = Environment(
         loader=FileSystemLoader([folder, ASSETS]),
@@ -39,16 +40,16 @@ def environment(folder: Path = ASSETS, **filters: Any) -> Environment:
 
 
 def _text(folder: Path, name: str) -> str:
-    """Return a file of the folder, or else of those that all pages share."""
+    """Return the text of an asset from the folder, or from the shared assets if the folder lacks it."""
     return (folder / name if (folder / name).is_file() else ASSETS / name).read_text()
 
 
 def _links(main: str) -> Markup:
-    """Return the links to all sections of a page."""
+    """Return the navigation bar with links to all sections in the HTML of a page."""
     shown = (f'<a href="#{name}">{title}</a>' for name, title in SECTION.findall(main))
     return Markup(f"<nav>{' '.join(shown)}</nav>")
 
 
 def _scaled(value: float, digits: int = 1) -> str:
-    """Return a coordinate of a picture."""
+    """Format a coordinate of a picture with a fixed number of decimals."""
     return f"{value:.{digits}f}"

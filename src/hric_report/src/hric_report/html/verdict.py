@@ -1,6 +1,6 @@
-"""First section of a page: safety and ergonomics of the person in the run, from verdict.json.
+"""First section of a page: assessment of safety and ergonomics of the person, from verdict.json.
 
-Five conclusions and a picture of the worst moment come first; their evidence is collapsed.
+Five conclusions and a picture of the worst moment come first; the evidence follows, collapsed.
 """
 
 import base64
@@ -28,31 +28,32 @@ from hric_report.html.strip import Strip, StripBar, time_axis
 from hric_report.html.verdict_file import ActivationEntry, FindingEntry, ScoreEntry, VerdictFile
 
 KINDS = {"within limits": "within", "warning": "warning", "above limits": "above", "not assessable": "unknown"}
-"""CSS class of the colour by outcome."""
+"""CSS class (colour) of each outcome of a finding."""
 REPLIES = {"yes": "within", "warning": "warning", "no": "above", "unknown": "unknown", "no limit": "plain"}
-"""CSS class of the colour by reply."""
+"""CSS class (colour) of each reply to a question."""
 BY_DEFAULT = {
-    CONTACT: "Was each contact within what the person bears?",
+    CONTACT: "Was each contact within the limits for the person?",
     DISTANCE: "Did the arm keep its protective distance?",
     POSTURE: "Was the posture within limits?",
-    EFFORT: "What did it cost the person?",
+    EFFORT: "How high was the physical load on the person?",
     TASK: "Was the task completed?",
 }
-"""Questions in full, by key."""
+"""Full text of the question of each conclusion, by key."""
 SHOWN = 200
-"""Maximum number of findings in the table; the rest is only counted. Project default, unconfirmed."""
+"""Maximum number of findings in the table; further ones are only counted. Project default, unconfirmed."""
 MUSCLES, INSTANTS = 24, 500
-"""Maximum number of rows and columns of the heat map: the most active muscles, and the peaks of equal time spans.
-Project default, unconfirmed."""
+"""Maximum size of the heat map of muscle activation: rows (the most active muscles), and columns (equal time spans, of
+which the peaks are shown). Project default, unconfirmed."""
 
 
 def verdict_of(folder: RunFolder) -> VerdictFile | None:
-    """Return the contents of verdict.json of a run; None: there was no person in the run.
+    """Return the contents of a run's verdict.json; None: there was no person in the run.
 
-    A missing or outdated file is written; one that `assess` wrote, with the choices of its user, is left unchanged.
+    If the file is missing or outdated, the run is assessed and the file written. A current file, e.g. one that the
+    command `assess` wrote with the user's options, is left unchanged.
 
     Raises:
-        HricError: the bag cannot be used.
+        HricError: the bag cannot be read.
     """
     path = folder.path / FILE
     if (written := _read(path, folder.path.name, "run")) is not None:
@@ -64,14 +65,14 @@ def verdict_of(folder: RunFolder) -> VerdictFile | None:
 
 
 def _judge(source: AssessmentInput, path: Path) -> VerdictFile:
-    """Judge a recording, write the verdict to a file and return its contents."""
+    """Assess a recording, write the verdict to a file and return its contents."""
     judged = assess(source).to_dict()
     files.write_json(path, judged)
     return cast(VerdictFile, judged)
 
 
 def _read(path: Path, name: str, kind: str) -> VerdictFile | None:
-    """Return the contents of a verdict file; None: missing, unreadable, or of another version or recording."""
+    """Return the contents of a verdict file; None: it is missing, invalid, or of another version or recording."""
     try:
         content: VerdictFile | None = json.loads(path.read_text()) if path.is_file() else None
     except ValueError:
@@ -82,7 +83,7 @@ def _read(path: Path, name: str, kind: str) -> VerdictFile | None:
 
 
 def verdict_of_recording(source: AssessmentInput) -> VerdictFile:
-    """Return the verdict of a bag or a c3d file from verdict.json next to it; replace one of another recording."""
+    """Return the verdict on a bag or c3d file from verdict.json next to it; assess it if that file does not fit."""
     path, recording = source.folder / FILE, source.recording
     written = _read(path, source.name, source.kind)
     if written is not None and (written["input"]["begin"], written["input"]["end"]) == (recording.begin, recording.end):
@@ -91,18 +92,18 @@ def verdict_of_recording(source: AssessmentInput) -> VerdictFile:
 
 
 def conclusions_of(verdict: VerdictFile) -> list[Conclusion]:
-    """Return the conclusions of a verdict.json."""
+    """Return the conclusions in the contents of a verdict.json."""
     return [Conclusion(**entry) for entry in verdict["answers"]]
 
 
 def summary(verdict: VerdictFile) -> str:
-    """Return outcome, conclusions and disclaimer as text."""
+    """Return outcome, conclusions and disclaimer of a verdict as text for the terminal."""
     lines = [f"verdict: {verdict['outcome']} (verdict.json)", *map(str, conclusions_of(verdict)), verdict["disclaimer"]]
     return "\n".join(lines)
 
 
 def part(verdict: VerdictFile) -> Markup:
-    """Return the HTML of the section."""
+    """Return the HTML of the page section on safety and ergonomics."""
     scene = verdict["moment"]
     sides = list({curve["side"]: None for key in methods() for curve in verdict["timelines"].get(key, ())})
     text = (
@@ -123,13 +124,13 @@ def part(verdict: VerdictFile) -> Markup:
 
 
 def _strips(verdict: VerdictFile, axis: Axis) -> Iterator[Strip]:
-    """Yield the strips over time: findings, posture scores, muscle activation."""
+    """Yield the charts over time: findings, posture scores, muscle activation."""
     windows = [(finding, finding["window"]) for finding in verdict["findings"] if finding["window"]]
     if windows:
         groups = list(dict.fromkeys(finding["group"] for finding, _ in windows))
         bars = [
             StripBar(*window, groups.index(finding["group"]), KINDS[finding["outcome"]], _as_text(finding))
-            for finding, window in reversed(windows)  # the worst lie on top
+            for finding, window in reversed(windows)  # the worst findings are drawn on top
         ]
         key = [(look, word) for word, look in KINDS.items()]
         yield Strip("findings", "Findings; a click shows the time in the replay", groups, axis, bars, key)
@@ -147,25 +148,25 @@ def _as_text(finding: FindingEntry) -> str:
 
 
 def _scores(method: PostureMethod, curves: Sequence[ScoreEntry], findings: Sequence[FindingEntry], axis: Axis) -> Strip:
-    """Return the strip of the levels of a score; a low score is within limits only if all angles are known."""
+    """Return the chart of a posture score's levels; a low score is "unknown" unless all joint angles are known."""
     title, levels = method.table().title, [int(highest) for highest in method.table().levels]
     lacking = [item["subject"] for item in findings if item["outcome"] == "not assessable"]
     known = [f"{title} of the {item['side']} arm" not in lacking for item in curves]
     bars = [bar for row, item in enumerate(curves) for bar in _levels(title, levels, item, row, known[row])]
     key = [(_look(levels, k), f"up to {highest}") for k, highest in enumerate(levels)]
     if not all(known):
-        key.append(("unknown", "low, but it can only be higher: not all angles are known"))
+        key.append(("unknown", "low, but the true score may be higher: not all angles are known"))
     labels = [f"{title} {item['side']}" for item in curves]
-    return Strip(title, f"{title}, by the levels of its score", labels, axis, bars, key)
+    return Strip(title, f"{title}: level of the score over time", labels, axis, bars, key)
 
 
 def _look(levels: Sequence[int], level: int) -> str:
-    """Return the CSS class of a level; the highest level of each method is level4."""
+    """Return the CSS class of a level of a posture score; the highest level of each method is level4."""
     return f"level{level + 5 - len(levels)}"
 
 
 def _levels(title: str, levels: Sequence[int], curve: ScoreEntry, row: int, known: bool) -> Iterator[StripBar]:
-    """Yield the bars of constant level of a score."""
+    """Yield the bars of a posture score, one for each time span with a constant level."""
     time = curve["time"]
     reached = [next(k for k, highest in enumerate(levels) if score <= highest) for score in curve["score"]]
     first = 0
@@ -179,7 +180,7 @@ def _levels(title: str, levels: Sequence[int], curve: ScoreEntry, row: int, know
 
 
 def _heat(activation: ActivationEntry, axis: Axis) -> Strip:
-    """Return the heat map of muscle activation, the most active muscle first; the scale ends at the next tenth."""
+    """Return the heat map of muscle activation, the most active muscle first; its scale ends at a multiple of 0.1."""
     from matplotlib.image import imsave  # slow to import, and only needed with muscles
 
     values = np.array(activation["activation"], dtype=float)
@@ -196,5 +197,5 @@ def _heat(activation: ActivationEntry, axis: Axis) -> Strip:
     top = 0.1 * max(np.ceil(10.0 * float(peaks.max()) - 1e-9), 1.0)
     imsave(buffer, image, cmap="YlOrRd", vmin=0.0, vmax=top, format="png")
     names = [str(activation["name"][row]) for row in rows]
-    title = f"Activation of muscles, 0 (light) to {top:.1g} (dark) of the largest; an estimate of a model"
+    title = f"Muscle activation, 0 (light) to {top:.1g} (dark) of the maximum activation; estimate of a model"
     return Strip("activation", title, names, axis, image=base64.b64encode(buffer.getvalue()).decode(), row=12.0)

@@ -1,4 +1,4 @@
-"""Contents of verdict.json as far as a page reads them; the schema is hric_assessment's config/verdict.schema.json."""
+"""Types of those entries of verdict.json that a page reads; its schema is in hric_assessment/config."""
 
 from collections.abc import Sequence
 from typing import TypedDict
@@ -7,7 +7,7 @@ from hric_assessment.typed_json import Content
 
 
 class FindingEntry(TypedDict):
-    """Finding; share: ratio to the limit [1]; window: begin and end, robot time [s]; None: not known."""
+    """Assessment result. share: ratio to the limit [1]; window: begin and end, robot time [s]; None: unknown."""
 
     group: str
     subject: str
@@ -19,7 +19,7 @@ class FindingEntry(TypedDict):
 
 
 class RecordingEntry(TypedDict):
-    """Recording that was judged; kind: run, bag or c3d; begin, end: robot time [s]."""
+    """Recording that was assessed; kind: "run", "bag" or "c3d"; begin, end: robot time [s]."""
 
     name: str
     kind: str
@@ -28,7 +28,7 @@ class RecordingEntry(TypedDict):
 
 
 class ScoreEntry(TypedDict):
-    """Posture score of one arm over time [s]."""
+    """Posture score of one arm over time [s]; side: "left" or "right"."""
 
     side: str
     time: Sequence[float]
@@ -36,7 +36,7 @@ class ScoreEntry(TypedDict):
 
 
 class ActivationEntry(TypedDict):
-    """Activation of muscles by name over time [s]; None: not known."""
+    """Activation of each muscle over time: names, times [s], and activations [1], one row per muscle; None: unknown."""
 
     name: Sequence[str]
     time: Sequence[float]
@@ -47,7 +47,7 @@ _Conclusions = TypedDict("_Conclusions", {"answers": Sequence[Content]})  # noqa
 
 
 class VerdictFile(_Conclusions):
-    """Contents of verdict.json; findings: from the worst on; timelines: scores by method, and muscle activation."""
+    """Contents of verdict.json; findings: the worst first; timelines: posture scores by method, muscle activation."""
 
     version: int
     disclaimer: str

@@ -1,4 +1,4 @@
-"""Muscle load of a motion whose markers a c3d file holds, with the force plates of the file."""
+"""Muscle load of a motion that a c3d file contains as markers, with the force plates of the file."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -21,8 +21,8 @@ from hric_report.muscle_load.person import DescribedPerson, MuscleLoadError
 
 NO_PLATES: Mapping[int, str] = MappingProxyType({})
 POOR_FIT, WORST_FIT = 0.015, 0.05
-"""Distance of the markers from the body model (RMS, median over the frames) above which a note says that they may be
-another person's, and above which the file is rejected [m]; project default."""
+"""Distance of the markers from the body model (RMS over the markers, median over the frames) [m]: above the first value
+a note says that the markers may belong to another person; above the second, the file is rejected. Project default."""
 
 
 def of_c3d(
@@ -37,12 +37,13 @@ def of_c3d(
 
     Args:
         path: c3d file.
-        person: person who wears the markers, with the recorded grips of their run.
-        cutoff: see `of_run`.
+        person: person with the markers, and the grips recorded in their run.
+        cutoff: cut-off frequency of the filter for joint angles [Hz].
         plates: links of the body that press on the force plates of the file, by plate number from 1 on.
 
     Raises:
-        HricError: no such file, no markers of the body in it, or they do not fit the body; no such plate or link.
+        HricError: the file cannot be read, has no markers of the body, or markers that do not fit the body; or a force
+            plate or link does not exist.
     """
     trial, body = read_trial(path), person.body
     labels = marker_labels(path.name, trial.labels, tuple(body.markers))
@@ -52,7 +53,7 @@ def of_c3d(
     positions = trial.markers([labels[name] for name in names]) @ R.T + np.array(T_root_world.position)
     seen = np.isfinite(positions).all(axis=2).any(axis=1)
     if not seen.any():
-        raise MuscleLoadError(f"{path.name} shows none of the markers of the body in any frame")
+        raise MuscleLoadError(f"{path.name} has no frame with a marker of the body")
     first, last = np.flatnonzero(seen)[[0, -1]]
     rows, distance = MarkerSolver(HumanControl(body, {}, 0).person, names).solve(positions[first : last + 1])
     worst = float(np.median(distance))
@@ -66,12 +67,12 @@ def of_c3d(
     pressed = [plate_load(trial.plate(number), link, motion.time - trial.start) for number, link in plates.items()]
     note = f"motion: {len(names)} markers of {path.name}, {1e3 * worst:.1f} mm from those of the body (median)"
     if worst > POOR_FIT:
-        note += f": not the body of {person.source}, or its markers are placed differently; measure both"
+        note += f": this is not the body of {person.source}, or the markers are placed differently; measure both"
     return computed(person, motion, [note], person.settings.root(body), pressed)
 
 
 def plate_load(plate: TrialPlate, link: str, time: FloatArray) -> ExternalLoad:
-    """Return the load of a force plate on the link that presses on it: the measured wrench with opposite sign.
+    """Return the external load of a force plate on the body link that presses on it: the negative measured wrench.
 
     Args:
         plate: force plate of a c3d file.

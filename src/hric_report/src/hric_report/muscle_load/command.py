@@ -1,4 +1,4 @@
-"""Command muscle_load: text table, and .sto files for OpenSim in the axes of its ground. Needs no ROS master."""
+"""Command `muscle_load`: writes a text table, and .sto files for OpenSim in the axes of OpenSim's ground frame."""
 
 import argparse
 from collections.abc import Sequence
@@ -24,11 +24,11 @@ from hric_report.muscle_load.person import MuscleLoadError, choose, described_by
 
 FOLDER = "muscle_load"
 HIGH = 0.3
-"""Activation above which a muscle is counted as highly active [1]; project default."""
+"""Activation above which a muscle counts as highly active [1]; project default."""
 
 
 def write(result: MuscleLoadResult, folder: Path) -> list[Path]:
-    """Write activation, force, joint torque and joint reactions as .sto files, overwriting any; return their paths.
+    """Write activations, forces, joint torques and joint reactions as .sto files, overwriting any; return their paths.
 
     Raises:
         HricError: a file cannot be written.
@@ -55,7 +55,7 @@ def write(result: MuscleLoadResult, folder: Path) -> list[Path]:
 
 
 def _known(load: MuscleLoad, names: Sequence[str], values: FloatArray) -> FloatArray:
-    """Return the values, shape (n, k), with NaN at times at which the muscle paths are unknown."""
+    """Return the values, shape (n, k), with NaN where the muscle paths are not known."""
     return np.where(np.stack([load.known(name) for name in names], axis=1), values, np.nan)
 
 
@@ -71,12 +71,12 @@ def render(result: MuscleLoadResult, fatigue: bool = False) -> str:
 
     Args:
         result: muscle load of a motion.
-        fatigue: add the fatigued share of each muscle at the end (3CC-r, not reproduced).
+        fatigue: True to add the fatigued share of each muscle at the end (3CC-r; published values not reproduced).
     """
     load = result.load
     span = load.time[-1] - load.time[0]
     code = result.body.subject.code
-    head = [f"muscle load of {code} over {span:.2f} s, a model's estimate", *result.notes]
+    head = [f"muscle load of {code} over {span:.2f} s (model estimate)", *result.notes]
     blocks = [_muscles(load, _fatigued(result) if fatigue else None), _joints(load), _contacts(load)]
     return "\n\n".join(["\n".join(head), *("\n".join(text.rows(cells, head=2)) for cells in blocks)]) + "\n"
 
@@ -118,8 +118,8 @@ def _contacts(load: MuscleLoad) -> list[list[str]]:
 def _fatigued(result: MuscleLoadResult) -> FloatArray:
     """Return the fatigued share of each muscle at the end of the motion, shape (k,) [1].
 
-    The load of a muscle is its activation, or zero at the minimum of static optimisation. Muscles that cross the
-    shoulder have the shoulder's fatigue parameters, all others the elbow's.
+    The load of a muscle is its activation, or zero at the lower bound of static optimisation. Muscles that cross the
+    shoulder use the fatigue parameters of the shoulder, all others those of the elbow.
     """
     load, muscles = result.load, result.anatomy.muscles
     names = [name.partition("_")[2] for name in load.names]
@@ -145,7 +145,8 @@ class MuscleLoadCommand(Command):
             Argument(
                 "--person",
                 metavar="RUN|FILE.yaml",
-                help="for a c3d file: the person, from a run (with the recorded grip forces) or an experiment file",
+                help="for a c3d file: the person, as defined in a run (with its recorded grip forces) or an "
+                "experiment file",
             ),
             Argument(
                 "--plate",
@@ -158,27 +159,27 @@ class MuscleLoadCommand(Command):
             Argument(
                 "--tracked",
                 action="store_true",
-                help="for a run: the real person in front of its cameras (section person), tracked again from its "
-                "frames",
+                help="for a run: use the real person in front of the cameras (section person), tracked again from the "
+                "recorded frames",
             ),
             Argument(
                 "--cutoff",
                 type=float,
                 default=CUTOFF,
                 metavar="HZ",
-                help=f"cut-off frequency of the joint angles' filter (default: {CUTOFF:g})",
+                help=f"cut-off frequency of the filter for joint angles [Hz] (default: {CUTOFF:g})",
             ),
             *_muscles_arguments(),
             Argument("--output", type=Path, metavar="DIR", help=f"output folder (default: {FOLDER}/ of the run)"),
         ]
 
     def run(self, arguments: argparse.Namespace) -> None:
-        """Estimate the load, write its files, print its table."""
+        """Estimate the muscle and joint load, write the .sto files, and print the tables."""
         recording, output = Path(arguments.run).expanduser(), arguments.output
         is_c3d = recording.suffix.lower() == ".c3d"
         if arguments.tracked and (is_c3d or arguments.cutoff != CUTOFF):
             raise MuscleLoadError(
-                "--tracked is for a run, whose person is filtered as in the live run; valid: without --cutoff"
+                "--tracked needs a run, and filters as in the live run; valid: a run, without --cutoff"
             )
         if is_c3d:
             result = _load_of_c3d(recording, arguments)
@@ -211,7 +212,7 @@ def _load_of_run(arguments: argparse.Namespace) -> MuscleLoadResult:
 def _plate(text: str) -> tuple[int, str]:
     number, _, link = text.partition("=")
     if not number.isdecimal() or not link:
-        raise MuscleLoadError(f"--plate is {text!r}; valid: N=LINK, as 1=r_wrist")
+        raise MuscleLoadError(f"--plate is {text!r}; valid: N=LINK, such as 1=r_wrist")
     return int(number), link
 
 
@@ -220,13 +221,19 @@ def _muscles_arguments() -> list[Argument]:
         Argument(
             "--muscles",
             metavar="FILE",
-            help=f"muscle anatomy: {NAME}, built in; a .json file of fit_muscles; a model of a right arm, "
-            ".osim or .xml of MuJoCo, which is fitted at its first use (default: that of the person)",
+            help=f"muscle anatomy: {NAME} (built in); a .json file that fit_muscles wrote; or a model of a right arm "
+            "as "
+            ".osim or MuJoCo .xml, which is fitted at its first use (default: the anatomy of the person)",
         ),
         Argument(
-            "--strength", type=float, metavar="FACTOR", help="strength factor of the muscles (default: the person's)"
+            "--strength",
+            type=float,
+            metavar="FACTOR",
+            help="strength factor of the muscles (default: the factor of the person)",
         ),
         Argument(
-            "--fatigue", action="store_true", help="add the fatigue of each muscle (3CC-r, which was NOT reproduced)"
+            "--fatigue",
+            action="store_true",
+            help="add the fatigue of each muscle (model 3CC-r, whose published values were NOT reproduced)",
         ),
     ]

@@ -1,4 +1,4 @@
-"""Muscle load of a motion that a run recorded: that of its simulated human, or of the tracked person."""
+"""Muscle load of a motion recorded in a run: motion of the simulated human, or of a person tracked by cameras."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -32,7 +32,7 @@ class MuscleLoadResult:
         load: load of muscles and joints.
         body: body model of the person.
         anatomy: muscle anatomy.
-        notes: remarks for the reader: how the motion was obtained, and which forces are not included.
+        notes: remarks for the reader: source of the motion, muscles, and forces that are or are not included.
     """
 
     load: MuscleLoad
@@ -42,39 +42,39 @@ class MuscleLoadResult:
 
 
 def of_run(person: DescribedPerson, cutoff: float = CUTOFF) -> MuscleLoadResult:
-    """Compute the muscle load of the motion that a run recorded.
+    """Compute the muscle load of the simulated human's motion in a run.
 
     Args:
-        person: person of the run.
+        person: simulated human of the run, with the recorded motion.
         cutoff: cut-off frequency of the low-pass filter of the joint angles [Hz].
 
     Raises:
-        HricError: no recorded motion, too short a motion, a body without arms.
+        HricError: there is no recorded motion, it is too short, or the body has no arms.
     """
     record = person.record
     if record is None:
-        raise MuscleLoadError(f"{person.source} describes a person but has no motion; valid: a run, or a c3d file")
+        raise MuscleLoadError(f"{person.source} describes a person but contains no motion; valid: a run, or a c3d file")
     motion, root = motion_of(record, list(person.body.joints), person.settings.root(person.body), cutoff)
     result = computed(person, motion, [f"motion: joint states of {person.source}"], root)
     return replace(result, notes=(*result.notes, _against(result.load, record)))
 
 
 def _against(load: MuscleLoad, record: HumanRecord) -> str:
-    """Compare the joint torque of inverse dynamics with the logged torque; return a note with the RMS difference."""
+    """Return a note with the RMS difference between joint torques of inverse dynamics and those in the run's bag."""
     inside = (load.time >= record.torque_time[0]) & (load.time <= record.torque_time[-1])
     columns = [
         np.interp(load.time[inside], record.torque_time, record.torque[:, record.joints.index(name)])
         for name in load.joints
     ]
     error = np.sqrt(np.mean((load.torque[inside] - np.transpose(columns)) ** 2))
-    return f"joint torque is {error:.3f} N m RMS from what the run logged"
+    return f"joint torques differ from those recorded in the run by {error:.3f} N m RMS"
 
 
 def of_tracked(name: str, root: Path | None = None, muscles: MuscleSettings = AS_SHIPPED) -> MuscleLoadResult:
     """Compute the muscle load of the real person in front of the cameras, tracked again from the recorded frames.
 
     Args:
-        name: a run folder, its name, or "latest".
+        name: path of a run folder, its name, or "latest".
         root: folder of all runs.
         muscles: anatomy and strength of the muscles.
 
@@ -86,7 +86,7 @@ def of_tracked(name: str, root: Path | None = None, muscles: MuscleSettings = AS
     section = (run.get("definition") or {}).get("person")
     if section is None:
         raise MuscleLoadError(
-            f"{folder.path.name} did not track a person; valid: a run of an experiment with a section person"
+            f"no person was tracked in {folder.path.name}; valid: a run of an experiment with a section person"
         )
     anatomy = find(muscles.anatomy, "--muscles")
     with bag_reader.opened(folder.bag_of(run)) as reader:
@@ -106,10 +106,10 @@ def computed(
 
     Args:
         person: person who moved, with their recorded grips.
-        motion: motion of the joints.
-        notes: remarks on the motion; those on muscles and forces are added.
-        root: pose of the root, or its motion.
-        pressed: further loads on the body, at the times of the motion.
+        motion: joint angles over time.
+        notes: remarks on the motion, to which remarks on muscles and forces are added.
+        root: fixed pose of the body's root in the world, or its motion.
+        pressed: further external loads on the body, at the times of the motion.
     """
     settings = person.settings.muscles
     anatomy = find(settings.anatomy, person.anatomy)
@@ -117,15 +117,17 @@ def computed(
     load = load_of(person.body, anatomy, root, motion, loads, settings.strength, person.gravity)
     count = sum(load.is_muscle)
     notes.append(f"muscles: {anatomy.name}, {count} of them, strength {settings.strength:g}")
-    notes.append(f"forces act on: {', '.join(force.link for force in loads) or 'none'}")
+    notes.append(f"external forces act on the links: {', '.join(force.link for force in loads) or 'none'}")
     for contact in (person.record.contacts if person.record is not None else {}).values():
         notes.append(
-            f"NOT included: contact of {contact.link}, {contact.force.max():.1f} N at most (bags lack its direction)"
+            f"NOT included: contact force on {contact.link}, at most {contact.force.max():.1f} N (the bag lacks its "
+            "direction)"
         )
     for side, outside in load.outside.items():
         if outside.any():
             notes.append(
-                f"{side} arm: outside the range that muscle paths were fitted in for {100 * outside.mean():.1f} % of "
-                "the time, where its muscles are left out"
+                f"{side} arm: for {100 * outside.mean():.1f} % of the time outside the range of the fitted muscle "
+                "paths; "
+                "its muscles are left out there"
             )
     return MuscleLoadResult(load, person.body, anatomy, tuple(notes))

@@ -1,4 +1,4 @@
-"""Description of the person who moved, from a run or an experiment file, and of the forces on them."""
+"""Description of the person whose muscle load is computed, from a run or experiment file, with recorded forces."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -25,15 +25,15 @@ class MuscleLoadError(HricError):
 
 @dataclass(frozen=True)
 class DescribedPerson:
-    """Description of the person who moved, and of the forces on them.
+    """Person whose muscle load is computed: body, muscle settings, and recorded forces on them.
 
     Attributes:
         settings: settings of the simulated human, with the pose of the body in the world.
         body: body model.
-        gravity: gravity in the world [m/s^2].
-        record: recording from a run's bag; None: described by an experiment file, so no recorded forces act.
+        gravity: gravity vector in the world frame [m/s^2].
+        record: motion and forces from a run's bag; None: the person is described by an experiment file.
         source: name of the run or file that describes the person, for messages.
-        anatomy: parameter or option that selects the muscle anatomy, for messages.
+        anatomy: name of the parameter or option that selects the muscle anatomy, for messages.
     """
 
     settings: HumanSettings
@@ -44,18 +44,18 @@ class DescribedPerson:
     anatomy: str = "human.muscles.anatomy"
 
     def with_muscles(self, anatomy: str | None, strength: float | None) -> "DescribedPerson":
-        """Return a copy with another muscle anatomy or another strength factor; None leaves the value unchanged."""
+        """Return a copy with another muscle anatomy or strength factor; None leaves the value unchanged."""
         muscles = choose(self.settings.muscles, anatomy, strength)
         where = self.anatomy if anatomy is None else "--muscles"
         return replace(self, settings=replace(self.settings, muscles=muscles), anatomy=where)
 
     def loads(self, time: FloatArray) -> list[ExternalLoad]:
-        """Return the loads of the grips on the links of the body at times of shape (n,) [s]."""
+        """Return the external loads of the recorded grips on the body; `time`: times, shape (n,) [s]."""
         return [] if self.record is None else grip_loads(self.record.grips.values(), time)
 
 
 def choose(settings: MuscleSettings, anatomy: str | None, strength: float | None) -> MuscleSettings:
-    """Return the muscle settings with anatomy and strength replaced where they are not None."""
+    """Return a copy of muscle settings with anatomy and strength replaced, each unless it is None."""
     factor = settings.strength if strength is None else strength
     return replace(settings, anatomy=anatomy or settings.anatomy, strength=factor)
 
@@ -64,11 +64,11 @@ def described_by(name: str, root: Path | None = None) -> DescribedPerson:
     """Read the description of a person from a run or from an experiment file.
 
     Args:
-        name: a run folder, its name, "latest", or the path of a YAML file.
+        name: path of a run folder, its name, "latest", or the path of a YAML file.
         root: folder of all runs.
 
     Raises:
-        HricError: no such run or file, or it has no human.
+        HricError: the run or file does not exist, or has no human.
     """
     if name.endswith((".yaml", ".yml")):
         section: NodeParameters | None = experiment.load(name, []).human
@@ -82,8 +82,8 @@ def described_by(name: str, root: Path | None = None) -> DescribedPerson:
         record = human_record.read(reader, bag_reader.read(reader).robot_time)
     if record is None:
         raise MuscleLoadError(
-            f"the bag of {folder.path.name} has no motion of its human; muscle load needs joint states and joint "
-            "torque (hric/human/joint_states, hric/human/joint_torque)"
+            f"the bag of {folder.path.name} has no motion of the human; valid: a bag with the topics "
+            "hric/human/joint_states and hric/human/joint_torque"
         )
     plant = robot_parameters(run).get("plant") or {}
     return _described(section, plant.get("gravity") or WindowlessConfig().gravity, record, folder.path.name)

@@ -1,1 +1,1 @@
-"""Experiment and study files: reading, checking, overrides, and their conversion to parameters."""
+"""Experiment files: reading, checking, overrides on the command line, and conversion to ROS parameters."""

@@ -1,4 +1,6 @@
-"""Experiment files: robot, controllers, setpoints and duration; one file serves live and headless runs."""
+"""Experiment files: robot, controllers, setpoints, duration, and sensors.
+
+The same file is used for live runs (nodes in ROS) and headless runs (one process without ROS)."""
 
 import math
 import re
@@ -40,7 +42,7 @@ if TYPE_CHECKING:
 
 
 class ExperimentError(HricError):
-    """Error for an experiment file or an override; it has the file, the key and what would be valid."""
+    """Mistake in an experiment file or an override; the message names file, key and valid values."""
 
 
 _PI = re.compile(
@@ -71,20 +73,22 @@ ANGLES: Any = listing(ANGLE, range(1, 100))
 
 @dataclass(frozen=True)
 class Setpoint(Settings):
-    """A joint setpoint sent during the run."""
+    """Joint setpoint that is sent to a controller during the run."""
 
     time: float = number(
-        minimum=0.0, unit="s", text="robot time at which it is sent, from the start of the controllers"
+        minimum=0.0, unit="s", text="robot time at which the setpoint is sent, from the start of the controllers"
     )
-    controller: str = text(empty=False, text="instance name of the controller; sent on its `command` topic")
-    positions: tuple[float, ...] = listing(ANGLE, range(1, 100), text="one per joint of the controller")
+    controller: str = text(empty=False, text="name of the controller; the setpoint is sent on its topic `command`")
+    positions: tuple[float, ...] = listing(
+        ANGLE, range(1, 100), text="joint positions, one per joint of the controller"
+    )
 
     def check_reachable(self, joints: Sequence[str], limits: Mapping[str, Mapping[str, float]]) -> None:
-        """Refuse a setpoint that the controller would refuse, before anything moves.
+        """Check a setpoint as the controller will check it, but before the run begins.
 
         Args:
-            joints: the controller's joints.
-            limits: lower and upper limit per joint, if there are any [rad].
+            joints: names of the controller's joints.
+            limits: position limits {"lower": ..., "upper": ...} [rad] by joint, for joints that have limits.
 
         Raises:
             ExperimentError: the setpoint has the wrong length, or is outside the range of a joint.
@@ -103,19 +107,19 @@ class Setpoint(Settings):
 
 
 LARGEST_PAYLOAD = 50.0
-"""Largest payload [kg]; project default, unconfirmed: above that of collaborative arms."""
+"""Largest valid payload [kg], above that of any collaborative arm (project default, unconfirmed)."""
 
 
 @dataclass(frozen=True)
 class LoadSpec(Settings):
-    """The payload that `franka_control/set_load` gets."""
+    """Payload that is configured in the robot by the service `franka_control/set_load`."""
 
     mass: float = number(
         0.0,
         minimum=0.0,
         maximum=LARGEST_PAYLOAD,
         unit="kg",
-        text="mass of the payload that `franka_control/set_load` gets before the controllers start; 0: none",
+        text="mass of the payload set by `franka_control/set_load` before the controllers start; 0: no payload",
     )
     com: Vector = numbers(
         3, ORIGIN, minimum=-1.0, maximum=1.0, unit="m", text="centre of mass of the payload in the flange frame"
@@ -131,16 +135,16 @@ OF_THE_BRINGUP = {
     "real_time_factor": "scripts/bringup real_time_factor:=FACTOR; a headless run is as fast as it can",
     "wait_for_log_listener": "scripts/bringup record:=true",
 }
-"""Parameters of the robot's node that only the bring-up sets and headless runs do not read -> what to set."""
+"""Parameters of the robot node that only the bring-up sets, as headless runs ignore them -> text on how to set them."""
 
 
 @dataclass(frozen=True)
 class RobotSpec(Settings):
-    """The robot of an experiment."""
+    """Robot of an experiment: type, description, start pose, plant and payload."""
 
     separator = "."
     hw: str = text(empty=False, text='plugin type of the RobotHW, e.g. "franka_sim/FrankaHWSim"')
-    arm_id: str = text("panda", empty=False, text="prefix of joints and links")
+    arm_id: str = text("panda", empty=False, text="prefix of the names of joints and links")
     description: NodeParameters = mapping(default={}, text="arguments of `panda_description.load`")
     urdf: str = text("", text="path or package:// address of another robot's URDF or xacro; empty: the Panda")
     q_start: tuple[float, ...] | Mapping[str, float] | None = either(
@@ -152,7 +156,7 @@ class RobotSpec(Settings):
     load: LoadSpec = section(LoadSpec)
 
     def check(self, where: str) -> None:
-        """Refuse keys without effect because of another key of the robot."""
+        """Refuse keys that have no effect because of another key of the robot."""
         mistakes = Mistakes()
         set_elsewhere = {key: f"{where}{key}" for key in declared(RobotSpec)} | {
             "robot_hw": f"{where}hw",
@@ -162,11 +166,11 @@ class RobotSpec(Settings):
             with mistakes.noted():
                 raise ParameterError(f"{where}parameters.{key} has no effect; valid: {set_elsewhere[key]}")
         with mistakes.noted():
-            # The bring-up always gives the pose of the base.
+            # The bring-up always sets the pose of the base, so zeros are no mistake.
             unread = [key for key, value in self.description.items() if value not in ("0 0 0", list(ORIGIN))]
             if self.urdf and unread:
                 raise ParameterError(
-                    f"{where}description.{unread[0]} has no effect beside {where}urdf, which gives another robot's "
+                    f"{where}description.{unread[0]} has no effect with {where}urdf, which is another robot's "
                     "description; valid: only one of the two"
                 )
         with mistakes.noted():
@@ -181,7 +185,7 @@ class RobotSpec(Settings):
 
 @dataclass(frozen=True)
 class MetricsSpec(Settings):
-    """Settings of the evaluation of a run."""
+    """Settings for the evaluation of a run: tolerances of the settling time, and a reference to compare with."""
 
     tolerances: tuple[float, ...] = listing(
         number(above=0.0, maximum=0.5, unit="rad"),
@@ -189,9 +193,9 @@ class MetricsSpec(Settings):
         (1e-2, 1e-3),
         made=lambda values: tuple(sorted(values, reverse=True)),
         unit="rad",
-        text="bands for the settling time, at most 0.5 rad each",
+        text="error bands for which the settling time is computed, at most 0.5 rad each",
     )
-    reference: str = text("", text="name of a set-up in config/references that the report compares with; empty: none")
+    reference: str = text("", text="name of a file in config/references with results to compare with; empty: none")
 
     def check(self, where: str) -> None:
         """Refuse a reference that does not exist."""
@@ -200,9 +204,9 @@ class MetricsSpec(Settings):
 
 
 def _optional(name: str) -> Any:
-    """Return the parameter of an optional section, whose declaration is loaded only for files that have it.
+    """Return the parameter of an optional section, whose settings class is imported only if a file has the section.
 
-    The bring-up reads an experiment once for each set of parameters, and its user waits.
+    This saves time: the bring-up reads an experiment once for each set of parameters.
     """
 
     def convert(value: Any, where: str, joints: Sequence[str]) -> Any:
@@ -216,36 +220,36 @@ def _optional(name: str) -> Any:
 
         return json_schema(section_of(name))
 
-    text = f"the keys {name}.* below; none: the run is without it"
+    text = f"section with the keys {name}.* below; none: the run is without this section"
     return Parameter("mapping", "a mapping", convert, None, text=text, shape=shape)
 
 
 _OPTIONAL = {name: _optional(name) for name in ("mocap", "sync", "human", "person", "supervisor")}
 _UNPARSED = ("human", "person", "supervisor")
-"""Sections that stay as in the file, because their nodes read them."""
+"""Sections that are checked but stay mappings, as their nodes read them."""
 SENSORS = {name: info.description for name, info in plugins.names(plugins.SENSOR).items()}
-"""Sections of sensors with their names for people, as packages export them."""
+"""Sections of sensors that packages export as plugins: description by name of the section."""
 ADDED = {name: info.description for name, info in plugins.names(plugins.SECTION).items()}
-"""Other sections that packages export, likewise; headless runs alone have them."""
+"""Other sections that packages export as plugins, for headless runs only: description by name of the section."""
 
 
 @dataclass(frozen=True)
 class _Motion(Settings):
-    """Robot, controllers and motion of an experiment."""
+    """Part of an experiment: robot, controllers, setpoints, duration and motion capture."""
 
     separator = "."
     name: str = ""
     description: str = text("", figures=True, text="description in one line")
     robot: RobotSpec = section(RobotSpec, REQUIRED)
-    controllers: tuple[str, ...] = names_(text="instance names, started in this order")
+    controllers: tuple[str, ...] = names_(text="names of the controllers, started in this order")
     parameters: Mapping[str, NodeParameters] = mapping(
-        mapping(), {}, text="parameters that overlay the controllers' YAML, by instance name"
+        mapping(), {}, text="parameters that override those of controllers.yaml, by name of the controller"
     )
     setpoints: tuple[Setpoint, ...] = listing(
         section(Setpoint),
         default=(),
         made=lambda values: tuple(sorted(values, key=lambda setpoint: setpoint.time)),
-        text="in order of time",
+        text="joint setpoints sent during the run; sorted by time",
     )
     duration: float = number(above=0.0, unit="s", text="robot time of the complete run")
     metrics: MetricsSpec = section(MetricsSpec)
@@ -261,7 +265,9 @@ else:
 
 @dataclass(frozen=True)
 class Experiment(_Sensed):
-    """One experiment, checked, with the sections of SENSORS and ADDED. name: of the file without its ending."""
+    """Checked content of an experiment file, with the sections of SENSORS and ADDED.
+
+    `name` is the name of the file without its extension."""
 
     sync: "SyncSection | None" = _OPTIONAL["sync"]
     human: NodeParameters | None = _OPTIONAL["human"]
@@ -270,28 +276,28 @@ class Experiment(_Sensed):
 
     @property
     def sensor_sections(self) -> "list[SensorSection]":
-        """Sections of sensors that the file has."""
+        """Sensor sections that are in the file."""
         return [sensor for name in SENSORS if (sensor := getattr(self, name)) is not None]
 
     @property
     def sensors(self) -> "list[SensorSection]":
-        """Sections of the evenly sampling sensors that are part of this run."""
+        """Sensor sections that are used in the run."""
         return [sensor for sensor in self.sensor_sections if sensor.used]
 
     @property
     def added_sections(self) -> "dict[str, ExperimentSection]":
-        """Sections of ADDED that the file has."""
+        """Sections of ADDED that are in the file, by name."""
         return {name: added for name in ADDED if (added := getattr(self, name)) is not None}
 
     @property
     def sources(self) -> "list[MocapSection | SensorSection]":
-        """Sections of everything that measures, except for the robot."""
+        """Sections of all measuring devices except the robot: motion capture and sensors."""
         return [*([] if self.mocap is None else [self.mocap]), *self.sensors]
 
     def check(self, where: str) -> None:
-        """Refuse setpoints and settings that cannot take effect, and devices that measure an absent human.
+        """Refuse settings that cannot take effect, and devices that measure a human who is not simulated.
 
-        Refused are setpoints and parameters of controllers that are not started, and setpoints after the end.
+        Examples are setpoints and parameters of controllers that are not started, and setpoints after the end.
         """
         mistakes, valid = Mistakes(), f"not started; valid: {', '.join(self.controllers)}"
         for i, setpoint in enumerate(self.setpoints):
@@ -305,7 +311,8 @@ class Experiment(_Sensed):
             with mistakes.noted():
                 if (setpoint.time, setpoint.controller) in ((p.time, p.controller) for p in self.setpoints[:i]):
                     raise ParameterError(
-                        f"setpoints[{i}].time is that of an earlier setpoint; valid: different times for one controller"
+                        f"setpoints[{i}].time {setpoint.time} s is used twice for {setpoint.controller}; valid: "
+                        "different times for one controller"
                     )
         with mistakes.noted():
             if others := sorted(set(self.parameters) - set(self.controllers)):
@@ -332,7 +339,7 @@ class Experiment(_Sensed):
         mistakes.raise_all()
 
     def _check_supervisor(self) -> None:
-        """Refuse a supervisor without a source of the person's pose."""
+        """Refuse a supervisor whose source of the person's pose is missing."""
         if self.supervisor is None:
             return
         source = self.supervisor.get("source", "human")
@@ -347,8 +354,8 @@ class Experiment(_Sensed):
             raise ParameterError(f"supervisor.source is person, but there is no section person; valid: {valid}")
         if sources != ["human"] and (self.mocap is None or self.mocap.base_from_mocap is None):
             raise ParameterError(
-                f"supervisor.source is {', '.join(sources)}, but its pose in the robot's base is not known; valid: a "
-                "section mocap with base_from_mocap, or human"
+                f"supervisor.source is {', '.join(sources)}, but the pose of the mocap frame in the robot's base frame "
+                "is not known; valid: a section mocap with base_from_mocap, or the source human"
             )
 
 
@@ -359,9 +366,9 @@ setpoints:
   - {time: 1.0, controller: joint_pd_controller, positions: [0.3, -pi/4, 0, -3*pi/4, 0, pi/2, pi/4]}   # [s], [rad]
 duration: 4.0   # [s]
 """
-"""Example with the keys that every experiment has, and a setpoint."""
+"""Example of an experiment file, with the required keys and a setpoint."""
 NONE = "none"
-"""Name of the bring-up without an experiment."""
+"""Experiment name for a bring-up without an experiment."""
 
 
 PACKAGE = "hric_experiments"
@@ -378,20 +385,20 @@ def package_path(package: str = PACKAGE) -> Path:
 
 
 def config_path(kind: str) -> Path:
-    """Return the folder of a kind of file: experiments, studies, or references (set-ups to compare with)."""
+    """Return the folder with files of a kind: "experiments", "studies" or "references" (results to compare with)."""
     return package_path() / "config" / kind
 
 
 def names(kind: str = "experiments") -> list[str]:
-    """Return the names of the files of a kind that come with the workspace."""
+    """Return the names, without extension, of the workspace's files of a kind, by default the experiments."""
     return sorted(path.stem for path in config_path(kind).glob("*.yaml"))
 
 
 def find(name: str) -> Path:
-    """Return the file of an experiment, by name or YAML path; "none" is the bring-up without an experiment.
+    """Return the path of an experiment file; `name`: name of an experiment, path of a YAML file, or "none".
 
     Raises:
-        UnknownNameError: there is no such experiment; the message lists the names.
+        UnknownNameError: there is no such experiment; the message lists the existing ones.
     """
     if name == NONE:
         return package_path() / "config" / "bringup.yaml"
@@ -406,7 +413,7 @@ def find(name: str) -> Path:
 
 
 def read(name: str) -> dict[str, object]:
-    """Return the unchecked contents of an experiment file; recorded trials are looked for in its folder.
+    """Return the unchecked contents of an experiment file; relative paths of recorded trials become absolute.
 
     Raises:
         HricError: there is no such experiment, or the file is not YAML.
@@ -422,8 +429,8 @@ def parse(name: str, raw: Mapping[str, object]) -> Experiment:
     """Check the contents of an experiment file and return the experiment.
 
     Args:
-        name: used in messages and for the run folder.
-        raw: the contents.
+        name: name of the experiment, used in messages and for the run folder.
+        raw: contents of the file.
 
     Raises:
         ExperimentError: keys are unknown or missing, types are wrong, or values out of range; all are listed at once.
@@ -435,15 +442,15 @@ def parse(name: str, raw: Mapping[str, object]) -> Experiment:
 
 
 def load(name: str, changes: Iterable[str] = ()) -> Experiment:
-    """Read an experiment, apply overrides, check it.
+    """Read an experiment file, apply overrides, and check the result.
 
     Args:
         name: name of the experiment, or path of a YAML file.
         changes: overrides, `key:=value`.
 
     Raises:
-        HricError: there is no such experiment, or it or an override has a mistake; for a user's own file, with an
-            example.
+        HricError: there is no such experiment, or the file or an override has a mistake; for a user's own file, the
+            message includes an example.
     """
     from hric_run.definition import overrides
 
@@ -457,6 +464,6 @@ def load(name: str, changes: Iterable[str] = ()) -> Experiment:
 
 
 def to_dict(experiment: Experiment) -> Definition:
-    """Return plain data for run.yaml: the keys of an experiment file, plus its name."""
+    """Return an experiment as plain data for run.yaml: the keys of an experiment file, plus `name`."""
     sensors = {sensor.name: sensor.record() for sensor in experiment.sensor_sections}
     return cast(Definition, asdict(experiment) | sensors)

@@ -1,4 +1,6 @@
-"""Overrides on the command line, `key:=value`: a shortcut, or the dotted path of a key of the experiment file."""
+"""Overrides of an experiment on the command line, `key:=value`.
+
+The key is a shortcut such as `kp`, or the dotted path of a key in the experiment file."""
 
 import copy
 import shlex
@@ -21,23 +23,23 @@ from hric_run.definition.experiment import ExperimentError, MetricsSpec, RobotSp
 SHORTCUTS: dict[str, tuple[str, str]] = {
     "kp": ("parameters.{controller}.kp", "proportional gain, number or list [N m/rad]"),
     "kd": ("parameters.{controller}.kd", "derivative gain, number or list [N m s/rad]"),
-    "gravity": ("parameters.{controller}.gravity", "true: the controller adds g(q)"),
+    "gravity": ("parameters.{controller}.gravity", "true: the controller adds the gravity torques g(q)"),
     "rotatum_limit": (
         "parameters.{controller}.rotatum_limit",
         "largest rate of torque of the controller, 0 = off [N m/s]",
     ),
     "profile": (
         "parameters.{controller}.profile.enabled",
-        "lead the setpoint through a trapezoid (true) or take it raw (false)",
+        "true: trapezoidal velocity profile for setpoints; false: setpoints act at once",
     ),
     "mode": ("parameters.{controller}.mode", "mode of a marker-following controller: retarget or thesis"),
-    "duration": ("duration", "robot time [s]"),
+    "duration": ("duration", "robot time of the complete run [s]"),
     "hw": ("robot.hw", "plugin type of the robot, e.g. franka_sim/FrankaHWSim"),
-    "arm_id": ("robot.arm_id", "prefix of joints and links"),
+    "arm_id": ("robot.arm_id", "prefix of the names of joints and links"),
     "urdf": ("robot.urdf", "path or package:// address of another robot's URDF or xacro"),
-    "q_start": ("robot.q_start", "start position [rad]"),
-    "hand": ("robot.description.hand", "with or without the hand"),
-    "inertials": ("robot.description.inertials", "barycentric or thesis"),
+    "q_start": ("robot.q_start", "joint positions at the start [rad]"),
+    "hand": ("robot.description.hand", "true: the arm has the Franka hand; false: it has none"),
+    "inertials": ("robot.description.inertials", "masses and inertias of the links: barycentric or thesis"),
     "damping": ("robot.description.damping", "viscous joint damping [N m s/rad]"),
     "friction": (
         "robot.description.friction",
@@ -52,9 +54,11 @@ SHORTCUTS: dict[str, tuple[str, str]] = {
     "world": ("robot.plant.world", "world file, path or package:// address"),
     "noise": ("mocap.stream.noise", "motion capture noise, standard deviation per axis [m]"),
     "gui": ("robot.plant.gui", "show the engine's window"),
-    "limits": ("robot.parameters.enforce_limits", "true, false, or a list of kinds"),
+    "limits": ("robot.parameters.enforce_limits", "enforced joint limits: true, false, or a list of kinds"),
 }
-"""Short names of the keys that are changed most; {controller} is the controller of the first setpoint."""
+"""Short names of frequently changed keys: (dotted path, help text).
+
+{controller} is the controller of the first setpoint."""
 
 SENSORS = {
     "mocap": "motion capture",
@@ -65,9 +69,11 @@ SENSORS = {
     "person": "real person in front of the cameras",
     "supervisor": "supervisor of the collaboration",
 }
-"""Groups that an experiment has or has not. The bring-up alone may add a sensor, by its `device`."""
+"""Optional sections of an experiment, with their names for users.
+
+An override can add a sensor to an experiment by the key `device`, which only the bring-up uses."""
 ADDED_BY = {"supervisor": ["mode"]}
-"""Keys that add such a group to an experiment: the mode adds a supervisor, the device a sensor."""
+"""Keys by which an override adds a section to an experiment: `supervisor.mode`; `device` for all sensors."""
 DOTTED = (
     "parameters.<controller>.<name>, robot.<key>, metrics.<key>, "
     + "".join(f"{group}.<key>, " for group in SENSORS)
@@ -80,7 +86,7 @@ FRICTIONS = ("none", "coulomb", "identified")
 
 
 def help_text() -> str:
-    """Return the table of the shortcuts for --help."""
+    """Return the table of shortcuts for --help: name and description, one per line."""
     width = max(len(name) for name in SHORTCUTS)
     return "\n".join(f"  {name:<{width}}  {text}" for name, (_, text) in SHORTCUTS.items())
 
@@ -88,15 +94,15 @@ def help_text() -> str:
 def apply(raw: NodeParameters, overrides: Iterable[str]) -> dict[str, Any]:
     """Return the contents of an experiment file with overrides applied.
 
-    Another robot's URDF replaces the file's `robot.description`, in whatever order the overrides are.
+    Another robot's URDF removes the file's `robot.description`, whatever the order of the overrides.
 
     Args:
         raw: contents of the file.
-        overrides: `key:=value`; the value is YAML.
+        overrides: texts `key:=value`; the value is YAML.
 
     Raises:
-        ExperimentError: an override has another form, an unknown key (the message has the valid ones), or a key without
-            effect because of another one.
+        ExperimentError: an override does not have this form, its key is unknown (the message lists the valid ones), or
+            it has no effect because of another one.
     """
     result: dict[str, Any] = copy.deepcopy(dict(raw))
     keys: dict[tuple[str, ...], str] = {}
@@ -115,7 +121,7 @@ def apply(raw: NodeParameters, overrides: Iterable[str]) -> dict[str, Any]:
 
 
 def once(words: tuple[str, ...]) -> tuple[str, ...]:
-    """Return overrides unchanged. Raises ParameterError if a key is set twice: the first has no effect."""
+    """Return the overrides unchanged. Raises ParameterError if a key is set twice: the first would have no effect."""
     keys = [word.partition(":=")[0] for word in words]
     if twice := sorted({key for key in keys if keys.count(key) > 1}):
         raise ParameterError(f"{', '.join(twice)} is given more than once; valid: each key once")
@@ -123,31 +129,33 @@ def once(words: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _note(keys: dict[tuple[str, ...], str], key: str, path: Sequence[str]) -> None:
-    """Remember which key set a path; refuse it if it makes another key void."""
+    """Record which key has set a path; raise ExperimentError if another key has set this path or a part of it."""
     for earlier, other in keys.items():
         if other != key and list(earlier[: len(path)]) == list(path):
-            raise ExperimentError(f"{other} has no effect beside {key}: both set {'.'.join(path)}; valid: one of them")
+            raise ExperimentError(f"{other} has no effect with {key}: both set {'.'.join(path)}; valid: one of them")
     keys[tuple(path)] = key
 
 
 def _friction(raw: dict[str, Any], value: Any, text: str) -> str:
-    """Set the friction of the plant and return that of the URDF, whose Coulomb values are among the identified."""
+    """Set the plant's friction parameters and return the value for `robot.description.friction`.
+
+    The description has Coulomb friction only with "identified", so this value is also used for "coulomb"."""
     if isinstance(value, str) and value.endswith((".yaml", ".yml")):
         _assign(raw, ["robot", "plant", "friction_parameters"], read_parameters(Path(value).expanduser()), text)
         value = "identified"
     if value not in FRICTIONS:
         raise ExperimentError(
-            f"cannot apply {text!r}; valid: {', '.join(FRICTIONS)}, or a YAML file with the friction of each joint"
+            f"cannot apply override {text!r}; valid: {', '.join(FRICTIONS)}, or a YAML file with each joint's friction"
         )
     _assign(raw, PLANT_FRICTION, value, text)
     return value if raw["robot"].get("urdf") or value == "none" else "identified"
 
 
 def separate(text: str) -> list[str]:
-    """Return the overrides in a text, separated by spaces; a value with spaces is in quotes, as in a shell.
+    """Split a text into overrides, which are separated by spaces; values with spaces are quoted, as in a shell.
 
     Raises:
-        ExperimentError: a quote is not closed.
+        ExperimentError: a quotation mark is not closed.
     """
     try:
         return shlex.split(text)
@@ -156,7 +164,7 @@ def separate(text: str) -> list[str]:
 
 
 def split(text: str) -> tuple[str, Any]:
-    """Return (key, value) of `key:=value`."""
+    """Return (key, value) of an override `key:=value`, with the value parsed as YAML. Raises ExperimentError."""
     key, separator, value = text.partition(":=")
     if not separator or not key:
         raise ExperimentError(f"cannot read override {text!r}; write key:=value, for example kp:=200")
@@ -167,16 +175,16 @@ def split(text: str) -> tuple[str, Any]:
 
 
 def in_yaml(value: Any) -> str:
-    """Return a value on one line, as in an override."""
+    """Return a value as YAML on one line, as in an override."""
     plain = np.asarray(value).tolist() if isinstance(value, np.ndarray | np.generic | tuple) else value
     return str(yaml.safe_dump(plain, default_flow_style=True, width=float("inf"))).removesuffix("...\n").strip()
 
 
 def resolve(key: str, raw: NodeParameters) -> list[str]:
-    """Return the path in the experiment file that a key means.
+    """Return the path in the experiment file, as a list of keys, for the key of an override.
 
     Raises:
-        ExperimentError: the key is unknown.
+        ExperimentError: the key is unknown; the message lists valid ones.
     """
     short = key in SHORTCUTS
     path = (SHORTCUTS[key][0].format(controller=_controller(raw)) if short else key).split(".")
@@ -200,7 +208,7 @@ def resolve(key: str, raw: NodeParameters) -> list[str]:
 
 
 def _keys(group: str, raw: NodeParameters) -> list[str]:
-    """Return the keys of a group of an experiment file; empty: it is no group."""
+    """Return the valid keys in a section of an experiment file; empty if `group` is not a section."""
     if group == "parameters":
         return list(raw.get("controllers") or [])
     if group in SENSORS:
@@ -227,13 +235,13 @@ def _assign(raw: dict[str, object], path: list[str], value: Any, text: str) -> N
         if isinstance(target, list):
             if not part.isdigit() or int(part) >= len(target):
                 raise ExperimentError(
-                    f"cannot apply {text!r}: {above} is a list of {len(target)}; valid: an index from 0"
+                    f"cannot apply override {text!r}: {above} is a list of {len(target)}; valid: an index from 0"
                 )
             key: Any = int(part)
         elif isinstance(target, dict):
             key = part
         else:
-            raise ExperimentError(f"cannot apply {text!r}: {above} is a value, not a group")
+            raise ExperimentError(f"cannot apply override {text!r}: {above} is a value, not a group of keys")
         if depth == len(path) - 1:
             target[key] = value
         elif isinstance(target, dict) and target.get(key) is None:

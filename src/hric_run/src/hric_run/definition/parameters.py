@@ -1,4 +1,4 @@
-"""Parameters of an experiment as on a parameter server: controllers.yaml with its overrides, and those of the robot."""
+"""Conversion of an experiment to ROS parameters: of the robot, its controllers, the sensors and the supervisor."""
 
 import copy
 from collections.abc import Mapping
@@ -18,27 +18,27 @@ from hric_core.urdf import read
 from hric_run.definition.experiment import Experiment, ExperimentError, RobotSpec, package_path
 
 ROBOT = "robot"
-"""Namespace of the robot's own parameters, below the robot's namespace."""
+"""Private namespace of the robot node, relative to the robot's namespace."""
 
 HUMAN = "human"
-"""Name of the human in the robot's plant, and of the human's topics below `hric/`."""
+"""Name of the simulated human in the robot's plant, and of the namespace of their topics in `hric/`."""
 HUMAN_START = f"hric/{HUMAN}/start"
-"""Service that starts the human."""
+"""Service that starts the motion of the simulated human."""
 LOAD_SERVICE = "franka_control/set_load"
-"""Service that sets the payload of a Franka."""
+"""Service that sets the payload in the control box of a Franka arm."""
 MOCAP_CLIENT, EMULATED_HUMAN = "natnet_client", "emulated_human"
-"""Names of the motion capture's nodes."""
+"""Names of the nodes for motion capture: the client, and the emulated human with an emulated Motive."""
 PERSON = "person"
 """Name of the node that tracks a real person."""
 SUPERVISOR = "hric/safety/supervisor"
-"""Name of the supervisor, below the robot's namespace."""
+"""Name of the supervisor node, relative to the robot's namespace."""
 
 
 def description(spec: RobotSpec) -> str:
-    """Return `robot_description` as pure URDF: the Panda by its arguments, or another robot's URDF or xacro.
+    """Return the `robot_description` (URDF, xacro expanded): of the Panda, or from another robot's URDF or xacro file.
 
     Raises:
-        HricError: the description does not have an argument, or a file cannot be used.
+        HricError: an argument for the Panda's description is unknown, or the file is not usable.
     """
     if spec.urdf:
         return _description_of(spec.urdf)
@@ -48,10 +48,10 @@ def description(spec: RobotSpec) -> str:
 
 
 def human_description(experiment: Experiment) -> str:
-    """Return the URDF of the human in the robot's plant.
+    """Return the URDF of the simulated human in the robot's plant.
 
     Raises:
-        HricError: there is no human, or one of the human's parameters is not valid.
+        HricError: the experiment has no human, or one of their parameters is not valid.
     """
     if experiment.human is None:
         raise ExperimentError(f"experiment {experiment.name}: there is no human; valid: a section {HUMAN!r}")
@@ -62,7 +62,10 @@ def human_description(experiment: Experiment) -> str:
 
 
 def human_muscles(experiment: Experiment) -> dict[str, list[list[Any]]]:
-    """Return the paths of the human's muscles: by name, points of link, x, y, z [m]; empty without muscle drive.
+    """Return the paths of the simulated human's muscles, by name of the muscle.
+
+    A path is a list of points [link, x, y, z], in the link's frame [m]. The result is empty unless muscles drive the
+    human.
 
     Raises:
         HricError: one of the human's parameters is not valid.
@@ -88,15 +91,15 @@ def _description_of(address: str) -> str:
 
 
 def controllers_file() -> Path:
-    """Return the path of the controllers' YAML, which the bring-up loads, too."""
+    """Return the path of controllers.yaml, the default parameters of controllers, which the bring-up uses, too."""
     return package_path("hric_bringup") / "config" / "controllers.yaml"
 
 
 def defaults(arm_id: str) -> dict[str, dict[str, object]]:
-    """Return the parameters of all controller instances that are configured by default.
+    """Return the parameters of all controllers in controllers.yaml, by name of the controller.
 
     Args:
-        arm_id: replaces $(arg arm_id).
+        arm_id: value that replaces $(arg arm_id) in the file.
 
     Raises:
         HricError: the file is missing or is not YAML.
@@ -115,15 +118,17 @@ def _configured(path: Path, arm_id: str) -> dict[str, dict[str, object]]:
 
 @cache
 def _parsed(text: str, where: str) -> Any:
-    """Return parsed YAML, which the runs of a process share: do not change it."""
+    """Return parsed YAML; it is cached and shared by the runs of a process, so it must not be changed."""
     return yaml_text.parse(text, where)
 
 
 def configured_by_packages(arm_id: str) -> dict[str, dict[str, object]]:
-    """Return parameters of instances (with a type) in config/*.yaml of packages that export controllers.
+    """Return the parameters of controllers that are configured in config/*.yaml of packages that export controllers.
+
+    The result is by name of the controller; entries without a `type` are no controllers.
 
     Args:
-        arm_id: replaces $(arg arm_id).
+        arm_id: value that replaces $(arg arm_id) in the files.
 
     Raises:
         HricError: a file is not YAML.
@@ -138,10 +143,10 @@ def configured_by_packages(arm_id: str) -> dict[str, dict[str, object]]:
 
 
 def controllers(experiment: Experiment) -> dict[str, dict[str, object]]:
-    """Return the parameters of the instances that the experiment starts.
+    """Return the parameters of the controllers that an experiment starts, by name, with its changes applied.
 
     Raises:
-        ExperimentError: an instance has no type; the message lists those that are configured.
+        ExperimentError: a controller has no type; the message lists the configured ones.
     """
     known = defaults(experiment.robot.arm_id)
     if set(experiment.controllers) - set(known) - set(experiment.parameters):
@@ -160,10 +165,10 @@ def controllers(experiment: Experiment) -> dict[str, dict[str, object]]:
 
 
 def robot(experiment: Experiment, seed: int = 0) -> dict[str, object]:
-    """Return the private parameters of the RobotHW.
+    """Return the private parameters of the robot node for an experiment, with the seed of its plant.
 
     Raises:
-        HricError: `realism` does not exist, or the robot does not support it.
+        HricError: the value of `realism` is not valid, or the robot does not support it.
     """
     spec = experiment.robot
     plant = _realistic(spec, {"seed": seed, **spec.plant, **_friction(spec)})
@@ -176,14 +181,14 @@ def robot(experiment: Experiment, seed: int = 0) -> dict[str, object]:
 
 
 def load_request(spec: RobotSpec) -> Any:
-    """Return the request of `LOAD_SERVICE` for a payload without inertia; None: the experiment has no payload."""
+    """Return the request to the service `LOAD_SERVICE` for the payload (inertia zero); None: there is no payload."""
     if spec.load.mass == 0.0:
         return None
     return SetLoadRequest(mass=spec.load.mass, F_x_center_load=list(spec.load.com), load_inertia=[0.0] * 9)
 
 
 def participants(experiment: Experiment, seed: int) -> dict[str, object]:
-    """Return the parameter `participants` of the robot's plant: the human; empty without one."""
+    """Return the robot's parameter `participants` with the simulated human; empty if the experiment has none."""
     if experiment.human is None:
         return {}
     return {
@@ -192,10 +197,10 @@ def participants(experiment: Experiment, seed: int) -> dict[str, object]:
 
 
 def _realistic(spec: RobotSpec, plant: dict[str, object]) -> dict[str, object]:
-    """Return the plant's parameters with the friction of `realism`, so that run.yaml has the friction that acted."""
+    """Return the plant's parameters with the friction of `realism`, so that run.yaml has the actual friction."""
     if "realism" not in spec.parameters:
         return plant
-    if issubclass(plugins.find(plugins.ROBOT_HW, spec.hw), RobotHWSim):  # no control box with its own model
+    if issubclass(plugins.find(plugins.ROBOT_HW, spec.hw), RobotHWSim):  # it has no emulated control box
         raise ExperimentError(
             "realism applies only to the simulated Franka with control box (robot.hw franka_sim/FrankaHWSim); this "
             f"experiment has {spec.hw}"
@@ -206,7 +211,7 @@ def _realistic(spec: RobotSpec, plant: dict[str, object]) -> dict[str, object]:
 
 
 def _friction(spec: RobotSpec) -> dict[str, object]:
-    """Return the plant parameters for the friction of the Panda's description."""
+    """Return the plant's friction parameters that follow from `friction` in plant or description."""
     friction = spec.plant.get("friction", spec.description.get("friction", "none"))
     if friction == "coulomb" and not any(joint.friction for joint in read(description(spec)).joints.values()):
         raise ExperimentError(
@@ -224,20 +229,20 @@ def _friction(spec: RobotSpec) -> dict[str, object]:
     held = breakaways(chosen, list(published))
     if BREAKAWAY in chosen or any(held):
         values = [{**phi, BREAKAWAY: value} for phi, value in zip(values, held, strict=True)]
-    # By joint name, as the control box expects: a fitted file has its values in joint order, for any arm_id.
+    # The control box needs values by joint name; a fitted file has them in the order of joints, for any arm_id.
     return {"friction": friction, "friction_parameters": dict(zip(published, values, strict=True))}
 
 
 def joint_limits(experiment: Experiment) -> Mapping[str, Mapping[str, object]]:
-    """Return the parameters below `joint_limits/` in the robot's namespace; empty for another robot.
+    """Return the parameters in `joint_limits/` of the robot's namespace; empty for a robot other than the Panda.
 
-    They are the Panda's limits under ros_control's names, with the torque rate, which a URDF cannot carry.
+    They are the Panda's limits with ros_control's names, including the torque rate, which a URDF cannot contain.
     """
     return {} if experiment.robot.urdf else panda_description.joint_limit_parameters(experiment.robot.arm_id)
 
 
 def mocap(experiment: Experiment, seed: int = 0) -> dict[str, dict[str, object]]:
-    """Return the private parameters of the motion capture nodes, by name; empty without a section `mocap`.
+    """Return the private parameters of the motion capture nodes, by node name; empty without a section `mocap`.
 
     The nodes are the client, and the emulated human with an emulated Motive.
     """
@@ -247,9 +252,9 @@ def mocap(experiment: Experiment, seed: int = 0) -> dict[str, dict[str, object]]
 
 
 def person(experiment: Experiment) -> dict[str, object]:
-    """Return the description of the human for a device that measures them in the plant; empty without a human.
+    """Return the parameters by which emulated devices measure the simulated human; empty without a human.
 
-    `person` is the section that describes the human, `world_from_base` the pose of the base.
+    `person` is the section `human` of the experiment, `world_from_base` the pose of the robot's base in the world.
     """
     if experiment.human is None:
         return {}
@@ -259,7 +264,7 @@ def person(experiment: Experiment) -> dict[str, object]:
 
 
 def _three(description: Mapping[str, object], name: str) -> list[float]:
-    """Return an argument of the robot's description that is a list, or a text with spaces."""
+    """Return an argument of the robot's description as three numbers; it is a list, or a text with spaces."""
     value: Any = description.get(name, [0.0, 0.0, 0.0])
     try:
         x, y, z = map(float, value.split() if isinstance(value, str) else value)
@@ -269,9 +274,9 @@ def _three(description: Mapping[str, object], name: str) -> list[float]:
 
 
 def sensors(experiment: Experiment, seed: int = 0) -> dict[str, dict[str, object]]:
-    """Return the private parameters of the sensor nodes (drivers, emulated devices, synchroniser), by name.
+    """Return the private parameters of all nodes for sensors, by node name.
 
-    Empty without a sensor and the sections `sync`, `person`.
+    They are drivers, emulated devices, the synchroniser, and the tracker of a real person.
     """
     human = person(experiment)
     nodes = {name: values for sensor in experiment.sensors for name, values in sensor.nodes(seed, human).items()}
@@ -283,7 +288,7 @@ def sensors(experiment: Experiment, seed: int = 0) -> dict[str, dict[str, object
 
 
 def supervisor(experiment: Experiment) -> dict[str, dict[str, object]]:
-    """Return the private parameters of the supervisor, by its name; empty without a section `supervisor`."""
+    """Return the private parameters of the supervisor, by node name; empty without a section `supervisor`."""
     if experiment.supervisor is None:
         return {}
     seen: dict[str, object] = {}
@@ -295,20 +300,20 @@ def supervisor(experiment: Experiment) -> dict[str, dict[str, object]]:
 
 
 def other_nodes(experiment: Experiment) -> dict[str, dict[str, object]]:
-    """Return the private parameters of all nodes other than the robot's, by the last part of their names."""
+    """Return the private parameters of all nodes except the robot node, by the last part of the node's name."""
     nodes = mocap(experiment) | sensors(experiment) | supervisor(experiment)
     return {name.rpartition("/")[2]: values for name, values in nodes.items()}
 
 
 def _from_root(section: Mapping[str, object], *keys: str) -> dict[str, object]:
-    """Return a section with absolute paths for the files at these keys: the node runs in another folder."""
+    """Return a section with the YAML file names at these keys made absolute, as the node runs in another folder."""
     texts = {key: value for key in keys if isinstance(value := section.get(key), str)}
     files = {key: value for key, value in texts.items() if value.endswith((".yaml", ".yml"))}
     return {**section, **{key: str(Path(value).expanduser().absolute()) for key, value in files.items()}}
 
 
 def _joints(experiment: Experiment) -> list[str]:
-    """Return the joint names of a controller, else those of a Panda."""
+    """Return the joint names of the first controller that has a list of them, else those of a Panda."""
     for values in controllers(experiment).values():
         joints = values.get("joints")
         if isinstance(joints, list) and joints:
@@ -317,7 +322,7 @@ def _joints(experiment: Experiment) -> list[str]:
 
 
 def overlay(base: Mapping[str, object], changes: Mapping[str, object]) -> dict[str, object]:
-    """Return `base` overlaid by `changes`, group by group."""
+    """Return a copy of `base` with the values of `changes`; nested mappings are merged."""
     result = copy.deepcopy(dict(base))
     for key, value in changes.items():
         old = result.get(key)

@@ -1,8 +1,8 @@
-"""Sections `mocap`, `sync`, `human`, `person`, `supervisor` of an experiment file; others are plugins.
+"""Sections `mocap`, `sync`, `human`, `person`, `supervisor` of an experiment file; other sections are plugins.
 
-Each is declared once: files are read by it, parameters of nodes and sources of the synchroniser follow from it, and
-INTERFACE.md prints it. Mappings for a node are checked by the declarations of that node's package and passed on
-unchanged.
+Each section is declared by one settings class, which is used to read files, to derive parameters of nodes and sources
+of the synchroniser, and to print the table in INTERFACE.md. Mappings that are meant for a node are checked by the
+settings classes of that node's package and passed on unchanged.
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,12 +28,14 @@ if TYPE_CHECKING:
 
 FRAMES = "hric/perception/mocap"
 MOCAP_GAP = 0.05
-"""Longest time between frames that are interpolated [s]: an occlusion is not bridged (project default, unconfirmed)."""
+"""Longest time between two frames that the synchroniser interpolates, so that occlusions are not bridged [s].
+
+Project default, unconfirmed."""
 
 
 @dataclass(frozen=True)
 class MocapSection(Settings):
-    """The section `mocap`."""
+    """Section `mocap` of an experiment file: motion capture, and an emulated human that it tracks."""
 
     body: str = text(
         "",
@@ -50,7 +52,7 @@ class MocapSection(Settings):
 
     def check(self, where: str) -> None:
         """Refuse values that the emulated human or Motive does not accept, and a body that is not streamed."""
-        seen = self.build(0, {"person": {}} if self.measures_person else {})  # names are the same for any person
+        seen = self.build(0, {"person": {}} if self.measures_person else {})  # body names do not depend on the person
         bodies = [body.name for body in seen.motive.scene.bodies]
         object.__setattr__(self, "body", self.body or seen.name)
         if self.body not in bodies:
@@ -58,15 +60,15 @@ class MocapSection(Settings):
 
     @property
     def measures_person(self) -> bool:
-        """True if it tracks the human in the plant."""
+        """True if the motion capture tracks the simulated human in the robot's plant."""
         return measures_person(self.human)
 
     def build(self, seed: int, person: Mapping[str, object]) -> "CapturedHuman":
-        """Return the emulated human and the Motive that tracks them.
+        """Return the emulated human and the emulated Motive that tracks them.
 
         Args:
             seed: seed of all random numbers.
-            person: result of `parameters.person`, needed if it tracks the human in the plant.
+            person: result of `parameters.person`; needed if `measures_person` is True.
 
         Raises:
             HricError: a value is not valid.
@@ -77,7 +79,9 @@ class MocapSection(Settings):
         return see(self.human, self.stream, self.base_from_mocap, seed, self.prefix, **person)
 
     def nodes(self, arm_id: str, seed: int, person: Mapping[str, object]) -> dict[str, dict[str, object]]:
-        """Return private parameters of the client and the emulated human, by node name; person: see `build`."""
+        """Return the private parameters of the motion capture client and the emulated human, by node name.
+
+        `person`: result of `parameters.person`; needed if `measures_person` is True."""
         frame = {"base_frame": f"{arm_id}_link0"}
         base = {} if self.base_from_mocap is None else {"base_from_mocap": dict(self.base_from_mocap)}
         ports = {key: self.stream[key] for key in ("command_port", "data_port") if key in self.stream}
@@ -88,19 +92,19 @@ class MocapSection(Settings):
 
     @property
     def follows(self) -> str:
-        """Key of the mapping whose program measures the human in the robot's plant; "": none does."""
+        """Key of the mapping that makes the motion capture track the human in the robot's plant; empty: none does."""
         return "mocap.human" if self.measures_person else ""
 
     @property
     def source(self) -> dict[str, object]:
-        """Source of the poses for the plan of the synchroniser."""
+        """Source of motion capture poses in the configuration of the synchroniser."""
         signals = [f"rigid_bodies[{self.body}].pose"]
         return {"topic": FRAMES, "type": "hric_msgs/MocapData", "max_gap": MOCAP_GAP, "signals": signals}
 
 
 @dataclass(frozen=True)
 class SyncSection(Settings):
-    """The section `sync`."""
+    """Section `sync` of an experiment file: the synchroniser, which resamples all sources to common times."""
 
     rates: tuple[float, ...] = listing(
         number(above=0.0, maximum=10_000.0, unit="Hz"),
@@ -108,14 +112,14 @@ class SyncSection(Settings):
         (100.0, 1000.0),
         different=True,
         unit="Hz",
-        text="a stream for each: `/hric/perception/sync_<rate>hz`",
+        text="rates of the synchronised streams, each on a topic `/hric/perception/sync_<rate>hz`",
     )
     delay: float = number(
         1.0,
         minimum=0.0,
         maximum=10.0,
         unit="s",
-        text="waiting time for a late source; a busy machine may hold a sensor's process back (project "
+        text="longest wait for the samples of a late source, e.g. of a sensor's process on a busy machine (project "
         "default, unconfirmed)",
     )
 
@@ -125,11 +129,11 @@ class SyncSection(Settings):
         return [rate_topic(TOPIC, rate) for rate in self.rates]
 
     def nodes(self, joints: Sequence[str], sources: Sequence[Mapping[str, object]]) -> dict[str, dict[str, object]]:
-        """Return the private parameters of the synchroniser, by its name.
+        """Return the private parameters of the synchroniser, by node name.
 
         Args:
-            joints: joints of the robot.
-            sources: sources other than the robot.
+            joints: names of the robot's joints.
+            sources: configurations of the sources other than the robot.
         """
         signals = [f"{name}[{', '.join(joints)}]" for name in ("position", "velocity", "effort")]
         log = {"topic": "control_log", "type": "hric_msgs/ControlLog", "signals": signals}
@@ -139,22 +143,24 @@ class SyncSection(Settings):
 
 @dataclass(frozen=True)
 class PersonSection(PersonSettings):
-    """The section `person`, with the parameters of the node of that name."""
+    """Section `person` of an experiment file: parameters of the node `person`, which tracks a real person."""
 
     separator = "."
 
 
 @dataclass(frozen=True)
 class ExperimentSection(Settings):
-    """Section of another package, a plugin `hric_run::Section` by the name of the section, for headless runs."""
+    """Base class of sections that other packages define, for headless runs (one process without ROS).
+
+    A package exports its subclass as a plugin `hric_run::Section`, under the name of the section."""
 
     separator = "."
 
     def headless(self, node: "LocalNode", seed: int) -> "Stepper | None":
-        """Return what advances in step with the robot; None: nothing does.
+        """Return the object that is advanced in step with the robot during the run; None: there is none.
 
         Args:
-            node: namespace of the robot.
+            node: node of the robot's namespace.
             seed: seed of all random numbers of the run.
         """
         raise NotImplementedError
@@ -167,10 +173,10 @@ SECTIONS: dict[str, type[Settings]] = {
     "person": PersonSection,
     "supervisor": SupervisorSettings,
 }
-"""Declaration of each section that is no plugin."""
+"""Settings class of each section that is not a plugin, by name of the section."""
 
 
 def section_of(name: str) -> type[Settings]:
-    """Return the declaration of a section. Raises HricError: a plugin that cannot be imported."""
+    """Return the settings class of a section. Raises HricError if it is a plugin that cannot be imported."""
     base = plugins.SECTION if name in plugins.names(plugins.SECTION) else plugins.SENSOR
     return SECTIONS.get(name) or plugins.find(base, name)

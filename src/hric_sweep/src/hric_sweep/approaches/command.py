@@ -1,4 +1,4 @@
-"""Command `approaches`: the sweep `approaches` with its counts of contacts in words."""
+"""Command `approaches`: run the sweep of that name and print how many contacts exceeded their limits."""
 
 import argparse
 import contextlib
@@ -26,36 +26,47 @@ from hric_sweep.task import code_version, prepare
 COUNT, QUICK = 1000, 20
 """Number of approaches: default, and with --quick."""
 CONFIDENCE = 0.95
-"""Confidence level of the one-sided bound [1]."""
+"""Confidence level of the upper bound on the share of approaches with a contact above limits [1]."""
 MOVING, STANDING = "", "standing_"
-"""Prefixes of the outputs of the sweep that count contacts with a moving and with a standing arm."""
+"""Prefixes of the names of sweep outputs that count contacts: with a moving arm, and with a standing arm."""
 
 
 class ApproachesCommand(Command):
-    """Simulate approaches of a person to a working arm, drawn by seed, in the experiment shared_workspace.
+    """Simulate random approaches of a person to a working arm and count the contacts above limits.
 
-    Counts contacts above limits while the arm moves, and those with a standing arm; the sweep `approaches`.
+    Each seed gives one approach in the experiment shared_workspace. Contacts with a moving and with a standing arm are
+    counted separately. The runs are those of `sweep approaches`.
     """
 
     epilog = (
-        "exit codes: 0 no contact with the moving arm was above limits; 3 one was; 4 one is not assessable, or a "
-        "run failed."
+        "exit codes: 0 no contact with the moving arm was above limits; 3 at least one was; 4 at least one could not "
+        "be "
+        "assessed, or a run failed."
     )
 
     def arguments(self) -> list[Argument]:
         """Return the arguments."""
         return [
             Argument("--count", type=int, default=COUNT, help=f"number of approaches (default: {COUNT})"),
-            Argument("--quick", action="store_true", help=f"{QUICK} approaches"),
-            Argument("--first", type=int, default=0, help="seed of the first; the others follow (default: 0)"),
-            Argument("--without", action="store_true", help="the supervisor observes and does not act"),
-            Argument("--simulator", default="mujoco", help="engine (default: mujoco)"),
-            Argument("--jobs", type=int, default=2, help="processes (default: 2)"),
+            Argument("--quick", action="store_true", help=f"simulate only {QUICK} approaches"),
+            Argument(
+                "--first",
+                type=int,
+                default=0,
+                help="seed of the first approach; the others have the seeds after it (default: 0)",
+            ),
+            Argument(
+                "--without",
+                action="store_true",
+                help="the supervisor only observes; it neither slows nor stops the arm",
+            ),
+            Argument("--simulator", default="mujoco", help="physics engine (default: mujoco)"),
+            Argument("--jobs", type=int, default=2, help="number of processes (default: 2)"),
             Argument(
                 "--output",
                 type=Path,
                 metavar="FILE",
-                help="a line of JSON for each; finished approaches are not run again",
+                help="journal with one line of JSON per approach; approaches that it contains are not run again",
             ),
         ]
 
@@ -69,7 +80,7 @@ class ApproachesCommand(Command):
 
 
 def simulate(options: argparse.Namespace) -> list[RunResponse]:
-    """Execute the approaches of the options and return their responses in the order of the seeds."""
+    """Run the approaches chosen on the command line; return their results in the order of the seeds."""
     content, count = read_yaml(definition.find("approaches")), QUICK if options.quick else options.count
     content["changes"] = [f"simulator:={options.simulator}", f"supervisor.active:={not options.without}".lower()]
     content["sweep"] |= {"runs": count, "seed": options.first}
@@ -85,7 +96,7 @@ def simulate(options: argparse.Namespace) -> list[RunResponse]:
 
 
 def exit_code(responses: Sequence[RunResponse]) -> int:
-    """Return the exit code of the worst contact with a moving arm; those of a failed run are not known."""
+    """Return the exit code for the worst contact with a moving arm; failed runs count as not assessable."""
     outcomes = {outcome for outcome in ORDER if _runs(responses, MOVING, outcome)}
     if any(response.failure for response in responses):
         outcomes.add(Outcome.NOT_ASSESSABLE)
@@ -93,12 +104,12 @@ def exit_code(responses: Sequence[RunResponse]) -> int:
 
 
 def report(responses: Sequence[RunResponse], first: int, *, supervised: bool) -> str:
-    """Return the summary for the terminal.
+    """Return the summary of all approaches for the terminal.
 
     Args:
-        responses: responses in the order of the seeds.
-        first: seed of the first one.
-        supervised: True if the supervisor acted.
+        responses: results of the approaches, in the order of their seeds.
+        first: seed of the first approach.
+        supervised: True if the supervisor could slow and stop the arm.
     """
     count, completed = len(responses), [response for response in responses if not response.failure]
     speeds = [draw(first + index).speed for index in range(count)]
@@ -112,17 +123,21 @@ def report(responses: Sequence[RunResponse], first: int, *, supervised: bool) ->
         f"contacts above limits while the arm moves faster than 10 mm/s: in {_runs(responses, MOVING, Outcome.ABOVE)} "
         f"of {count}, at most {bound:.1f} % (one-sided {100.0 * CONFIDENCE:.0f} %)",
         f"contacts with a moving arm: {_counts(responses, MOVING)}",
-        f"contacts with a standing arm, by the person's own speed: {_counts(responses, STANDING)}",
-        f"area of a contact: {CONTACT_AREA:g} m^2 (project default); not assessable counts as above in the bound",
-        f"decisions in which the arm moved nearer than the protective distance: "
+        f"contacts with a standing arm, by the person's own motion: {_counts(responses, STANDING)}",
+        f"assumed contact area: {CONTACT_AREA:g} m^2 (project default); the bound counts contacts that are not "
+        "assessable "
+        f"as above limits",
+        f"decisions of the supervisor while the arm moved nearer to the person than the protective distance: "
         f"{sum(run.outputs['violations'] or 0.0 for run in completed):.0f}",
         f"share of the time stopped {stopped:.2f}, slowed {slowed:.2f}",
     ]
     exceeding = [str(first + run.index) for run in completed if run.outputs["above"]]
     if exceeding:
         largest = max(run.outputs["known_share"] or 0.0 for run in completed) or np.inf
-        lines.append(f"of those above limits: up to {largest:.1f} times the limit")
-        lines.append("seeds: " + ", ".join(exceeding[:20]) + (", ..." if len(exceeding) > 20 else ""))
+        lines.append(f"largest contact above limits: {largest:.1f} times the limit")
+        lines.append(
+            "seeds with a contact above limits: " + ", ".join(exceeding[:20]) + (", ..." if len(exceeding) > 20 else "")
+        )
     if len(completed) < count:
         lines.append(f"failed runs, contacts unknown (counted as above limits in the bound): {count - len(completed)}")
         lines += [f"  seed {first + run.index}: {run.failure}" for run in responses if run.failure]
@@ -130,12 +145,12 @@ def report(responses: Sequence[RunResponse], first: int, *, supervised: bool) ->
 
 
 def _runs(responses: Sequence[RunResponse], arm: str, *outcomes: Outcome) -> int:
-    """Return the number of runs with a contact that has one of the outcomes."""
+    """Return the number of runs with a contact that has one of the outcomes; `arm`: MOVING or STANDING."""
     names = [f"{arm}{outcome.name.lower()}" for outcome in outcomes]
     return sum(any(response.outputs[name] for name in names) for response in responses)
 
 
 def _counts(responses: Sequence[RunResponse], arm: str) -> str:
-    """Return the number of runs with each outcome as text."""
+    """Return, as text, the number of runs with a contact, in total and for each outcome; `arm`: MOVING or STANDING."""
     counts = ", ".join(f"{outcome} in {_runs(responses, arm, outcome)}" for outcome in ORDER)
     return f"in {_runs(responses, arm, *ORDER)} of {len(responses)} runs ({counts})"

@@ -1,4 +1,4 @@
-"""Contact events between person and robot: findings of the verdict, with the state of the arm as each contact began."""
+"""Contact events between person and robot: assessment results, with the state of the arm as each contact began."""
 
 import math
 from collections.abc import Sequence
@@ -19,30 +19,30 @@ from hric_run.simulation import Simulation
 from hric_sweep.records import PlainData
 
 BEFORE = 0.002
-"""Time before a contact at which the arm's speed is read, since the contact changes it [s] (project default)."""
+"""Time from reading the arm's speed to the contact [s], since the contact changes that speed (project default)."""
 MOVING, STANDING_ARM, PUSHED = "moving", "standing", "pushed"
-"""States of the arm as a contact begins; pushed: it stood still until an earlier contact moved it."""
+"""States of the arm as a contact begins; pushed: the arm stood still until an earlier contact moved it."""
 LONGEST = 2.0 * TRANSIENT_TIME
 """Longest time from the first touch to the end of a run [s]: twice the time after which a contact counts as a clamp."""
 CHUNK = 0.05
-"""Robot time between two checks whether a run is over [s]."""
+"""Robot time between two checks for the end of a run [s]."""
 
 
 @dataclass(frozen=True)
 class ContactEvent:
-    """Contact with its finding.
+    """Contact between person and robot, with the result of its assessment (its finding).
 
     Attributes:
         time, end: first and last touch, robot time [s].
         subject: bodies that touched, as in the finding.
         regions: regions of ISO/TS 15066 that may have been touched.
         arm: MOVING, STANDING_ARM or PUSHED.
-        arm_speed: speed of the arm's fastest point, BEFORE the contact [m/s].
+        arm_speed: speed of the arm's fastest point, shortly (BEFORE) before the contact [m/s].
         speed: relative speed at the contact [m/s]; None: not known.
         peak: peak force [N]; NaN: not known.
-        outcome: outcome of the finding.
-        share: ratio to the limit, see `counted_share` [1].
-        reason: reason of the finding.
+        outcome: assessment result, such as above limits.
+        share: ratio of the measured value to its limit, see `counted_share` [1].
+        reason: reason for the outcome.
     """
 
     time: float
@@ -80,10 +80,10 @@ def contact_events(findings: Sequence[Finding], log: ControlRecord, description:
 
 
 def impact(events: Sequence[ContactEvent]) -> dict[str, list[PlainData]]:
-    """Return contact events as plain data in groups, each with True for its outcome in lower case.
+    """Return contact events as plain data, in groups; each has one boolean per possible outcome, named in lower case.
 
-    contacts: all; moving: those that began while the arm moved; standing: the others; exceeding: those with a moving
-    arm that are above limits by a known share.
+    contacts: all; moving: contacts that began while the arm moved; standing: all other contacts; exceeding: contacts
+    with a moving arm that are above limits by a known ratio.
     """
     outcomes = [{outcome.name.lower(): event.outcome == outcome for outcome in Outcome} for event in events]
     rows = [{**asdict(event), **states} for event, states in zip(events, outcomes, strict=True)]
@@ -114,7 +114,7 @@ def _event(finding: Finding, window: tuple[float, float], arm: str, arm_speed: f
 
 
 def _arm_speed(log: ControlRecord, description: str, time: float) -> float:
-    """Return the speed of the arm's fastest point [m/s] at a robot time [s]; `description`: URDF of the robot."""
+    """Return the speed of the arm's fastest point [m/s] at `time` [s]; `description`: URDF of the robot."""
     at = int(np.clip(np.searchsorted(log.time, time), 0, len(log.time) - 1))
     state = ArmState(time, log.position[at], log.velocity[at])
     return float(np.linalg.norm(_shape(description, log.joint_names).at(state).velocities, axis=2).max())
@@ -127,7 +127,10 @@ def _shape(description: str, joints: tuple[str, ...]) -> ArmShape:
 
 
 def run_until_contact_ends(simulation: Simulation) -> None:
-    """Run until the first contact with the person has ended or lasted LONGEST; else to LONGEST before the duration."""
+    """Run until the first contact with the person has ended or lasted LONGEST.
+
+    A run without contact ends LONGEST before the duration of the experiment.
+    """
     touches, end = list[float](), simulation.definition.duration - LONGEST
 
     def on_contacts(message: RegionContacts) -> None:
@@ -140,18 +143,18 @@ def run_until_contact_ends(simulation: Simulation) -> None:
 
 
 def _over(time: float, end: float, touches: Sequence[float]) -> bool:
-    """Return True if a run is over; `touches`: robot times of all messages with a contact so far [s]."""
+    """Return True if a run is over; `touches`: robot times of all messages that report a contact so far [s]."""
     if not touches:
         return time >= end - 1e-9
     return time > touches[-1] + PARTED + CHUNK or time >= touches[0] + LONGEST
 
 
 def supervision(states: Sequence[Any]) -> dict[str, float] | None:
-    """Summarise messages hric_msgs/SafetyState; None: there was no supervisor.
+    """Summarise hric_msgs/SafetyState messages of the supervisor; None: there are none.
 
     Returns:
-        separation: smallest distance [m]; violations: decisions in which the arm moved below the protective distance;
-        stopped and slowed: shares of the time [1].
+        separation: smallest distance between person and arm [m]; violations: number of decisions while the arm moved
+        nearer to the person than the protective distance; stopped and slowed: shares of the time [1].
     """
     if not states:
         return None

@@ -8,12 +8,12 @@ import numpy as np
 from hric_sweep.approaches.contact_events import LONGEST
 
 SPEEDS = (0.5, 2.0)
-"""Range of the walk's peak speed, which is reached at the aim [m/s]."""
+"""Range of the peak speed of the walk [m/s], which the person reaches at the aim point."""
 PEAK = 1.875
 """Ratio of peak to mean speed of a minimum-jerk motion."""
 SUBJECTS = ("P05_female", "P50_female", "P50_male", "P95_male")
 BEARING = math.radians(100.0)
-"""Largest angle between x of the base and the bearing of the person's start [rad]: the arm works in front."""
+"""Largest angle between the base's x axis and the person's start [rad]: the arm works in front of the base."""
 CONTROLLER = "joint_pd_controller"
 SWING = 1.5
 """Time between two setpoints of the arm [s]."""
@@ -28,12 +28,12 @@ class RandomApproach:
     Attributes:
         seed: seed of the random draw.
         speed: peak speed of the walk [m/s].
-        bearing: direction from which the person comes, from x towards y of the base [rad].
-        aim: point at which the walk has its peak speed, in the world, 2 floats [m].
+        bearing: direction from which the person comes, as angle from the base's x axis towards y [rad].
+        aim: x and y, in the world frame, of the point at which the walk has its peak speed [m].
         distance: distance between start and aim [m].
         subject: code of the person's body.
-        arms: flexion of right shoulder and elbow, left shoulder and elbow [rad].
-        setpoints: setpoints of the arm, one each SWING, 7 floats each [rad].
+        arms: flexion of right shoulder, right elbow, left shoulder, left elbow [rad].
+        setpoints: joint positions for the robot arm, one setpoint every SWING seconds, 7 floats each [rad].
         phase: delay of the start of the walk after the start of the run [s].
     """
 
@@ -49,7 +49,7 @@ class RandomApproach:
 
     @property
     def reached(self) -> float:
-        """Time at which the person reaches the aim [s]."""
+        """Time at which the person reaches the aim point [s]."""
         return self.phase + PEAK * self.distance / self.speed
 
     @property
@@ -58,7 +58,7 @@ class RandomApproach:
         return round(self.reached + 0.4, 3)
 
     def changes(self) -> dict[str, object]:
-        """Return the overrides of the experiment, with enough time for a contact at the end of the run."""
+        """Return the overrides of the experiment; its duration leaves time for a contact at the end of the walk."""
         away = np.array([math.cos(self.bearing), math.sin(self.bearing)])
         start = np.array(self.aim) + self.distance * away
         path = (-2.0 * self.distance * away).tolist()
@@ -82,12 +82,12 @@ class RandomApproach:
 
 
 def changes(seed: int) -> dict[str, object]:
-    """Return the overrides of the random approach of a seed: the rows of the sweep `approaches`."""
+    """Return the experiment overrides of the random approach drawn from a seed: a row of the sweep `approaches`."""
     return draw(seed).changes()
 
 
 def draw(seed: int) -> RandomApproach:
-    """Return the random approach of a seed."""
+    """Draw the random approach that belongs to a seed."""
     random = np.random.default_rng(seed)
     speed = float(random.uniform(*SPEEDS))
     bearing = float(random.uniform(-BEARING, BEARING))

@@ -1,1 +1,1 @@
-"""Benchmark of controllers over collaborations, bodies and seeds, by stated rules."""
+"""Benchmark that ranks controllers over collaborative tasks, body sizes and seeds, by a fixed rule."""

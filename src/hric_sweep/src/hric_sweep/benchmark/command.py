@@ -1,4 +1,4 @@
-"""Command `benchmark`: compare controllers over collaborations, bodies and seeds."""
+"""Command `benchmark`: compare controllers over collaborative tasks, body sizes and seeds."""
 
 import argparse
 from collections.abc import Sequence
@@ -24,19 +24,20 @@ FILE = "benchmark.yaml"
 MEMORY = 4e9
 """Memory limit of a worker [bytes]; project default, unconfirmed."""
 CHOICES = ("without_references", "collaborations", "bodies", "seeds")
-"""Options that choose what is run, beside the definition and the controllers."""
+"""Options that, besides the definition and the controllers, choose the runs."""
 
 
 class BenchmarkCommand(Command):
-    """Compare controllers over collaborations, bodies and seeds.
+    """Compare controllers over collaborative tasks, body sizes and random seeds.
 
-    Findings, ergonomics, task and robustness stand side by side, in one table, one page and one results file. Needs
-    no ROS master.
+    Each controller is ranked by findings (contact and distance limits), ergonomics, task and robustness, in a table, a
+    page and a results file. Needs no ROS master.
     """
 
     epilog = (
-        f"order: {scoring.RULE}  exit codes: 0; 2 user error, nothing was started; 3 runs failed (they count as such "
-        "in the table), or --compare: not within the tolerance; 130 Ctrl-C (resume with --resume DIR)"
+        f"order of the controllers: {scoring.RULE}  exit codes: 0 success; 2 user error, nothing was started; 3 runs "
+        "failed (the table counts them), or results differ from --compare by more than the tolerance; 130 Ctrl-C "
+        "(resume with --resume DIR)"
     )
 
     def arguments(self) -> list[Argument]:
@@ -47,21 +48,28 @@ class BenchmarkCommand(Command):
                 "controllers",
                 nargs="*",
                 metavar="CONTROLLER",
-                help=f"YAML files, in addition to the references ({references})",
+                help=f"YAML files of controllers, compared with the reference controllers ({references})",
             ),
-            Argument("--without-references", action="store_true", help="only the controllers given"),
-            Argument("--definition", metavar="FILE", help="another definition than the one that comes with it"),
-            Argument("--collaborations", nargs="+", default=[], metavar="NAME", help="only these"),
-            Argument("--bodies", nargs="+", default=[], metavar="NAME", help="only these"),
-            Argument("--seeds", type=int, metavar="N", help="only the first N seeds"),
+            Argument("--without-references", action="store_true", help="compare only the given controllers"),
             Argument(
-                "--compare", type=Path, metavar="FILE", help="results of another laboratory: report the differences"
+                "--definition",
+                metavar="FILE",
+                help="YAML file of the benchmark (default: the benchmark of this workspace)",
+            ),
+            Argument("--collaborations", nargs="+", default=[], metavar="NAME", help="run only these collaborations"),
+            Argument("--bodies", nargs="+", default=[], metavar="NAME", help="run only these body sizes"),
+            Argument("--seeds", type=int, metavar="N", help="run only the first N seeds"),
+            Argument(
+                "--compare",
+                type=Path,
+                metavar="FILE",
+                help="results file of another laboratory: print the differences beyond the tolerance",
             ),
             *engine_arguments("benchmark"),
         ]
 
     def run(self, arguments: argparse.Namespace) -> int:
-        """Run a new benchmark, or resume one; print and compare its results."""
+        """Run a new benchmark, or resume one; print its results and compare them with those of --compare."""
         if arguments.seeds is not None:
             whole(minimum=1).checked(arguments.seeds, "--seeds")
         theirs = None if arguments.compare is None else results.read(arguments.compare)
@@ -92,20 +100,22 @@ def _folder(resume: str | None) -> Path | None:
 
 
 def _chosen(options: argparse.Namespace) -> tuple[Benchmark, PlainData, list[BenchmarkController]]:
-    """Return benchmark, content and controllers of the options."""
+    """Return the checked benchmark, the content of its files, and the controllers that the options choose."""
     benchmark, content = definition.load(None if options.definition is None else Path(options.definition))
     benchmark = benchmark.only(options.collaborations, options.bodies, options.seeds)
     names = [*([] if options.without_references else definition.references()), *options.controllers]
     if not names:
-        raise HricError("nothing to compare: --without-references needs the file of a controller")
+        raise HricError("nothing to compare; valid: with --without-references, at least one CONTROLLER file")
     controllers = [definition.controller(name, benchmark) for name in names]
     if len({controller.name for controller in controllers}) < len(controllers):
-        raise HricError(f"two controllers have one name: {', '.join(controller.name for controller in controllers)}")
+        raise HricError(
+            f"two controllers have the same name: {', '.join(controller.name for controller in controllers)}"
+        )
     return benchmark, content, controllers
 
 
 def _begin(options: argparse.Namespace, content: PlainData, code: str) -> Path:
-    """Create the run folder with benchmark.yaml and return its path."""
+    """Create the run folder of a benchmark with its settings in benchmark.yaml; return its path."""
     chosen = {key: getattr(options, key) for key in CHOICES}
     chosen["definition"] = options.definition and _absolute(options.definition)
     chosen["controllers"] = list(map(_absolute, options.controllers))
@@ -125,7 +135,7 @@ def _run(
     code: str,
     options: argparse.Namespace,
 ) -> tuple[Path, PlainData]:
-    """Run a new benchmark, or resume one; return its folder and results."""
+    """Run a new benchmark (`folder` is None) or resume the one in `folder`; return its folder and results."""
     from hric_sweep.benchmark import page
 
     runs = definition.runs(benchmark, content["experiments"], controllers, code)

@@ -1,4 +1,4 @@
-"""Definition of a benchmark, with its runs and scores, and the file of each controller."""
+"""Files of a benchmark: its definition with collaborations and scores, and one file per controller; their runs."""
 
 import hashlib
 import json
@@ -45,14 +45,15 @@ OVERRIDES: Any = listing(text(empty=False), default=(), different=True)
 
 @dataclass(frozen=True)
 class Score(SweepOutput):
-    """Number of each run by which controllers are compared."""
+    """Quantity that is computed for each run and by which controllers are compared."""
 
     limit: float | None = number(
         None,
-        text="largest value that is accepted, or smallest where larger is better: a finding beyond it is out of "
-        "limits, a task beyond it not completed",
+        text="largest accepted value, or smallest if larger is better; beyond it, a finding is out of limits and a "
+        "task "
+        "is not completed",
     )
-    better: str = choice("smaller", "larger", text="smaller or larger values are better")
+    better: str = choice("smaller", "larger", text="values that are better: smaller or larger ones")
 
     @property
     def sign(self) -> float:
@@ -60,7 +61,7 @@ class Score(SweepOutput):
         return 1.0 if self.better == "smaller" else -1.0
 
     def beyond(self, value: float) -> bool:
-        """Return True if a value is beyond the limit."""
+        """Return True if there is a limit and the value is on its bad side."""
         return self.limit is not None and self.sign * value > self.sign * self.limit
 
 
@@ -69,14 +70,16 @@ SCORES: Any = mapping(section(Score), text="scores by name")
 
 @dataclass(frozen=True)
 class Collaboration(FileSettings):
-    """Experiment of the benchmark; `name` is its name within the benchmark."""
+    """Collaborative task of the benchmark: an experiment with scores; `name` is its name within the benchmark."""
 
     name: str = ""
     extends: str = text(empty=False, text="the experiment: its name, or the path of its YAML file")
-    changes: tuple[str, ...] = listing(text(empty=False), default=(), text="overrides of all its runs")
+    changes: tuple[str, ...] = listing(
+        text(empty=False), default=(), text="overrides of the experiment in all its runs"
+    )
     findings: Mapping[str, Score] = mapping(section(Score), text="scores that have a limit")
-    ergonomics: Mapping[str, Score] = mapping(section(Score), text="scores of what it costs the person")
-    task: Mapping[str, Score] = mapping(section(Score), text="scores of time and error")
+    ergonomics: Mapping[str, Score] = mapping(section(Score), text="scores of the person's physical load")
+    task: Mapping[str, Score] = mapping(section(Score), text="scores of task time and error")
 
     def scores(self, category: str) -> Mapping[str, Score]:
         """Return the scores of one of CATEGORIES, by name."""
@@ -91,11 +94,13 @@ class Collaboration(FileSettings):
 
 @dataclass(frozen=True)
 class BenchmarkPopulation(FileSettings):
-    """Bodies of the persons in the benchmark."""
+    """Population of the benchmark: the bodies of its simulated persons."""
 
     name: str = text(empty=False, text="name of the population")
-    source: str = text("", text="source of its percentiles")
-    bodies: Mapping[str, str] = mapping(text(empty=False), text="subject of each body, by a short name such as p50")
+    source: str = text("", text="source of the body percentiles")
+    bodies: Mapping[str, str] = mapping(
+        text(empty=False), text="subject file of each body, by a short name such as p50"
+    )
 
 
 @dataclass(frozen=True)
@@ -104,10 +109,13 @@ class Benchmark(FileSettings):
 
     description: str = text("", text="one-line description")
     population: BenchmarkPopulation = section(BenchmarkPopulation)
-    seeds: tuple[int, ...] = listing(whole(minimum=0), range(1, 1000), different=True, text="one run each")
-    changes: tuple[str, ...] = listing(text(empty=False), default=(), text="overrides of all runs")
+    seeds: tuple[int, ...] = listing(whole(minimum=0), range(1, 1000), different=True, text="seeds; each gives one run")
+    changes: tuple[str, ...] = listing(text(empty=False), default=(), text="overrides of the experiments in all runs")
     tolerance: float = number(
-        0.02, minimum=0.0, maximum=1.0, text="share of a value within which two are the same, for ranks and --compare"
+        0.02,
+        minimum=0.0,
+        maximum=1.0,
+        text="relative difference up to which two values count as equal, for ranks and --compare",
     )
     timeout: float = number(
         600.0, above=0.0, unit="s", text="limit of processor time per run, and of wall time without progress"
@@ -119,12 +127,12 @@ class Benchmark(FileSettings):
     )
 
     def only(self, collaborations: Sequence[str], bodies: Sequence[str], seeds: int | None) -> "Benchmark":
-        """Return a part of the benchmark.
+        """Return the benchmark, restricted to some collaborations, bodies and seeds.
 
         Args:
             collaborations: names of the collaborations; empty: all.
             bodies: names of the bodies; empty: all.
-            seeds: number of seeds, the first ones; None: all.
+            seeds: number of seeds to use, from the first on; None: all.
 
         Raises:
             UnknownNameError: a name is not in the benchmark.
@@ -147,10 +155,10 @@ def _chosen(kind: str, names: Sequence[str], known: Mapping[str, T]) -> dict[str
 
 @dataclass(frozen=True)
 class Prediction(FileSettings):
-    """Rank that a controller's design predicts."""
+    """Rank of a controller that its author predicts from its design."""
 
-    rank: int = whole(minimum=1, text="among the reference controllers")
-    text: str = text(empty=False, text="reason")
+    rank: int = whole(minimum=1, text="predicted rank among the reference controllers")
+    text: str = text(empty=False, text="reason for the prediction")
 
 
 @dataclass(frozen=True)
@@ -159,24 +167,26 @@ class BenchmarkController(FileSettings):
 
     name: str = ""
     description: str = text("", text="one-line description")
-    prediction: Prediction | None = section(Prediction, None, text="rank that its design predicts; none: no prediction")
+    prediction: Prediction | None = section(
+        Prediction, None, text="rank predicted from its design; none: no prediction"
+    )
     changes: Mapping[str, tuple[str, ...]] = mapping(
         OVERRIDES,
-        text="overrides of each collaboration, by its name: which controllers, of which type and with which gains",
+        text="overrides by name of the collaboration: which controllers run, of which type and with which gains",
     )
 
 
 def load(path: Path | None = None) -> tuple[Benchmark, PlainData]:
-    """Read and check a definition.
+    """Read and check the definition of a benchmark.
 
     Args:
         path: path of a YAML file; None: the definition that comes with the workspace.
 
     Returns:
-        The definition, and its content as plain data, including that of its experiments.
+        The definition, and the content of its file and of the experiment files as plain data.
 
     Raises:
-        HricError: mistakes, all of them at once.
+        HricError: the file has mistakes; the message lists all of them.
     """
     path = path or folder() / f"{NAME}.yaml"
     content = read_yaml(path)
@@ -189,7 +199,7 @@ def load(path: Path | None = None) -> tuple[Benchmark, PlainData]:
 
 
 def folder() -> Path:
-    """Return the folder of the definition and the reference controllers."""
+    """Return the folder with the benchmark's definition and reference controllers."""
     return experiment.config_path("benchmark")
 
 
@@ -199,11 +209,11 @@ def references() -> list[str]:
 
 
 def controller(name: str, benchmark: Benchmark) -> BenchmarkController:
-    """Read and check the file of a controller, including each run that it changes.
+    """Read and check the file of a controller; also check the experiments with its overrides.
 
     Args:
         name: name of a reference controller, or path of a YAML file.
-        benchmark: benchmark whose collaborations it changes.
+        benchmark: benchmark whose collaborations the controller overrides.
 
     Raises:
         HricError: the controller does not exist, or its file has mistakes, all of them listed at once.
@@ -214,7 +224,7 @@ def controller(name: str, benchmark: Benchmark) -> BenchmarkController:
         _check(checked, benchmark)
     except HricError as error:
         example = "\n".join(f"  {line}" for line in EXAMPLE.splitlines())
-        hint = "" if name in references() else f"\na controller's file, for example:\n{example}"
+        hint = "" if name in references() else f"\nexample of a controller's file:\n{example}"
         raise ExperimentError(f"{message_about(f'controller {path.stem}', error)}{hint}") from error
     return checked
 
@@ -236,14 +246,14 @@ def _check(controller: BenchmarkController, benchmark: Benchmark) -> None:
 
 
 def arguments(benchmark: Benchmark, collaboration: Collaboration, by: BenchmarkController, subject: str) -> list[str]:
-    """Return the overrides of a run: of the benchmark, the collaboration and the body, and last of the controller."""
+    """Return the overrides of a run in order: benchmark, collaboration, body, controller; the last one wins."""
     body = f"human.subject:={subject}"
     return [*benchmark.changes, *collaboration.changes, body, *by.changes.get(collaboration.name, ())]
 
 
 @dataclass(frozen=True)
 class BenchmarkRun:
-    """Run of a controller in a collaboration with a body and a seed."""
+    """Key of one run: a controller in a collaboration, with a body and a seed."""
 
     controller: str
     collaboration: str
@@ -254,7 +264,7 @@ class BenchmarkRun:
 def runs(
     benchmark: Benchmark, experiments: PlainData, controllers: Sequence[BenchmarkController], code: str
 ) -> dict[BenchmarkRun, RunTask]:
-    """Return all runs with their tasks; controllers alternate, so that the first runs already allow a comparison.
+    """Return the task of each run; controllers alternate, so that the first runs already allow a comparison.
 
     Args:
         benchmark: definition of the benchmark.
@@ -274,18 +284,18 @@ def runs(
 
 
 def plain(content: Any) -> PlainData:
-    """Return content as JSON represents it."""
+    """Return content with JSON types only: tuples become lists, unknown objects become text."""
     represented: PlainData = json.loads(json.dumps(content, default=str))
     return represented
 
 
 def digest(content: Any) -> str:
-    """Return the hash of plain data."""
+    """Return the SHA-256 of plain data, in hexadecimal."""
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
 def limits_digest() -> str:
-    """Return the hash of the tables with the limits for findings."""
+    """Return the SHA-256 of all tables of limits in hric_assessment, in hexadecimal."""
     digest = hashlib.sha256()
     for path in sorted((experiment.package_path("hric_assessment") / "config" / "tables").glob("*.yaml")):
         digest.update(path.name.encode() + b"\0" + path.read_bytes())

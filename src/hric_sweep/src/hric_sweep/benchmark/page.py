@@ -1,4 +1,4 @@
-"""Page of a benchmark: one file that needs no network and no script."""
+"""HTML page of a benchmark: one file that needs no network and no JavaScript."""
 
 import math
 from collections.abc import Iterator
@@ -15,18 +15,18 @@ from hric_sweep.records import PlainData
 
 NAME, ASSETS = "report.html", Path(__file__).parent / "assets"
 LEFT, RIGHT = 150, 770
-"""Ends of the axis of a chart [px]."""
+"""Horizontal ends of a chart's axis [px]."""
 
 
 def write(folder: Path, results: PlainData) -> Path:
-    """Write the page of the results to a folder and return its path."""
+    """Write the HTML page of a benchmark's results to a folder; return its path."""
     path = folder / NAME
     files.write_text(path, build(results))
     return path
 
 
 def build(results: PlainData) -> str:
-    """Return the text of the page."""
+    """Return the HTML page of a benchmark's results."""
     note = "Medians over all bodies and seeds, smallest and largest value in brackets."
     medians = {name: text.by_collaboration(results, name) for name in results["collaborations"]}
     template = templates.environment(ASSETS, axis=_axis, figure=figure).get_template("benchmark.html")
@@ -43,7 +43,7 @@ def build(results: PlainData) -> str:
 
 
 def _overview(results: PlainData) -> Iterator[PageTable]:
-    """Yield the table of the order, and tables of the mean ranks in each category by collaboration."""
+    """Yield the table of controllers in order, then one table of mean ranks for each category."""
     yield PageTable("", text.HEAD, tuple(text.rows(results)), results["rule"])
     order = [standing["name"] for standing in results["standings"]]
     for category in ("ergonomics", "task", "robustness"):
@@ -59,7 +59,7 @@ def _spaced(name: str) -> str:
 
 
 def _axis(collaboration: PlainData, key: str) -> Axis:
-    """Return the axis of a score, with 0, its limit and all finite values of the runs of a collaboration."""
+    """Return the chart axis of a score; its range includes 0, the limit and all finite values in a collaboration."""
     scores = [controller["scores"][key] for controller in collaboration["controllers"].values()]
     values = [score[end] for score in scores for end in ("lowest", "highest")]
     ends = [0.0, collaboration["scores"][key]["limit"] or 0.0, *(value for value in values if value is not None)]
@@ -68,7 +68,7 @@ def _axis(collaboration: PlainData, key: str) -> Axis:
 
 
 def _made(results: PlainData) -> Iterator[PageTable]:
-    """Yield the table of what was run, and a table of each controller."""
+    """Yield a table of the benchmark's versions and bodies, then a table of overrides for each controller."""
     hashes, bodies = results["hashes"], results["part"]["bodies"]
     rows = (
         ("hash of the definition", hashes["definition"]),
@@ -76,7 +76,7 @@ def _made(results: PlainData) -> Iterator[PageTable]:
         ("code", hashes["code"]),
         ("bodies", ", ".join(f"{name}: {who}" for name, who in bodies.items())),
         ("percentiles", results["population"]["source"]),
-        ("the same within", f"{100.0 * results['tolerance']:g} % of a value"),
+        ("values count as equal", f"if they differ by at most {100.0 * results['tolerance']:g} %"),
     )
     yield PageTable("", ("what", ""), rows)
     for name, controller in results["controllers"].items():

@@ -1,4 +1,4 @@
-"""Results file of a benchmark: definition, hashes and results; and the comparison of two such files."""
+"""Results file of a benchmark (definition, hashes, scores, ranks), and comparison of two results files."""
 
 import json
 import math
@@ -33,13 +33,13 @@ INFINITE = "infinite"
 def make(
     benchmark: Benchmark, content: PlainData, controllers: Sequence[BenchmarkController], cells: Cells, code: str
 ) -> PlainData:
-    """Return the content of the results file.
+    """Return the content of a benchmark's results file.
 
     Args:
         benchmark: part of the benchmark that was run.
         content: plain data from `definition.load`.
         controllers: controllers that were compared.
-        cells: results from `scoring.cells`.
+        cells: results by collaboration and controller, from `scoring.cells`.
         code: version of the code.
     """
     names = [controller.name for controller in controllers]
@@ -62,7 +62,7 @@ def make(
 
 
 def part(benchmark: Benchmark) -> PlainData:
-    """Return the collaborations, bodies and seeds that were run."""
+    """Return the collaborations, bodies and seeds of a benchmark, as plain data."""
     bodies = benchmark.population.bodies
     return plain({"collaborations": list(benchmark.collaborations), "bodies": bodies, "seeds": benchmark.seeds})
 
@@ -89,7 +89,7 @@ def _controller(controller: BenchmarkController) -> PlainData:
 
 
 def predicted(results: PlainData) -> list[tuple[str, int, int]]:
-    """Return (controller, predicted rank, actual rank among these) for controllers with a prediction."""
+    """Return (controller, predicted rank, actual rank) for each controller with a prediction, ranked among these."""
     controllers = results["controllers"]
     ranks = {item["name"]: item["rank"] for item in results["standings"] if controllers[item["name"]]["prediction"]}
     return [
@@ -99,7 +99,7 @@ def predicted(results: PlainData) -> list[tuple[str, int, int]]:
 
 
 def run_rows(responses: Mapping[BenchmarkRun, RunResponse]) -> list[PlainData]:
-    """Return one row per run, with all its outputs."""
+    """Return one row per run as plain data: controller, collaboration, body, seed, outputs, failure, state hash."""
     about = ("outputs", "failure", "state_sha256")
     return [{**vars(run), **{key: getattr(response, key) for key in about}} for run, response in responses.items()]
 
@@ -110,10 +110,10 @@ def write(folder: Path, results: PlainData) -> None:
 
 
 def read(path: Path) -> PlainData:
-    """Read a results file.
+    """Read the results file of a benchmark.
 
     Raises:
-        HricError: the file is no results file of this version.
+        HricError: the file cannot be read, or is no results file of this version.
     """
     try:
         results = json.loads(path.read_text())
@@ -127,7 +127,7 @@ def read(path: Path) -> PlainData:
 
 
 def finite(value: Any) -> Any:
-    """Return results with infinite values replaced, as JSON cannot represent them."""
+    """Return results with infinite values replaced by INFINITE, as JSON cannot represent them."""
     if isinstance(value, float) and math.isinf(value):
         return INFINITE
     if isinstance(value, Mapping):
@@ -136,7 +136,7 @@ def finite(value: Any) -> Any:
 
 
 def _restored(value: Any) -> Any:
-    """Return results with the infinite values that `finite` replaced."""
+    """Undo `finite`: return results with INFINITE replaced by infinity."""
     if isinstance(value, dict):
         return {key: _restored(item) for key, item in value.items()}
     if isinstance(value, list):
@@ -145,16 +145,16 @@ def _restored(value: Any) -> Any:
 
 
 def compare(ours: PlainData, theirs: PlainData) -> list[str]:
-    """Return the differences between two results that exceed the tolerance of the definition; empty: none.
+    """Return one line per difference between two results that exceeds the tolerance of the definition.
 
     Raises:
-        HricError: they have different definitions, tables or controllers, so that they cannot be compared.
+        HricError: the results have different definitions, tables of limits or controllers.
     """
     for key in ("definition", "tables"):
         if ours["hashes"][key] != theirs["hashes"][key]:
             raise HricError(
                 f"the results were made with different {'definitions' if key == 'definition' else 'tables of limits'} "
-                f"({ours['hashes'][key][:12]} and {theirs['hashes'][key][:12]}); valid: results made with the same"
+                f"({ours['hashes'][key][:12]} and {theirs['hashes'][key][:12]}); valid: results made with the same ones"
             )
     names = [name for name in ours["controllers"] if name in theirs["controllers"]]
     if not names:

@@ -1,6 +1,6 @@
-"""Scoring of a benchmark: values by controller and collaboration, ranks, and one order.
+"""Scoring of a benchmark: statistics of each score by controller and collaboration, ranks, order of the controllers.
 
-Categories are never added up. The order follows from `RULE` alone.
+There is no total score over the categories: only `RULE` determines the order.
 """
 
 import math
@@ -21,23 +21,25 @@ from hric_sweep.benchmark.definition import (
 from hric_sweep.records import RunResponse
 
 ROBUSTNESS = "robustness"
-"""Category of the spread of all scores over bodies and seeds."""
+"""Category that ranks the spread of all scores over bodies and seeds."""
 RULE = (
-    "1. findings: fewer runs that are above a limit, or could not be judged; 2. ergonomics, 3. task: smaller mean "
-    "rank; 4. robustness: fewer runs not completed, then smaller mean rank of the spread. A later category decides "
-    "only where all before it are equal. The rank in a collaboration is that of the median over bodies and seeds, "
-    "score by score, all scores alike; controllers within the tolerance of each other share a rank."
+    "1. findings: fewer runs that are above a limit or could not be judged; 2. ergonomics: smaller mean rank; "
+    "3. task: smaller mean rank; 4. robustness: fewer runs not completed, then smaller mean rank of the spread. A "
+    "later "
+    "category counts only if all earlier ones are equal. In a collaboration, controllers are ranked by the median of "
+    "each score over bodies and seeds; all scores have equal weight; controllers that differ by no more than the "
+    "tolerance share a rank."
 )
 """Rule by which controllers are ordered."""
 
 
 @dataclass(frozen=True)
 class ScoreSummary:
-    """Values of a score over the runs that have it; None: no run has it.
+    """Statistics of a score over all runs that have a value; None: no run has one.
 
     Attributes:
-        median, lowest, highest: median and extreme values.
-        by_body: medians by body.
+        median, lowest, highest: median, smallest and largest value.
+        by_body: median of each body's runs, by name of the body.
     """
 
     median: float | None
@@ -57,9 +59,9 @@ class ScoreCell:
 
     Attributes:
         runs: number of runs.
-        above: runs with a finding beyond its limit, or with one that is not assessable (an infinite share).
-        unknown: runs with an unknown finding, because they failed.
-        incomplete: runs that failed, or have a score of the task that is unknown or beyond its limit.
+        above: number of runs with a finding beyond its limit, or not assessable (infinite ratio to the limit).
+        unknown: number of runs without a value for a finding, because they failed.
+        incomplete: number of runs that failed, or have a task score that is unknown or beyond its limit.
         failures: number of runs by reason of failure.
         scores: summary of each score, by `CATEGORY.NAME`.
     """
@@ -74,14 +76,14 @@ class ScoreCell:
 
 @dataclass(frozen=True)
 class Standing:
-    """Result of a controller in the whole benchmark.
+    """Rank of a controller in the whole benchmark, with the values that determine it.
 
     Attributes:
         name: name of the controller.
         rank: rank from 1; controllers that are equal by the rule share a rank.
-        out_of_limits: runs that are above a limit or could not be judged.
-        ergonomics, task, spread: mean ranks over collaborations.
-        incomplete: runs whose task was not completed.
+        out_of_limits: number of runs that are above a limit or could not be judged.
+        ergonomics, task, spread: mean rank over all collaborations in ergonomics, task and robustness.
+        incomplete: number of runs whose task was not completed.
         runs: number of all runs.
     """
 
@@ -96,13 +98,13 @@ class Standing:
 
 
 Cells = Mapping[tuple[str, str], ScoreCell]
-"""Results by collaboration and controller."""
+"""Results by (collaboration, controller)."""
 Ranks = Mapping[tuple[str, str], float]
-"""Mean ranks by collaboration and controller."""
+"""Mean ranks by (collaboration, controller)."""
 
 
 def cells(benchmark: Benchmark, responses: Mapping[BenchmarkRun, RunResponse]) -> Cells:
-    """Return the results by collaboration and controller, from the response of each run."""
+    """Summarise the results of all runs by (collaboration, controller)."""
     rows: dict[tuple[str, str], dict[BenchmarkRun, RunResponse]] = {}
     for run, response in responses.items():
         rows.setdefault((run.collaboration, run.controller), {})[run] = response
@@ -122,7 +124,7 @@ def _cell(collaboration: Collaboration, rows: Mapping[BenchmarkRun, RunResponse]
 
 
 def _states(collaboration: Collaboration, category: str, response: RunResponse) -> set[str]:
-    """Return the states of a run in the scores of a category, with "within"."""
+    """Return the states of a run's scores in a category: "within" (always), and "beyond" or "unknown" if any has it."""
     scores = collaboration.scores(category).items()
     return {"within", *(_state(score, response.outputs[f"{category}.{name}"]) for name, score in scores)}
 
@@ -145,12 +147,12 @@ def _summary(key: str, rows: Mapping[BenchmarkRun, RunResponse]) -> ScoreSummary
 def ranks(values: Mapping[str, float | None], sign: float, tolerance: float) -> dict[str, int]:
     """Return the rank of each controller by one score: 1 + the number of controllers that are clearly better.
 
-    Clearly better means by more than the tolerance. A controller without a value is last.
+    Clearly better means better by more than the tolerance. A controller without a value is last.
 
     Args:
         values: score by controller.
         sign: 1 if smaller is better, -1 if larger is better.
-        tolerance: share of the larger of two values within which they count as equal.
+        tolerance: relative difference (of the larger of two values) up to which they count as equal [1].
     """
     worst = {name: math.inf if value is None else sign * value for name, value in values.items()}
     return {
@@ -168,7 +170,7 @@ def _better(a: float, b: float, tolerance: float) -> bool:
 def category_ranks(benchmark: Benchmark, results: Cells, controllers: Sequence[str], category: str) -> Ranks:
     """Return the mean rank over the scores of a category, by collaboration and controller.
 
-    The scores of ROBUSTNESS are the spreads of all scores but findings; smaller is better.
+    In the category ROBUSTNESS, the ranked values are the spreads of all scores except findings; smaller is better.
     """
     mean_ranks = {}
     for name, collaboration in benchmark.collaborations.items():
@@ -195,7 +197,7 @@ def _value(score: ScoreSummary, category: str) -> float | None:
 
 
 def standings(benchmark: Benchmark, results: Cells, controllers: Sequence[str]) -> list[Standing]:
-    """Return all controllers in the order of RULE."""
+    """Return the overall result of each controller, ordered by RULE."""
     overall = {
         category: _overall(category_ranks(benchmark, results, controllers, category), controllers)
         for category in (ERGONOMICS, TASK, ROBUSTNESS)
@@ -211,5 +213,5 @@ def standings(benchmark: Benchmark, results: Cells, controllers: Sequence[str]) 
 
 
 def _overall(by_cell: Ranks, controllers: Sequence[str]) -> dict[str, float]:
-    """Return the mean over collaborations, rounded so that equal means compare as equal."""
+    """Return each controller's mean rank over collaborations, rounded so that equal means compare as equal."""
     return {who: round(mean(rank for (_, name), rank in by_cell.items() if name == who), 9) for who in controllers}

@@ -8,7 +8,7 @@ HEAD = ("rank", "controller", "out of limits", "ergonomics", "task", "not comple
 
 
 def rows(results: PlainData) -> list[tuple[str, ...]]:
-    """Return a row of text per controller, below HEAD: counts of runs, and mean ranks."""
+    """Return one table row per controller, with the columns of HEAD: counts of runs, and mean ranks."""
     return [
         (
             str(standing["rank"]),
@@ -24,7 +24,7 @@ def rows(results: PlainData) -> list[tuple[str, ...]]:
 
 
 def by_collaboration(results: PlainData, name: str) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-    """Return head and rows for one collaboration: medians of its scores, with the controllers in order."""
+    """Return header and rows of a collaboration's table: medians of its scores, one column per ranked controller."""
     collaboration, order = results["collaborations"][name], [item["name"] for item in results["standings"]]
     lines = []
     for key, about in collaboration["scores"].items():
@@ -49,7 +49,7 @@ def _value(score: PlainData) -> str:
 
 
 def render(results: PlainData) -> str:
-    """Return the complete text of the results."""
+    """Return the results of a benchmark as text for a terminal."""
     part = results["part"]
     lines = [
         f"{results['description']}: {', '.join(part['collaborations'])}; bodies {', '.join(part['bodies'])} of "

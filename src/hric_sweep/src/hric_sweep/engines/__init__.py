@@ -1,1 +1,1 @@
-"""Engines that execute the runs of a sweep: processes of this machine, or a cluster."""
+"""Execution engines for the runs of a sweep: processes of this machine, or a Dask cluster."""

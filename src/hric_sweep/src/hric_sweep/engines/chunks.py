@@ -1,7 +1,7 @@
-"""Code of a Dask worker: executes a chunk of tasks, each run in a separate process that is reused.
+"""Code that a Dask worker executes: it runs a chunk of tasks in one child process, which is reused.
 
 A run that hangs, ends its process or takes all memory fails alone, as on one machine; the Dask worker continues.
-Nothing here imports Dask, except the check whether the chunk is still needed.
+Only the check whether the chunk is still needed imports Dask.
 """
 
 import multiprocessing
@@ -22,12 +22,12 @@ LOOK = 1.0
 
 @dataclass(frozen=True)
 class Handshake:
-    """Requirements that a worker must meet before it gets work.
+    """Data by which a worker proves, before it gets work, that its runs give the expected results.
 
     Args:
         session: name of the supervisor's connection.
         memory: memory limit of a run [bytes].
-        reference: task of the reference run.
+        reference: task of the reference run, which every worker executes for comparison.
         expected: expected response to the reference run; None: not yet known.
     """
 
@@ -39,7 +39,7 @@ class Handshake:
 
 @dataclass(frozen=True)
 class TaskChunk:
-    """Tasks that are sent together, with the handshake for a worker that joined later."""
+    """Tasks that are sent to a worker together, with the handshake for a worker that joined after the start."""
 
     tasks: Sequence[RunTask]
     handshake: Handshake
@@ -51,8 +51,8 @@ class ChunkResult:
 
     Attributes:
         worker: address of the worker.
-        outcomes: response to each task in order, or the TimedOut or Died of its run (any other error is a bug).
-        differs: reason why the worker must not execute the chunk; empty: it may.
+        outcomes: response to each task in order, or its error: TimedOut or Died if the run failed, else a bug.
+        differs: reason why the worker may not execute runs of this sweep; empty: it may.
     """
 
     worker: str
@@ -61,7 +61,7 @@ class ChunkResult:
 
 
 class _WorkerState:
-    """State that this process keeps between chunks."""
+    """State of the Dask worker's process between chunks: the engine and the results of reference runs."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -70,7 +70,7 @@ class _WorkerState:
         self._references: dict[str, ReferenceRun] = {}
 
     def engine(self, memory: float) -> PebbleEngine:
-        """Return the engine with the process for runs, whose memory limit is `memory` [bytes]."""
+        """Return the engine with the child process that executes runs; `memory`: its memory limit [bytes]."""
         with self._lock:
             if self._engine is None or self._memory != memory:
                 self._drop()
@@ -80,13 +80,13 @@ class _WorkerState:
             return self._engine
 
     def reference(self, handshake: Handshake) -> ReferenceRun:
-        """Return the result of the reference run. Raises Differs: the process for runs has different code."""
+        """Return the result of the reference run. Raises Differs: the child process has different code."""
         if handshake.session not in self._references:
             self._references[handshake.session] = self.engine(handshake.memory).check(handshake.reference)
         return self._references[handshake.session]
 
     def drop(self) -> None:
-        """Kill the process for runs, whatever it is doing."""
+        """Kill the child process that executes runs, even during a run."""
         with self._lock:
             self._drop()
 
@@ -112,10 +112,10 @@ def reference(packed: bytes) -> ReferenceRun:
 
 
 def execute(packed: bytes) -> ChunkResult:
-    """Execute a chunk and return its result, without outcomes if the chunk is no longer needed.
+    """Execute a chunk of tasks; return its result, without outcomes if the chunk is no longer needed.
 
     Args:
-        packed: pickled Chunk.
+        packed: pickled TaskChunk.
     """
     chunk: TaskChunk = pickle.loads(packed)
     address, needed = _current_task()
@@ -134,9 +134,9 @@ def execute(packed: bytes) -> ChunkResult:
 
 
 def _current_task() -> tuple[str, Callable[[], bool]]:
-    """Return the address of this worker, and a function that is True while the task of this thread is needed.
+    """Return this worker's address, and a function that returns True while the current Dask task is needed.
 
-    It is not needed any more if the supervisor has ended or was interrupted.
+    A task is no longer needed if the sweep has ended or was interrupted.
     """
     from distributed import get_worker
 

@@ -25,9 +25,9 @@ from hric_sweep.engines.engine import Died, Differs, Lost, arrived, same
 from hric_sweep.records import ReferenceRun, RunResponse, RunTask
 
 CHUNK = 20
-"""Tasks that are sent together; fewer only at the end of a batch."""
+"""Number of tasks in a chunk, which is sent to a worker as one message; fewer only at the end of a batch."""
 OPEN_EACH = 2
-"""Open chunks per worker: one that runs, one that waits."""
+"""Number of open chunks per worker: one runs, one waits."""
 CONNECT = 10.0
 """Timeout for a response of the scheduler [s]."""
 WORKERS = 30.0
@@ -60,7 +60,7 @@ class DaskEngine:
 
     @classmethod
     def local(cls, jobs: int, memory: float) -> "DaskEngine":
-        """Return an engine with a cluster of this machine on the loopback interface, which ends with the engine."""
+        """Return an engine with a Dask cluster on this machine (loopback interface), which ends with the engine."""
         distributed = _distributed()
         cluster = distributed.LocalCluster(
             n_workers=jobs,
@@ -91,7 +91,7 @@ class DaskEngine:
             self.close(now=True)
             raise HricError(
                 f"the Dask scheduler at {address} has no workers, and none joined within {WORKERS:g} s; valid: start "
-                f"some, on any machine that has this workspace:  scripts/worker {address}"
+                f"workers, on any machine that has this workspace:  scripts/worker {address}"
             ) from None
         threading.Thread(target=self._collect, name="collects chunks", daemon=True).start()
 
@@ -165,7 +165,7 @@ class DaskEngine:
     def _outcomes(
         self, done: Any, result: chunks.ChunkResult | BaseException | None, count: int
     ) -> Sequence[RunResponse | BaseException]:
-        """Return the outcomes of a chunk. Raises Lost, Differs; HricError: a worker cannot even start."""
+        """Return the outcomes of a chunk. Raises Lost, Differs; HricError: a worker cannot execute runs at all."""
         if result is None and done.status == "error":
             return [self._about(done.exception())] * count
         if result is None or self._says_lost(result):
@@ -179,14 +179,14 @@ class DaskEngine:
         return result.outcomes
 
     def _says_lost(self, result: chunks.ChunkResult | BaseException) -> bool:
-        """Return True if the scheduler is lost: a client that has given it up raises errors of any type."""
+        """Return True if the scheduler is lost: a client that has lost its connection raises errors of any type."""
         if isinstance(result, self._distributed.client.FutureCancelledError | OSError):
             return True
         return isinstance(result, Exception) and self._client.status != "running"
 
     def _about(self, error: BaseException) -> HricError:
         if isinstance(error, self._distributed.scheduler.KilledWorker):
-            return Died("ended one Dask worker after the other")
+            return Died("every Dask worker that executed the run ended")
         return HricError(f"a worker cannot execute runs: {_reason(error)}; valid: {self._start()}")
 
     def _start(self) -> str:
@@ -202,8 +202,8 @@ class DaskEngine:
         """Have all workers execute the reference run; a worker that joins later does so before its first chunk.
 
         Raises:
-            Differs: workers differ, as in `Engine`.
-            HricError: the scheduler is lost meanwhile.
+            Differs: workers, named in the message, differ from the expected result.
+            HricError: the connection to the scheduler was lost during the check.
         """
         handshake = chunks.Handshake(uuid.uuid4().hex, self._memory, reference)
         try:
@@ -219,10 +219,10 @@ class DaskEngine:
         return expected
 
     def _lost_in_handshake(self) -> HricError:
-        return HricError(f"the Dask scheduler at {self._address} was lost during the handshake; valid: start it again")
+        return HricError(f"the Dask scheduler at {self._address} was lost during the handshake; valid: restart it")
 
     def _reference_runs(self, handshake: chunks.Handshake) -> dict[str, ReferenceRun]:
-        """Return the responses of all workers by name. Raises Differs, HricError."""
+        """Return the reference run's result of each worker, by its name. Raises Differs, HricError."""
         self._known = set(self._client.nthreads())
         packed = pickle.dumps(handshake)
         requests = {
@@ -250,7 +250,7 @@ class DaskEngine:
         return {f"{address} ({result.host})": result for address, result in zip(ended, results, strict=True)}
 
     def close(self, *, now: bool) -> None:
-        """Disconnect, and end the cluster if it is local; `now`: cancel open tasks."""
+        """Disconnect from the scheduler, and end the cluster if it is local; `now`: cancel open tasks."""
         with self._lock:
             left = list(self._open)
         with suppress(Exception):  # errors while closing have no consequence
@@ -265,7 +265,10 @@ class DaskEngine:
 
 
 def _remote(name: str) -> Callable[[bytes], Any]:
-    """Return a function of ON_WORKERS that only workers import: the scheduler also unpickles tasks, on any machine."""
+    """Return a function that imports the function `name` of ON_WORKERS only when it is called, on a worker.
+
+    The scheduler also unpickles tasks, and its machine may not have this workspace.
+    """
     module = ON_WORKERS
 
     def execute(packed: bytes) -> Any:
@@ -277,14 +280,14 @@ def _remote(name: str) -> Callable[[bytes], Any]:
 
 
 def _majority(results: Mapping[str, ReferenceRun]) -> ReferenceRun:
-    """Return the result of most workers."""
+    """Return the reference run's result that most workers have."""
     common = Counter(result.state_sha256 for result in results.values()).most_common(1)[0][0]
     return next(result for result in results.values() if result.state_sha256 == common)
 
 
 def _reason(error: BaseException) -> str:
     if isinstance(error, Differs):
-        return "its code was changed since it was started; valid: start it again"
+        return "its code was changed after the worker was started; valid: restart the worker"
     while error.__cause__ is not None:
         error = error.__cause__
     return " ".join(f"{type(error).__name__}: {error}".split())
@@ -310,15 +313,15 @@ def _client(distributed: Any, address: str) -> Any:
         if identity.get("type") == "Scheduler":
             name = f"hric-{platform.node()}-{os.getpid()}"
             return distributed.Client(address, security=security, timeout=CONNECT, name=name)
-        why = f"a {identity.get('type')} is there"
+        why = f"the program at this address is a Dask {identity.get('type')}"
     raise HricError(
         f"no Dask scheduler responds at {address}: {' '.join(why.split())}; valid: start one there (scripts/scheduler) "
-        "and name the address it prints"
+        "and use the address that it prints"
     )
 
 
 async def _identity(distributed: Any, address: str, security: Any) -> Mapping[str, object]:
-    """Return the identity that a Dask process reports."""
+    """Return the identity (type, address and others) that the Dask process at an address reports."""
     arguments = security.get_connection_args("client")
     async with distributed.rpc(address, timeout=CONNECT, connection_args=arguments) as peer:
         identity: Mapping[str, object] = await peer.identity()
@@ -326,7 +329,7 @@ async def _identity(distributed: Any, address: str, security: Any) -> Mapping[st
 
 
 def _distributed() -> Any:
-    """Import and silence Dask. Raises HricError: it is not installed."""
+    """Import Dask and suppress its log messages. Raises HricError: Dask is not installed."""
     os.environ.setdefault("DASK_LOGGING__DISTRIBUTED", "critical")  # for the processes that Dask starts
     try:
         import distributed  # imported here: its installation is optional

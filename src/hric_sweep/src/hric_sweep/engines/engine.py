@@ -1,4 +1,4 @@
-"""Interface of an engine of a sweep, which executes tasks and returns responses without knowing what a run is."""
+"""Interface of an execution engine: it executes the tasks of a sweep on workers and returns their responses."""
 
 from collections.abc import Iterable
 from concurrent.futures import Future
@@ -20,45 +20,45 @@ class Died(FailureError):
 
 
 class Differs(HricError):
-    """Error: a worker, named in the message, has different code or computes results with different bits."""
+    """Error: a worker, named in the message, has different code or does not compute bitwise equal results."""
 
 
 class Lost(FailureError):
-    """Error: the engine is no longer available; no run failed, and open runs have no response."""
+    """Error: the engine is no longer available (e.g. its scheduler ended); open runs have no response."""
 
     exit_code = NOT_GOOD
 
 
 class SweepEngine(Protocol):
-    """Executor of tasks."""
+    """Execution engine: executes the tasks of a sweep on its workers."""
 
     @property
     def window(self) -> int:
-        """Number of tasks to keep open at once; more would only wait."""
+        """Number of tasks to submit without waiting for responses; more tasks would only wait in the engine."""
 
     @property
     def workers(self) -> int:
         """Number of runs that are executed at once."""
 
     def submit(self, task: RunTask) -> "Future[RunResponse]":
-        """Submit a task. An engine may buffer tasks until it has a complete chunk.
+        """Submit a task; an engine may buffer tasks until it has a complete chunk.
 
         Returns:
-            Future of the response; its error is TimedOut or Died for a failed run, Lost or Differs, which end the sweep
-                and are no result; any other error is a bug.
+            Future of the response. Its error is TimedOut or Died if the run failed, and Lost or Differs if the sweep
+                has to end; any other error is a bug.
 
         Raises:
             Lost: the engine is already known to be lost.
         """
 
     def flush(self) -> None:
-        """Send buffered tasks: the caller waits for one of them before it submits another. Raises Lost."""
+        """Send buffered tasks to the workers, before the caller waits for their responses. Raises Lost."""
 
     def check(self, reference: RunTask) -> ReferenceRun:
-        """Have every worker execute a reference run, or one worker if they cannot differ, and return their result.
+        """Have every worker execute the reference run, or one worker if they cannot differ; return the common result.
 
         Raises:
-            Differs: names the workers that differ.
+            Differs: workers have different results; the message names them.
         """
 
     def close(self, *, now: bool) -> None:
@@ -66,11 +66,11 @@ class SweepEngine(Protocol):
 
 
 def arrived(queue: "SimpleQueue[T]", patience: float | None = None) -> list[T]:
-    """Wait for the first item of a queue and return it with all other items that are there by then.
+    """Wait for the first item of a queue; return it and all other items that are in the queue by then.
 
     Args:
         queue: queue from which only this thread takes items.
-        patience: longest wait [s], after which the list may be empty; None: no limit.
+        patience: timeout [s], after which an empty list is returned; None: no timeout.
     """
     try:
         items = [queue.get(timeout=patience)]
@@ -82,18 +82,21 @@ def arrived(queue: "SimpleQueue[T]", patience: float | None = None) -> list[T]:
 
 
 def same(results: Iterable[tuple[str, ReferenceRun]], expected: ReferenceRun) -> ReferenceRun:
-    """Return the common result of all workers for the reference run.
+    """Check that all workers have the expected result of the reference run; return it.
 
     Args:
         results: (name of a worker, its result).
-        expected: result of the supervisor's machine and code, or from the start of the sweep.
+        expected: result with the code of this process, or result that was stored at the start of the sweep.
 
     Raises:
-        Differs: names the workers that differ.
+        Differs: workers have different results; the message names them.
     """
     differing = [f"{name}: {why}" for name, result in results if (why := difference(expected, result))]
     if differing:
-        raise Differs("workers differ, so that their runs would not be comparable:\n  " + "\n  ".join(differing))
+        raise Differs(
+            "workers have different code or results, so that their runs would not be comparable:\n  "
+            + "\n  ".join(differing)
+        )
     return expected
 
 

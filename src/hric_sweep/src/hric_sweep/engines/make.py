@@ -22,20 +22,20 @@ LOCAL = "local"
 
 
 def engine_arguments(name: str) -> list[Argument]:
-    """Return the options for engine, resumption, folder and progress bar; `name`: sweep, benchmark."""
+    """Return the options for engine, resumption, folder and progress bar; `name`: noun for --resume, such as sweep."""
     return [
-        Argument("--jobs", type=int, help=f"runs at once (default: {JOBS}, the processors)"),
+        Argument("--jobs", type=int, help=f"number of parallel runs (default: {JOBS}, the number of processors)"),
         Argument(
             "--dask",
             metavar=f"ADDRESS|{LOCAL}",
             help=f"run on a Dask cluster: the address of its scheduler, such as tcp://10.0.0.1:8786; {LOCAL}: one of "
-            "this machine. Workers: scripts/worker ADDRESS",
+            "this machine. Start workers with scripts/worker ADDRESS",
         ),
         Argument(
             "--insecure",
             action="store_true",
-            help="connect without certificate to a cluster that other machines reach: a network where everybody may "
-            "run programs as you",
+            help="connect without certificate to a cluster that other machines can reach; only for a network in which "
+            "everybody may run programs as you",
         ),
         Argument("--resume", metavar="DIR", help=f"resume an unfinished {name}"),
         RUNS,
@@ -47,17 +47,17 @@ def engine_arguments(name: str) -> list[Argument]:
 def engine_session(
     options: argparse.Namespace, memory: float, runs: int, resume: Callable[[], str]
 ) -> Iterator[SweepEngine]:
-    """Yield the engine of a command and close it; errors and Ctrl-C come with the command that resumes it.
+    """Yield the engine that the options choose, and close it; print the resume command on errors and Ctrl-C.
 
     Args:
         options: options of `engine_arguments`.
         memory: memory limit of a worker [bytes].
         runs: maximum number of runs.
-        resume: returns the command that resumes the runs; empty: nothing was started.
+        resume: function that returns the command to resume the runs; empty text: nothing was started.
 
     Raises:
-        HricError: as `engine_of`.
-        Lost: the engine was lost, a worker differs, or finished runs could not be stored; others are stored.
+        HricError: options exclude each other, or the cluster is not reachable.
+        Lost: the engine was lost, a worker differs, or the last runs could not be stored; earlier runs are stored.
     """
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     engine, now = engine_of(options, memory, runs), True
@@ -82,7 +82,7 @@ def resume_command(folder: Path | None) -> str:
 
 
 def engine_of(options: argparse.Namespace, memory: float, runs: int) -> SweepEngine:
-    """Return the engine of a command.
+    """Create the engine that the options of a command choose.
 
     Args:
         options: options of `engine_arguments`.
@@ -113,7 +113,7 @@ def engine_of(options: argparse.Namespace, memory: float, runs: int) -> SweepEng
 
 
 def _check_reach(address: str, insecure: bool) -> None:
-    """Refuse a remote address without certificate: anybody may be there, and responses are unpickled."""
+    """Refuse a remote scheduler without certificate: pickled responses of an unknown program could run any code."""
     if insecure or address.startswith("tls://") or not (host := host_of(address)):
         return
     try:

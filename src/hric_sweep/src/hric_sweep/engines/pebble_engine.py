@@ -1,4 +1,4 @@
-"""Engines of this machine: processes that are reused, and killed if a run exceeds its timeout; and this process."""
+"""Engines on this machine: a pool of processes, killed if a run exceeds its timeout; and the current process."""
 
 import ctypes
 import os
@@ -21,22 +21,22 @@ from hric_sweep.engines.engine import Died, Lost, TimedOut, same
 from hric_sweep.records import ReferenceRun, RunResponse, RunTask
 
 OPEN_EACH = 2
-"""Open tasks per worker: one that runs, one that waits."""
+"""Number of open tasks per worker: one runs, one waits."""
 IDLE_DEATHS = 5
-"""Number of workers, per worker of the pool, that may end without a task before a run succeeds; project default,
-unconfirmed."""
+"""Maximum number of workers, per worker of the pool, that may end without a task before a run succeeds; beyond it
+the pool counts as broken. Project default, unconfirmed."""
 STARTING = 300.0
 """Timeout for a worker to load its code and execute a reference run [s]."""
 FIRST_TO_GO = 1000
 """Value for /proc/self/oom_score_adj: if memory runs out, the kernel kills a worker, not the supervisor."""
 MIN_PROGRESS = 0.02
-"""Processor time that a run waiting for a busy processor still gets within its timeout [s]; project default,
-unconfirmed: two ticks of the kernel's clock."""
+"""Processor time within the timeout above which a run counts as progressing [s]; a run that waits for a busy
+processor still gets as much. Two ticks of the kernel's clock; project default, unconfirmed."""
 _PR_SET_PDEATHSIG = 1
 
 
 class PebbleEngine:
-    """Engine with a pool of processes.
+    """Engine that executes runs in a pool of processes on this machine.
 
     Args:
         jobs: number of processes.
@@ -69,8 +69,8 @@ class PebbleEngine:
         This replaces pebble's own rule, by which a worker that is killed between two tasks ends the pool.
 
         Raises:
-            LookupError: it had none; the pool starts another worker.
-            BrokenProcessPool: workers end before they run anything.
+            LookupError: the worker had no task; the pool starts another worker.
+            BrokenProcessPool: too many workers end before they execute a run.
         """
         for task in list(self._manager.task_manager.tasks.values()):
             if task.worker_id == worker:
@@ -102,7 +102,7 @@ class PebbleEngine:
         """Do nothing: this engine has no buffer."""
 
     def check(self, reference: RunTask) -> ReferenceRun:
-        """Have one worker execute the reference run: all workers have this machine and code."""
+        """Have one worker execute the reference run: all workers have the same machine and code."""
         result: ReferenceRun = self._pool.schedule(runs.reference, args=[reference], timeout=STARTING).result()
         return same([("worker of this machine", result)], replace(result, code=runs.code_version()))
 
@@ -116,12 +116,12 @@ class PebbleEngine:
 
 
 class InProcessEngine:
-    """Engine without workers, for few runs: a run has no limits of time and memory."""
+    """Engine that executes runs in the current process, for few runs: without limits of time and memory."""
 
     window = workers = 1
 
     def submit(self, task: RunTask) -> "Future[RunResponse]":
-        """Execute a task."""
+        """Execute a task before returning its future."""
         response: Future[RunResponse] = Future()
         response.set_result(runs.run(task))
         return response
@@ -138,7 +138,7 @@ class InProcessEngine:
 
 
 class Patience:
-    """Detection of hanging runs by processor time: wall time would condemn healthy runs on a busy machine."""
+    """Detector of hanging runs by processor time; by wall time, slow runs on a busy machine would count as hanging."""
 
     def __init__(self) -> None:
         self._progress: dict[int, _Progress] = {}
@@ -146,8 +146,8 @@ class Patience:
     def exhausted(self, task: Any) -> bool:
         """Return True if a run has used its timeout of processor time or made no progress for that time.
 
-        This replaces pebble's own rule. No progress means at most `MIN_PROGRESS` of processor time [s] in as much wall
-        time as the timeout [s].
+        This replaces pebble's own rule. No progress means that the run has used at most `MIN_PROGRESS` seconds of
+        processor time in a wall time equal to its timeout.
         """
         if not task.started:
             return False
@@ -163,7 +163,7 @@ class Patience:
 
 @dataclass
 class _Progress:
-    """Processor time of a run's process at its start and at its last progress [s], and the time of the latter [s]."""
+    """Processor time of a run's process at the run's start and at its last progress [s]; time of that progress [s]."""
 
     future: "Future[RunResponse]"
     first: float
@@ -188,12 +188,12 @@ def _how(code: int | None) -> str:
 
 
 def begin_worker(supervisor: int, memory: int) -> None:
-    """Prepare a worker process, which ends with the supervisor and does not get its Ctrl-C.
+    """Prepare a worker process: it ends when its parent (the supervisor) ends, and Ctrl-C does not reach it.
 
     If memory runs out, the kernel kills this process before the supervisor.
 
     Args:
-        supervisor: process id of the supervisor.
+        supervisor: process id of the parent process.
         memory: memory limit of this process [bytes].
     """
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)

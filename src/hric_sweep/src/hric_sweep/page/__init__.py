@@ -1,1 +1,1 @@
-"""Page of a sweep, written by `build`, with one module per part."""
+"""HTML page of a sweep: `build` writes it, and each other module computes a part of it."""

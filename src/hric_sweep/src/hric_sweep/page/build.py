@@ -1,4 +1,4 @@
-"""Page of a sweep: report.html, made from its table and settings only, one file that needs no network."""
+"""HTML page of a sweep, report.html: built from the sweep's table and settings only; needs no network."""
 
 from pathlib import Path
 
@@ -17,11 +17,11 @@ TEMPLATES = templates.environment(
     ASSETS, figure=words.figure, quantile=spread.with_interval, rounded=sensitivity.rounded
 )
 TABLES = {"Versions": "versions", "Definition": "definition", "Experiment": "experiment"}
-"""Keys of sweep.yaml that have tables of their own, by title."""
+"""Keys of sweep.yaml that the page shows in separate tables, by title of the table."""
 
 
 def write(folder: Path, *, running: bool = False) -> Path:
-    """Write the page of a sweep into its folder, replacing an existing one, and return its path.
+    """Write the page of a sweep into its folder, replacing an existing page; return its path.
 
     Args:
         folder: run folder of the sweep, with runs.parquet and sweep.yaml.
@@ -34,7 +34,7 @@ def write(folder: Path, *, running: bool = False) -> Path:
 
 
 def render_page(study: RecordedSweep, *, running: bool) -> str:
-    """Return the text of the page; `running`: the sweep is still running, so that the page reloads itself."""
+    """Return the HTML page of a sweep; `running`: the sweep is still running, so the page reloads itself."""
     blob, rows, counted = Blob(), drawn.chosen(study), sample.of(study)
     rank, spreads = sensitivity.ranks(study, counted), spread.spreads(study, counted)
     data = {
@@ -81,7 +81,7 @@ def render_page(study: RecordedSweep, *, running: bool) -> str:
 
 
 def _made(study: RecordedSweep) -> list[PageTable]:
-    """Return the tables of sweep.yaml that are not empty; the definition is the canonical one of the table."""
+    """Return tables of the content of sweep.yaml, without empty ones; the definition is taken from runs.parquet."""
     made = {**study.made, "definition": study.definition}
     trees: dict[str, object] = {title: made.pop(key, None) for title, key in TABLES.items()}
     head = ("what", "value")

@@ -13,18 +13,18 @@ from hric_sweep.page.sensitivity import Ranks
 from hric_sweep.page.study import VARIABLE, RecordedSweep
 
 VALUES = 2_600_000
-"""Maximum number of values of all columns together; as single precision in base64 they are 14 MB, so that a page with
-the names of its runs stays below 20 MB. Project default, unconfirmed."""
+"""Maximum number of values in all columns together, so that a page stays below 20 MB: as single precision in base64
+these values take 14 MB. Project default, unconfirmed."""
 SEED = 0
 AXES, PAIRS = 12, 8
-"""Columns that are visible initially, and columns in the scatter matrix. Project default, unconfirmed."""
+"""Maximum number of columns that are visible at first, and in the scatter matrix. Project default, unconfirmed."""
 DECADES = 2.5
-"""Range of an output [decades] above which its axis is logarithmic, if all values are positive."""
+"""Range of an output [decades] above which its axis is logarithmic; all its values must be positive."""
 
 
 def chosen(study: RecordedSweep) -> npt.NDArray[np.intp]:
-    """Return the rows that are drawn, in ascending order: all, or a sample by seed and the worst ones."""
-    # Beside the columns: kind, index, counts, and 17 letters of the name.
+    """Return the table rows (runs) to draw, in ascending order: all, or a seeded sample and the worst ones."""
+    # Besides its values, each run takes a kind, an index, a weight, and 17 letters of its id: about 7 values.
     drawn = VALUES // (len(study.variables) + len(study.outputs) + 7)
     if study.runs <= drawn:
         return np.arange(study.runs)
@@ -33,19 +33,19 @@ def chosen(study: RecordedSweep) -> npt.NDArray[np.intp]:
 
 
 def caption(study: RecordedSweep, rows: npt.NDArray[np.intp]) -> str:
-    """Return the caption that says how many runs are drawn."""
+    """Return a sentence that says how many of the runs are drawn."""
     if len(rows) == study.runs:
         return f"All {study.runs} runs are drawn."
-    return f"Drawn: a sample of {len(rows)} of {study.runs} runs by seed {SEED}, the worst {WORST} among them."
+    return f"Drawn: a random sample of {len(rows)} of {study.runs} runs (seed {SEED}), including the worst {WORST}."
 
 
 def counts(sample: Sample, rows: npt.NDArray[np.intp], blob: Blob) -> Any:
-    """Return the weight of each drawn run in a distribution, for the scripts; None: all have weight 1."""
+    """Return the weight of each drawn run in a distribution, for the page's scripts; None: all have weight 1."""
     return blob.add(sample.counts[rows], "f4") if np.any(sample.counts[rows] != 1.0) else None
 
 
 def columns(study: RecordedSweep, rows: npt.NDArray[np.intp], rank: Ranks, blob: Blob) -> list[dict[str, object]]:
-    """Return the columns for the scripts; `rank`: correlations of each column with others, by name."""
+    """Return the table's columns for the page's scripts; `rank`: rank correlations between columns, by name."""
     names = study.variables + study.outputs
     # The output with the limit is always visible initially.
     order = sorted(names, key=lambda name: study.limit is None or study.limit.output != name)

@@ -1,4 +1,4 @@
-"""Probability of exceeding the limit in one line, with its interval and the kind of the interval."""
+"""Text with the estimated probability that an output exceeds its limit, its confidence interval and method."""
 
 import numpy as np
 import numpy.typing as npt
@@ -10,10 +10,14 @@ from hric_sweep.samplers.sampler import CrossCheck, Estimate
 from hric_sweep.statistics.intervals import LEVEL, clopper_pearson
 
 APART = 6
-"""Maximum number of values of a variable that are counted separately. Project default, unconfirmed."""
-KIND = ("Clopper-Pearson.", "Clopper-Pearson as of independent points, an estimate that is usually too wide.")
+"""Maximum number of words a variable may have for a table of the probability by word. Project default,
+unconfirmed."""
+KIND = (
+    "Clopper-Pearson interval.",
+    "Clopper-Pearson interval for independent points; the points are spread evenly, so it is usually too wide.",
+)
 TRUSTED = 20.0
-"""Effective number of runs that exceeded above which the interval of importance sampling has its nominal coverage
+"""Minimum effective number of exceeding runs for an importance sampling interval with nominal coverage
 (docs/concepts/rare_events.md)."""
 DESIGNED = {
     GRID: "The points were chosen, not drawn",
@@ -21,11 +25,11 @@ DESIGNED = {
     TPE: "The points were searched for the worst case, not drawn",
     SALTELLI: "Runs of this design share values with each other",
 }
-"""Samplers whose runs give no probability, with the reason."""
+"""Reason why the runs of a sampler give no probability, by sampler."""
 
 
 def condition(study: RecordedSweep) -> str:
-    """Return the condition for an exceedance, e.g. "peak > 140 N"; "exceeded" if there is none."""
+    """Return the condition that counts as exceedance, e.g. "peak > 140 N"; "exceeded" if the sweep has none."""
     limit = study.limit
     if limit is None:
         return "exceeded"
@@ -34,17 +38,23 @@ def condition(study: RecordedSweep) -> str:
 
 
 def lines(study: RecordedSweep, assumption: str) -> list[str]:
-    """Return the estimate and notes to it, some empty; empty without a limit; `assumption`: condition of P."""
+    """Return the estimated probability as text, followed by notes, some empty; empty if the sweep has no limit.
+
+    `assumption`: condition of the probability, such as "given the distributions below".
+    """
     if study.limit is None:
         return []
     exceeded, failed = study.count("exceeded"), study.count("failed")
     if study.sampler in DESIGNED:
-        why = f"{DESIGNED[study.sampler]}: this is no probability, and has no interval."
+        why = f"{DESIGNED[study.sampler]}: this share is not a probability and has no interval."
         return [f"{condition(study)} in {exceeded} of {study.runs - failed} runs", why]
     of = f"P({condition(study)} {assumption})"
     estimate = study.estimate or _counted(study, exceeded, failed)
     if estimate is None:
-        return [f"{of}: not known yet", "The estimate follows when the first runs or all levels are finished."]
+        return [
+            f"{of}: not known yet",
+            "The estimate follows when the first runs (for subset simulation: all levels) are finished.",
+        ]
     level = f"{100.0 * estimate.level:g} % interval"
     low, high = number(estimate.low, 3), number(estimate.high, 3)
     if estimate.probability > 0.0:
@@ -55,7 +65,7 @@ def lines(study: RecordedSweep, assumption: str) -> list[str]:
 
 
 def _counted(study: RecordedSweep, exceeded: int, failed: int) -> Estimate | None:
-    """Return the estimate from unweighted runs until the sampler has one; None: none yet, or the runs have weights."""
+    """Return an estimate from the counts of unweighted runs; None: no run finished, or the runs have weights."""
     if study.sampler not in (RANDOM, *SPREAD) or study.runs == failed:
         return None
     low, high = clopper_pearson(exceeded, study.runs).low, clopper_pearson(exceeded + failed, study.runs).high
@@ -64,10 +74,10 @@ def _counted(study: RecordedSweep, exceeded: int, failed: int) -> Estimate | Non
 
 
 def by_value(study: RecordedSweep) -> list[PageTable]:
-    """Return a table of the probability for each value of each variable with words as values."""
+    """Return, for each variable with words as values, a table of the exceedance probability by word."""
     if study.limit is None or study.sampler not in (RANDOM, *SPREAD):
         return []
-    interval = f"{100.0 * LEVEL:g} % interval, failed runs either way"
+    interval = f"{100.0 * LEVEL:g} % interval, including failed runs"
     head = ("runs that did not fail", "exceeded", "probability", interval)
     tables = []
     for name in study.variables:
@@ -79,7 +89,7 @@ def by_value(study: RecordedSweep) -> list[PageTable]:
 
 
 def _of_one(study: RecordedSweep, chosen: npt.NDArray[np.bool_]) -> tuple[str, ...]:
-    """Return the table cells for the runs with one value."""
+    """Return the cells of a row of `by_value`, for the chosen runs."""
     runs, kinds = int(chosen.sum()), study.kinds[chosen]
     exceeded, failed = int((kinds == EXCEEDED).sum()), int((kinds == FAILED).sum())
     low, high = clopper_pearson(exceeded, runs).low, clopper_pearson(exceeded + failed, runs).high
@@ -91,13 +101,14 @@ def _method(study: RecordedSweep, estimate: Estimate) -> str:
     runs = f"{estimate.exceeded} of {estimate.runs - estimate.failed} runs exceeded"
     sentences = f"{estimate.method[:1].upper()}{estimate.method[1:]}; {runs}."
     if study.weighted:
-        sentences += f" Runs have weights: effective number of those that exceeded {number(estimate.ess, 3)}."
+        sentences += f" Runs have weights: effective number of exceeding runs {number(estimate.ess, 3)}."
         if study.sampler == CROSS_ENTROPY and estimate.ess < TRUSTED:
             sentences += f" Below about {TRUSTED:g} the interval is not reliable: more runs are needed."
     if study.sampler in SPREAD:
         sentences += (
-            " The points are spread evenly, not drawn one by one: the interval is that of independent points, an "
-            "estimate that is usually too wide."
+            " The points are spread evenly, not drawn independently, so this interval for independent points is "
+            "usually "
+            "too wide."
         )
     return sentences
 
@@ -105,7 +116,7 @@ def _method(study: RecordedSweep, estimate: Estimate) -> str:
 def _failed(failed: int) -> str:
     if not failed:
         return ""
-    return f"Failed: {failed}. The interval's lower end takes them as not exceeding, its upper end as exceeding."
+    return f"Failed runs: {failed}. The interval's lower end counts them as not exceeding, its upper end as exceeding."
 
 
 def _check(check: CrossCheck | None) -> str:

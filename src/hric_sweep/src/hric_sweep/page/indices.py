@@ -1,4 +1,4 @@
-"""First-order and total indices of each output, for runs of Saltelli's design."""
+"""First-order and total Sobol indices of each output, for a sweep with Saltelli's design."""
 
 from dataclasses import dataclass
 
@@ -18,13 +18,13 @@ LEFT, RIGHT = 110.0, 368.0
 
 @dataclass(frozen=True)
 class OutputIndices:
-    """Indices of one output.
+    """Sobol indices of one output.
 
     Attributes:
         name: name of the output.
         label: name and unit.
-        indices: indices of each variable, the largest total index first; empty: none could be computed.
-        error: reason why there are none.
+        indices: (variable, its indices), the largest total index first; empty: none could be computed.
+        error: reason why no indices could be computed.
     """
 
     name: str
@@ -34,13 +34,13 @@ class OutputIndices:
 
     @property
     def axis(self) -> Axis:
-        """Axis of the chart, which has all intervals."""
+        """Axis of the chart; it includes 0, 1 and all intervals."""
         ends = [end for _, each in self.indices for end in (*each.first_interval, *each.total_interval)]
         return Axis(min(0.0, *ends), max(1.0, *ends), LEFT, RIGHT)
 
 
 def outputs(study: RecordedSweep) -> list[OutputIndices]:
-    """Return the indices of each output that is not constant; empty if the design is another one or incomplete."""
+    """Return the indices of each output that varies; empty if the sweep has another design or is incomplete."""
     if study.sampler != SALTELLI or study.runs != (study.planned or study.runs):
         return []
     vary = study.section["vary"]

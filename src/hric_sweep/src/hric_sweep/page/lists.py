@@ -12,17 +12,17 @@ from hric_sweep.page.study import FAILED, RecordedSweep
 
 WORST = 10
 REASONS = 50
-"""Maximum number of reasons in the table; the others are only counted. Project default, unconfirmed."""
+"""Maximum number of failure reasons in the table; rarer ones are only counted. Project default, unconfirmed."""
 DECIMAL = re.compile(r"[-+]?\d+\.\d+(e[-+]?\d+)?")
 
 
 def command(study: RecordedSweep) -> str:
-    """Return the command that repeats a run, without its id; it has no path of this machine, only the folder's name."""
+    """Return the command that repeats a run, without the run's id; it names the folder without its path."""
     return f"hric sweep rerun {shlex.quote(study.folder.resolve().name)}"
 
 
 def failures(study: RecordedSweep) -> list[tuple[str, int, int]]:
-    """Return reason, number of runs and row of the first of them, most frequent first.
+    """Return (reason of failure, number of runs, table row of the first of them), most frequent first.
 
     Reasons that differ only in measured numbers are merged; # replaces each number.
     """
@@ -33,7 +33,7 @@ def failures(study: RecordedSweep) -> list[tuple[str, int, int]]:
 
 
 def cost(study: RecordedSweep) -> PageTable:
-    """Return the table of processor and wall time of the runs, in total and by machine."""
+    """Return the table of processor time and wall time of the runs, in total and by machine."""
     hosts = np.array([str(host) for host in study.columns["host"]])
     rows = [_cost(study, "all", np.ones(study.runs, dtype=bool))]
     names = sorted(set(hosts))
@@ -41,9 +41,17 @@ def cost(study: RecordedSweep) -> PageTable:
         rows += [_cost(study, name, hosts == name) for name in names]
     elif names:
         rows[0] = (names[0], *rows[0][1:])
-    times = ("processor [s]", "a run, mean [s]", "median [s]", "95 % [s]", "wall, mean [s]")
+    times = (
+        "processor time, total [s]",
+        "per run: mean [s]",
+        "median [s]",
+        "95th percentile [s]",
+        "wall time, mean [s]",
+    )
     head = ("machine", "runs", *times, "repeated")
-    return PageTable("", head, tuple(rows), "Left out of the hash of the results, as it depends on the machine.")
+    return PageTable(
+        "", head, tuple(rows), "The hash of the results does not include these times, as they depend on the machine."
+    )
 
 
 def _cost(study: RecordedSweep, name: str, rows: Sequence[bool] | np.ndarray) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""Quantiles of a sample with their intervals: by order statistics, or by bootstrap if runs have weights."""
+"""Quantiles of a sample with confidence intervals: by order statistics, or by bootstrap if runs have weights."""
 
 from dataclasses import dataclass
 
@@ -13,12 +13,12 @@ RESAMPLED, SEED = 400, 0
 
 @dataclass(frozen=True)
 class Quantile:
-    """Quantile with its interval.
+    """Quantile with its confidence interval.
 
     Attributes:
-        share: share of the distribution below the quantile.
-        value: estimate.
-        low, high: ends of the interval; NaN: the sample is too small for one, or not independent.
+        share: share of the distribution below the quantile, 0 to 1.
+        value: estimated quantile.
+        low, high: ends of the interval; NaN: the sample is too small for this end, or not independent.
     """
 
     share: float
@@ -33,10 +33,10 @@ class Quantile:
 
 
 def of_sample(values: FloatArray, share: float, level: float) -> Quantile:
-    """Return a quantile of independent values of one distribution, which may be any.
+    """Return a quantile of independent values of one distribution of any shape.
 
-    The interval lies between two order statistics, whose numbers the binomial distribution gives (David and Nagaraja,
-    Order Statistics, 3rd ed., 7.1).
+    The interval lies between two order statistics, whose ranks follow from the binomial distribution (David and
+    Nagaraja, Order Statistics, 3rd ed., 7.1).
 
     Args:
         values: sample, shape (n,).
@@ -48,7 +48,8 @@ def of_sample(values: FloatArray, share: float, level: float) -> Quantile:
     if not count:
         return Quantile(share, np.nan)
     value = interpolated(ordered, share)
-    # P(X_(i) <= quantile) = P(at least i of n below it): the largest i with at most `beyond` of error, and likewise j.
+    # P(X_(i) <= quantile) = P(at least i of n values lie below it). The lower end is the largest rank i, and the upper
+    # end the smallest rank j, with an error probability of at most `beyond`.
     below = int(stats.binom.ppf(beyond, count, share))
     above = int(stats.binom.ppf(1.0 - beyond, count, share)) + 1
     low = float(ordered[below - 1]) if below >= 1 else np.nan
@@ -64,12 +65,12 @@ def interpolated(ordered: FloatArray, share: float) -> float:
 
 
 def weighted(values: FloatArray, weights: FloatArray, share: float) -> float:
-    """Return the quantile of weighted values, shape (n,) each: the least whose cumulative weight reaches `share`."""
+    """Return the smallest value at which the cumulative weight reaches `share`; values and weights: shape (n,)."""
     return float(np.quantile(values, share, weights=weights, method="inverted_cdf"))
 
 
 def of_weighted(values: FloatArray, weights: FloatArray, share: float, level: float) -> Quantile:
-    """Return a quantile of an importance sample with its percentile bootstrap interval; arguments as of `of_sample`."""
+    """Return a quantile of an importance sample with its percentile bootstrap interval; arguments as in `of_sample`."""
     count = len(values)
     if count < 2:
         return Quantile(share, float(values[0]) if count else np.nan)

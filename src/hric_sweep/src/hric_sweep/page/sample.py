@@ -1,4 +1,4 @@
-"""Runs as a sample of the distributions: the weight of each run, or the reason why the runs are no sample."""
+"""Runs as a sample of the variables' distributions: the weight of each run, or the reason why they are no sample."""
 
 from dataclasses import dataclass
 
@@ -11,18 +11,18 @@ from hric_sweep.page.words import CROSS_ENTROPY, RANDOM, SPREAD, SUBSET, TPE
 from hric_sweep.statistics.intervals import effective_size
 
 FEWEST = 10.0
-"""Effective number of runs below which weights say nothing about a distribution. Project default, unconfirmed."""
+"""Minimum effective number of weighted runs to estimate a distribution. Project default, unconfirmed."""
 
 
 @dataclass(frozen=True)
 class Sample:
-    """Runs as a sample of the distributions.
+    """Weights with which the runs are a sample of the variables' distributions.
 
     Attributes:
         counts: weight of each run, shape (runs,); 0: the run is not in the sample.
-        independent: True if the runs are drawn independently, or spread more evenly than that.
-        note: note for the reader; "": none.
-        refused: reason why the runs are no sample; "": they are one.
+        independent: True if the runs were drawn independently, or spread even more evenly.
+        note: note for the page's reader; "": none.
+        refused: reason why the runs are no sample; "": they are a sample.
     """
 
     counts: FloatArray
@@ -32,7 +32,7 @@ class Sample:
 
     @property
     def unequal(self) -> bool:
-        """True if runs have another weight than 1."""
+        """True if any run has a weight other than 1."""
         return bool(np.any(self.counts != 1.0))
 
     @property
@@ -43,17 +43,17 @@ class Sample:
 
 
 def of(study: RecordedSweep) -> Sample:
-    """Return the runs of a sweep as a sample of the distributions.
+    """Return the weights of a sweep's runs as a sample of the variables' distributions.
 
-    Weights of importance sampling are likelihood ratios, batch by batch, so that weighted averages are those of the
-    distributions. Points that the chains of subset simulation try have no known distribution; only its first level has.
+    The weights of importance sampling are likelihood ratios, so that weighted averages estimate those of the
+    distributions. In subset simulation only the points of the first level have a known distribution.
     """
     if study.sampler == TPE:
         why = "The points were searched for the worst case, not drawn: they do not represent the distributions."
         return Sample(np.zeros(study.runs), independent=False, refused=why)
     if study.sampler == SUBSET:
         first = np.asarray(study.columns["batch"]) == 0
-        note = f"Of the {first.sum()} runs of the first level alone, which are drawn from the distributions themselves."
+        note = f"Based only on the {first.sum()} runs of the first level, which are drawn from the distributions."
         return Sample(first.astype(float), independent=True, note=note)
     if study.sampler == CROSS_ENTROPY and study.weighted:
         return _weighted(study)
@@ -63,7 +63,7 @@ def of(study: RecordedSweep) -> Sample:
 def _weighted(study: RecordedSweep) -> Sample:
     size = effective_size(study.weights)
     if size < FEWEST:
-        why = f"By their weights the {study.runs} runs are worth {number(size, 2)} runs drawn from the distributions"
+        why = f"With their weights, the {study.runs} runs are worth {number(size, 2)} runs drawn from the distributions"
         return Sample(study.weights, independent=True, refused=f"{why}: too few to estimate a distribution.")
-    note = f"Runs count by their weights; together they are worth {number(size, 3)} runs drawn from the distributions."
+    note = f"The runs are weighted; together they are worth {number(size, 3)} runs drawn from the distributions."
     return Sample(study.weights, independent=True, note=note)

@@ -1,4 +1,4 @@
-"""Dependence of the outputs: rank correlations of all pairs of columns, and of each output with each variable."""
+"""Rank correlations (Spearman) between all variables and outputs of a sweep."""
 
 import contextlib
 
@@ -13,16 +13,16 @@ from hric_sweep.statistics.sensitivity import rank_correlation
 FEWEST = 10.0
 """Effective number of runs below which a rank correlation is not shown. Project default, unconfirmed."""
 LIKELY = 0.05
-"""Threshold of the p-value above which a correlation is shown faint. Project default, unconfirmed."""
+"""p-value above which a rank correlation is shown in a faint colour. Project default, unconfirmed."""
 Ranks = dict[str, dict[str, tuple[float, float]]]
-"""Spearman's rank correlation of a column with another, and its p-value."""
+"""(Spearman's rank correlation, p-value) of each pair of columns, by the names of both."""
 
 
 def ranks(study: RecordedSweep, sample: Sample) -> Ranks:
-    """Return rank correlations of all pairs of ordered columns, over the runs that have both values.
+    """Return the rank correlations of all pairs of columns with ordered values, over the runs that have both values.
 
-    A column of words is ordered if it has two different words. The result is empty if the runs are no sample of the
-    distributions.
+    Numbers have an order; words only if there are at most two different ones. The result is empty if the runs are no
+    sample of the distributions.
     """
     if sample.refused:
         return {}

@@ -1,4 +1,4 @@
-"""Distribution of each output: a histogram, and median, 5th and 95th percentile with their intervals."""
+"""Distribution of each output: histogram, and median, 5th and 95th percentile with confidence intervals."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,12 +22,13 @@ LEFT, RIGHT = 46.0, 432.0
 """Ends of the axis of a histogram [units of the picture]."""
 MAX_BINS = 60
 TAIL = 0.002
-"""Share of the runs at each end that the outer bins may collect, so that one run does not compress the histogram."""
+"""Share of the runs that may lie beyond each end of the axis and then count in the outer bin, so that single extreme
+runs do not compress the histogram."""
 HEAD = ("output", "runs", "5th percentile", "median", "95th percentile", "mean (standard deviation)")
 
 
 class HistogramBar(NamedTuple):
-    """Bar of a histogram: its ends, its share of the runs, and True if its middle is beyond the limit."""
+    """Bar of a histogram: its ends, its share of the runs [1], and `beyond`: True if its middle exceeds the limit."""
 
     low: float
     high: float
@@ -41,8 +42,8 @@ class Histogram:
 
     Attributes:
         bars: bars with a share above 0.
-        counted: what is counted: runs or weights.
-        bound: limit of the output; None: it has none.
+        counted: "runs" or "weights", the quantity whose share the bars show.
+        bound: limit of the output; None: the output has no limit.
         axis: horizontal axis.
     """
 
@@ -53,12 +54,12 @@ class Histogram:
 
     @property
     def highest(self) -> float:
-        """Share of the highest bar [1]."""
+        """Share of the runs in the highest bar [1]."""
         return max(bar.share for bar in self.bars)
 
     @property
     def shares(self) -> list[float]:
-        """Round numbers along the vertical axis [%]."""
+        """Tick values of the vertical axis [%]."""
         return chart.ticks(0.0, 100.0 * self.highest, 3)
 
 
@@ -71,7 +72,7 @@ class OutputDistribution:
         label: name and unit.
         text: description.
         quantiles: 5th percentile, median and 95th percentile.
-        row: row of the table below HEAD.
+        row: table row with the columns of HEAD.
         histogram: histogram; None: all values are equal.
     """
 
@@ -84,12 +85,12 @@ class OutputDistribution:
 
 
 def spreads(study: RecordedSweep, sample: Sample) -> list[OutputDistribution]:
-    """Return the distribution of each output with values; empty if the runs are no sample."""
+    """Return the distribution of each output that has values; empty if the runs are no sample."""
     return [] if sample.refused else [spread for name in study.outputs if (spread := _spread(study, sample, name))]
 
 
 def table(study: RecordedSweep, sample: Sample, rows: Sequence[OutputDistribution]) -> PageTable:
-    """Return the table of the quantiles."""
+    """Return the table of all outputs' quantiles, means and standard deviations."""
     return PageTable("", HEAD, tuple(spread.row for spread in rows), caption(study, sample))
 
 
@@ -106,19 +107,20 @@ def _spread(study: RecordedSweep, sample: Sample, name: str) -> OutputDistributi
 
 
 def caption(study: RecordedSweep, sample: Sample) -> str:
-    """Return the explanation of the quantiles' intervals."""
-    shown = "Purple: 5th percentile, median, 95th percentile; band: interval. Failed runs are left out."
+    """Return the caption that explains the quantiles and the method of their confidence intervals."""
+    shown = "Purple lines: 5th percentile, median, 95th percentile; bands: their intervals. Failed runs are left out."
     shown = f"{shown} {sample.note}".rstrip()
     if not sample.independent:
-        return f"{shown} The runs are no independent sample of the distributions: no intervals."
+        return f"{shown} No intervals, because the runs are no independent sample of the distributions."
     if sample.weighted:
         return f"{shown} Intervals of {100 * LEVEL:g} % by bootstrap."
     if study.sampler in SPREAD:
         return (
-            f"{shown} Intervals of {100 * LEVEL:g} % by order statistics as of independent points; these are spread "
-            "evenly, so the intervals are estimates, usually too wide."
+            f"{shown} Intervals of {100 * LEVEL:g} % by order statistics for independent points; these points are "
+            "spread "
+            "evenly, so the intervals are usually too wide."
         )
-    return f"{shown} Intervals of {100 * LEVEL:g} % by order statistics, whatever the distribution."
+    return f"{shown} Intervals of {100 * LEVEL:g} % by order statistics, valid for any distribution."
 
 
 def with_interval(quantile: Quantile) -> str:
@@ -145,7 +147,7 @@ def _mean(values: FloatArray, weights: FloatArray) -> str:
 
 
 def _ends(values: FloatArray, weights: FloatArray, bound: float | None) -> tuple[float, float]:
-    """Return the ends of the histogram, which include a bound that is near."""
+    """Return the ends of the histogram's axis, which includes the limit `bound` if it is near the values."""
     finite = np.isfinite(values)
     if not np.any(finite):
         return -0.5, 0.5
@@ -173,7 +175,7 @@ def _histogram(study: RecordedSweep, name: str, values: FloatArray, weights: Flo
 
 
 def _edges(low: float, high: float, count: float, bound: float | None) -> FloatArray:
-    """Return bin edges by Rice's rule, shape (bins + 1,); one of them is at the bound if that is within the ends."""
+    """Return bin edges by Rice's rule, shape (bins + 1,); one lies at the limit `bound` if it is within the ends."""
     bins = int(np.clip(np.ceil(2.0 * count ** (1.0 / 3.0)), 8, MAX_BINS))
     width = (high - low) / bins
     if bound is None or not low < bound < high:
@@ -183,7 +185,7 @@ def _edges(low: float, high: float, count: float, bound: float | None) -> FloatA
 
 
 def _integer_edges(values: FloatArray) -> FloatArray | None:
-    """Return edges of one bin per integer if all values are integers; None: they are not, or there are too many."""
+    """Return bin edges with one bin per integer; None: not all values are integers, or their range is too large."""
     if np.any(np.isinf(values)) or np.any(values != np.round(values)) or np.ptp(values) > MAX_BINS:
         return None
     return np.arange(values.min() - 0.5, values.max() + 1.0)

@@ -19,15 +19,15 @@ from hric_sweep.samplers.sampler import CrossCheck, Estimate
 RUNS, SETTINGS = "runs.parquet", "sweep.yaml"
 VARIABLE, OUTPUT = "variable", "output"
 FINE, EXCEEDED, FAILED = 0, 1, 2
-"""Result of a run."""
+"""Codes of a run's result: not beyond the limit, beyond the limit, failed."""
 KINDS = ("fine", "exceeded", "failed")
-"""Name of each result."""
+"""Names of the results FINE, EXCEEDED and FAILED."""
 
 Column = npt.NDArray[Any]
 
 
 class ExceedanceRecord(TypedDict, total=False):
-    """Exceedance in the definition of a sweep; either `above` or `below` is there."""
+    """Entry `exceedance` in the definition of a sweep, with either `above` or `below`."""
 
     output: str
     above: float
@@ -35,7 +35,7 @@ class ExceedanceRecord(TypedDict, total=False):
 
 
 class VariableRecord(TypedDict, total=False):
-    """Variable in the definition of a sweep."""
+    """Entry of `vary` in the definition of a sweep: one variable."""
 
     paths: Sequence[str]
     distribution: Mapping[str, object]
@@ -54,7 +54,7 @@ class SweepRecord(TypedDict, total=False):
 
 
 class DefinitionRecord(TypedDict, total=False):
-    """Definition of a sweep as its table has it."""
+    """Definition of a sweep as stored in the metadata of runs.parquet."""
 
     description: str
     extends: str
@@ -63,7 +63,7 @@ class DefinitionRecord(TypedDict, total=False):
 
 @dataclass(frozen=True)
 class ColumnDescription:
-    """Role of a column in the table, unit of its numbers, and description."""
+    """Description of a table column: its role (variable or output), the unit of its numbers, and a text."""
 
     role: str
     unit: str = ""
@@ -86,13 +86,13 @@ class SweepLimit:
 
 @dataclass(frozen=True)
 class RecordedSweep:
-    """Recorded sweep.
+    """Sweep as read from its run folder.
 
     Attributes:
         folder: run folder of the sweep.
         columns: columns by name, each of shape (runs,), in order of index.
         about: description of each column.
-        definition: canonical definition, of the whole file; its section `sweep` defines what was varied.
+        definition: content of the whole sweep file in canonical form; its section `sweep` defines the variables.
         estimate: estimate of the sampler; None: the sampler has none, or none yet.
         made: content of sweep.yaml.
     """
@@ -111,7 +111,7 @@ class RecordedSweep:
 
     @property
     def sampler(self) -> str:
-        """Kind of the sampler."""
+        """Kind of the sampler, such as random or grid."""
         return str((self.section.get("sampler") or {}).get("kind", ""))
 
     @property
@@ -121,7 +121,7 @@ class RecordedSweep:
 
     @property
     def planned(self) -> int | None:
-        """Maximum number of runs; None: not defined."""
+        """Maximum number of runs; None: the definition has none."""
         runs = self.section.get("runs")
         return None if runs is None else int(runs)
 
@@ -142,7 +142,7 @@ class RecordedSweep:
 
     @cached_property
     def limit(self) -> SweepLimit | None:
-        """Limit of the exceedance; None: there is none."""
+        """Limit whose exceedance is counted; None: the sweep has none."""
         counted = self.section.get("exceedance")
         if not counted:
             return None
@@ -164,7 +164,7 @@ class RecordedSweep:
 
     @cached_property
     def weights(self) -> FloatArray:
-        """Likelihood ratios, shape (runs,); 1 if the points were drawn from the distributions themselves."""
+        """Weights of the runs (likelihood ratios), shape (runs,); 1: drawn from the distributions themselves."""
         return np.asarray(self.columns["weight"], dtype=float)
 
     @property
@@ -173,7 +173,7 @@ class RecordedSweep:
         return bool(np.any(self.weights != 1.0))
 
     def numbers(self, name: str) -> tuple[FloatArray, list[str]]:
-        """Return a column as numbers, and the labels of its values if they are words: number k means label k."""
+        """Return the numbers of a column and its labels; words have number k for label k, numbers have no labels."""
         values = self.columns[name]
         if values.dtype.kind in "iuf":
             return values.astype(float), []
@@ -190,7 +190,7 @@ class RecordedSweep:
 
     @cached_property
     def order_of_worst(self) -> tuple[npt.NDArray[np.intp], str]:
-        """Rows that did not fail, from the worst on, and the criterion.
+        """Table rows of the runs that did not fail, the worst first, and the criterion in words.
 
         The criterion is the objective, else the output with the limit, else the largest value of the first output.
         """
@@ -211,7 +211,7 @@ class RecordedSweep:
 
 
 def load(folder: Path) -> RecordedSweep:
-    """Read a sweep.
+    """Read a sweep from its run folder.
 
     Raises:
         HricError: the folder has no table, or one that was not written by a sweep.
@@ -226,7 +226,7 @@ def load(folder: Path) -> RecordedSweep:
         about = {name: ColumnDescription(**column) for name, column in content["columns"].items()}
         estimate = _estimate(content.get("estimate"))
     except (OSError, KeyError, TypeError, ValueError, pyarrow.ArrowException) as error:
-        raise RunFolderError(f"cannot read {path}: {error}; valid: the folder of a sweep") from error
+        raise RunFolderError(f"cannot read {path}: {error}; valid: the run folder of a sweep") from error
     columns = {name: rows.column(name).to_numpy() for name in rows.column_names}
     return RecordedSweep(folder, columns, about, content["sweep"], estimate, _made(folder / SETTINGS))
 
@@ -242,5 +242,5 @@ def _made(path: Path) -> Mapping[str, object]:
     try:
         content = read_yaml(path)
     except ParameterError as error:
-        raise RunFolderError(f"{error}; valid: the folder of a sweep") from None
+        raise RunFolderError(f"{error}; valid: the run folder of a sweep") from None
     return content if isinstance(content, Mapping) else {}

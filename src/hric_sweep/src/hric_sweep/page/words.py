@@ -1,4 +1,4 @@
-"""Description of the varied quantities and of the sampler, in words and as a table."""
+"""Descriptions of a sweep's sampler, variables and distributions, in words and as a table."""
 
 import math
 from collections.abc import Mapping
@@ -11,11 +11,11 @@ RANDOM, GRID, LIST, TPE, SALTELLI = "random", "grid", "list", "tpe", "saltelli"
 CROSS_ENTROPY, SUBSET = "cross_entropy", "subset"
 SPREAD = ("sobol", "lhs")
 SAMPLERS: Mapping[str, str] = {
-    RANDOM: "drawn at random, each run by itself",
+    RANDOM: "points drawn at random and independently",
     "sobol": "scrambled Sobol points, spread evenly over the distributions",
     "lhs": "a Latin hypercube, spread evenly over each distribution",
     SALTELLI: "Saltelli's design for Sobol indices",
-    GRID: "a grid: every value with every other",
+    GRID: "a grid of all combinations of values",
     LIST: "a list of given points",
     TPE: "a search for the worst case (TPE), which samples no distribution",
     CROSS_ENTROPY: "importance sampling by the cross-entropy method, weighted back to the distributions",
@@ -25,27 +25,27 @@ SAMPLERS: Mapping[str, str] = {
 
 
 def figure(value: Any, digits: int = 4) -> str:
-    """Return a number as text, also an infinite one, such as a share of a limit of 0."""
+    """Return a number as text, also an infinite one (such as a ratio to a limit of 0)."""
     if isinstance(value, float) and math.isinf(value):  # a number of numpy, too
         return "infinite" if value > 0.0 else "minus infinite"
     return number(value, digits)
 
 
 def sampler(study: RecordedSweep) -> str:
-    """Return the description of the sampler."""
+    """Return a description of the sweep's sampler, its options and the seeds of the runs."""
     settings = dict(study.section.get("sampler") or {})
     settings.pop("kind", None)
     options = "".join(f", {key} {number(value)}" for key, value in settings.items() if value is not None)
     seeds = {
         "common": "; all runs share one seed (common random numbers)",
-        "each": "; each run has a seed of its own",
+        "each": "; each run has its own seed",
     }.get(str(study.section.get("seeds", "")), "")
     kind = study.sampler
     return f"{kind}: {SAMPLERS[kind]}{options}{seeds}" if kind in SAMPLERS else f"{kind or 'unknown'}{options}{seeds}"
 
 
 def distribution(settings: Mapping[str, object]) -> str:
-    """Return a distribution in words; `settings`: as in the definition."""
+    """Return a distribution in words; `settings`: entry `distribution` of a variable in the sweep file."""
     options = {key: value for key, value in settings.items() if value is not None}
     kind = str(options.pop("kind", ""))
     low, high = options.pop("low", None), options.pop("high", None)
@@ -79,7 +79,7 @@ def varied(study: RecordedSweep) -> PageTable:
         shown = distribution(variable.get("distribution") or {}) if variable.get("distribution") else "-"
         unit = about.unit or ("-" if study.numbers(name)[1] else "1")
         rows.append((name, unit, shown, about.text, ", ".join(map(str, paths))))
-    head = ("variable", "unit", "distribution", "what it is", "sets")
+    head = ("variable", "unit", "distribution", "description", "parameters it sets")
     return PageTable("", head, tuple(rows), _correlations(study))
 
 

@@ -1,1 +1,1 @@
-"""Samplers, which choose the points of the runs of a sweep: one module per family."""
+"""Samplers, which choose the values of the variables for the runs of a sweep: one module per family."""

@@ -1,9 +1,9 @@
-"""Importance sampling by cross-entropy: the proposal moves to the failure region, and weights correct for it.
+"""Importance sampling by the cross-entropy method: a proposal distribution moves to the region beyond the limit.
 
 At most half of the batches adapt the proposal: each fits it to the points with the highest margins so far, until enough
-of them exceed the limit. The other batches are drawn from this final proposal, and only they enter the estimate, which
-is therefore unbiased. One tenth of each is drawn from the distributions themselves, which bounds the weights and checks
-the estimate.
+of them exceed the limit. The other batches are drawn from this final proposal; only they enter the estimate, which is
+therefore unbiased. Likelihood ratios weight the points. One tenth of each batch is drawn from the distributions
+themselves, which bounds the weights and serves as a check of the estimate.
 
 Sources: Rubinstein & Kroese, The Cross-Entropy Method, 2004; de Boer et al., Ann. Oper. Res. 134:19, 2005.
 """
@@ -28,22 +28,25 @@ BATCHES = 10
 """Number of batches of a sweep if the size of a batch is not set (project default)."""
 SMALLEST_BATCH = 20
 ADAPTING = 0.5
-"""Largest share of the batches that adapt the proposal [1]."""
+"""Maximum share of the batches that adapt the proposal [1]."""
 ELITE, FEWEST = 0.2, 20
-"""Points to which a proposal is fitted: share of a batch, and minimum number (project defaults)."""
+"""Number of points to which a proposal is fitted: as share of a batch, and minimum number (project defaults)."""
 METHOD = "importance sampling, t interval of the logarithm"
 
 
 @dataclass(frozen=True)
 class CrossEntropy(Settings):
-    """Importance sampling for rare exceedance with up to three failure regions; use subset for more or curved ones."""
+    """Importance sampling for a rare exceedance with up to three failure regions; for more or curved ones: subset."""
 
     batch: int | None = whole(
-        None, minimum=SMALLEST_BATCH, text="runs of a batch; none: a tenth of all", default_text="runs / 10"
+        None,
+        minimum=SMALLEST_BATCH,
+        text="number of runs per batch; none: a tenth of all runs",
+        default_text="runs / 10",
     )
 
     def sampler(self, space: Space, runs: int | None, seed: int) -> "CrossEntropySampler":
-        """Return the sampler. Raises ParameterError: there are too few runs for four batches."""
+        """Return the sampler. Raises ParameterError: `runs` does not suffice for four batches."""
         if runs is None or runs < 4 * (self.batch or SMALLEST_BATCH):
             fewest = 4 * (self.batch or SMALLEST_BATCH)
             raise refused("sweep.runs", runs, f"a whole number of {fewest} or more with the sampler cross_entropy")
@@ -55,8 +58,8 @@ class PointBatch:
     """Points of one batch with their results.
 
     Attributes:
-        z: normal scores, shape (m, n).
-        plain: number of points that are drawn from the distributions themselves; they come first.
+        z: points as normal scores (standard normal quantiles), shape (m, n).
+        plain: number of points that are drawn from the distributions themselves; they are the first ones.
         proposal: distribution of the other points; None: there are none.
         weights: likelihood ratios, shape (m,).
         margins: output minus limit, -inf if the run failed, shape (m,).
@@ -78,7 +81,7 @@ class CrossEntropySampler:
     Args:
         n: number of variables.
         runs: maximum number of runs.
-        batch: runs per batch; the last batch also has the remainder.
+        batch: number of runs per batch; the last batch also has the remainder.
         seed: seed of all random draws.
     """
 
@@ -93,7 +96,7 @@ class CrossEntropySampler:
         self._near, self._adapted = False, False
 
     def ask(self) -> Sequence[Point]:
-        """Return the next batch with its weights, from the distributions at first, later also from the proposal."""
+        """Return the next batch of points with their weights; the first is drawn from the distributions alone."""
         index = len(self._adapting) + len(self._final)
         if index == self._count:
             return []
@@ -111,7 +114,9 @@ class CrossEntropySampler:
     def tell(self, results: Sequence[SamplerResult]) -> None:
         """Store the results of the batch and adapt the proposal. Raises HricError: results have no margin."""
         if self._open is None:
-            raise HricError("results were given before points; valid: those of a batch that was drawn")
+            raise HricError(
+                "the sampler received results before it drew points; valid: results of a batch that was drawn"
+            )
         first = sum(len(batch.z) for batch in (*self._adapting, *self._final))
         in_order(results, first, len(self._open.z))
         done, self._open = with_results(self._open, results), None
@@ -122,9 +127,9 @@ class CrossEntropySampler:
         self._adapt()
 
     def _adapt(self) -> None:
-        """Fit the proposal to the best points so far.
+        """Fit the proposal to the points with the highest margins so far.
 
-        It is final after two successive fits to points that all exceed, or after ADAPTING of the batches.
+        The proposal is final after two successive fits to points that all exceed, or after ADAPTING of the batches.
         """
         z = np.concatenate([batch.z for batch in self._adapting])
         margins = np.concatenate([batch.margins for batch in self._adapting])
@@ -150,7 +155,7 @@ class CrossEntropySampler:
         return weights
 
     def estimate(self) -> Estimate | None:
-        """Return the estimate from the batches after the adaptation; None if there is none yet."""
+        """Return the estimate from the batches drawn from the final proposal; None if there is no such batch yet."""
         if not self._final:
             return None
         weights = np.concatenate([batch.weights for batch in self._final])
@@ -167,7 +172,7 @@ class CrossEntropySampler:
         return Estimate(probability, low, high, LEVEL, runs, *sums, METHOD, check)
 
     def _plain_runs(self) -> CrossCheck:
-        """Return count and interval of the runs of all batches that were drawn from the distributions themselves."""
+        """Return count and interval of the runs drawn from the distributions themselves, over all batches."""
         batches = (*self._adapting, *self._final)
         runs = sum(batch.plain - int(batch.failed[: batch.plain].sum()) for batch in batches)
         exceeded = sum(int(batch.exceeded[: batch.plain].sum()) for batch in batches)
@@ -175,14 +180,14 @@ class CrossEntropySampler:
 
 
 def with_results(batch: PointBatch, results: Sequence[SamplerResult]) -> PointBatch:
-    """Return a copy of a batch with its results.
+    """Return a copy of a batch with margins, exceedance and failure of its runs.
 
     Raises:
         HricError: a run that did not fail has no margin.
     """
     failed = np.array([result.exceeded is None for result in results])
     if any(result.margin is None for result in results if result.exceeded is not None):
-        raise HricError("results have no margin; valid: the output less the limit, with a sampler of rare exceedance")
+        raise HricError("results have no margin; valid: with this sampler, the output less its limit for each run")
     margins = np.array([-np.inf if result.exceeded is None else float(result.margin or 0.0) for result in results])
     return replace(
         batch, margins=margins, exceeded=np.array([bool(result.exceeded) for result in results]), failed=failed

@@ -15,11 +15,11 @@ from hric_sweep.statistics.intervals import LEVEL, clopper_pearson
 
 
 class Design:
-    """Sampler with a fixed set of points in one batch.
+    """Sampler with a fixed set of points, returned in one batch.
 
     Args:
         u: points of the unit cube, shape (m, n).
-        drawn: True if they are drawn from the distributions, so that counts estimate a probability.
+        drawn: True if the points are drawn from the distributions, so that counts estimate a probability.
     """
 
     def __init__(self, u: FloatArray, drawn: bool) -> None:
@@ -40,7 +40,7 @@ class Design:
         self._results = results
 
     def estimate(self) -> Estimate | None:
-        """Return the Clopper-Pearson estimate; None: the points are not drawn from the distributions, or no result."""
+        """Return the Clopper-Pearson estimate; None: points not drawn from the distributions, or no results yet."""
         counted = [result.exceeded for result in self._results]
         if not self._drawn or all(exceeded is None for exceeded in counted):
             return None
@@ -64,7 +64,7 @@ class Grid(Settings):
 
 @dataclass(frozen=True)
 class Listed(Settings):
-    """Run i has the i-th value of each variable; all variables are of kind choice, with the same number of values."""
+    """List of points: run i uses the i-th value of each variable; all are of kind choice, with equally many values."""
 
     def sampler(self, space: Space, runs: int | None, seed: int) -> Design:
         """Return the design. Raises ParameterError: a variable is not discrete, or its number of values differs."""
@@ -72,7 +72,7 @@ class Listed(Settings):
         counts = [len(middle) for middle in middles]
         if len(set(counts)) > 1:
             sizes = ", ".join(f"{name} {count}" for name, count in zip(space.names, counts, strict=True))
-            raise refused("sweep.vary", sizes, "as many values of each variable with the sampler list")
+            raise refused("sweep.vary", sizes, "the same number of values for each variable, with the sampler list")
         _all_of(runs, counts[0], "one for each value")
         return Design(np.stack(middles, axis=1), drawn=False)
 
@@ -89,7 +89,7 @@ class Random(Settings):
 
 @dataclass(frozen=True)
 class Sobol(Settings):
-    """Scrambled Sobol sequence, which fills the space evenly."""
+    """Scrambled Sobol sequence: random points that fill the space evenly."""
 
     def sampler(self, space: Space, runs: int | None, seed: int) -> Design:
         """Return the design. Raises ParameterError: `runs` is missing or no power of two."""
@@ -115,7 +115,8 @@ class Lhs(Settings):
 class Saltelli(Settings):
     """Saltelli's design for first-order and total indices (Saltelli et al., Comput. Phys. Commun. 181:259, 2010).
 
-    With n variables, `rows` x (n + 2) runs: the matrix A, the matrix B, and for each variable A with its column from B.
+    With n variables and r rows it has r (n + 2) runs: a matrix A, a matrix B, and for each variable the matrix A with
+    the column of this variable from B.
     """
 
     extra: ClassVar[int] = 2
@@ -124,7 +125,9 @@ class Saltelli(Settings):
         """Return the design. Raises ParameterError: correlated variables, or `runs` is not n + 2 times a power of 2."""
         if not space.independent:
             raise refused(
-                "sweep.sampler.kind", "saltelli", "variables without correlation: the indices are defined for those"
+                "sweep.sampler.kind",
+                "saltelli",
+                "variables without correlation, for which alone the indices are defined",
             )
         count, n = _required(runs), len(space.names)
         rows, rest = divmod(count, n + self.extra)

@@ -1,6 +1,6 @@
-"""Registry of the samplers by name.
+"""Registry of the samplers by the name that a sweep file uses.
 
-| kind | for | runs |
+| kind | purpose | runs |
 |---|---|---|
 | grid, list | listed values | all; `runs` is left out |
 | random | probabilities, with an exact interval | any |
@@ -33,17 +33,17 @@ KINDS = Kinds(
         "subset": subset.Subset,
     }
 )
-"""Settings class of each sampler, by the value of `kind`; `kind: MODULE:CLASS` is one of another package."""
-SAMPLER: Any = variant("kind", KINDS, text="choice of the points")
+"""Settings class of each sampler, by the value of `kind`; `kind: MODULE:CLASS` names one of another package."""
+SAMPLER: Any = variant("kind", KINDS, text="sampler that chooses the values of the variables")
 
 
 def make(settings: Any, space: Space, runs: int | None, seed: int) -> Sampler:
-    """Return a sampler.
+    """Create the sampler that the settings choose.
 
     Args:
-        settings: settings of one of KINDS, as SAMPLER reads them.
-        space: space of the variables.
-        runs: maximum number of runs; None if the sampler determines it: grid and list.
+        settings: settings of a sampler, an instance of a class in KINDS.
+        space: variables with their distributions and correlations.
+        runs: maximum number of runs; None if the sampler (grid, list) determines it.
         seed: seed of all random draws.
 
     Raises:

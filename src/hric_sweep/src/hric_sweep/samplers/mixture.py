@@ -1,8 +1,8 @@
-"""Proposals for importance sampling in the space of normal scores: normal distributions fitted to weighted points.
+"""Proposal distributions for importance sampling: mixtures of normal distributions fitted to weighted points.
 
-In this space the variables are standard normal. A proposal is a mixture: a share of the standard normal, which bounds
-the weights (a defensive mixture: Hesterberg, Technometrics 37:185, 1995), and components fitted to the points near the
-limit, one for each failure region (Kurtz & Song, Struct. Saf. 42:35, 2013).
+The points are normal scores, so the variables are standard normal. A proposal is a mixture of a share of the standard
+normal, which bounds the weights (a defensive mixture: Hesterberg, Technometrics 37:185, 1995), and components fitted to
+the points near the limit, one for each failure region (Kurtz & Song, Struct. Saf. 42:35, 2013).
 """
 
 from dataclasses import dataclass
@@ -15,13 +15,13 @@ from hric_core.geometry import FloatArray
 DEFENSIVE = 0.1
 """Share of each batch that is drawn from the distributions themselves [1]; no weight exceeds its inverse."""
 NARROWEST, WIDEST = 0.35, 1.2
-"""Bounds of a component's standard deviations along its axes [1]: a narrower one would miss tails of the failures."""
+"""Bounds of a component's standard deviations along its axes [1]; narrower ones would miss tails of the failures."""
 SHRINKAGE = 0.3
-"""Minimum share of the standard normal's covariance in that of a component [1]; it is larger if points are few."""
+"""Minimum weight of the identity in a component's (shrunk) covariance [1]; it is larger if there are few points."""
 COMPONENTS = 3
 """Maximum number of components, one per failure region (project default, unconfirmed)."""
 STEPS = 30
-"""Iterations of expectation maximisation per fit."""
+"""Number of iterations of expectation maximisation per fit."""
 
 
 def log_normal(z: FloatArray) -> FloatArray:
@@ -32,7 +32,7 @@ def log_normal(z: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class Proposal:
-    """Mixture of normal distributions, without its defensive share.
+    """Proposal distribution: a mixture of normal distributions (without the defensive share of standard normal).
 
     Attributes:
         shares: shares of the components, shape (k,).
@@ -45,7 +45,7 @@ class Proposal:
     factors: FloatArray
 
     def each(self, z: FloatArray) -> FloatArray:
-        """Return the log of share times density of each component at points of shape (m, n), shape (k, m)."""
+        """Return log(share x density) of each component, shape (k, m), at points of shape (m, n)."""
         densities = []
         for share, mean, factor in zip(self.shares, self.means, self.factors, strict=True):
             scaled = np.linalg.solve(factor, (z - mean).T).T
@@ -114,7 +114,7 @@ def _fitted(z: FloatArray, weights: FloatArray, count: int, size: float) -> Prop
 
 
 def _far_apart(z: FloatArray, weights: FloatArray, count: int) -> FloatArray:
-    """Return initial means: the heaviest point, then each time that of largest weight times distance squared."""
+    """Return initial means: the point of largest weight, then those of largest weight x squared distance to these."""
     chosen = [z[np.argmax(weights)]]
     while len(chosen) < count:
         nearest = np.min([np.sum((z - point) ** 2, axis=1) for point in chosen], axis=0)
@@ -123,7 +123,7 @@ def _far_apart(z: FloatArray, weights: FloatArray, count: int) -> FloatArray:
 
 
 def _factor(deviations: FloatArray, weights: FloatArray, size: float) -> FloatArray:
-    """Return the Cholesky factor of a component's covariance, shrunk to the identity and bounded along its axes."""
+    """Return the Cholesky factor of a component's covariance, shrunk towards the identity, with bounded eigenvalues."""
     n = deviations.shape[1]
     towards = min(1.0, max(SHRINKAGE, (n + 1) / max(size, 1e-9)))
     covariance = (1.0 - towards) * (deviations.T * weights) @ deviations + towards * np.eye(n)

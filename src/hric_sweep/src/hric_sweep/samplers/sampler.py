@@ -1,9 +1,9 @@
-"""Interface of all samplers: points in batches, results of a complete batch in return, and an optional estimate.
+"""Interface of all samplers: they return points in batches, receive the results, and may estimate a probability.
 
-`make` creates a sampler. It returns a batch of points, receives the results of all of them in order of index, and
-returns the next batch until none is left; the methods have the names that search libraries use. The size of a batch
-depends on the settings alone, nothing depends on the order in which runs finish, and all random draws use the seed. A
-sampler is resumed by creating it again and passing the same results: it then continues bit for bit.
+A sampler returns a batch of points, receives the results of all of them in order of index, and returns the next batch
+until none is left. The size of a batch depends on the settings alone, nothing depends on the order in
+which runs finish, and all random draws use the seed. A sampler is resumed by creating it again and passing the same
+results: it then continues bit for bit.
 """
 
 from collections.abc import Sequence
@@ -14,12 +14,12 @@ from hric_core.errors import HricError
 
 
 class Point(NamedTuple):
-    """Point of the unit cube.
+    """Point of the unit cube, which determines the values of all variables for one run.
 
     Attributes:
-        u: coordinates in the order of the space's names, each in (0, 1).
-        weight: likelihood ratio of the point: density of the distributions over the density of the sampler; 1 if it was
-            drawn from the distributions.
+        u: coordinates, each in (0, 1), in the order of the variables.
+        weight: likelihood ratio: density of the variables' distributions over the density of the sampler; 1 if the
+            point was drawn from the distributions.
     """
 
     u: tuple[float, ...]
@@ -28,14 +28,14 @@ class Point(NamedTuple):
 
 @dataclass(frozen=True)
 class SamplerResult:
-    """Result of one run for the sampler.
+    """Result of one run, as a sampler receives it.
 
     Attributes:
         index: index of the run, from 0, over all batches.
         exceeded: True if the output exceeded the limit; None: the run failed.
         objective: value to be maximised; None: the run failed, or there is no objective.
-        margin: output minus limit (limit minus output for a lower limit), above 0 if it exceeded, in the output's unit;
-            None: the run failed, or there is no exceedance.
+        margin: output minus limit (limit minus output for a lower limit) in the output's unit, above 0 if exceeded;
+            None: the run failed, or the sweep has no limit.
     """
 
     index: int
@@ -49,7 +49,7 @@ class CrossCheck:
     """Check of a weighted estimate with the runs that were drawn from the distributions themselves.
 
     Attributes:
-        runs, exceeded: number of these runs, and number of those that exceeded.
+        runs, exceeded: number of these runs, and number of them that exceeded the limit.
         low, high: interval of the probability from these runs alone (Clopper-Pearson).
         agrees: True if this interval overlaps the interval of the estimate.
     """
@@ -63,17 +63,17 @@ class CrossCheck:
 
 @dataclass(frozen=True)
 class Estimate:
-    """Estimate of the probability to exceed the limit, for the distributions of the sweep.
+    """Estimate of the probability that a run exceeds the limit, given the variables' distributions.
 
     Attributes:
         probability: best estimate [1].
-        low, high: interval at `level`; for `low`, failed runs count as not exceeding, for `high` as exceeding.
-        level: share of sweeps whose interval contains the true probability.
+        low, high: confidence interval; `low` counts failed runs as not exceeding, `high` as exceeding.
+        level: confidence level of the interval [1].
         runs: number of runs in the estimate.
         exceeded: number of runs that exceeded.
         failed: number of runs that failed.
-        ess: effective sample size of the runs that exceeded: as many equal weights would have the same variance.
-        method: name of the method that yields the interval.
+        ess: effective number of exceeding runs: so many runs of equal weight would have the same variance.
+        method: name of the method that gives the interval.
         check: cross-check with unweighted runs; None if all runs are drawn from the distributions.
     """
 
@@ -90,7 +90,7 @@ class Estimate:
 
 
 class Sampler(Protocol):
-    """Source of the points of a sweep.
+    """Sampler: source of the points of a sweep.
 
     Attributes:
         total: maximum number of runs.
@@ -99,13 +99,13 @@ class Sampler(Protocol):
     total: int
 
     def ask(self) -> Sequence[Point]:
-        """Return the next batch; empty: no more runs. Call it with all results of the previous batch received."""
+        """Return the next batch of points; empty: no more runs. Requires the results of the previous batch."""
 
     def tell(self, results: Sequence[SamplerResult]) -> None:
-        """Receive the results of the complete batch, in order of index."""
+        """Receive the results of all runs of the last batch, in order of index."""
 
     def estimate(self) -> Estimate | None:
-        """Return the estimate from all results so far; None: there is no exceedance, no result or no method for it."""
+        """Return the estimated exceedance probability from all results so far; None: there is no estimate (yet)."""
 
 
 def in_order(results: Sequence[SamplerResult], first: int, count: int) -> None:

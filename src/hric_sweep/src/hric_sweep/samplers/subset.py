@@ -1,10 +1,10 @@
 """Subset simulation: a small probability as a product of larger ones, one for each level on the way to the limit.
 
-The first level is drawn from the distributions. The tenth of its points with the highest margins are the seeds of
-Markov chains, which draw the next level among the points above that margin, and so on until a tenth exceeds the limit
-or no runs are left. Each batch is one step of all chains. The step, z' = a z + sqrt(1 - a^2) e, preserves the standard
-normal distribution; a point below the level is rejected, and the previous one counts again; a is adapted to an
-acceptance rate of 0.44.
+The points of the first level are drawn from the distributions. The tenth of them with the highest margins are the seeds
+of Markov chains, which draw the points of the next level among those above that margin, and so on until a tenth exceeds
+the limit or no runs are left. Each batch is one step of all chains. The step, z' = a z + sqrt(1 - a^2) e with standard
+normal e, preserves the standard normal distribution. A point below the level is rejected, and the chain's previous
+point counts again; the correlation a is adapted to an acceptance rate of 0.44.
 
 Sources: Au & Beck, Probab. Eng. Mech. 16:263, 2001; Papaioannou et al., Probab. Eng. Mech. 41:89, 2015.
 """
@@ -27,26 +27,26 @@ from hric_sweep.space import EDGE, Space
 from hric_sweep.statistics.intervals import LEVEL, clopper_pearson
 
 LENGTH = 10
-"""Points per chain; the inverse is the probability of each level."""
+"""Number of points per chain; its inverse is the conditional probability of each level."""
 FEWEST = 10
-"""Minimum number of chains: with fewer the interval is useless (project default)."""
+"""Minimum number of chains; with fewer the interval would be too wide to be useful (project default)."""
 FIRST_STEP = 0.8
-"""Initial correlation a of a step of the chains [1]."""
+"""Initial correlation between successive points of a chain [1]."""
 ACCEPTED = 0.44
-"""Target acceptance rate to which a is adapted (Papaioannou et al. 2015)."""
+"""Target acceptance rate [1], to which the correlation of the steps is adapted (Papaioannou et al. 2015)."""
 METHOD = "subset simulation, normal interval of the logarithm"
 
 
 @dataclass(frozen=True)
 class Subset(Settings):
-    """Subset simulation for rare exceedance: wider intervals than cross_entropy, but failure regions of any shape."""
+    """Subset simulation for a rare exceedance: failure regions of any shape, but wider intervals than cross_entropy."""
 
     smallest: float = number(
-        1e-5, minimum=1e-9, maximum=0.1, text="smallest probability that the runs must be able to estimate"
+        1e-5, minimum=1e-9, maximum=0.1, text="smallest probability that the sweep shall be able to estimate"
     )
 
     def sampler(self, space: Space, runs: int | None, seed: int) -> "SubsetSampler":
-        """Return the sampler. Raises ParameterError: there are too few runs for the levels."""
+        """Return the sampler. Raises ParameterError: there are too few runs for the number of levels."""
         levels = math.ceil(-math.log10(self.smallest) - 1e-9)
         per_chain = LENGTH + (levels - 1) * (LENGTH - 1)
         if runs is None or runs < FEWEST * per_chain:
@@ -56,7 +56,7 @@ class Subset(Settings):
 
 
 class ChainState(NamedTuple):
-    """State of all chains: normal scores, shape (chains, n), and margins, shape (chains,)."""
+    """Current points of all Markov chains: normal scores, shape (chains, n), and margins, shape (chains,)."""
 
     z: FloatArray
     margins: FloatArray
@@ -85,7 +85,7 @@ class SubsetSampler:
         self._bound = 1.0
 
     def ask(self) -> Sequence[Point]:
-        """Return the next step of all chains. A point's weight is the estimated probability of its level."""
+        """Return the proposed next points of all chains; a point's weight is the estimated probability of its level."""
         if self._done:
             return []
         random = np.random.default_rng([self._seed, self._batches])
@@ -98,9 +98,11 @@ class SubsetSampler:
         return [Point(tuple(row), self._shares) for row in np.clip(ndtr(z), EDGE, 1.0 - EDGE).tolist()]
 
     def tell(self, results: Sequence[SamplerResult]) -> None:
-        """Store the results of the step. Failed runs count as not exceeding. Raises HricError: no margin."""
+        """Store the results of a step; failed runs count as not exceeding. Raises HricError: results have no margin."""
         if self._open is None:
-            raise HricError("results were given before points; valid: those of a batch that was drawn")
+            raise HricError(
+                "the sampler received results before it drew points; valid: results of a batch that was drawn"
+            )
         in_order(results, self._count, len(self._open.z))
         batch, self._open = with_results(self._open, results), None
         self._count, self._batches = self._count + len(results), self._batches + 1
@@ -117,7 +119,7 @@ class SubsetSampler:
             self._finish(z, margins, chained=True)
 
     def _step(self, batch: PointBatch) -> None:
-        """Accept the points above the level; the other chains stay at their previous point. Adapt a."""
+        """Accept the points above the level; other chains stay at their previous points. Adapt the correlation a."""
         before, above = self._steps[-1], batch.margins > self._level
         z = np.where(above[:, None], batch.z, before.z)
         margins = np.where(above, batch.margins, before.margins)
@@ -126,7 +128,7 @@ class SubsetSampler:
         self._a = min(max(math.sqrt(max(1.0 - spread, 0.0)), 0.3), 0.98)
 
     def _finish(self, z: FloatArray, margins: FloatArray, chained: bool) -> None:
-        """End a level: the last one if a tenth exceeds or no levels are left, else seed the next chains."""
+        """Finish a level; it is the last if a tenth exceeds or no levels are left, else start the next chains."""
         order = np.argsort(-margins, kind="stable")
         level = 0.5 * float(margins[order[self._chains - 1]] + margins[order[self._chains]])
         self._done = level >= 0.0 or len(self._variances) + 1 == self._levels or not np.isfinite(level)
@@ -146,8 +148,8 @@ class SubsetSampler:
     def estimate(self) -> Estimate | None:
         """Return the estimate from the product of all levels; None until the last level is finished.
 
-        The relative variance lies between that of independent levels and that of fully correlated levels; their mean is
-        used, which covers (docs/concepts/rare_events.md states how often).
+        The relative variance used is the mean of those for independent and for fully correlated levels. The coverage of
+        the resulting interval is in docs/concepts/rare_events.md.
         """
         if not self._done or self._first is None:
             return None
@@ -165,7 +167,7 @@ class SubsetSampler:
 
 
 def correlation_factor(above: npt.NDArray[np.bool_]) -> float:
-    """Return the factor by which correlation within chains increases the variance of a share, 1 or more.
+    """Return the factor (1 or more) by which correlation within chains increases the variance of an estimated share.
 
     Source: Au & Beck 2001, eq. 29: 1 + 2 sum (1 - k/L) r_k.
 

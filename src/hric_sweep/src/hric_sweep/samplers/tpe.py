@@ -1,7 +1,8 @@
 """Search for the worst case within the distributions: Optuna's tree-structured Parzen estimator.
 
-It maximises the objective over the normal scores of the variables, without a tail at each end of each: the result lies
-within the percentiles that these tails leave. A batch is drawn before the result of any of its points is known.
+It maximises the objective over the normal scores of the variables. A tail at each end of each distribution is excluded,
+so the worst case lies within the remaining percentiles. The points of a batch are proposed together, before any of its
+results is known.
 
 Source: Bergstra et al., Algorithms for hyper-parameter optimization, NIPS 24, 2011; Optuna is MIT-licensed.
 """
@@ -18,7 +19,8 @@ from hric_sweep.samplers.sampler import Point, SamplerResult, in_order
 from hric_sweep.space import Space
 
 BATCH = 5
-"""Points per batch (project default: larger batches use fewer results, smaller ones leave processors idle)."""
+"""Number of points per batch (project default: with larger batches the search uses fewer results, with smaller ones
+processors are idle)."""
 TAIL = 0.001
 """Share of each variable's distribution that is excluded at each end (project default)."""
 STARTUP = 20
@@ -27,11 +29,11 @@ STARTUP = 20
 
 @dataclass(frozen=True)
 class Tpe(Settings):
-    """Settings of the search for the worst case, which maximises the objective."""
+    """Search for the worst case: settings of Optuna's TPE sampler, which maximises the objective."""
 
-    batch: int = whole(BATCH, minimum=1, maximum=1000, text="runs that are drawn at once")
+    batch: int = whole(BATCH, minimum=1, maximum=1000, text="number of runs per batch")
     tail: float = number(
-        TAIL, minimum=1e-6, maximum=0.25, unit="1", text="share of each distribution that is left out at each end"
+        TAIL, minimum=1e-6, maximum=0.25, unit="1", text="share of each distribution that is excluded at each end"
     )
 
     def sampler(self, space: Space, runs: int | None, seed: int) -> "TpeSampler":
@@ -77,7 +79,7 @@ class TpeSampler:
         return [Point(tuple(self._shares(trial))) for trial in self._open]
 
     def _shares(self, trial: Any) -> list[float]:
-        """Return the percentiles of the proposed values; for a discrete variable, the middle of the value's share."""
+        """Return the cumulative probabilities of the proposed values; for a discrete value, the middle of its share."""
         return [
             float(middles[trial.params[name]] if middles.size else ndtr(trial.params[name]))
             for name, middles in self._middles.items()
@@ -87,7 +89,9 @@ class TpeSampler:
         """Pass the results of the batch to Optuna. Raises HricError: a run that did not fail has no objective."""
         in_order(results, self._count, len(self._open))
         if any(result.objective is None and result.exceeded is not None for result in results):
-            raise HricError("results have no objective; valid: sweep.objective with the sampler tpe")
+            raise HricError(
+                "results have no objective, which the sampler tpe needs; valid: a sweep file with sweep.objective"
+            )
         failed = self._optuna.trial.TrialState.FAIL
         for trial, result in zip(self._open, results, strict=True):
             if result.objective is None:
@@ -98,7 +102,7 @@ class TpeSampler:
         self._open = []
 
     def estimate(self) -> None:
-        """Return None: a worst case has no probability."""
+        """Return None: the search for a worst case gives no probability."""
         return None
 
 

@@ -1,1 +1,1 @@
-"""Limit speed of an arm for contacts with a person, over its workspace, found with a virtual measuring device."""
+"""Map of an arm's limit speed for contacts with a person over its workspace, from simulated impact measurements."""

@@ -1,4 +1,4 @@
-"""Impact of the end effector on a measuring device, in a simulation of the arm."""
+"""Simulated impacts of an arm's end effector on a force measuring device."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -13,16 +13,16 @@ from hric_core.geometry import FloatArray
 from hric_sweep.speed_map.device import HitBody, MeasuringDevice
 
 STIFFNESS, DAMPING = 100.0, 20.0
-"""Gains of each joint of a driven arm along its path: those of the experiment `contact` [N m/rad], [N m s/rad]."""
+"""Position and velocity gain of each joint of a driven arm, as in the experiment `contact` [N m/rad], [N m s/rad]."""
 SHARE = 0.9
-"""Largest share of its fastest speed that the arm uses [1], as the reaction to an impact accelerates some joints."""
+"""Maximum share of the arm's speed limit that is used [1], since the impact itself accelerates some joints."""
 
 
 class ArmBehaviour(Enum):
     """Behaviour of the arm during the contact.
 
-    PASSIVE: gravity compensation only, as the closed form assumes.
-    DRIVEN: the joints continue at their speeds, held by springs, behind the control box with its limits and reflexes.
+    PASSIVE: gravity compensation only, as the closed-form limit speed assumes.
+    DRIVEN: PD control continues the motion of the joints, through the control box with its limits and reflexes.
     """
 
     PASSIVE = "passive"
@@ -31,14 +31,14 @@ class ArmBehaviour(Enum):
 
 @dataclass(frozen=True)
 class ImpactApproach:
-    """Motion of the end effector before the impact.
+    """Straight motion of the end effector before an impact.
 
     Attributes:
         q: joint position at the contact, shape (7,) [rad].
-        direction: unit vector in the base frame, shape (3,).
+        direction: direction of motion, unit vector in the base frame, shape (3,).
         dq: joint velocity for 1 m/s along the direction without rotation, shape (7,) [rad/m].
-        mass: reflected mass along the direction, with rotors [kg].
-        fastest: speed that the joints' velocity limits allow [m/s].
+        mass: reflected (effective) mass of the arm along the direction, including rotors [kg].
+        fastest: maximum speed along the direction that the joint velocity limits allow [m/s].
     """
 
     q: FloatArray
@@ -49,10 +49,10 @@ class ImpactApproach:
 
 
 class Blows:
-    """Impacts of one arm.
+    """Simulator of impacts of one arm on a measuring device.
 
     Args:
-        robot: robot of a simulation; nothing else may step it.
+        robot: simulated robot; nothing else may step the simulation.
         arm: behaviour of the arm during the contact.
     """
 
@@ -64,7 +64,7 @@ class Blows:
         robot.box.report = lambda text: None  # reflexes are part of what is measured
 
     def approach(self, q: FloatArray, direction: FloatArray) -> ImpactApproach:
-        """Return the approach along a direction, shape (3,), through a posture, shape (7,) [rad]."""
+        """Return the approach along `direction`, shape (3,); `q`: joint position at the contact, shape (7,) [rad]."""
         model = self._robot.model
         J = model.zero_jacobian(FrankaFrame.END_EFFECTOR, q)
         dq = np.linalg.pinv(J) @ np.array([*direction, 0.0, 0.0, 0.0])
@@ -74,12 +74,12 @@ class Blows:
         return ImpactApproach(q, direction, dq, mass, float(allowed.min()))
 
     def peak(self, approach: ImpactApproach, body: HitBody, speed: float) -> float:
-        """Return the peak force that the device reads within the time of a transient contact [N].
+        """Simulate an impact; return the device's peak force within the duration of a transient contact [N].
 
         Args:
             approach: motion of the arm.
-            body: body that the arm hits.
-            speed: closing speed; the body moves at the part that the arm's joints do not allow [m/s].
+            body: spring and mass of the device, which represent a body region.
+            speed: closing speed [m/s]; if the arm cannot reach it, the body moves towards the arm at the difference.
         """
         robot, dt, arm_speed = self._robot, self._robot.plant.time_step, min(speed, SHARE * approach.fastest)
         dq = arm_speed * approach.dq
@@ -107,7 +107,7 @@ class Blows:
         return np.asarray(self._robot.model.pose(FrankaFrame.END_EFFECTOR, q)[:3, 3])
 
     def _torque(self, behind: FloatArray, slower: FloatArray, q: FloatArray, v: FloatArray) -> list[float]:
-        """Return the torque for the plant.
+        """Return the joint torques for the simulated arm, shape (7,) [N m].
 
         Args:
             behind: desired minus measured joint position, shape (7,) [rad].

@@ -1,4 +1,4 @@
-"""Command `speed_map`."""
+"""Command `speed_map`: estimate the limit speed for contacts with a person over the workspace of an arm."""
 
 import argparse
 import sys
@@ -24,7 +24,7 @@ from hric_sweep.speed_map.measured import MapCell, MapRequest, alone, lowest, me
 
 REGION = "hand, fingers"
 X, Y, Z = (0.3, 0.7, 5), (-0.4, 0.4, 5), (0.2, 0.6, 3)
-"""Default grid along each axis: lowest and highest value [m], and number of points."""
+"""Default grid: lowest and highest coordinate in the base frame [m] and number of points, for each axis."""
 CSV_FILE, PICTURE = "speed_map.csv", "speed_map.png"
 HEAD = (
     "x [m]",
@@ -33,24 +33,24 @@ HEAD = (
     "direction",
     "reflected mass [kg]",
     "limit speed [m/s]",
-    "fastest of the arm [m/s]",
+    "maximum arm speed [m/s]",
     "closed form [m/s]",
-    "by M/2 + m_L [m/s]",
+    "ISO estimate with M/2 + m_L [m/s]",
 )
 Measured = Mapping[tuple[float, ...], list[MapCell]]
-"""Cells by point; empty if the arm does not reach the point."""
+"""Results in all directions, by point; empty if the arm does not reach the point."""
 
 
 class SpeedMapCommand(Command):
-    """Estimate the limit speed over the workspace."""
+    """Estimate the limit speed of an arm over its workspace."""
 
     description = (
-        "Map of the estimated limit speed over the workspace: the end effector meets a virtual measuring device, "
-        "the spring of a region of the body (ISO/TS 15066) before its mass, read at 1 kHz, at each point of a grid "
-        "along the six directions of the base; the speed at which the force reaches the limit of a transient "
-        f"contact. {DISCLAIMER}"
+        "Estimate the limit speed over the workspace. At each point of a grid, along the six directions of the base "
+        "axes, the simulated end effector hits a virtual measuring device: a spring and a mass that represent a body "
+        "region (ISO/TS 15066), read at 1 kHz. The limit speed is the speed at which the peak force equals the limit "
+        f"for transient contacts. {DISCLAIMER}"
     )
-    epilog = f"overrides, of the arm alone:\n{overrides.help_text()}"
+    epilog = f"overrides (only those of the arm have an effect):\n{overrides.help_text()}"
 
     def arguments(self) -> list[Argument]:
         """Return the arguments."""
@@ -62,13 +62,14 @@ class SpeedMapCommand(Command):
                 default=REGION,
                 help=f"body region that the arm hits (default: {REGION})",
             ),
-            Argument("--damping", type=float, default=0.0, help="of the device [N s/m] (default: 0)"),
+            Argument("--damping", type=float, default=0.0, help="damping of the measuring device [N s/m] (default: 0)"),
             Argument(
                 "--arm",
                 choices=[arm.value for arm in ArmBehaviour],
                 default=ArmBehaviour.DRIVEN.value,
-                help="driven: its joints go on at their speeds, with the reflexes of the control box (default); "
-                "passive: it only carries its weight, as the closed form assumes",
+                help="behaviour during the contact. driven: joint control continues the motion, with the reflexes of "
+                "the "
+                "control box (default); passive: gravity compensation only, as the closed form assumes",
             ),
             *(_range_argument(*axis) for axis in (("--x", X), ("--y", Y), ("--z", Z))),
             Argument(
@@ -76,12 +77,12 @@ class SpeedMapCommand(Command):
                 dest="out",
                 type=Path,
                 metavar="DIR",
-                help=f"folder for {CSV_FILE} and {PICTURE} (default: none is written)",
+                help=f"folder for {CSV_FILE} and {PICTURE} (default: no files are written)",
             ),
         ]
 
     def run(self, arguments: argparse.Namespace) -> None:
-        """Measure a map, print its summary, write its table and picture."""
+        """Compute the map, print its summary, and write its table and picture."""
         number(minimum=0.0).checked(arguments.damping, "--damping")
         points = grid.points(arguments.x, arguments.y, arguments.z)
         request = MapRequest(arguments.region, Limits.named(), arguments.damping, ArmBehaviour(arguments.arm))
@@ -90,7 +91,9 @@ class SpeedMapCommand(Command):
         with Simulation(definition) as simulation:
             robot = simulation.app.hw
             if not isinstance(robot, FrankaHWSim):
-                raise HricError(f"{definition.robot.hw} is no arm with a control box; valid: franka_sim/FrankaHWSim")
+                raise HricError(
+                    f"the robot {definition.robot.hw} has no emulated control box; valid: franka_sim/FrankaHWSim"
+                )
             progress = tqdm(
                 measure(robot, request, points),
                 total=len(points),
@@ -108,12 +111,13 @@ class SpeedMapCommand(Command):
 
 
 def _range_argument(name: str, default: tuple[float, float, int]) -> Argument:
-    text = f"lowest, highest [m] and number of points (default: {' '.join(map(str, default))})"
+    values = " ".join(map(str, default))
+    text = f"lowest and highest coordinate in the base frame [m], and number of points (default: {values})"
     return Argument(name, nargs=3, type=float, default=default, metavar=("LOW", "HIGH", "COUNT"), help=text)
 
 
 def report(cells_by_point: Measured, request: MapRequest, force: float) -> str:
-    """Return the summary for the terminal."""
+    """Return the summary of a map for the terminal; `force`: limit of the peak force [N]."""
     cells = [cell for cells_of_point in cells_by_point.values() for cell in cells_of_point]
     worst, ratios = lowest(cells), [cell.speed / cell.closed_form for cell in cells]
     unsafe = sum(cell.standard > cell.speed for cell in cells)
@@ -126,7 +130,7 @@ def report(cells_by_point: Measured, request: MapRequest, force: float) -> str:
         f"limit speeds {worst.speed:.3f} to {max(cell.speed for cell in cells):.3f} m/s; the lowest at "
         f"({', '.join(f'{x:.2f}' for x in worst.point)}) m along {worst.direction}, reflected mass {worst.mass:.2f} kg",
         f"the arm alone reaches the limit speed in {sum(map(alone, cells))} of {len(cells)} directions",
-        f"limit speed over the closed form F/sqrt(mu k): {min(ratios):.3f} to {max(ratios):.3f}",
+        f"ratio of the limit speed to the closed form F/sqrt(mu k): {min(ratios):.3f} to {max(ratios):.3f}",
         f"The ISO estimate M/2 + m_L is less strict than the simulated measuring device in {unsafe} of {len(cells)} "
         "directions.",
     ]
@@ -134,7 +138,7 @@ def report(cells_by_point: Measured, request: MapRequest, force: float) -> str:
 
 
 def as_csv(cells_by_point: Measured) -> str:
-    """Return the table as CSV; its first line is the disclaimer."""
+    """Return the map as a CSV table; its first line is the disclaimer."""
     rows = [
         (*cell.point, cell.direction, cell.mass, cell.speed, cell.fastest, cell.closed_form, cell.standard)
         for cells in cells_by_point.values()

@@ -1,8 +1,8 @@
-"""Virtual measuring device: a spring with the stiffness of a body region in front of a mass, read each millisecond.
+"""Virtual measuring device: a mass with a spring of a body region's stiffness; its force is read each millisecond.
 
-It touches the end effector from the first instant and moves along one direction only, initially towards the arm if the
-closing speed is higher than the arm's speed. In contrast to a real device of ISO/PAS 5672 it has no size, no foil and
-no mounting.
+The device touches the end effector from the first instant and moves along one direction only; at first it moves towards
+the arm if the closing speed is higher than the arm's speed. Unlike a real device (ISO/PAS 5672) it has no extension, no
+foil and no mounting.
 """
 
 from dataclasses import dataclass, field
@@ -14,7 +14,7 @@ PAIR = ("device", "arm")
 
 @dataclass(frozen=True)
 class HitBody:
-    """Body that the arm hits.
+    """Mass and spring of the device, which represent the body region that the arm hits.
 
     Attributes:
         mass: mass behind the spring, free to move along the direction [kg].
@@ -29,14 +29,14 @@ class HitBody:
 
 @dataclass
 class MeasuringDevice:
-    """Measuring device during one impact.
+    """State of the measuring device during one impact.
 
     Args:
         body: mass and spring of the device.
-        robot_mass: reflected mass of the arm along the direction [kg]; used within a step only, as the plant moves the
-            arm between steps.
+        robot_mass: reflected mass of the arm along the direction [kg], for the motion within a time step; the physics
+            engine moves the arm from step to step.
         time_step: time between two readings [s].
-        approach: initial speed of the body towards the arm [m/s].
+        approach: initial speed of the device towards the arm [m/s].
 
     Attributes:
         peak: peak force so far [N].
@@ -58,10 +58,10 @@ class MeasuringDevice:
         self._springs, self._speed = Springs(self.time_step), -self.approach
 
     def push(self, travel: float, speed: float) -> float:
-        """Advance by one step and return the mean force on the arm [N].
+        """Advance the device by one time step; return the mean force on the arm in this step [N].
 
         Args:
-            travel: travel of the arm along the direction since it touched, at the start of the step [m].
+            travel: distance along the direction that the arm has moved since the first touch, at the step's start [m].
             speed: speed of the arm along the direction [m/s].
         """
         depth, closing = travel - self._travel, speed - self._speed

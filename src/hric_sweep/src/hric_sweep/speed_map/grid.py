@@ -1,4 +1,4 @@
-"""Grid of a speed map: points of the workspace with postures of the arm, and directions."""
+"""Grid of a speed map: points of the workspace, arm postures at these points, and directions of motion."""
 
 from collections.abc import Sequence
 from itertools import product
@@ -22,19 +22,19 @@ DIRECTIONS = {
 }
 """Directions of motion of the end effector, in the base frame."""
 STRIDE = 0.02
-"""Step on the way from the start pose to a point, small enough for Newton's method to find the next posture [m]."""
+"""Step length of the path from the start pose to a point [m]; small enough for the inverse kinematics to converge."""
 NEAR_LIMIT = 0.02
 """Minimum distance of a posture from the joint limits [rad]."""
 MANIPULABLE = 0.05
-"""Minimum singular value of the end effector's Jacobian (m and rad mixed); below, the arm is nearly stretched. Project
-default, unconfirmed."""
+"""Minimum singular value of the end effector's Jacobian (m and rad mixed); below it, the arm counts as nearly
+stretched (singular). Project default, unconfirmed."""
 
 
 def points(x: Sequence[float], y: Sequence[float], z: Sequence[float]) -> FloatArray:
-    """Return all points of a grid, shape (n, 3) [m]; x, y, z: lowest value, highest value and number of points.
+    """Return all points of a grid, shape (n, 3) [m]; x, y, z: lowest and highest coordinate [m], number of points.
 
     Raises:
-        HricError: an invalid range.
+        HricError: a range is invalid.
     """
     axes = []
     for name, (low, high, count) in zip("xyz", (x, y, z), strict=True):
@@ -45,10 +45,10 @@ def points(x: Sequence[float], y: Sequence[float], z: Sequence[float]) -> FloatA
 
 
 class Postures:
-    """Postures of an arm in which the hand has the same orientation as at the start.
+    """Inverse kinematics of an arm whose hand keeps its orientation of the start posture.
 
     Args:
-        robot: robot whose model and limits apply.
+        robot: robot whose model, start posture and joint limits are used.
     """
 
     def __init__(self, robot: FrankaHWSim) -> None:
@@ -58,7 +58,10 @@ class Postures:
         self._T_base_start = robot.model.pose(FrankaFrame.END_EFFECTOR, self._start)
 
     def at(self, point: FloatArray) -> FloatArray | None:
-        """Return the joint position with the end effector at a point, shape (3,) [m]; None: (almost) out of reach."""
+        """Return the joint position, shape (7,) [rad], with the end effector at a point, shape (3,) [m].
+
+        None: the point is out of reach, or the posture is near a joint limit or a singularity.
+        """
         T = self._T_base_start.copy()
         begin = T[:3, 3].copy()
         q: list[float] | None = self._start

@@ -1,4 +1,4 @@
-"""Measurement of a speed map: limit speed at each point in each direction, with that of the closed form."""
+"""Measurement of a speed map: limit speed at each point in each direction, from impacts and from the closed form."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -19,21 +19,21 @@ from hric_sweep.speed_map.device import HitBody
 from hric_sweep.speed_map.grid import DIRECTIONS, Postures
 
 CLOSE, TRIES = 0.005, 20
-"""Relative tolerance of the force at the limit [1], and maximum number of measurements."""
+"""Relative tolerance of the force at the limit speed [1], and maximum number of impacts in the search for it."""
 
 
 @dataclass(frozen=True)
 class MapCell:
-    """Result for one point and direction.
+    """Limit speeds at one point in one direction.
 
     Attributes:
         point: position of the end effector in the base frame, shape (3,) [m].
-        direction: name of the direction.
+        direction: direction of motion, such as "+x" of the base frame.
         mass: reflected mass of the arm [kg].
-        speed: limit of the closing speed by the device [m/s].
+        speed: limit of the closing speed, measured with the virtual device [m/s].
         fastest: speed that the arm's joints allow along this direction without rotation of the hand [m/s].
-        closed_form: limit speed by the reflected mass [m/s].
-        standard: limit speed by half the moving mass, as ISO/TS 15066 estimates it [m/s].
+        closed_form: limit speed computed with the reflected mass [m/s].
+        standard: limit speed computed with the effective mass M/2 + m_L of ISO/TS 15066 [m/s].
     """
 
     point: FloatArray
@@ -47,11 +47,11 @@ class MapCell:
 
 @dataclass(frozen=True)
 class MapRequest:
-    """Settings of a map.
+    """Settings of a speed map.
 
     Attributes:
         region: body region that the arm hits.
-        limits: limits with their table.
+        limits: contact limits of all body regions.
         damping: damping of the device [N s/m].
         arm: behaviour of the arm during the contact.
     """
@@ -63,21 +63,21 @@ class MapRequest:
 
     @property
     def limit(self) -> ContactLimit:
-        """Limit of the region."""
+        """Contact limit of the region."""
         limit = self.limits.at((self.region,))
         assert limit is not None, "`check` refuses a region without one"
         return limit
 
     def check(self) -> float:
-        """Return the limit of a transient contact [N].
+        """Return the region's force limit for transient contacts [N].
 
         Raises:
-            HricError: no contact with the region is permitted, or the table has no such region.
+            HricError: no contact with the region is permitted, or the table of limits has no such region.
         """
         force = speed_limit(self.limits, self.region, 1.0).force_transient
         if force is None:
             raise HricError(
-                f"no contact with {self.region} is permitted by {self.limits.table.title}, at no speed; valid: "
+                f"{self.limits.table.title} permits no contact with {self.region} at any speed; valid: "
                 f"{'; '.join(permitted_regions(self.limits))}"
             )
         return force
@@ -87,7 +87,7 @@ def measure(robot: FrankaHWSim, request: MapRequest, points: FloatArray) -> Iter
     """Measure the limit speeds at points of the workspace.
 
     Args:
-        robot: robot of a simulation.
+        robot: simulated robot.
         request: settings of the map.
         points: points in the base frame, shape (n, 3) [m].
 
@@ -95,7 +95,7 @@ def measure(robot: FrankaHWSim, request: MapRequest, points: FloatArray) -> Iter
         Each point with its cells; no cells if the arm does not reach it.
 
     Raises:
-        HricError: as `MapRequest.check`.
+        HricError: no contact with the region is permitted, or the table of limits has no such region.
     """
     force = request.check()
     postures, blows = Postures(robot), Blows(robot, request.arm)
@@ -122,15 +122,15 @@ def _cell(
 
 
 def limit_speed(force_of: Callable[[float], float], limit: float, guess: float) -> float:
-    """Search the speed at which the force reaches its limit [m/s]; two measurements suffice if they are proportional.
+    """Return the speed at which the force reaches its limit [m/s], by search; force and speed are nearly proportional.
 
     Args:
         force_of: force [N] as a function of the speed [m/s], increasing from 0.
         limit: limit of the force [N].
-        guess: first speed [m/s].
+        guess: first speed to try [m/s].
 
     Raises:
-        FailureError: the force jumps over the limit.
+        FailureError: the force jumps over the limit, so no speed gives it.
     """
     low, high, speed = 0.0, math.inf, guess
     for _ in range(TRIES):
@@ -140,7 +140,9 @@ def limit_speed(force_of: Callable[[float], float], limit: float, guess: float) 
         low, high = (speed, high) if force < limit else (low, speed)
         following = speed * limit / force if force > 0.0 else 2.0 * speed
         speed = following if low < following < high else 0.5 * (low + min(high, 4.0 * max(low, guess)))
-    raise FailureError(f"no speed gives {limit:g} N: {low:g} m/s less, {high:g} m/s more")
+    raise FailureError(
+        f"no limit speed found: the peak force is below {limit:g} N at {low:g} m/s and above it at {high:g} m/s"
+    )
 
 
 def alone(cell: MapCell) -> bool:
@@ -154,7 +156,7 @@ def lowest(cells: Sequence[MapCell]) -> MapCell:
 
 
 def by_height(cells_by_point: Mapping[tuple[float, ...], list[MapCell]]) -> dict[float, list[MapCell]]:
-    """Return the cell with the lowest limit speed of each point, by height [m]."""
+    """Return, for each height [m], the direction with the lowest limit speed at each of its points."""
     heights: dict[float, list[MapCell]] = {}
     for cells in cells_by_point.values():
         if cells:

@@ -1,4 +1,4 @@
-"""Picture of a speed map: for each height the lowest limit speed of all directions, with its direction."""
+"""Picture of a speed map: for each height, the lowest limit speed over all directions at each point."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,19 +14,19 @@ from hric_sweep.speed_map.measured import MapCell, alone, by_height
 
 COLOURS = "viridis"
 COLUMNS = 3
-"""Maximum number of heights in a row."""
+"""Maximum number of panels (one per height) in a row."""
 BESIDE, BETWEEN, BELOW = 30.0, 11.0, 14.0
-"""Room for the colour scale, around each row of heights, and for title and note [mm]."""
+"""Space for the colour scale, around each row of panels, and for title and note [mm]."""
 MARGIN = 0.5
-"""Margin around the outermost points, in distances between points."""
+"""Margin around the outermost points, as multiple of the distance between points."""
 
 
 def draw(path: Path, cells_by_point: Mapping[tuple[float, ...], list[MapCell]], title: str) -> None:
-    """Write the picture as PNG and SVG.
+    """Write the picture of a speed map as PNG and SVG.
 
     Args:
         path: path of the PNG file.
-        cells_by_point: cells by point.
+        cells_by_point: results in all directions, by point (x, y, z) [m].
         title: region, arm and limit, for the title.
     """
     heights = by_height(cells_by_point)
@@ -68,7 +68,7 @@ def draw(path: Path, cells_by_point: Mapping[tuple[float, ...], list[MapCell]], 
 
 
 def _level(ax: Axes, cells: list[MapCell], lines: Mapping[int, list[float]], ends: tuple[float, float]) -> None:
-    """Draw one height with y to the left, as seen along x."""
+    """Draw the panel of one height: x upwards, y to the left, as seen from the base along x."""
     xs, ys = lines[0], lines[1]
     image = np.full((len(xs), len(ys)), np.nan)
     for cell in cells:
@@ -85,7 +85,7 @@ def _level(ax: Axes, cells: list[MapCell], lines: Mapping[int, list[float]], end
 
 
 def _edges(values: list[float]) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
-    """Return the cell edges along an axis: between its points, and around its ends."""
+    """Return the edges of the grid cells along an axis: midway between its points, and beyond both ends."""
     if len(values) == 1:
         return np.array([values[0] - 0.05, values[0] + 0.05])
     middles = 0.5 * (np.array(values[1:]) + np.array(values[:-1]))

@@ -1,1 +1,1 @@
-"""Stopping time and distance of the emulated arm, by speed and load."""
+"""Measurement of the emulated arm's stopping time and distance, by speed and load."""

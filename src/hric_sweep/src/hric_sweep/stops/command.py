@@ -1,4 +1,4 @@
-"""Command `measure_stops`."""
+"""Command `measure_stops`: measure stopping time and distance of the emulated arm."""
 
 import argparse
 import sys
@@ -25,14 +25,14 @@ LOADS = (0.0, 1.0, 2.0, 3.0)
 
 
 class MeasureStopsCommand(Command):
-    """Measure the stops of the emulated arm."""
+    """Measure stopping time and distance of the emulated arm."""
 
     description = (
-        "Measure how long and how far the emulated arm moves on once its user stop is pressed, by speed of the end "
-        "effector and load, the worst of some poses and directions; a file for --stop. These are "
-        f"{stopping.NOT_A_BRAKE}. Needs no ROS master."
+        "Measure stopping time and distance of the emulated arm after its user stop is pressed, for each speed of the "
+        "end effector and each load: the maximum over several poses and directions. The table is a file for --stop. "
+        f"Its values are {stopping.NOT_A_BRAKE}. Needs no ROS master."
     )
-    epilog = f"overrides, of the arm alone:\n{overrides.help_text()}"
+    epilog = f"overrides (only those of the arm have an effect):\n{overrides.help_text()}"
 
     def arguments(self) -> list[Argument]:
         """Return the arguments."""
@@ -44,11 +44,11 @@ class MeasureStopsCommand(Command):
             Argument(
                 "--loads", nargs="+", type=float, default=LOADS, metavar="M", help="loads at the end effector [kg]"
             ),
-            Argument("-o", dest="out", type=Path, metavar="FILE", help="where to write (default: print)"),
+            Argument("-o", dest="out", type=Path, metavar="FILE", help="file to write (default: print the table)"),
         ]
 
     def run(self, arguments: argparse.Namespace) -> None:
-        """Measure the stops of the emulated arm, and print or write their table."""
+        """Measure the stops and print their table or write it to a file."""
         for name, values, minimum in (("--speeds", arguments.speeds, 1e-3), ("--loads", arguments.loads, 0.0)):
             for value in values:
                 number(minimum=minimum).checked(value, name)
@@ -57,21 +57,25 @@ class MeasureStopsCommand(Command):
             robot = simulation.app.hw
             if not isinstance(robot, FrankaHWSim):
                 raise HricError(
-                    f"{definition.robot.hw} has no control box that stops it; valid: franka_sim/FrankaHWSim"
+                    f"the robot {definition.robot.hw} has no emulated control box to stop it; valid: "
+                    "franka_sim/FrankaHWSim"
                 )
             table = measured(robot, sorted(set(arguments.speeds)), sorted(set(arguments.loads)), arguments.command)
         if arguments.out is None:
             print(stopping.as_yaml(table), end="")
             return
         files.write_text(arguments.out, stopping.as_yaml(table))
-        print(f"{len(table.stops)} stops, the worst of each speed and load: {arguments.out}\n{stopping.NOT_A_BRAKE}")
+        print(
+            f"table of {len(table.stops)} stops, the worst for each speed and load: {arguments.out}\n"
+            f"These are {stopping.NOT_A_BRAKE}."
+        )
 
 
 def measured(robot: FrankaHWSim, speeds: Sequence[float], loads: Sequence[float], command: str) -> StopTable:
-    """Return the stop table of an arm.
+    """Return the table of stopping times and distances of an arm.
 
     Args:
-        robot: robot of a simulation.
+        robot: simulated robot.
         speeds: speeds of the end effector, in ascending order [m/s].
         loads: loads, in ascending order [kg].
         command: command that reproduces the table.
@@ -89,7 +93,7 @@ def measured(robot: FrankaHWSim, speeds: Sequence[float], loads: Sequence[float]
         row = measuring.worst(stopping_arm, poses, speed, load, limits.velocity)
         rows += [] if row is None else [row]
     if not rows:
-        raise HricError(f"no pose reaches {speeds[0]:g} m/s within the velocity limits; valid: slower ones")
+        raise HricError(f"no pose reaches {speeds[0]:g} m/s within the joint velocity limits; valid: lower speeds")
     return StopTable(
         title=f"stops of the emulated {robot.arm_id}, {type(robot.plant).__name__}",
         kind=stopping.SIMULATION,

@@ -1,7 +1,7 @@
-"""Measurement of a stop of the emulated arm: it moves, the user stop is pressed, and the control box brakes it.
+"""Measurement of a stop: the emulated arm moves, its user stop is pressed, and its control box brakes it.
 
-The box brakes each joint's desired velocity with its acceleration limit, starting at the measured one, and its internal
-joint impedance makes the arm follow (`franka_sim.box.hold`, `internal_impedance`).
+The control box reduces the desired velocity of each joint, from the measured velocity on, with the acceleration limit;
+its internal joint impedance makes the arm follow (`franka_sim.box.hold`, `internal_impedance`).
 """
 
 from collections.abc import Iterator, Sequence
@@ -18,27 +18,28 @@ from hric_core.errors import HricError
 from hric_core.geometry import FloatArray
 
 STANDSTILL = 0.010
-"""Speed below which the end effector is at rest [m/s]; chosen by this project."""
+"""Speed below which the end effector counts as at rest [m/s]; project default."""
 QUIET = 0.1
-"""Time for which it must stay below that speed [s]."""
+"""Time for which the end effector must be slower than STANDSTILL to count as at rest [s]."""
 LONGEST = 5.0
 """Maximum duration of a stop [s]."""
 LOAD_RADIUS = 0.05
 """Radius of the load, a ball around the end effector [m]."""
 POSES = (
     (0.0, -0.785398, 0.0, -2.356194, 0.0, 1.570796, 0.785398),  # start pose of libfranka's examples and of the thesis
-    (0.0, 0.9, 0.0, -0.8, 0.0, 1.7, 0.785398),  # reaches far
+    (0.0, 0.9, 0.0, -0.8, 0.0, 1.7, 0.785398),  # arm stretched forward
 )
-"""Fixed poses, used in addition to the random ones, 7 floats [rad]."""
+"""Fixed arm postures, used in addition to the random ones: joint positions, 7 floats each [rad]."""
 RANDOM_POSES, SEED, INNER = 6, 0, 0.7
-"""Number of random poses, their seed, and the inner share of the joint ranges from which they are drawn [1]."""
+"""Number of random postures, their seed, and the central share of each joint's range from which they are drawn."""
 ALONE = 6
-"""Number of joints that also move alone: all but the last, which only rotates the end effector."""
+"""Number of joints for which a motion of this joint alone is measured: all but the last, which only rotates the end
+effector."""
 
 
 @dataclass(frozen=True)
 class StopStart:
-    """State at the start of a stop.
+    """Joint state of the arm at the instant when the user stop is pressed.
 
     Attributes:
         q, dq: joint position and velocity, shape (7,) [rad], [rad/s].
@@ -50,11 +51,11 @@ class StopStart:
 
 @dataclass(frozen=True)
 class StopResult:
-    """Result of a stop.
+    """Stopping time and stopping distance of one stop.
 
     Attributes:
         time: time from the user stop until the end effector is at rest [s].
-        distance: path length of the end effector in that time [m].
+        distance: length of the end effector's path in this time [m].
     """
 
     time: float
@@ -62,7 +63,7 @@ class StopResult:
 
 
 class StoppedArm:
-    """Simulated arm that is set in motion at a given state and then stopped by the user stop.
+    """Simulated arm that starts with a given joint position and velocity and is stopped by its user stop.
 
     Args:
         robot: simulated robot; nothing else may step it.
@@ -74,16 +75,16 @@ class StoppedArm:
         self._box.report = lambda text: None  # do not report each user stop
 
     def carry(self, mass: float) -> None:
-        """Attach a load [kg] to the end effector, in the plant and in the load parameters of the arm.
+        """Attach a load [kg] to the end effector, physically and in the load parameters of the control box.
 
         Raises:
-            HricError: the arm refuses the load.
+            HricError: the control box rejects the load.
         """
         com = tuple(map(float, self._model.F_T_EE[:3, 3]))
         inertia = tuple((0.4 * mass * LOAD_RADIUS**2 * np.eye(3)).ravel().tolist())
         self._box.reset(self._robot.q_start)
         if self._box.set_load(mass, com, inertia) is not RequestOutcome.SUCCESS:
-            raise HricError(f"a load of {mass:g} kg is refused; valid: loads that set_load accepts")
+            raise HricError(f"the control box rejects a load of {mass:g} kg; valid: a load within the arm's payload")
         self._robot.plant.set_load(Load(mass, com, inertia) if mass else None, f"{self._robot.arm_id}_link8")
 
     def jacobian(self, q: Sequence[float] | FloatArray) -> FloatArray:
@@ -91,10 +92,10 @@ class StoppedArm:
         return np.asarray(self._model.zero_jacobian(FrankaFrame.END_EFFECTOR, q)[:3])
 
     def stop(self, start: StopStart) -> StopResult:
-        """Execute and measure one stop.
+        """Simulate one stop and measure it.
 
         Raises:
-            HricError: the arm does not come to rest.
+            HricError: the arm does not come to rest within LONGEST.
         """
         box, robot, dt = self._box, self._robot, self._dt
         robot.plant.reset(start.q.tolist(), start.dq.tolist())
@@ -117,10 +118,10 @@ class StoppedArm:
         return float(np.linalg.norm(self.jacobian(states.position) @ np.array(states.velocity)))
 
     def begins(self, q: FloatArray, speed: float, max_velocity: Sequence[float]) -> Iterator[StopStart]:
-        """Yield start states in pose q with an end-effector speed [m/s], within the joints' velocity limits.
+        """Yield start states in posture q with an end-effector speed [m/s], within the joint velocity limits.
 
-        The directions are the axes of the base, with the smallest joint velocities, and the motion of each joint alone,
-        in both senses.
+        The motions are those along the base axes, with the smallest joint velocities, and those of each joint alone,
+        all in both directions.
         """
         J = self.jacobian(q)
         along = np.linalg.pinv(J).T
@@ -141,7 +142,7 @@ def _quiet(speeds: Sequence[float], dt: float) -> bool:
 
 
 def standing(speed: FloatArray, dt: float) -> StopResult:
-    """Return time and distance of a stop from the speed of the end effector.
+    """Return stopping time and distance, computed from the speed of the end effector over time.
 
     Args:
         speed: speed of the end effector from the start of the stop, below STANDSTILL at the end, shape (n,) [m/s].
@@ -165,9 +166,9 @@ def poses(lower: Sequence[float], upper: Sequence[float]) -> list[FloatArray]:
 def worst(
     stopping: StoppedArm, starts: Sequence[FloatArray], speed: float, load: float, max_velocity: Sequence[float]
 ) -> StopRow | None:
-    """Return the longest time and distance of all stops from a speed [m/s] with a load [kg] that is attached already.
+    """Return the maximum time and distance over all stops from a speed [m/s]; `load`: mass that is attached [kg].
 
-    None: no pose reaches that speed.
+    None: in no posture the arm can reach this speed.
     """
     stops = [stopping.stop(start) for q in starts for start in stopping.begins(q, speed, max_velocity)]
     if not stops:

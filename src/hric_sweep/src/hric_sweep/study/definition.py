@@ -1,4 +1,4 @@
-"""Study files: one experiment in several variants, with the largest accepted differences between runs."""
+"""Study files: experiments in several variants, with the maximum accepted differences between their runs."""
 
 import re
 from collections.abc import Iterable, Mapping
@@ -25,62 +25,62 @@ forms:
 """
 
 RENAMED = {"opensim_vs_pybullet": "engines"}
-"""Former names of studies with their current names."""
+"""Current name of each renamed study, by its former name."""
 _NUMERIC = re.compile(r"-?\d+(\.\d+)?")
 OVERRIDES: Any = listing(text(empty=False), default=(), different=True, made=once)
 
 
 @dataclass(frozen=True)
 class ComparedPair(Settings):
-    """Pair of runs of a form that are compared."""
+    """Pair of runs of one experiment that are compared, with the accepted differences."""
 
-    runs: tuple[str, str] = names_(2, text="names of the runs")
+    runs: tuple[str, str] = names_(2, text="names of the two runs")
     at_most: float | None = number(
         None,
         above=0.0,
         unit="rad",
-        text="largest difference of a joint position, of the robot or a human, that the study accepts; none: reported "
+        text="largest accepted difference of a joint position, of the robot or a human; none: differences are reported "
         "only",
     )
     force_bound: float | None = number(
-        None, above=0.0, unit="N", text="largest difference of a grip's force that it accepts; none: reported only"
+        None, above=0.0, unit="N", text="largest accepted difference of a grip force; none: reported only"
     )
 
 
 @dataclass(frozen=True)
 class Form(Settings):
-    """Experiment in several variants; `name` is its name within the study."""
+    """Form of a study: one experiment, run in several variants; `name` is its name within the study."""
 
     name: str = ""
-    experiment: str = text(empty=False, text="its name, or the path of its YAML file")
+    experiment: str = text(empty=False, text="name of the experiment, or path of its YAML file")
     changes: tuple[str, ...] = listing(
-        text(empty=False), default=(), different=True, made=once, text="overrides of all runs"
+        text(empty=False), default=(), different=True, made=once, text="overrides of the experiment in all runs"
     )
     runs: Mapping[str, tuple[str, ...]] = mapping(
-        OVERRIDES, text="name of each run and its own overrides, in the order in which they are run"
+        OVERRIDES, text="overrides of each variant, by name of its run, in the order of execution"
     )
-    abscissa: str = text("", text="quantity and unit of run names that are numbers; abscissa of the figures")
+    abscissa: str = text("", text="quantity and unit of the run names, if these are numbers; abscissa of the figures")
     compared: tuple[ComparedPair, ...] = listing(
-        section(ComparedPair), range(1, 100), text="which runs are overlaid on each other; figures show the first pair"
+        section(ComparedPair), range(1, 100), text="pairs of runs to compare; figures show the first pair"
     )
 
     def check(self, where: str) -> None:
-        """Refuse a pair with an unknown run, and names of runs that are not numeric if there is an abscissa."""
+        """Raise an error for a pair with an unknown run, or an abscissa with names of runs that are not numbers."""
         if self.abscissa and not all(map(_NUMERIC.fullmatch, self.runs)):
-            raise refused(f"{where}runs", ", ".join(self.runs), f"names that are numbers, of {self.abscissa}")
+            raise refused(f"{where}runs", ", ".join(self.runs), f"names that are numbers, values of {self.abscissa}")
         for i, pair in enumerate(self.compared):
             if unknown := [name for name in pair.runs if name not in self.runs]:
                 raise refused(f"{where}compared[{i}].runs", ", ".join(unknown), f"two of {', '.join(self.runs)}")
 
     def arguments(self, run: str, last: Iterable[str]) -> list[str]:
-        """Return the overrides of one run; `last`: overrides of the user, which come last."""
+        """Return the overrides of one run; `last`: overrides of the user, which take precedence."""
         return [*self.changes, *self.runs[run], *last]
 
     def definition(self, run: str, last: Iterable[str]) -> Experiment:
         """Return the experiment of one run; `last`: overrides of the user.
 
         Raises:
-            HricError: an override has a mistake.
+            HricError: an override is invalid.
         """
         return experiment.load(self.experiment, self.arguments(run, last))
 
@@ -97,7 +97,7 @@ class Study(Settings):
     )
 
     def check(self, where: str) -> None:
-        """Refuse a study without forms."""
+        """Raise an error for a study without forms."""
         if not self.forms:
             raise refused(f"{where}forms", {}, "at least one form")
 
@@ -138,7 +138,7 @@ def load(name: str) -> Study:
         name: name of a study of the workspace, or path of a YAML file.
 
     Raises:
-        HricError: the study does not exist or has mistakes; the message names the keys and what is valid.
+        HricError: the study does not exist or has mistakes; the message lists their keys and the valid values.
     """
     path = file_of(RENAMED.get(name, name), "study", experiment.config_path("studies"))
     return parse(path.stem, read_yaml(path))
@@ -148,7 +148,7 @@ def parse(name: str, raw: Any) -> Study:
     """Check the content of a study file.
 
     Raises:
-        ExperimentError: unknown and missing keys, all of them at once, or a pair with an unknown run.
+        ExperimentError: the content has mistakes; the message lists all of them.
     """
     try:
         return replace(Study.of(raw, ""), name=name, content=raw)

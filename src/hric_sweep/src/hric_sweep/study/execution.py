@@ -1,4 +1,4 @@
-"""Execution of one form of a study: a sweep whose rows are recorded runs."""
+"""Execution of one form (experiment with variants) of a study, as a sweep of recorded runs."""
 
 from collections.abc import Sequence
 from contextlib import closing
@@ -21,7 +21,7 @@ from hric_sweep.task import code_version
 
 
 def plan_of(form: Form, arguments: Sequence[str], seed: int, root: Path) -> SweepPlan:
-    """Return a form as a sweep: a list of recorded runs with one seed."""
+    """Return a form of a study as a sweep: a list of recorded runs that share one seed."""
     content = {
         "extends": form.experiment,
         "sweep": {
@@ -37,14 +37,14 @@ def plan_of(form: Form, arguments: Sequence[str], seed: int, root: Path) -> Swee
 
 
 def execute(form: Form, arguments: Sequence[str], seed: int, folder: Path, *, progress: bool) -> dict[str, RunFolder]:
-    """Execute the runs of a form that the journal lacks, and return the folders of all.
+    """Execute the runs of a form that are not in its journal yet; return the folders of all its runs, by name.
 
     Args:
-        form: form to run.
+        form: form (experiment with variants) to run.
         arguments: overrides of the user, for all runs.
         seed: seed of all runs.
-        folder: folder of the study.
-        progress: True if a progress bar is shown.
+        folder: run folder of the study.
+        progress: True to show a progress bar.
 
     Raises:
         FailureError: a run failed.

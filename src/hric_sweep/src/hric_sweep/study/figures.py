@@ -1,6 +1,6 @@
-"""Figures of a study: all runs in one figure, and figures 17 and 18 of the thesis.
+"""Figures of a study: joint positions of all runs, and figures 17 and 18 of the thesis.
 
-Its figure 19 is the comparison's `figures/positions.png`.
+Figure 19 of the thesis is `figures/positions.png` in the folder of a comparison.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 
 AXES = ("#b3261e", "#2e7d32", "#1f5fa8")
 AXIS_LENGTH = 0.07
-"""Length of the axes of the drawn frames [m]."""
+"""Length of the axes with which link frames are drawn [m]."""
 
 
 def motion(logs: Mapping[str, ControlRecord]) -> list[Figure]:
-    """Return figures of the joint positions in all runs, and of the difference of each run from the first one."""
+    """Return figures of all runs' joint positions, and of the difference of each run from the first run."""
     (name, first), *others = logs.items()
     alike = {name: log for name, log in others if log.joint_names == first.joint_names}
     curves = [
@@ -40,21 +40,21 @@ def motion(logs: Mapping[str, ControlRecord]) -> list[Figure]:
     figures = [positions.about(sections.MOTION, "Positions of the joints in all runs.")]
     if apart:
         title, unit = f"Distance from {name}", "largest difference of a joint [rad]"
-        caption = f"Of all joints the largest difference of position from the run {name}, on a logarithmic axis."
+        caption = f"Largest position difference over all joints, compared with the run {name}; logarithmic axis."
         distance = Figure("distances", title, unit, (Panel("", tuple(apart)),), logarithmic=True, columns=1)
         figures.append(distance.about(sections.RESULTS, caption))
     return figures
 
 
 def _apart(curve: Curve, first: Curve) -> Curve:
-    """Return the largest joint difference at each time that both curves have."""
+    """Return the largest position difference over all joints, at each sample that both curves have."""
     n = min(len(curve.time), len(first.time))
     largest = np.abs(curve.values[:n] - first.values[:n]).max(axis=1)
     return replace(curve, time=curve.time[:n], values=np.where(largest > 0.0, largest, np.nan))
 
 
 def times(of_runs: Mapping[str, FloatArray]) -> Figure:
-    """Return the figure of the time that the control law saw, over its calls (thesis fig. 17)."""
+    """Return the figure of the time passed to the control law at each of its calls, by run (thesis fig. 17)."""
     panels = []
     for name, time in of_runs.items():
         back = int(np.count_nonzero(np.diff(time) <= 0.0))
@@ -62,16 +62,19 @@ def times(of_runs: Mapping[str, FloatArray]) -> Figure:
         panels.append(Panel(f"{name}: {back} steps back", (calls,)))
     return Figure(
         "law_times",
-        "Time of the law",
-        "time seen by the law [s]",
+        "Time passed to the control law",
+        "time [s]",
         tuple(panels),
-        abscissa="call of the law",
-        caption="Time that the control law saw at each of its calls.",
+        abscissa="call of the control law",
+        caption="Time that was passed to the control law at each of its calls.",
     )
 
 
 def draw_poses(folder: Path, poses: Mapping[str, Mapping[str, FloatArray]], title: str) -> Path:
-    """Draw the link frames at the start, in each engine (thesis fig. 18), and return the path."""
+    """Draw the link frames at the start in each physics engine (thesis fig. 18); return the path of the picture.
+
+    `poses`: T_world_link by link, shape (4, 4), for each engine.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     with plt.rc_context(STYLE):
         width = DOUBLE if len(poses) > 1 else SINGLE

@@ -1,4 +1,4 @@
-"""Text of a study: lines for its runs and tables of their comparisons."""
+"""Text report of a study: a line for each run, and tables of their comparisons."""
 
 from collections.abc import Sequence
 
@@ -8,25 +8,26 @@ from hric_sweep.records import PlainData
 from hric_sweep.study import tables
 
 PEOPLE = {
-    "human_joint_difference_max": "of a human's joint",
-    "human_force_difference_max": "of a grip's force [N]",
+    "human_joint_difference_max": "human joint [rad]",
+    "human_force_difference_max": "grip force [N]",
 }
-"""Headings of the largest differences that only runs with a human have."""
+"""Table headings of the largest differences that only runs with a human have."""
 
 
 def render(result: PlainData) -> str:
-    """Return the study as text, for the terminal and summary.txt; `result`: content of metrics.json."""
+    """Return the report of a study, for the terminal and summary.txt; `result`: content of its metrics.json."""
     parts = [f"{result['study']}" + (f", {' '.join(result['arguments'])}" if result["arguments"] else "")]
     for name, form in result["forms"].items():
         lines = [f"{name}: {form['experiment']} {' '.join(form['changes'])}"]
         lines += [_run_line(run, values) for run, values in form["runs"].items()]
         if "start_pose_difference_max" in form:
             lines.append(
-                f"  link frames at the start agree within {form['start_pose_difference_max']:.1e} (m, and entries of "
-                "the rotation)"
+                f"  link frames at the start agree within {form['start_pose_difference_max']:.1e} (positions in m, "
+                "entries "
+                "of rotation matrices)"
             )
-        lines += tables.lines(form["runs"], "tracking", "following the marker", tables.TRACKING_COLUMNS)
-        lines += tables.lines(form["runs"], "human", "the human, a model's estimate", tables.HUMAN_COLUMNS)
+        lines += tables.lines(form["runs"], "tracking", "marker tracking", tables.TRACKING_COLUMNS)
+        lines += tables.lines(form["runs"], "human", "human (model estimate)", tables.HUMAN_COLUMNS)
         parts.append("\n".join([*lines, "", *_differences(form["compared"])]))
     return "\n\n".join(parts) + "\n"
 
@@ -36,14 +37,21 @@ def _run_line(name: str, run: PlainData) -> str:
     rising = "time strictly rises" if law["strictly_rising"] else f"time went BACK {law['backward_steps']} times"
     unstable = ", UNSTABLE" * (run["stability"] == stability.UNSTABLE)
     factor = f"{run['real_time_factor']:.2f} times real time"
-    return f"  {name}: {law['calls']} calls of the law, {rising}{unstable}; {factor} ({run['run']})"
+    return f"  {name}: {law['calls']} calls of the control law, {rising}{unstable}; {factor} ({run['run']})"
 
 
 def _differences(pairs: Sequence[PlainData]) -> list[str]:
     people = [key for key in PEOPLE if any(pair[key] is not None for pair in pairs)]
     forces = any(pair["force_bound"] is not None for pair in pairs)
-    head = ["joint positions apart [rad]", "largest", "rms", "steady", *(PEOPLE[key] for key in people), "at most"]
-    cells = [[*head, *(["at most [N]"] if forces else []), ""]]
+    head = [
+        "difference of joint positions [rad]",
+        "largest",
+        "rms",
+        "steady",
+        *(PEOPLE[key] for key in people),
+        "limit",
+    ]
+    cells = [[*head, *(["limit [N]"] if forces else []), ""]]
     for pair in pairs:
         verdict = {None: "reported", True: "within bounds", False: "OUT OF BOUNDS"}[pair["passed"]]
         keys = ("peak_difference_max", "rms_difference_max", "steady_difference_max", *people)

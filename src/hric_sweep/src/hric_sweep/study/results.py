@@ -1,4 +1,4 @@
-"""Results of one form of a study: numbers of its runs, their comparisons, and figures."""
+"""Results of one form (experiment with variants) of a study: values of its runs, comparisons, and figures."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -22,14 +22,14 @@ from hric_sweep.study.definition import ComparedPair, Form
 def of_form(
     form: Form, runs: Mapping[str, RunFolder], arguments: Sequence[str], folder: Path, *, figures: bool
 ) -> PlainData:
-    """Return the results of a form.
+    """Return the results of one form of a study, as plain data for metrics.json.
 
     Args:
         form: form that was run.
         runs: run folders of its runs, by name.
         arguments: overrides of the user, for all runs.
-        folder: folder of the study.
-        figures: True if figures are drawn.
+        folder: run folder of the study.
+        figures: True to draw figures.
 
     Raises:
         HricError: runs cannot be compared.
@@ -63,7 +63,10 @@ def _result(folder: RunFolder, metrics: PlainData, log: ControlRecord) -> PlainD
 
 
 def law_times(time: FloatArray) -> PlainData:
-    """Return the values of thesis fig. 17: number of calls of the law, and whether the time it saw ever went back."""
+    """Return the number of calls of the control law, and if the time passed to it ever went back (thesis fig. 17).
+
+    `time`: time passed to the control law at each call, shape (n,) [s].
+    """
     steps = np.diff(time)
     return {
         "calls": len(time),
@@ -99,7 +102,10 @@ def _compared(
 
 
 def _passed(pair: ComparedPair, robot: float, person: float | None, force: float | None) -> bool | None:
-    """Return True if joints of robot and human, and grip forces, are within the bounds of a pair; None: it has none."""
+    """Return True if all differences are within the bounds of a pair; None: no difference has a bound.
+
+    `robot`, `person`: largest difference of joint positions [rad]; `force`: of grip forces [N]; None: not known.
+    """
     bounds = ((robot, pair.at_most), (person, pair.at_most), (force, pair.force_bound))
     within = [value <= bound for value, bound in bounds if value is not None and bound is not None]
     return all(within) if within else None
@@ -113,7 +119,7 @@ def _draw(
     folder: Path,
     results: Mapping[str, PlainData],
 ) -> float:
-    """Draw the figures of a form, and return the largest difference of link frames at the start [m], [1]."""
+    """Draw the figures of a form; return the largest difference of link frames at the start of its runs [m or 1]."""
     from hric_report import drawing
     from hric_sweep.study import figures
 
@@ -131,13 +137,13 @@ def _draw(
 
 
 def start_poses(definition: Experiment) -> dict[str, FloatArray]:
-    """Return T_world_link of each link that the engine knows, shape (4, 4), in the order of the description.
+    """Return T_world_link of each link at the start of a run, shape (4, 4), in the order of the robot description.
 
     Raises:
-        HricError: the robot cannot be built, or has no plant.
+        HricError: the robot cannot be built, or is not simulated.
     """
     with Simulation(definition) as at_start:
         plant = at_start.app.hw.plant
         if plant is None:
-            raise HricError(f"{definition.robot.hw} has no plant: its links have no poses")
+            raise HricError(f"the robot {definition.robot.hw} is not simulated, so its link poses are unknown")
         return {name: plant.link_state(name)[0] for name in read(at_start.tree["robot_description"]).links}

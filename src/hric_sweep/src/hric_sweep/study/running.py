@@ -1,4 +1,4 @@
-"""Run of a study: its forms one after the other, and one verdict."""
+"""Execution of a study: its forms (experiments with variants) one after the other, and the overall result."""
 
 import sys
 from collections.abc import Sequence
@@ -28,7 +28,7 @@ class StudyResult:
     """Result of a study.
 
     Attributes:
-        folder: folder with metrics.json, summary.txt and the figures.
+        folder: run folder of the study, with metrics.json, summary.txt and the figures.
         metrics: content of metrics.json, plus the report text under "report".
         interrupted: True if Ctrl-C ended the study early.
     """
@@ -49,13 +49,13 @@ class StudyResult:
 
     @property
     def exit_code(self) -> int:
-        """Exit code of the command that ran it."""
+        """Exit code of the command that ran the study."""
         return INTERRUPTED_CODE if self.interrupted else 0 if self.passed else NOT_GOOD
 
 
 @dataclass(frozen=True)
 class StudySettings:
-    """Settings of the execution of a study, as study.yaml has them.
+    """Settings with which a study was started, as stored in study.yaml.
 
     Attributes:
         name: name of the study.
@@ -63,7 +63,7 @@ class StudySettings:
         forms: names of the forms to run.
         arguments: overrides of the user, for all runs.
         seed: seed of all runs.
-        figures: True if figures are drawn.
+        figures: True to draw figures.
     """
 
     name: str
@@ -75,7 +75,7 @@ class StudySettings:
 
 
 def resume(folder: Path, *, progress: bool) -> int:
-    """Resume a study in its folder, print its report, and return the exit code."""
+    """Resume the study in a run folder, print its report, and return the exit code."""
     folder = folder.resolve()
     result = _run(StudySettings(**read_yaml(folder / FILE)), RunFolder(folder), progress=progress)
     print(f"\n{result.metrics['report']}\nstudy: {result.folder}")
@@ -92,10 +92,10 @@ def run(
     progress: bool,
     figures: bool,
 ) -> StudyResult:
-    """Run the forms one after the other. Each run has its own run folder next to that of the study.
+    """Run forms of a study one after the other; each run gets a run folder next to that of the study.
 
     Raises:
-        HricError: a run fails, or two runs cannot be compared.
+        HricError: a run failed, or two runs cannot be compared.
     """
     for form in forms:
         for name in form.runs:
@@ -110,7 +110,7 @@ def run(
 
 
 def _run(settings: StudySettings, folder: RunFolder, *, progress: bool) -> StudyResult:
-    """Run or resume a study in its folder."""
+    """Run or resume a study in its run folder."""
     forms: dict[str, PlainData] = {}
     interrupted = False
     try:

@@ -1,4 +1,4 @@
-"""Tables of a study: numbers of each run that are outputs of its sweep, and figures of these numbers."""
+"""Tables of a study: metrics of each run on marker tracking and on the human, and figures of these metrics."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -19,14 +19,14 @@ from hric_sweep.records import PlainData
 
 
 class TableColumn(NamedTuple):
-    """Column of a table.
+    """Table column: a metric of each run.
 
     Attributes:
         heading: heading with the unit of the printed numbers.
         form: format of the printed numbers.
-        path: path of the number in the metrics of a run; empty: `load_share`.
-        reduce: reduction of several values.
-        factor: factor from the number to the printed one.
+        path: path of the number in metrics.json of a run; empty: the share of the weight that the hand carries.
+        reduce: reduction of several values to one, see `SweepOutput`.
+        factor: factor from the number in metrics.json to the printed one.
     """
 
     heading: str
@@ -40,12 +40,12 @@ TRACKING_COLUMNS = {
     "lag": TableColumn("lag [ms]", ".1f", "tracking.lag", factor=1e3),
     "rms_error": TableColumn("rms error [mm]", ".2f", "tracking.rms_error", factor=1e3),
     "largest_error": TableColumn("largest [mm]", ".2f", "tracking.largest_error", factor=1e3),
-    "acceleration_ratio": TableColumn("acceleration of ideal", ".2f", "tracking.acceleration.ratio"),
+    "acceleration_ratio": TableColumn("acceleration / ideal", ".2f", "tracking.acceleration.ratio"),
     "ignored": TableColumn("markers ignored", ".0f", "tracking.ignored"),
     "losses": TableColumn("markers lost", ".0f", "tracking.losses"),
     "reflexes": TableColumn("reflexes", ".0f", "reflexes.*", "count"),
 }
-"""Columns of the runs that follow a marker."""
+"""Columns for runs in which the robot follows a marker, by name."""
 HUMAN_COLUMNS = {
     "grip_force_max": TableColumn("largest grip force [N]", ".2f", "human.grips.*.force_max"),
     "grip_work": TableColumn("work on the object [J]", ".3f", "human.grips.*.work", "sum"),
@@ -60,22 +60,22 @@ HUMAN_COLUMNS = {
     "activation_mean": TableColumn("mean activation of all muscles [1]", ".4f", "human.muscles.activation_mean"),
     "smoothness": TableColumn("log dimensionless jerk [1]", ".2f", "human.hand.smoothness"),
 }
-"""Columns of the runs with a human; a value that no run has is left out."""
+"""Columns for runs with a human, by name; a column without values is left out."""
 OUTPUTS = {
     f"{name} {part}": {"path": column.path, "reduce": column.reduce}
     for part, columns in (("tracking", TRACKING_COLUMNS), ("human", HUMAN_COLUMNS))
     for name, column in columns.items()
     if column.path
 }
-"""Outputs of a study as a sweep, as in a sweep file."""
+"""Outputs of the sweep that executes a form of a study, as in a sweep file."""
 
 
 def values(metrics: PlainData, part: str, columns: Mapping[str, TableColumn]) -> dict[str, float | str | None] | None:
-    """Return the numbers of a run by column; None: the run has no such part.
+    """Return the metrics of a run by name of the column; None: metrics.json lacks this part.
 
     Args:
         metrics: content of metrics.json.
-        part: tracking or human.
+        part: part of the metrics, "tracking" or "human".
         columns: columns of the part.
     """
     if not metrics.get(part):
@@ -93,7 +93,7 @@ def values(metrics: PlainData, part: str, columns: Mapping[str, TableColumn]) ->
 
 
 def _share(metrics: PlainData) -> float:
-    """Return the mean share of the weight on the human's own grips [1]; NaN: nothing is carried."""
+    """Return the mean share of a carried object's weight on the human's grips [1]; NaN: nothing is carried."""
     objects, grips = metrics["human"].get("carried") or [{}], metrics["human"]["grips"]
     shares = objects[0].get("load_share") or {}
     means = [share["mean"] for name, share in shares.items() if grips[name]["holder"].startswith(f"{HUMAN}::")]
@@ -101,10 +101,10 @@ def _share(metrics: PlainData) -> float:
 
 
 def lines(runs: Mapping[str, PlainData], part: str, title: str, columns: Mapping[str, TableColumn]) -> list[str]:
-    """Return a table, one line per run; empty if no run has the part.
+    """Return the lines of a table with one line per run; empty if no run has the part.
 
     Args:
-        runs: results of the runs, with `values` of each part.
+        runs: results of the runs, with the `values` of each part.
         part: tracking or human.
         title: heading of the first column.
         columns: columns of the part.
@@ -128,7 +128,7 @@ def _present(runs: Sequence[PlainData], columns: Mapping[str, TableColumn]) -> d
 
 
 def human_figure(runs: Mapping[str, PlainData], abscissa: str) -> Figure | None:
-    """Return the figure `human`: each value over the numeric names of the runs; None without human or abscissa."""
+    """Return the figure `human`: each metric over the numbers that name the runs; None without human or abscissa."""
     people = sorted((float(name), run["human"]) for name, run in runs.items() if abscissa and run.get("human"))
     if not people:
         return None
@@ -140,7 +140,9 @@ def human_figure(runs: Mapping[str, PlainData], abscissa: str) -> Figure | None:
         curves = Curve("", "measured", at, numbers), Curve("", "samples", at, numbers)
         panels.append(Panel(name, curves, unit=f"[{unit}"))
     unstable = ", ".join(f"{x:g}" for x, run in people if run["settling"] == human.UNSTABLE)
-    caption = "Estimates of a model of the human." + f" Unstable after the motion: {unstable}." * bool(unstable)
+    caption = "Estimates from a model of the human." + f" Unstable after the motion in the runs {unstable}." * bool(
+        unstable
+    )
     made = Figure("human", "Load on the human", "", tuple(panels), abscissa=abscissa)
     return made.about(sections.RESULTS, caption)
 
@@ -148,13 +150,13 @@ def human_figure(runs: Mapping[str, PlainData], abscissa: str) -> Figure | None:
 def tracking_figure(runs: Mapping[str, RunFolder]) -> Figure | None:
     """Return the figure `tracking`, one column per run, or None if no marker was tracked.
 
-    At the top is the axis that moved most, at the bottom the error after compensation of the lag.
+    Top: the axis with the largest motion; bottom: the tracking error after compensation of the lag.
     """
     parts = {name: _tracking(run) for name, run in runs.items()}
     columns = [_panels(name, part) for name, part in parts.items() if part is not None and part.data is not None]
     if not columns:
         return None
-    caption = "Above: the axis that moved most. Below: distance from the position of the marker one lag before."
+    caption = "Top: the axis with the largest motion. Bottom: distance to where the marker was one lag earlier."
     panels = tuple(panel for row in zip(*columns, strict=True) for panel in row)
     title = "The end effector follows the marker"
     return Figure("tracking", title, "", panels, 0.02, columns=len(columns), caption=caption)

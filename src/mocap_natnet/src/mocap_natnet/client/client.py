@@ -20,13 +20,16 @@ LOG = logging.getLogger("hric.mocap_natnet")
 OK, WARN, ERROR = 0, 1, 2
 """Levels as in diagnostic_msgs/DiagnosticStatus."""
 POLL = 0.02
-"""Longest sleep [s]."""
+"""Longest time that the client's thread waits for datagrams [s]."""
 SEND_PERIOD = 10_000_000
 """Minimum time between checks for messages to send [ns] (project default, unconfirmed)."""
 RECEIVE_BUFFER = 1 << 22
-"""Requested size of the kernel's buffer, which may be smaller [bytes]; enough for seconds of frames."""
+"""Requested size of the kernel's receive buffer [bytes]; enough for seconds of frames. The kernel may give less."""
 STRANGERS = 16
-"""Number of unknown senders named in the log, once each; more are only counted (project default, unconfirmed)."""
+"""Largest number of unknown senders named in the log, once each (project default, unconfirmed).
+
+Datagrams of further ones are only counted.
+"""
 STRANGER = "stranger"
 _FRAME = HEADER.pack(NatNetMessage.FRAMEOFDATA, 0)[:2]
 
@@ -43,18 +46,18 @@ def datagram_socket() -> socket.socket:
 
 
 class ClientHealth(NamedTuple):
-    """Level and text of a health report."""
+    """Health of the connection to a NatNet server, for diagnostics: level and text."""
 
     level: int
     text: str
 
 
 def health(session: Session, server: str, now: int, trouble: str = "") -> ClientHealth:
-    """Return the health of the session.
+    """Return the health of a NatNet session.
 
     Args:
         session: session of the client.
-        server: address of the server, "" while it is searched.
+        server: address of the server, "" while it is searched for.
         now: monotonic clock [ns].
         trouble: error of the sockets, or "".
     """
@@ -70,10 +73,10 @@ def health(session: Session, server: str, now: int, trouble: str = "") -> Client
     echo = session.clock.echo
     if echo is not None and not echo.synchronised:
         return ClientHealth(
-            WARN, "frames arrive, but the server does not respond to echoes: their times are those of their arrival"
+            WARN, "frames arrive, but the server does not respond to clock echoes: times of exposure are estimates"
         )
     return ClientHealth(
-        OK, f"bitstream {text(session.info.version)}, {session.statistics.rate(now):.0f} frames per second"
+        OK, f"{session.statistics.rate(now):.0f} frames per second arrive in bitstream {text(session.info.version)}"
     )
 
 
@@ -82,11 +85,11 @@ def _no_response(session: Session, server: str) -> str:
     if not server:
         return (
             "command channel silent: no server responds to the discovery sent to "
-            f"{session.settings.discovery}:{port}; name its address (server)"
+            f"{session.settings.discovery}:{port}; set the parameter server to Motive's address"
         )
     return (
-        f"command channel silent: {server}:{port} does not respond; is that Motive's address, is its streaming on, "
-        f"does a firewall hold back UDP port {port}?"
+        f"command channel silent: {server}:{port} does not respond; check that this is Motive's address, that its "
+        f"streaming is on, and that no firewall blocks UDP port {port}"
     )
 
 
@@ -109,13 +112,14 @@ def _no_frames(session: Session) -> str:
         )
     elif route.multicast:
         parts.append(
-            f"group {route.group}:{route.port}: is `local` the address of the network card that faces the server, "
-            "is Motive live?"
+            f"group {route.group}:{route.port}: check that `local` is the address of the network card that faces the "
+            "server, and that Motive is in live mode"
         )
     else:
-        parts.append("is Motive live, does a firewall hold back UDP from the server?")
+        parts.append("check that Motive is in live mode, and that no firewall blocks UDP from the server")
     if refused:
-        parts.append("refused so far: " + ", ".join(f"{reason} {count}" for reason, count in sorted(refused.items())))
+        counts = ", ".join(f"{reason} {count}" for reason, count in sorted(refused.items()))
+        parts.append(f"datagrams refused so far: {counts}")
     return "; ".join(parts)
 
 
@@ -125,10 +129,12 @@ class NatNetClient:
     The callbacks run in that thread and must be quick: while one runs, frames wait in the kernel.
 
     Args:
-        settings: address of the server.
-        on_frame, on_model, on_restart: see `Session`.
-        work: additional work in that thread, one piece per call, after all that arrived was processed; returns True if
-            a piece is left.
+        settings: settings of the connection.
+        on_frame: callback for each frame that is newer than those before.
+        on_model: callback for each description of the server's bodies.
+        on_restart: callback when the stream restarts or is another one.
+        work: function that does one piece of additional work in that thread, after the arrived datagrams were
+            processed; it returns True if work is left.
     """
 
     def __init__(
@@ -157,7 +163,7 @@ class NatNetClient:
 
     @property
     def server(self) -> str:
-        """Address of the server, "" while it is searched."""
+        """Address of the server, "" while it is searched for."""
         return self._server
 
     def start(self) -> None:
@@ -166,7 +172,7 @@ class NatNetClient:
         self._thread.start()
 
     def close(self) -> None:
-        """Stop; no callback runs afterwards."""
+        """Disconnect and stop the thread; no callback runs afterwards."""
         self._stop.set()
         if self._thread is not None:
             self._thread.join()
@@ -189,7 +195,7 @@ class NatNetClient:
         return self.session.requests.send(words, timeout)
 
     def health(self) -> ClientHealth:
-        """Return the health of the session."""
+        """Return the health of the connection to the server."""
         return health(self.session, self._server, time.monotonic_ns(), self._trouble or self._send_trouble)
 
     def _run(self) -> None:
@@ -212,7 +218,7 @@ class NatNetClient:
                 datagram, sender = sock.recvfrom(MAX_PAYLOAD + 5, socket.MSG_DONTWAIT)
             except BlockingIOError:
                 return
-            except OSError:  # the network reports a port that nobody listens on
+            except OSError:  # the network reports that nobody listens on a port
                 continue
             now = time.monotonic_ns()
             if refusal := self._refusal(sock, datagram, sender, now):
@@ -223,8 +229,8 @@ class NatNetClient:
     def _refusal(self, sock: socket.socket, datagram: bytes, sender: tuple[str, int], now: int) -> str:
         """Return the reason why a datagram is refused, or "".
 
-        Without a server, the sender of server information becomes the server. Frames come from one of its ports, until
-        they stop; all else comes from its command port.
+        If no server is set, the first sender of server information becomes the server. Frames are accepted from one of
+        the server's ports, until they stop; all other messages from its command port.
         """
         (address, port), frame = sender, datagram.startswith(_FRAME)
         if not self._server and port == self.settings.command_port:
@@ -261,10 +267,10 @@ class NatNetClient:
                 self._command.sendto(datagram, (where, self.settings.command_port))
                 self._send_trouble = ""
             except OSError as error:
-                self._send_trouble = f"command channel: nothing can be sent to {where}: {error.strerror or error}"
+                self._send_trouble = f"command channel: cannot send to {where}: {error.strerror or error}"
 
     def _listen(self) -> None:
-        """Open the sockets of the route to the server; again after an error."""
+        """Open the sockets on which frames are expected, whenever these change; try again after an error."""
         route = self.session.route
         now = time.monotonic_ns()
         if route is None or (route == self._route and (not self._trouble or now < self._next_route)):
@@ -291,10 +297,10 @@ class NatNetClient:
                 )
         except OSError as error:
             sock.close()
-            if group:  # unicast frames may come to the command socket all the same
+            if group:  # unicast frames may also arrive on the command socket
                 self._trouble = (
                     f"data channel: cannot join group {group}:{port} on {self._local()}: "
-                    f"{error.strerror or error}; set `local`"
+                    f"{error.strerror or error}; set `local` to the address of the card that faces the server"
                 )
             return
         self._data.append(sock)

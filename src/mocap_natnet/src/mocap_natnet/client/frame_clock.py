@@ -1,8 +1,8 @@
 """Exposure time of a frame by the monotonic clock of this machine.
 
-The clocks of server and client differ by tens of parts per million; their relation is a line, fitted to echoes
-(Cristian 1989). Each echo moves it a little, and on a busy machine by milliseconds: a `RisingLine` follows it, so that
-exposures in order get times in order.
+The clocks of server and client differ by tens of parts per million. Their relation is a line, fitted to echoes, which
+are requests that the server returns with its own time (Cristian 1989). Each echo moves the line a little, and on a busy
+machine by milliseconds: a `RisingLine` follows it, so that exposures in order get times in order.
 """
 
 import math
@@ -12,34 +12,37 @@ from hric_core.robot_time.rising_line import Line, RisingLine, fit_line
 from mocap_natnet.codec.types import Frame
 
 WINDOW = 30.0
-"""Age beyond which echoes are discarded [s]."""
+"""Age beyond which clock echoes are discarded [s]."""
 ROUND_TRIP_SPREAD = 50e-6
-"""Largest difference from the shortest round trip of an echo that is used [s]; slower ones are less exact."""
+"""Largest excess of an echo's round trip over the shortest one with which it is used [s]; others are less exact."""
 SLOPE_SPAN = 2.0
-"""Time span of echoes from which on a drift is fitted [s] (project default, unconfirmed)."""
+"""Time span of echoes from which on clock drift is fitted [s] (project default, unconfirmed)."""
 MAX_DRIFT = 500e-6
-"""Largest relative difference of two quartz clocks (project default, unconfirmed)."""
+"""Largest relative difference in rate of two quartz clocks [1] (project default, unconfirmed)."""
 RESTART_ERROR = 5e-3
-"""Smallest error of an echo that indicates another clock, beyond its round trip and the best one before it [s]."""
+"""Error of an echo, beyond its own and the shortest round trip, that shows that the server's clock changed [s]."""
 RESTART_ECHOES = 3
-"""Number of consecutive such echoes that restart the line (project default, unconfirmed)."""
+"""Number of consecutive echoes or delays off the fit that restart it (project default, unconfirmed)."""
 MINIMUM_WINDOW = 10.0
-"""Window of the running minimum [s]."""
+"""Time window of the running minimum of the frames' delays [s]."""
 FAR = 1.0
-"""Largest difference between two delays [s] (project default, unconfirmed)."""
+"""Largest valid difference of a delay from the running minimum [s] (project default, unconfirmed)."""
 NS = 1_000_000_000
 LATEST, CLOCK_ERROR = NS, NS // 100
-"""Largest age and largest lead of a valid frame time [ns] (project default, unconfirmed)."""
+"""Largest age and largest lead of a valid exposure time, compared with the arrival [ns].
+
+Project default, unconfirmed.
+"""
 
 
 class EchoClock:
-    """Map from ticks of the server to the local monotonic clock.
+    """Map from ticks of the server's clock to the local monotonic clock, fitted to echoes.
 
     Args:
-        frequency: ticks per second.
+        frequency: ticks per second of the server's clock [Hz].
 
     Attributes:
-        round_trip: shortest one in the window [s], or None.
+        round_trip: shortest round trip of the echoes in the window [s]; None before the first echo.
         restarts: number of times that the server's clock changed.
     """
 
@@ -51,8 +54,8 @@ class EchoClock:
     def _clear(self) -> None:
         self._echoes: deque[tuple[float, float, float]] = (
             deque()
-        )  # server time, offset, round trip, relative to the first echo
-        self._origin: tuple[int, int] | None = None  # ns here, ticks there
+        )  # server time and offset, relative to the first echo, and round trip [s]
+        self._origin: tuple[int, int] | None = None  # local time [ns] and ticks of the server
         self._offset = self._slope = 0.0
         self._map: RisingLine | None = None
         self._misses = 0
@@ -60,7 +63,7 @@ class EchoClock:
 
     @property
     def synchronised(self) -> bool:
-        """True if there was an echo."""
+        """True if the server has returned an echo, so that its clock is known."""
         return self._origin is not None
 
     @property
@@ -72,9 +75,9 @@ class EchoClock:
         """Add an echo.
 
         Args:
-            sent: local time at which it was sent [ns].
-            received: local time at which it was received [ns].
-            ticks: ticks of the server in between.
+            sent: local time at which the request was sent [ns].
+            received: local time at which the response arrived [ns].
+            ticks: ticks of the server's clock in the response.
         """
         if received < sent:
             return
@@ -104,7 +107,7 @@ class EchoClock:
         return self._origin[0] + round(self._map.at(ticks) * NS)
 
     def settle(self, ticks: int) -> None:
-        """Fix the results of `local` up to these ticks; later ticks get later times."""
+        """Fix the results of `local` up to these ticks, so that later ticks get later times in spite of new echoes."""
         if self._map is not None:
             self._map.settle(ticks)
 
@@ -130,7 +133,7 @@ class EchoClock:
 
 
 class RunningMinimum:
-    """Smallest difference of two clocks in a window, which removes a varying delay.
+    """Smallest difference of two clocks in a time window, which removes a varying delay.
 
     Attributes:
         restarts: number of times that one of the clocks changed.
@@ -142,9 +145,9 @@ class RunningMinimum:
         self._misses = 0
 
     def add(self, time: float, difference: float) -> float | None:
-        """Return the smallest difference, including this one [s]; None if it is too far from the others to be valid.
+        """Add a difference, and return the smallest one [s]; None if the added one is too far off to be valid.
 
-        Several invalid ones in a row restart the window.
+        Several invalid differences in a row restart the window.
         """
         if self._falling and not abs(difference - self._falling[0][1]) < FAR:
             self._misses += 1
@@ -162,18 +165,18 @@ class RunningMinimum:
 
 
 class StampClock:
-    """Map from the time stamps of a server without echoes to the local clock: frames are late, never early."""
+    """Map from a server's time stamps to the local clock, without echoes: frames arrive late, never early."""
 
     def __init__(self) -> None:
         self._minimum, self._map, self._restarts = RunningMinimum(), RisingLine(Line(0, 0.0, 1.0, NS)), 0
         self._begun = False
 
     def local(self, stamp: float, received: int) -> int | None:
-        """Return the arrival time of a time stamp's frame at the smallest delay [ns]; None: the stamp is not valid.
+        """Return when a frame would arrive with the smallest recent delay [ns]; None: its time stamp is not valid.
 
         Args:
-            stamp: time stamp [s].
-            received: arrival by the local clock [ns].
+            stamp: time stamp of the frame [s].
+            received: arrival of the frame by the local clock [ns].
         """
         minimum = self._minimum.add(received / NS, received / NS - stamp)
         if minimum is None:
@@ -189,10 +192,10 @@ class StampClock:
 
 
 class ExposureClock:
-    """Middle of a frame's exposure by the best available method; increasing for frames in order.
+    """Clock for the middle of a frame's exposure, by the best available method; increasing for frames in order.
 
     Args:
-        nominal_latency: time from there to the arrival, if the server does not report it [s].
+        nominal_latency: time from the middle of the exposure to the arrival, if the server does not report it [s].
     """
 
     def __init__(self, nominal_latency: float) -> None:
@@ -205,20 +208,20 @@ class ExposureClock:
         """Restart with another server, or the same one again.
 
         Args:
-            frequency: ticks per second of its clock, 0 if it has none.
+            frequency: ticks per second of the server's clock [Hz]; 0: it has no such clock.
         """
         self.echo = EchoClock(frequency) if frequency > 0 else None
         self._stamps = StampClock()
 
     def exposed(self, frame: Frame, received: int) -> tuple[int, str]:
-        """Return (local time [ns], method): "mid-exposure", "transmission", "time stamp" or "reception".
+        """Return the middle of a frame's exposure by the local clock [ns], and the method by which it is known.
 
-        The time is never after the reception.
+        The method is "mid-exposure", "transmission", "time stamp" or "reception"; the time is not after the reception.
         """
         exposed, means = self._exposed(frame, received)
         if (
             self._last is not None and exposed <= self._last
-        ):  # by another method than the last frame, or of another server
+        ):  # another method than for the last frame, or another server
             exposed = self._last + 1
         self._last = exposed
         return exposed, means

@@ -1,4 +1,4 @@
-"""Received frames and their statistics."""
+"""Received NatNet frames and their statistics."""
 
 from collections import Counter, deque
 from dataclasses import dataclass, field
@@ -8,13 +8,13 @@ from mocap_natnet.codec.types import Frame
 
 
 class Received(NamedTuple):
-    """Received frame.
+    """Received frame, with times of arrival and exposure.
 
     Attributes:
         frame: decoded frame.
-        received: arrival, monotonic clock [ns].
-        exposed: middle of the exposure, the same clock [ns].
-        means: method by which that time is known, see `frame_clock.ExposureClock`.
+        received: arrival by the monotonic clock [ns].
+        exposed: middle of the exposure by the monotonic clock [ns].
+        means: method by which the exposure is known: "mid-exposure", "transmission", "time stamp" or "reception".
     """
 
     frame: Frame
@@ -25,22 +25,23 @@ class Received(NamedTuple):
 
 NS = 1_000_000_000
 RATE_WINDOW = NS
-"""Window of the frame rate [ns]."""
+"""Time window in which the frame rate is counted [ns]."""
 
 
 @dataclass
 class Statistics:
-    """Counts since the start.
+    """Counts of a NatNet session since its start.
 
     Attributes:
-        frames: frames that were used.
-        lost: numbers missing between frames.
-        taken: datagrams that were used, by message.
-        refused: all others, by reason; "duplicate" and "late" are frames that came twice or after a later one.
+        frames: number of frames used.
+        lost: number of frames missing by their numbers.
+        taken: datagrams used, by message.
+        refused: all other datagrams, by reason; "duplicate" and "late" are frames that came twice or after a later one,
+            "number" those with a doubtful number, "unasked" and "echo" responses without a request.
         connects: number of connection requests.
         restarts: number of times that the server changed or restarted.
         skipped: bytes of frames beyond the known part of their bitstream.
-        means: frames by the method of their time.
+        means: number of frames by the method of their exposure time.
     """
 
     frames: int = 0
@@ -61,8 +62,8 @@ class Statistics:
         Args:
             received: arrival [ns].
             exposed: middle of the exposure [ns].
-            means: method of the exposure time.
-            skipped: skipped bytes.
+            means: method by which the exposure is known.
+            skipped: number of skipped bytes.
         """
         self.frames += 1
         self.skipped += skipped

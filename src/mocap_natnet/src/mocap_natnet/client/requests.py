@@ -1,4 +1,4 @@
-"""Requests to the server, one at a time: responses have no sequence number."""
+"""Requests to a NatNet server, sent one at a time, because responses have no sequence number."""
 
 import threading
 from collections import deque
@@ -8,9 +8,9 @@ from hric_core.errors import CommandError
 from mocap_natnet.codec.packets import NatNetMessage, packet
 
 RETRY_PERIOD = 100_000_000
-"""Time between attempts [ns] (project default, unconfirmed; the vendor's library waits for 20 ms)."""
+"""Time between attempts of one request [ns] (project default, unconfirmed; the vendor's library waits for 20 ms)."""
 ATTEMPTS = 10
-"""Number of attempts, as in the vendor's library."""
+"""Number of attempts of one request, as in the vendor's library."""
 
 
 @dataclass
@@ -24,7 +24,7 @@ class _Request:
 
 
 class Requests:
-    """Queue of requests; `send` is called by other threads, the rest by the session's thread."""
+    """Queue of requests to the server; `send` is called by other threads, the rest by the session's thread."""
 
     def __init__(self) -> None:
         self._waiting: deque[_Request] = deque()
@@ -33,7 +33,7 @@ class Requests:
         """Send a request and wait for its response.
 
         Args:
-            words: e.g. "StartRecording".
+            words: text of the request, e.g. "StartRecording".
             timeout: time-out [s].
 
         Returns:
@@ -43,18 +43,18 @@ class Requests:
             CommandError: the server does not know the request or does not respond.
         """
         if "\0" in words or len(words.encode()) > 1000:
-            raise CommandError(f"request {words[:40]!r}: it holds a NUL or is longer than 1000 bytes")
+            raise CommandError(f"request {words[:40]!r}: it contains a NUL or is longer than 1000 bytes")
         request = _Request(words)
         self._waiting.append(request)
         if not request.done.wait(timeout):
-            request.attempts = ATTEMPTS  # the session drops it
+            request.attempts = ATTEMPTS  # so that `poll` removes it
             request.failure = f"the server does not respond to the request {words!r} within {timeout:g} s"
         if request.failure or request.response is None:
             raise CommandError(request.failure)
         return request.response
 
     def poll(self, now: int) -> list[bytes]:
-        """Return the datagrams to be sent now [ns]."""
+        """Return the datagrams to be sent at a time of the monotonic clock [ns]."""
         while self._waiting:
             request = self._waiting[0]
             if now < request.due:
@@ -66,7 +66,7 @@ class Requests:
         return []
 
     def respond(self, payload: bytes | None) -> None:
-        """Process a response; None: the server does not know the request."""
+        """Process the payload of a response to the oldest request; None: the server does not know that request."""
         if not self._waiting or not self._waiting[0].attempts:
             return
         request = self._waiting[0]

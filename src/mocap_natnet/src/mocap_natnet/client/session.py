@@ -1,4 +1,4 @@
-"""Client's side of the session, without sockets: datagrams and times in, frames and messages to send out."""
+"""Client's side of a NatNet session, without sockets: takes datagrams, returns frames and datagrams to send."""
 
 from collections.abc import Callable
 
@@ -14,46 +14,46 @@ from mocap_natnet.codec.types import MODEL_CHANGED, VERSION_CHANGED, Frame
 CONNECT_PERIOD = NS // 2
 """Time between attempts to connect [ns] (project default, unconfirmed)."""
 MODEL_PERIOD = NS // 2
-"""Time between requests for the description until it arrives [ns] (project default, unconfirmed)."""
+"""Time between requests for the server's description, until it arrives [ns] (project default, unconfirmed)."""
 ECHO_PERIOD = NS // 10
-"""Time between echoes [ns]; ten a second keep the fit within 10 us."""
+"""Time between clock echoes [ns]; ten per second keep the fit of the server's clock within 10 us."""
 FIRST_ECHOES, FIRST_ECHO_PERIOD = 8, NS // 50
-"""Number and period of the first, faster echoes [ns] (project default, unconfirmed)."""
+"""Number and period [ns] of the first clock echoes, which are faster (project default, unconfirmed)."""
 GOOD_ROUND_TRIP = 1e-3
-"""Largest round trip of a good best echo [s]; time errors are at most half of it (project default, unconfirmed).
+"""Round trip up to which an echo makes the server's clock well known [s]; time errors are at most half of it.
 
-Without a good echo, frames are not used for CLOCK_PATIENCE.
+Without such an echo, frames are not used for CLOCK_PATIENCE (project default, unconfirmed).
 """
 CLOCK_PATIENCE = NS
-"""Time after which frames are used without a good echo [ns] (project default, unconfirmed)."""
+"""Time after which frames are used even if the server's clock is not well known [ns] (project default, unconfirmed)."""
 KEEP_ALIVE_PERIOD = NS
 """Time between keep-alive messages [ns]; the vendor's sample sends one at least every 2 s."""
 SILENT = NS // 2
 """Time without messages after which a channel is silent [ns] (project default, unconfirmed)."""
 REORDERED, GAP, AHEAD = 100, 5, 5000
-"""Limits of frame numbers: a frame late by up to the first is reordered, one ahead by up to the second follows a gap.
+"""Limits of steps in frame numbers: up to REORDERED back is a late frame, up to GAP ahead follows lost frames.
 
-Any other number is accepted once a second frame follows it, since a single one is a fault of the network: up to the
-third ahead it is a long gap, else another stream (project default, unconfirmed).
+Any other number is accepted once a second frame continues it, since a single one is a fault of the network: up to AHEAD
+it is a long gap, else another stream (project default, unconfirmed).
 """
 FAILED_CONNECT_PERIOD = NS // 4
-"""Least time between attempts after a datagram that could not be read [ns] (project default, unconfirmed)."""
+"""Minimum time between attempts to connect after an unreadable datagram [ns] (project default, unconfirmed)."""
 NAME = "mocap_natnet"
 
 
 class Session:
-    """Session that begins, breaks and restarts automatically; not thread-safe except `requests.send`.
+    """Session with a NatNet server that connects and reconnects automatically; only `requests.send` is thread-safe.
 
     Args:
-        settings: address of the server.
+        settings: settings of the connection.
         on_frame: callback for each frame that is newer than those before.
-        on_model: callback for each description.
+        on_model: callback for each description of the server's bodies.
         on_restart: callback when the stream restarts or is another one.
 
     Attributes:
         info: server information, or None before it responded.
-        complaint: why the server's information cannot be used, or "".
-        model: newest description, or None.
+        complaint: reason why the server cannot be used, or "".
+        model: newest description of the server's bodies, or None.
         last_response, last_frame: time of the last message on command and data channel [ns], or None.
     """
 
@@ -85,7 +85,7 @@ class Session:
 
     @property
     def route(self) -> Route | None:
-        """Source of frames; None before the server responded."""
+        """Addresses on which frames are expected; None before the server responded."""
         if self.info is None or self._codec is None:
             return None
         settings, info = self.settings, self.info
@@ -95,25 +95,25 @@ class Session:
         return Route(says is not False, says is not True, group, port)
 
     def receive(self, datagram: bytes, now: int) -> None:
-        """Process a datagram; each is counted, an unusable one by its reason.
+        """Process a datagram, and count it; an unusable one by the reason.
 
         Args:
-            datagram: from any socket.
-            now: when it arrived, monotonic clock [ns].
+            datagram: datagram received on any socket.
+            now: arrival by the monotonic clock [ns].
         """
         try:
             message, end = packets.split(datagram)
             refusal = self._take(message, datagram, end, now)
         except CodecError as error:
             refusal = error.reason
-            self._connect_due = True  # the server may use another bitstream now
+            self._connect_due = True  # the server may have changed its bitstream
         if refusal:
             self.statistics.refused[refusal] += 1
         else:
             self.statistics.taken[NatNetMessage(message).name] += 1
 
     def poll(self, now: int) -> list[bytes]:
-        """Return the datagrams to be sent to the server now. Call it every 20 ms or more often."""
+        """Return the datagrams to be sent to the server; now: monotonic clock [ns]. Call it at least every 20 ms."""
         out: list[bytes] = []
         if self._wants_connect(now):
             self._connect_due, self._connecting, self._last_connect = False, True, now
@@ -132,9 +132,9 @@ class Session:
         return out + self.requests.poll(now)
 
     def silent(self, now: int) -> tuple[bool, bool]:
-        """Return whether the command channel and the data channel are silent.
+        """Return (True if the command channel is silent, True if the data channel is silent).
 
-        A server below 3.0 does not respond to echoes and may be silent for longer.
+        A server below bitstream 3.0 does not respond to echoes, so its command channel may be silent for longer.
         """
         patience = SILENT if self.clock.echo is not None else 2 * KEEP_ALIVE_PERIOD + SILENT
         return (
@@ -148,22 +148,23 @@ class Session:
             return True
         if since < CONNECT_PERIOD:
             return False
-        old_server = self.clock.echo is None and since >= KEEP_ALIVE_PERIOD  # it responds to nothing but this
+        # A server below 3.0 responds only to connect requests, which also show that it is alive.
+        old_server = self.clock.echo is None and since >= KEEP_ALIVE_PERIOD
         return self._codec is None or old_server or any(self.silent(now))
 
     @property
     def _unsure(self) -> bool:
-        """True if no echo gave the server's clock well enough."""
+        """True if no echo was fast enough to know the server's clock well."""
         echo = self.clock.echo
         return echo is not None and (echo.round_trip is None or echo.round_trip > GOOD_ROUND_TRIP)
 
     @property
     def _wants_model(self) -> bool:
-        """True if there is no description, or a frame contained a body that it lacks."""
+        """True if there is no description, or a frame contained a body that the description lacks."""
         return self.model is None or self._undescribed
 
     def _take(self, message: int, datagram: bytes, end: int, now: int) -> str:
-        """Use a datagram; return "" or the reason why it is unusable."""
+        """Process a datagram; return "" or the reason why it cannot be used."""
         payload, refusal = datagram[HEADER.size : end], ""
         if message == NatNetMessage.FRAMEOFDATA:
             return self._frame(datagram, end, now)
@@ -178,12 +179,12 @@ class Session:
         elif message == NatNetMessage.DISCONNECT_BY_TIMEOUT:
             self._connect_due = True
         elif message != NatNetMessage.MESSAGESTRING:
-            raise CodecError("unknown message", f"{NatNetMessage(message).name} is no message of a server")
+            raise CodecError("unknown message", f"{NatNetMessage(message).name} is not a message of a server")
         self.last_response = now
         return refusal
 
     def _server_info(self, info: ServerInfo) -> str:
-        """Use the reply to a connect request; if changed information comes without one, send a connect request."""
+        """Process server information; if it differs and was not requested, refuse it and send a connect request."""
         requested, self._connecting = self._connecting, False
         if info == self.info and self._codec is not None:
             self.complaint = ""
@@ -201,12 +202,12 @@ class Session:
             codec,
             info,
             "",
-        )  # in this order: others may look at `info` and then at `route`
+        )  # in this order, since other threads read `info` and then `route`
         self._begin(changed)
         return ""
 
     def _begin(self, again: bool) -> None:
-        """Begin another stream, or the first one."""
+        """Begin a stream; again: True if it replaces another one."""
         assert self.info is not None
         self.clock.restart(self.info.clock_frequency)
         self.model, self._sequence, self._suspect = None, None, None
@@ -234,7 +235,7 @@ class Session:
         return ""
 
     def _heed(self, frame: Frame) -> None:
-        """Process the flags and bodies of a frame."""
+        """React to a frame's flags (bitstream or description changed) and to bodies without description."""
         if frame.suffix.flags & VERSION_CHANGED:
             self._connect_due = True
         if frame.suffix.flags & MODEL_CHANGED:
@@ -243,7 +244,7 @@ class Session:
             self._undescribed = True
 
     def _out_of_order(self, number: int) -> str:
-        """Return why a frame does not follow the last one, or ""; counts missing frames."""
+        """Return why a frame of this number does not follow the last one, or "", and count missing frames."""
         if self._sequence is None:
             return ""
         step = number - self._sequence
@@ -281,7 +282,7 @@ class Session:
         return packet(NatNetMessage.ECHO_REQUEST, packets.encode_echo_request(now))
 
     def _echoed(self, stamp: int, ticks: int, now: int) -> str:
-        """Process the response to an echo of this client; others are refused."""
+        """Process the response to an echo; responses to echoes that this client did not send are refused."""
         if stamp not in self._echoes:
             return "echo"
         del self._echoes[stamp]

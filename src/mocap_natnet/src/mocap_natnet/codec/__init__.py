@@ -1,7 +1,7 @@
-"""NatNet protocol: bytes to values and back, without sockets. Little endian, packed.
+"""NatNet protocol: conversion of bytes to values and back, without sockets. Fields are little endian and packed.
 
-`Codec` reads and writes one bitstream; a datagram that cannot be read is a `CodecError` with a reason, whatever its
-bytes are.
+`Codec` reads and writes one bitstream (version of the protocol). Any datagram that cannot be read raises `CodecError`,
+which gives the reason, whatever its bytes are.
 """
 
 from mocap_natnet.codec.descriptions import ForcePlateDescription, ServerModel
@@ -29,7 +29,7 @@ __all__ = [
 
 
 class Codec:
-    """Codec of frames and descriptions of one bitstream, as whole datagrams.
+    """Encoder and decoder of frames and descriptions in one bitstream, as whole datagrams.
 
     Args:
         version: version of the bitstream.
@@ -47,13 +47,13 @@ class Codec:
         return self._decoder.decode(datagram, HEADER.size, end)
 
     def encode_frame(self, frame: Frame) -> bytes:
-        """Return a FRAMEOFDATA datagram. Raises CodecError if it is too long."""
+        """Return a frame as a FRAMEOFDATA datagram. Raises CodecError if it is too long."""
         return packet(NatNetMessage.FRAMEOFDATA, self._encoder.encode(frame))
 
     def decode_model(self, datagram: bytes, end: int | None = None) -> ServerModel:
-        """Return the model of a MODELDEF datagram. Raises CodecError."""
+        """Return the description of the server's assets in a MODELDEF datagram. Raises CodecError."""
         return decode_model(self.layout, datagram, HEADER.size, end)
 
     def encode_model(self, model: ServerModel) -> bytes:
-        """Return a MODELDEF datagram. Raises CodecError if it is too long."""
+        """Return a description as a MODELDEF datagram. Raises CodecError if it is too long."""
         return packet(NatNetMessage.MODELDEF, encode_model(self.layout, model))

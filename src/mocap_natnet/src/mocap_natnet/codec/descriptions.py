@@ -1,4 +1,7 @@
-"""Contents of a model description. Positions are metres, orientations x, y, z, w."""
+"""Contents of a model description, by which a NatNet server names what it streams.
+
+Positions are in metres, orientations are quaternions x, y, z, w.
+"""
 
 from typing import NamedTuple
 
@@ -8,20 +11,20 @@ NO_PARENT = -1
 
 
 class MarkerSetDescription(NamedTuple):
-    """Named set of markers."""
+    """Description of a named set of markers."""
 
     name: str
     markers: tuple[str, ...] = ()
 
 
 class DescribedMarker(NamedTuple):
-    """Marker of a rigid body.
+    """Description of a marker of a rigid body.
 
     Attributes:
-        position: position in the body. In a capture of Motive 2.1 (3.0) the sign of x was reversed against the streamed
-            pose: try both.
+        position: position in the body [m]. In a capture of Motive 2.1 (bitstream 3.0), the sign of x was opposite to
+            that of the streamed pose: try both.
         label: required active label, 0 for passive ones.
-        name: name, from 4.0 on.
+        name: name of the marker, from bitstream 4.0 on.
     """
 
     position: Vector
@@ -30,7 +33,7 @@ class DescribedMarker(NamedTuple):
 
 
 class RigidBodyDescription(NamedTuple):
-    """Rigid body or bone. `rotation` to the parent exists from 4.2, `markers` from 3.0 on."""
+    """Description of a rigid body or bone; `rotation` to the parent is in bitstreams from 4.2, `markers` from 3.0."""
 
     name: str
     id: int
@@ -41,7 +44,7 @@ class RigidBodyDescription(NamedTuple):
 
 
 class SkeletonDescription(NamedTuple):
-    """Skeleton and its bones."""
+    """Description of a skeleton and its bones."""
 
     name: str
     id: int
@@ -49,15 +52,15 @@ class SkeletonDescription(NamedTuple):
 
 
 class ForcePlateDescription(NamedTuple):
-    """Force plate.
+    """Description of a force plate.
 
     Attributes:
-        width, length: size [m].
+        width, length: size of the surface [m].
         origin: electrical origin [m].
-        calibration: 12 x 12, row by row.
-        corners: four, in the world, clockwise from the plate's +x +y [m].
-        plate_type: type as in C3D.
-        data_type: 0 forces and torques [N, N m], 1 volts.
+        calibration: matrix 12 x 12, row by row.
+        corners: corners in the axes of the stream, clockwise from the plate's +x +y [m].
+        plate_type: type of the plate as in C3D.
+        data_type: 0: forces and torques [N, N m], 1: volts.
     """
 
     id: int
@@ -73,7 +76,7 @@ class ForcePlateDescription(NamedTuple):
 
 
 class DeviceDescription(NamedTuple):
-    """Other analogue device."""
+    """Description of an analogue device that is not a force plate."""
 
     id: int
     name: str
@@ -84,7 +87,7 @@ class DeviceDescription(NamedTuple):
 
 
 class CameraDescription(NamedTuple):
-    """Camera."""
+    """Description of a camera."""
 
     name: str
     position: Vector
@@ -92,7 +95,7 @@ class CameraDescription(NamedTuple):
 
 
 class AssetMarkerDescription(NamedTuple):
-    """Marker of an asset."""
+    """Description of a marker of an asset (trained marker set)."""
 
     name: str
     id: int
@@ -102,7 +105,7 @@ class AssetMarkerDescription(NamedTuple):
 
 
 class AssetDescription(NamedTuple):
-    """Trained marker set (asset type 1), from 4.1 on."""
+    """Description of a trained marker set (asset type 1), in bitstreams from 4.1 on."""
 
     name: str
     asset_type: int
@@ -123,10 +126,10 @@ Description = (
 
 
 class ServerModel(NamedTuple):
-    """Complete description of a server.
+    """Complete description of what a server streams.
 
     Attributes:
-        skipped: bytes of descriptions of unknown types, and of unknown tails.
+        skipped: number of bytes skipped: descriptions of unknown types, and unknown ends of known ones.
     """
 
     descriptions: tuple[Description, ...] = ()
@@ -134,5 +137,5 @@ class ServerModel(NamedTuple):
 
     @property
     def bodies(self) -> dict[int, RigidBodyDescription]:
-        """Rigid bodies, without bones, by streaming id."""
+        """Descriptions of rigid bodies, without bones, by streaming id."""
         return {body.id: body for body in self.descriptions if isinstance(body, RigidBodyDescription)}

@@ -1,4 +1,4 @@
-"""Payload of FRAMEOFDATA: decoder and encoder."""
+"""Decoder and encoder of the payload of FRAMEOFDATA, the NatNet message with a frame."""
 
 import functools
 import struct
@@ -57,7 +57,7 @@ class FrameDecoder:
             end: end of the payload.
 
         Raises:
-            CodecError: it cannot be read; no part of it may be used.
+            CodecError: the payload cannot be read; no part of it may be used.
         """
         reader = Reader(data, offset, len(data) if end is None else end)
         number = reader.integer()
@@ -129,7 +129,7 @@ def _check(reader: Reader, number: int, size: int) -> None:
 
 
 def _nothing(reader: Reader, number: int) -> tuple[()]:
-    """Return an empty section, which the bitstream lacks."""
+    """Return an empty section, in place of one that the bitstream lacks."""
     return ()
 
 
@@ -180,7 +180,7 @@ class FrameEncoder:
         self._plain_body = not layout.has["body_markers"] and layout.has["body_flags"]
 
     def encode(self, frame: Frame) -> bytes:
-        """Return the payload."""
+        """Return the payload of a frame."""
         layout = self._layout
         parts = [
             INT.pack(frame.number),

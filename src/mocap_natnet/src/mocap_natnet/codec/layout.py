@@ -1,4 +1,6 @@
-"""Table of fields and the bitstreams that have them: the only code that depends on the version.
+"""Table of NatNet's fields and the bitstreams (protocol versions) that have them.
+
+No other code depends on the version.
 
 Sources: public captures of Motive sessions (2.5 to 3.0) and what several independent public decoders agree on (3.0 to
 4.2). Later bitstreams are read as 4.2.
@@ -39,9 +41,9 @@ SINCE: dict[str, Version] = {
     "precision_time": (4, 1),
     "rotation_offset": (4, 2),
 }
-"""First bitstream that has the field. Skeletons and labelled markers are in all that can be read."""
+"""Field -> first bitstream that has it. Skeletons and labelled markers are in all bitstreams that can be read."""
 UNTIL: dict[str, Version] = {"body_markers": (3, 0), "latency": (3, 0)}
-"""First bitstream that lacks the field.
+"""Field -> first bitstream that lacks it.
 
 The fields are the markers of a body within the frame (in the description from 3.0 on), and the software latency.
 """
@@ -54,13 +56,13 @@ class BitstreamLayout:
     Attributes:
         version: version of the bitstream.
         has: True for each field of SINCE and UNTIL that the bitstream has.
-        tail_known: True if bytes after a known part are an error of the stream.
-        body: rigid body without markers: id, position, orientation, mean error, flags.
-        body_tail: fields after the markers of a body: mean error, flags.
-        marker: labelled marker.
-        suffix: fields after the last section.
-        suffix_fields: their names, in order.
-        plain_suffix: True if these are all fields of `Suffix` but the latency, and the end tag.
+        tail_known: True if the layout is known completely, so that bytes after it are an error of the stream.
+        body: format of a rigid body without markers: id, position, orientation, mean error, flags.
+        body_tail: format of the fields after the markers of a body: mean error, flags.
+        marker: format of a labelled marker.
+        suffix: format of the fields after the last section.
+        suffix_fields: names of the suffix' fields, in order.
+        plain_suffix: True if the suffix has all fields of `Suffix` except the latency, and the end tag.
     """
 
     version: Version
@@ -97,7 +99,7 @@ def layout(version: Version) -> BitstreamLayout:
 
 
 def _suffix_fields(flags: dict[str, bool]) -> dict[str, str]:
-    """Return names and struct letters of the suffix, in their order."""
+    """Return names and struct letters of the suffix' fields, in their order."""
     fields = {"latency": "f"} if flags["latency"] else {}
     fields |= {"time_code": "I", "time_code_subframe": "I"}
     if flags["time_stamp"]:

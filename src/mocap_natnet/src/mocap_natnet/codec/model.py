@@ -1,4 +1,7 @@
-"""Payload of MODELDEF: decoder and encoder. Each description is a record of fields that are read and packed alike."""
+"""Decoder and encoder of the payload of MODELDEF, the NatNet message with the description of the streamed objects.
+
+Each type of description is declared once as a record of fields, each with a function to read and one to pack it.
+"""
 
 import struct
 from collections.abc import Callable
@@ -12,14 +15,14 @@ from mocap_natnet.codec.reader import INT, VECTOR, CodecError, Reader
 
 
 class _Field(NamedTuple):
-    """Part of a description on the wire: functions from and to its bytes."""
+    """Field of a description: function that reads it from bytes, and function that packs it."""
 
     read: Callable[[Reader, BitstreamLayout], Any]
     pack: Callable[[Any, BitstreamLayout], bytes]
 
 
 def _number(form: str) -> _Field:
-    """Return a number of a struct format."""
+    """Return a field with one number in a struct format."""
     binary_format = struct.Struct(f"<{form}")
     return _Field(
         lambda reader, layout: reader.unpack(binary_format)[0], lambda value, layout: binary_format.pack(value)
@@ -27,13 +30,13 @@ def _number(form: str) -> _Field:
 
 
 def _floats(count: int) -> _Field:
-    """Return a tuple of floats."""
+    """Return a field with a tuple of `count` floats."""
     row = struct.Struct(f"<{count}f")
     return _Field(lambda reader, layout: reader.unpack(row), lambda values, layout: row.pack(*values))
 
 
 def _many(field: _Field, size: int) -> _Field:
-    """Return a counted list of fields of at least `size` bytes each, as a tuple."""
+    """Return a field with a counted list of fields of at least `size` bytes each, as a tuple."""
     return _Field(
         lambda reader, layout: tuple(field.read(reader, layout) for _ in range(reader.count(size))),
         lambda values, layout: INT.pack(len(values)) + b"".join(field.pack(value, layout) for value in values),
@@ -41,7 +44,7 @@ def _many(field: _Field, size: int) -> _Field:
 
 
 def _since(flag: str, field: _Field, absent: Any) -> _Field:
-    """Return a field of the bitstreams with a flag of their layout; `absent`: value in others."""
+    """Return a field that is only in bitstreams whose layout has a flag; `absent`: its value in others."""
     return _Field(
         lambda reader, layout: field.read(reader, layout) if layout.has[flag] else absent,
         lambda value, layout: field.pack(value, layout) if layout.has[flag] else b"",
@@ -49,7 +52,7 @@ def _since(flag: str, field: _Field, absent: Any) -> _Field:
 
 
 def _record(kind: Callable[..., Any], *of: _Field) -> _Field:
-    """Return the fields of a named tuple, in its order."""
+    """Return a field with a named tuple, whose elements are fields in the same order."""
     return _Field(
         lambda reader, layout: kind(*(field.read(reader, layout) for field in of)),
         lambda record, layout: b"".join(field.pack(value, layout) for field, value in zip(of, record, strict=True)),
@@ -57,7 +60,7 @@ def _record(kind: Callable[..., Any], *of: _Field) -> _Field:
 
 
 def _read_body_markers(reader: Reader, layout: BitstreamLayout) -> tuple[d.DescribedMarker, ...]:
-    """Return the markers from three consecutive arrays."""
+    """Read the markers of a rigid body from consecutive arrays of positions, labels and names."""
     number = reader.count(VECTOR.size + 4 + layout.has["marker_names"])
     positions = reader.array(VECTOR, number)
     labels = reader.unpack(struct.Struct(f"<{number}i"))
@@ -91,9 +94,9 @@ class _Kind(NamedTuple):
     """Type of description.
 
     Attributes:
-        description: its class.
+        description: class of the description.
         since: first bitstream whose frames contain the described object; before it the description is left out.
-        fields: its payload.
+        fields: fields of its payload.
     """
 
     description: type[d.Description]
@@ -114,11 +117,11 @@ _KINDS = {
     5: _kind(d.CameraDescription, _NAME, _VECTOR, _QUATERNION),
     6: _kind(d.AssetDescription, _NAME, _INT, _INT, _BODIES, _ASSET_MARKERS, since=SINCE["assets"]),
 }
-"""Types by the number before each description. The plate's fields are those of 3.0."""
+"""Types of description by their number in the payload. The plate's fields are those of bitstream 3.0."""
 
 
 def decode_model(layout: BitstreamLayout, data: bytes, offset: int = 0, end: int | None = None) -> d.ServerModel:
-    """Return the model description of a payload.
+    """Return the model description in a payload.
 
     Args:
         layout: layout of the bitstream.
@@ -127,7 +130,7 @@ def decode_model(layout: BitstreamLayout, data: bytes, offset: int = 0, end: int
         end: end of the payload.
 
     Raises:
-        CodecError: it cannot be read.
+        CodecError: the payload cannot be read.
     """
     reader = Reader(data, offset, len(data) if end is None else end)
     descriptions = [_read_description(reader, layout) for _ in range(reader.count(8))]
@@ -137,7 +140,7 @@ def decode_model(layout: BitstreamLayout, data: bytes, offset: int = 0, end: int
 
 
 def _read_description(reader: Reader, layout: BitstreamLayout) -> d.Description | None:
-    """Return one description; None for an unknown type."""
+    """Read one description; return None for an unknown type."""
     if not layout.has["sizes"]:
         kind = reader.integer()
         if kind not in _KINDS:
@@ -157,7 +160,7 @@ def _description(reader: Reader, layout: BitstreamLayout, kind: int) -> d.Descri
 
 
 def encode_model(layout: BitstreamLayout, model: d.ServerModel) -> bytes:
-    """Return the payload; descriptions that the bitstream lacks are left out."""
+    """Return the payload of a model description; types that the bitstream lacks are left out."""
     parts = []
     for description in model.descriptions:
         number, kind = next((number, kind) for number, kind in _KINDS.items() if kind.description is type(description))

@@ -1,4 +1,4 @@
-"""Message ids, header of a datagram, and the small messages: connection, server information, echo."""
+"""NatNet's message ids, header of a datagram, and small messages: connection, server information, echo."""
 
 import socket
 import struct
@@ -14,7 +14,7 @@ MULTICAST_GROUP = "239.255.42.99"
 MAX_PAYLOAD = 65503
 """Largest payload of one datagram [bytes]."""
 HEADER = struct.Struct("<HH")
-"""Message id, number of payload bytes."""
+"""Header of a datagram: message id, and number of payload bytes."""
 NAME_SIZE = 256
 _SERVER_OLD = struct.Struct("<256s4B4B")
 _SERVER_NEW = struct.Struct("<256s4B4BQHB4s")
@@ -24,7 +24,7 @@ _ECHO_RESPONSE = struct.Struct("<QQ")
 
 
 class NatNetMessage(IntEnum):
-    """Message ids."""
+    """Ids of NatNet's messages."""
 
     CONNECT = 0
     SERVERINFO = 1
@@ -48,9 +48,9 @@ _KNOWN = frozenset(int(message) for message in NatNetMessage)
 
 
 def packet(message: NatNetMessage, payload: bytes = b"") -> bytes:
-    """Return a datagram. Raises CodecError if the payload is too long for one."""
+    """Return a message as a datagram. Raises CodecError if the payload is too long for one."""
     if len(payload) > MAX_PAYLOAD:
-        raise CodecError("length", f"{len(payload)} bytes of payload; a datagram holds {MAX_PAYLOAD}")
+        raise CodecError("length", f"{len(payload)} bytes of payload; the maximum is {MAX_PAYLOAD}")
     return HEADER.pack(message, len(payload)) + payload
 
 
@@ -61,7 +61,7 @@ def split(datagram: bytes) -> tuple[int, int]:
     UNRECOGNIZED_REQUEST are meaningless.
 
     Raises:
-        CodecError: no header, an unknown message, or fewer bytes than stated.
+        CodecError: the header is incomplete, the message unknown, or there are fewer bytes than the header states.
     """
     if len(datagram) < HEADER.size:
         raise CodecError("short", f"{len(datagram)} bytes, less than a header")
@@ -72,7 +72,7 @@ def split(datagram: bytes) -> tuple[int, int]:
     if end > len(datagram):
         if message == NatNetMessage.UNRECOGNIZED_REQUEST:
             return message, len(datagram)
-        raise CodecError("length", f"the header says {size} bytes, {len(datagram) - HEADER.size} came")
+        raise CodecError("length", f"the header states {size} bytes, but {len(datagram) - HEADER.size} arrived")
     return message, end
 
 
@@ -81,12 +81,12 @@ class ServerInfo(NamedTuple):
 
     Attributes:
         name: name of the application.
-        application: its version.
-        version: its bitstream; revision and build were 0 in all observed servers.
-        clock_frequency: ticks per second of its clock, from 3.0 on, else 0.
-        data_port: from 3.0 on, else 0.
-        multicast: True if it streams to a group; None below 3.0, where it is not stated.
-        group: address of the group, "" below 3.0.
+        application: version of the application.
+        version: bitstream of the server; revision and build were 0 in all observed servers.
+        clock_frequency: ticks per second of the server's clock [Hz]; 0 in bitstreams below 3.0.
+        data_port: UDP port of frames; 0 below 3.0.
+        multicast: True if it streams to a multicast group; None below 3.0, where it is not stated.
+        group: address of the group; "" below 3.0.
     """
 
     name: str
@@ -103,7 +103,7 @@ def encode_server_info(info: ServerInfo, rubbish: bytes = b"") -> bytes:
 
     Args:
         info: server information.
-        rubbish: bytes behind the name's NUL, as in real packets.
+        rubbish: bytes after the name's NUL, as in real packets.
     """
     name = (info.name.encode()[: NAME_SIZE - 1] + b"\0" + rubbish)[:NAME_SIZE].ljust(NAME_SIZE, b"\0")
     head = (name, *info.application, *info.version, 0, 0)
@@ -143,8 +143,8 @@ class Connect(NamedTuple):
 
     Attributes:
         name: name of the application, "" if unknown.
-        version: requested bitstream, None for the server's newest.
-        subscribed_only: True if it receives only subscribed data.
+        version: requested bitstream; None: the server's newest.
+        subscribed_only: True if the client receives only subscribed data.
     """
 
     name: str = ""
@@ -171,24 +171,24 @@ def decode_connect(payload: bytes) -> Connect:
 
 
 def encode_echo_request(stamp: int) -> bytes:
-    """Return the payload of ECHO_REQUEST: a stamp of the client's clock, any unit."""
+    """Return the payload of ECHO_REQUEST: a stamp of the client's clock in any unit."""
     return _ECHO_REQUEST.pack(stamp)
 
 
 def decode_echo_request(payload: bytes) -> int:
-    """Return the stamp. Raises CodecError."""
+    """Return the client's stamp in the payload of ECHO_REQUEST. Raises CodecError."""
     if len(payload) < _ECHO_REQUEST.size:
         raise CodecError("short", f"echo request of {len(payload)} bytes")
     return int(_ECHO_REQUEST.unpack_from(payload)[0])
 
 
 def encode_echo_response(stamp: int, ticks: int) -> bytes:
-    """Return the payload of ECHO_RESPONSE: the client's stamp, the server's ticks when it arrived."""
+    """Return the payload of ECHO_RESPONSE: the client's stamp, and the server's ticks when the request arrived."""
     return _ECHO_RESPONSE.pack(stamp, ticks)
 
 
 def decode_echo_response(payload: bytes) -> tuple[int, int]:
-    """Return (client's stamp, server's ticks). Raises CodecError."""
+    """Return (client's stamp, server's ticks) in the payload of ECHO_RESPONSE. Raises CodecError."""
     if len(payload) < _ECHO_RESPONSE.size:
         raise CodecError("short", f"echo response of {len(payload)} bytes")
     stamp, ticks = _ECHO_RESPONSE.unpack_from(payload)

@@ -15,7 +15,7 @@ VECTOR = struct.Struct("<3f")
 
 
 class Reader:
-    """Cursor in a datagram.
+    """Reader of a datagram from front to back.
 
     Args:
         data: bytes of the datagram.
@@ -23,7 +23,7 @@ class Reader:
         end: end position; bytes after it are ignored.
 
     Attributes:
-        skipped: bytes that were skipped by a size.
+        skipped: number of bytes at the ends of sized sections that were skipped.
     """
 
     __slots__ = ("data", "end", "offset", "skipped")
@@ -33,11 +33,11 @@ class Reader:
 
     @property
     def left(self) -> int:
-        """Number of bytes up to the end."""
+        """Number of bytes from the current position to the end."""
         return self.end - self.offset
 
     def unpack(self, layout: struct.Struct) -> tuple[Any, ...]:
-        """Return the fields of a fixed layout."""
+        """Read the fields of a fixed layout."""
         begin = self.offset
         stop = begin + layout.size
         if stop > self.end:
@@ -46,11 +46,11 @@ class Reader:
         return layout.unpack_from(self.data, begin)
 
     def integer(self) -> int:
-        """Return an int32."""
+        """Read an int32."""
         return int(self.unpack(INT)[0])
 
     def count(self, size: int) -> int:
-        """Return a count of elements that take at least `size` bytes each."""
+        """Read a count of elements that take at least `size` bytes each."""
         number = self.integer()
         if number < 0 or number * size > self.end - self.offset:
             raise CodecError(
@@ -59,7 +59,7 @@ class Reader:
         return number
 
     def name(self) -> str:
-        """Return a text up to its NUL, which is skipped."""
+        """Read a text and the NUL that ends it; return the text."""
         stop = self.data.find(b"\0", self.offset, self.end)
         if stop < 0:
             raise CodecError("name", f"the name at byte {self.offset} has no terminating NUL")
@@ -70,7 +70,7 @@ class Reader:
             raise CodecError("name", f"the name at byte {begin} is not UTF-8") from error
 
     def array(self, layout: struct.Struct, number: int) -> list[tuple[Any, ...]]:
-        """Return `number` elements of one layout; the count was checked."""
+        """Read `number` elements of one layout."""
         begin = self.offset
         self.offset = begin + number * layout.size
         if self.offset > self.end:
@@ -81,16 +81,16 @@ class Reader:
         return list(layout.iter_unpack(self.data[begin : self.offset]))
 
     def vectors(self) -> tuple[Vector, ...]:
-        """Return the positions after a count."""
+        """Read a count and as many positions."""
         number = self.count(VECTOR.size)
         return tuple(self.array(VECTOR, number)) if number else ()
 
     def names(self, number: int) -> tuple[str, ...]:
-        """Return `number` names."""
+        """Read `number` texts, each ended by a NUL."""
         return tuple(self.name() for _ in range(number))
 
     def begin_sized(self, size: int) -> int:
-        """Limit reading to `size` bytes from here; returns the argument for `end_sized`."""
+        """Limit reading to the next `size` bytes; return the former end, the argument for `end_sized`."""
         stop, end = self.offset + size, self.end
         if size < 0 or stop > end:
             raise CodecError("size", f"{size} bytes stated at byte {self.offset}, {end - self.offset} are left")
@@ -98,12 +98,12 @@ class Reader:
         return end
 
     def end_sized(self, end: int) -> None:
-        """Continue after those bytes, read or not."""
+        """Skip the unread bytes up to the limit of `begin_sized`, and restore the former end."""
         self.skipped += self.end - self.offset
         self.offset, self.end = self.end, end
 
     def sized(self, size: int, read: "Callable[[Reader], T]") -> T:
-        """Return the content of the next `size` bytes."""
+        """Read the next `size` bytes by a function, skip what it leaves unread, and return its result."""
         end = self.begin_sized(size)
         value = read(self)
         self.end_sized(end)
@@ -113,9 +113,9 @@ class Reader:
 REASONS = ("short", "length", "count", "size", "name", "end tag", "version", "unknown message", "unknown type")
 """Reasons to refuse a datagram.
 
-They are: shorter than its layout, another length than its header says, a count or a section size beyond the remaining
-bytes, a name that does not end or is not UTF-8, no end tag where the frame ends, an unknown bitstream, a message id
-that does not exist or does not belong here, a description of a type that cannot be skipped.
+They are, in this order: shorter than its layout; shorter than its header states; a count, or a section's size, beyond
+the remaining bytes; a name that does not end or is not UTF-8; no end tag at the end of a frame; an unknown bitstream; a
+message id that does not exist or is not a server's; a description of an unknown type that cannot be skipped.
 """
 
 
@@ -123,8 +123,8 @@ class CodecError(HricError):
     """Error of a datagram that cannot be read; no part of it is used.
 
     Args:
-        reason: one of REASONS, for counting.
-        text: error and position.
+        reason: one of REASONS, by which refused datagrams are counted.
+        text: description of the error, with its position.
     """
 
     def __init__(self, reason: str, text: str) -> None:

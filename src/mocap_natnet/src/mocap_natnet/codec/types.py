@@ -1,4 +1,7 @@
-"""Contents of a frame. Positions are metres and orientations x, y, z, w, both in the axes of the stream."""
+"""Contents of a NatNet frame.
+
+Positions are in metres, orientations are quaternions x, y, z, w, both in the axes of the stream.
+"""
 
 from typing import NamedTuple
 
@@ -15,14 +18,14 @@ RECORDING, MODEL_CHANGED, EDIT_MODE, VERSION_CHANGED = (1 << bit for bit in rang
 
 
 class MarkerSet(NamedTuple):
-    """Named markers; the last set of a frame contains all of them."""
+    """Named set of markers; the last set of a frame contains all markers."""
 
     name: str
     positions: tuple[Vector, ...]
 
 
 class BodyMarker(NamedTuple):
-    """Marker within a rigid body, bitstreams below 3.0."""
+    """Marker of a rigid body, in bitstreams below 3.0."""
 
     position: Vector
     id: int
@@ -30,12 +33,12 @@ class BodyMarker(NamedTuple):
 
 
 class RigidBody(NamedTuple):
-    """Rigid body, also a bone of a skeleton or of an asset (whose id is skeleton id << 16 | number of the bone).
+    """Pose of a rigid body, or of a bone of a skeleton or asset, whose id is skeleton id << 16 | number of the bone.
 
     Attributes:
-        mean_error: mean error of its markers [m].
-        flags: TRACKED; always set if the bitstream has no flags.
-        markers: bitstreams below 3.0 only.
+        mean_error: mean error of the body's markers [m].
+        flags: TRACKED or 0; always TRACKED if the bitstream has no flags.
+        markers: markers of the body, only in bitstreams below 3.0.
     """
 
     id: int
@@ -50,10 +53,10 @@ class Marker(NamedTuple):
     """Labelled marker.
 
     Attributes:
-        id: (asset id << 16) + number of the member counted from 1, for passive markers of an asset.
+        id: for passive markers of an asset, (asset id << 16) + number of the marker in the asset, from 1 on.
         size: diameter [m].
         flags: OCCLUDED ... MEASUREMENT; 0 if the bitstream has none.
-        residual: [m per ray], from 3.0 on.
+        residual: residual of the triangulation [m per ray], in bitstreams from 3.0 on.
     """
 
     id: int
@@ -64,14 +67,14 @@ class Marker(NamedTuple):
 
 
 class Skeleton(NamedTuple):
-    """Bones of a skeleton."""
+    """Skeleton: poses of its bones."""
 
     id: int
     bodies: tuple[RigidBody, ...]
 
 
 class Asset(NamedTuple):
-    """Trained marker set, from 4.1 on."""
+    """Trained marker set, in bitstreams from 4.1 on."""
 
     id: int
     bodies: tuple[RigidBody, ...]
@@ -79,21 +82,21 @@ class Asset(NamedTuple):
 
 
 class Analog(NamedTuple):
-    """Force plate or other analogue device: the samples of each channel in this frame, whose numbers may differ."""
+    """Force plate or other analogue device: samples of each channel in a frame; channels may differ in number."""
 
     id: int
     channels: tuple[tuple[float, ...], ...]
 
 
 class Suffix(NamedTuple):
-    """End of a frame; 0 if the bitstream lacks it.
+    """End of a frame: its times and flags. Fields that the bitstream lacks are 0.
 
     Attributes:
-        latency: latency of the software, below 3.0 [s, or ms in 2.10].
+        latency: latency of the software, in bitstreams below 3.0 [s, or ms in 2.10].
         time_stamp: time since the software started [s].
-        mid_exposure, received, transmitted: ticks of the server's clock, from 3.0 on; mid_exposure is 0 if the cameras
-            do not report it.
-        precision_seconds, precision_fraction: precision time protocol, from 4.1 on.
+        mid_exposure, received, transmitted: ticks of the server's clock, from bitstream 3.0 on; mid_exposure is 0 if
+            the cameras do not report it.
+        precision_seconds, precision_fraction: time by the precision time protocol, from bitstream 4.1 on.
         flags: RECORDING, MODEL_CHANGED, EDIT_MODE, VERSION_CHANGED.
     """
 
@@ -110,11 +113,11 @@ class Suffix(NamedTuple):
 
 
 class Frame(NamedTuple):
-    """Frame of the cameras.
+    """Frame: everything that the server streams for one exposure of the cameras.
 
     Attributes:
-        unlabelled: positions of the legacy list; prefer `markers`.
-        skipped: unknown bytes at the ends of sections and of the frame; 0 in the known bitstreams.
+        unlabelled: positions of the legacy list of markers; prefer `markers`.
+        skipped: number of unknown bytes at the ends of sections and of the frame; 0 in the known bitstreams.
     """
 
     number: int

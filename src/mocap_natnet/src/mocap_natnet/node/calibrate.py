@@ -1,4 +1,4 @@
-"""Node `calibrate`: pairs the tracked body with the robot's end effector, and saves the pose of the mocap frame."""
+"""Node `calibrate`: fits the pose of the mocap frame to positions of a tracked body on the robot's end effector."""
 
 import threading
 from dataclasses import dataclass
@@ -19,27 +19,27 @@ from mocap_natnet.node.parameters import MOCAP_FRAME, UP_AXIS
 from mocap_natnet.tracking.calibration import FrameCalibration, save
 
 AVERAGED = 120
-"""Number of frames averaged for one point; half a second at 240 Hz (project default, unconfirmed)."""
+"""Number of mocap frames averaged for one point; half a second at 240 Hz (project default, unconfirmed)."""
 STILL = 0.002
-"""Largest motion of a body at rest [m] (project default, unconfirmed)."""
+"""Largest motion with which the tracked body counts as at rest [m] (project default, unconfirmed)."""
 
 
 @dataclass(frozen=True)
 class CalibrateSettings(Settings):
-    """Parameters of the node."""
+    """Parameters of the node `calibrate`."""
 
-    body: str = text("", figures=True, text="body on the end effector; empty: the first of the stream")
+    body: str = text("", figures=True, text="rigid body on the end effector; empty: the first of the stream")
     up_axis: str = UP_AXIS
-    base_frame: str = text("panda_link0", text="goes into the file")
+    base_frame: str = text("panda_link0", text="name of the base frame, which is written into the file")
     file: str = text(
         "base_from_mocap.yaml",
-        text="parameters for `natnet_client`; load them with `rosparam load FILE /natnet_client`",
+        text="file to write, with parameters of `natnet_client`; load it with `rosparam load FILE /natnet_client`",
     )
-    state_topic: str = text("franka_state_controller/franka_states", text="of the robot")
+    state_topic: str = text("franka_state_controller/franka_states", text="topic of the robot's state")
 
 
 class CalibrateNode(NodeApp):
-    """Calibration node with the services `~add`, `~solve`, `~clear`.
+    """Node that calibrates the pose of the mocap frame in the robot's base by the services `~add`, `~solve`, `~clear`.
 
     Args:
         node: private node.
@@ -61,7 +61,7 @@ class CalibrateNode(NodeApp):
         for name, handler in (("add", self._add), ("solve", self._solve), ("clear", self._clear)):
             node.service(name, Trigger, lambda request, handler=handler: self._serve(handler))  # type: ignore[misc]
         name = node.namespace
-        node.log_info(f"at each pose, at rest: rosservice call {name}/add; at the end: rosservice call {name}/solve")
+        node.log_info(f"call the service {name}/add at each pose, with the arm at rest, and {name}/solve at the end")
 
     def _on_mocap(self, message: Any) -> None:
         body = next((body for body in message.rigid_bodies if self._body in ("", body.name)), None)
@@ -84,12 +84,12 @@ class CalibrateNode(NodeApp):
             return TriggerResponse(False, str(error))
 
     def _add(self) -> str:
-        """Add a pair."""
+        """Add a pair of points: mean position of the tracked body, and position of the end effector in the base."""
         if self._effector is None:
-            raise CommandError("the robot's state is not known: is state_topic right, does the robot run?")
+            raise CommandError("the robot's state is not known: check that the robot runs, and state_topic")
         if len(self._recent) < AVERAGED:
             raise CommandError(
-                f"the body was tracked for {len(self._recent)} of {AVERAGED} frames in frame {MOCAP_FRAME!r}: "
+                f"the body was tracked for {len(self._recent)} of {AVERAGED} frames in tf frame {MOCAP_FRAME!r}: "
                 "show it to the cameras, and run natnet_client without base_frame"
             )
         columns = list(zip(*self._recent, strict=True))
@@ -100,7 +100,7 @@ class CalibrateNode(NodeApp):
         return f"{len(self._calibration.seen)} pairs"
 
     def _solve(self) -> str:
-        """Fit the pose and save it."""
+        """Fit the pose of the mocap frame to all pairs, and save it."""
         pose, rms, each = self._calibration.solve()
         save(self._path, pose, self._base_frame, rms, len(each))
         listed = ", ".join(f"{1000 * residual:.2f}" for residual in each)

@@ -1,4 +1,4 @@
-"""Messages of tracked data; those of each frame without genpy's constructors, see `hric_core.geometry.stamped`."""
+"""ROS messages of tracked data; those of each frame are made without genpy's slow constructors."""
 
 import math
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from hric_msgs.msg import MocapData, RigidBodyState
 from mocap_natnet.tracking.tracking import TrackedBody, TrackedMarker
 
 MARKER_COLOUR = (0.9, 0.9, 0.95, 1.0)
-"""Grey-white, as reflective markers are; red, green, blue, alpha."""
+"""Colour of marker balls: grey-white, as reflective markers are; red, green, blue, alpha."""
 
 
 _new: Any = object.__new__
@@ -26,11 +26,11 @@ def mocap_data(
     """Return hric_msgs/MocapData.
 
     Args:
-        head: stamp and frame.
-        number: number of the frame; a negative one does not occur with a real server and counts as 0.
-        bodies: tracked or not.
-        markers: labelled ones.
-        latency: from the exposure to the arrival [s].
+        head: header with stamp and tf frame.
+        number: number of the frame; a negative one, which no real server sends, counts as 0.
+        bodies: rigid bodies, tracked or not.
+        markers: labelled markers.
+        latency: time from exposure to arrival [s].
     """
     data = _new(MocapData)
     data.header, data.frame_number, data.latency = head, max(0, number), latency
@@ -58,7 +58,7 @@ def point_stamped(head: Any, body: TrackedBody) -> Any:
 
 
 def ground_pose(body: TrackedBody) -> Any:
-    """Return geometry_msgs/Pose2D: position on the ground and angle of the body's x axis in it, for z-up axes."""
+    """Return geometry_msgs/Pose2D of a body in z-up axes: position on the ground, and yaw of its x axis [rad]."""
     x, y, z, w = body.pose.orientation
     return Pose2D(
         body.pose.position[0], body.pose.position[1], math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
@@ -69,7 +69,7 @@ _BALL = Marker(ns="mocap", type=Marker.SPHERE, action=Marker.ADD, color=ColorRGB
 
 
 def marker_array(head: Any, markers: Sequence[TrackedMarker]) -> Any:
-    """Return visualization_msgs/MarkerArray: a ball per labelled marker; those of the last message are deleted."""
+    """Return visualization_msgs/MarkerArray: one ball per labelled marker; balls of the last message are deleted."""
     message = MarkerArray([Marker(header=head, ns="mocap", action=Marker.DELETEALL)])
     for index, marker in enumerate(markers):
         ball = _new(Marker)

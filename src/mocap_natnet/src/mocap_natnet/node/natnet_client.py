@@ -1,4 +1,4 @@
-"""Node `natnet_client`."""
+"""Node `natnet_client`: receives a NatNet stream, and publishes it on ROS topics."""
 
 import time
 from collections import deque
@@ -21,7 +21,10 @@ from mocap_natnet.node.parameters import Publishing
 from mocap_natnet.node.publisher import MocapPublisher, static_transform
 
 LAST_WORDS = 0.5
-"""Time for which waiting frames are still published after the shutdown request [s] (project default, unconfirmed)."""
+"""Longest time for which queued frames are still published after a shutdown request [s].
+
+Project default, unconfirmed.
+"""
 _RESTART = "restart"
 _SERVICES = {
     "start_recording": take.START,
@@ -32,7 +35,7 @@ _SERVICES = {
 
 
 class ClientNode(NodeApp):
-    """Client node: the client, its publisher in the same thread, diagnostics and services.
+    """Node `natnet_client`: NatNet client and publisher in one thread, diagnostics and services.
 
     Args:
         node: private node.
@@ -46,7 +49,7 @@ class ClientNode(NodeApp):
         self._settings, self._publishing = ClientSettings.read(node), Publishing.read(node)
         self._robot_time, self._progress = RobotTime(node), ProgressReport(node)
         self._publisher = MocapPublisher(node, self._publishing, self._robot_time.robot_time)
-        # Frames that arrive while one is published wait here, not in the kernel, which drops what it has no room for.
+        # Frames that arrive while one is published wait here, not in the kernel, which drops them when it has no room.
         self._queue: deque[Received | ServerModel | str] = deque()
         self._client = NatNetClient(
             self._settings, self._queue.append, self._queue.append, lambda: self._queue.append(_RESTART), self._work
@@ -60,7 +63,7 @@ class ClientNode(NodeApp):
         self._client.start()
 
     def close(self) -> None:
-        """Stop the client."""
+        """Stop the client, and publish the frames that are still queued, for at most LAST_WORDS."""
         self._robot_time.close()
         if self._recorder is not None:
             self._recorder.close()
@@ -71,7 +74,7 @@ class ClientNode(NodeApp):
         self._progress.close()
 
     def tick(self) -> None:
-        """Publish the diagnostics; log when the state changes.
+        """Publish the diagnostics, and log changes of the stream's health.
 
         Raises:
             HricError: the run is not paced.
@@ -103,10 +106,10 @@ class ClientNode(NodeApp):
             "connects": statistics.connects,
             "restarts": statistics.restarts,
             "waiting to be published": len(self._queue),
-            "time of the run from": self._robot_time.source,
-            "before the run's time was known": self._publisher.untimed,
-            "stamps held from going back": self._publisher.held,
-            "bytes not understood": statistics.skipped,
+            "source of robot time": self._robot_time.source,
+            "frames before robot time was known": self._publisher.untimed,
+            "stamps moved forward to stay in order": self._publisher.held,
+            "unknown bytes skipped": statistics.skipped,
         }
         if echo is not None and echo.round_trip is not None:
             values |= {"round trip [us]": f"{1e6 * echo.round_trip:.0f}", "clock drift [ppm]": f"{echo.drift:.1f}"}
@@ -116,7 +119,7 @@ class ClientNode(NodeApp):
         return values | {f"tracking lost: {body}": count for body, count in tracker.lost.copy().items()}
 
     def _work(self) -> bool:
-        """Publish one frame, or process the description or restart at its place; return True if more is waiting."""
+        """Process the oldest queued frame, description or restart; return True if more are queued."""
         queue = self._queue
         if rospy.is_shutdown():
             queue.clear()

@@ -1,4 +1,4 @@
-"""Publisher of frames: the same from a wire, on rospy, and headless on a LocalNode."""
+"""Publisher of NatNet frames on ROS topics: the same code live, on rospy, and headless, on a `LocalNode`."""
 
 import math
 import re
@@ -22,31 +22,37 @@ from mocap_natnet.tracking.validity import PoseValidator
 
 TRAIL_TOPIC = "mocap/trail"
 POINTS_RATE = 50.0
-"""Points of the trail per second of robot time. The constants of the trail are project defaults, unconfirmed."""
+"""Points of a body's trail in rviz per second of robot time.
+
+The constants of the trail are project defaults, unconfirmed.
+"""
 PIECE = 10
-"""Points of the trail per message."""
+"""Number of line segments of the trail per message."""
 BREAK = 0.25
-"""Gap in the times beyond which the trail is broken [s]."""
+"""Time between two positions beyond which the trail is interrupted [s]."""
 TRAIL_WIDTH = 0.004
-"""Width of the trail [m]."""
+"""Width of the trail's line [m]."""
 TRAIL_COLOUR = (0.95, 0.45, 0.1, 0.9)
-"""Orange; red, green, blue, alpha."""
+"""Colour of the trail: orange; red, green, blue, alpha."""
 NS = 1e-9
 BACK = 0.1
-"""Largest backward step of a stamp that is held [s]; with more, the run restarted (project default, unconfirmed)."""
-MIN_STEP = 2e-9
-"""Minimum time between two stamps: whole nanoseconds, or the resolution of a float [s].
+"""Largest backward step of a stamp that is corrected to keep stamps in order [s]; after more, the run restarted.
 
-It is small, since a real Motive continues while the run is paused.
+Project default, unconfirmed.
+"""
+MIN_STEP = 2e-9
+"""Minimum time between two stamps [s], so that they differ in whole nanoseconds.
+
+It is small, since a real Motive continues to stream while the run is paused.
 """
 
 
 class Trail:
-    """Publisher of visualization_msgs/Marker, a LINE_STRIP of some points each.
+    """Publisher of a body's trail for rviz, in pieces: visualization_msgs/Marker of type LINE_STRIP.
 
     Args:
         node: node that publishes.
-        length: how long a piece is shown [s].
+        length: time for which a piece is shown [s].
     """
 
     def __init__(self, node: Node, length: float) -> None:
@@ -58,9 +64,9 @@ class Trail:
         """Add a position of the body.
 
         Args:
-            head: stamp and frame.
-            time: the stamp [s].
-            position: position in the frame [m].
+            head: header with stamp and tf frame.
+            time: stamp in seconds [s].
+            position: position in the tf frame [m].
         """
         since = time - self._last
         if 0.0 <= since < 1.0 / POINTS_RATE:
@@ -84,7 +90,7 @@ class Trail:
 
 
 def ros_name(body: str) -> str:
-    """Return a name that is valid for a ROS topic and frame."""
+    """Return a body's name with all characters replaced that a ROS topic or frame must not have."""
     clean = re.sub(r"\W", "_", body, flags=re.ASCII)
     return clean if re.match(r"[A-Za-z]", clean) else f"body_{clean}"
 
@@ -95,14 +101,14 @@ class MocapPublisher:
     Args:
         node: node that publishes.
         publishing: settings of topics and frames.
-        robot_time: maps the monotonic clock [ns] to the time of the run [s]; None while that is not known: then nothing
-            is published.
+        robot_time: function from monotonic time [ns] to robot time [s]; None while that is not known: then nothing is
+            published.
 
     Attributes:
-        tracker: names and validates the bodies.
-        untimed: frames received before the time of the run was known.
-        held: frames whose stamp would have equalled the last one, since the run was paused, or would have gone back a
-            little.
+        tracker: tracker that names and validates the bodies.
+        untimed: number of frames received before robot time was known.
+        held: number of frames whose stamp was moved forward, because it would have equalled the last one, as in a
+            paused run, or gone back a little.
     """
 
     def __init__(self, node: Node, publishing: Publishing, robot_time: Callable[[int], float | None]) -> None:
@@ -122,16 +128,16 @@ class MocapPublisher:
         self._was_valid: dict[str, bool] = {}
 
     def describe(self, model: ServerModel) -> None:
-        """Store a description."""
+        """Store a description of the server's bodies."""
         self.tracker.describe(model)
 
     def restart(self) -> None:
-        """Prepare for another stream."""
+        """Forget the state of the tracked bodies, because another stream begins."""
         self.tracker.restart()
         self._next_tf = self._next_balls = float("-inf")
 
     def publish(self, received: Received) -> None:
-        """Publish a frame."""
+        """Publish the bodies and markers of a received frame."""
         time = self._time(received.exposed)
         if time is None:
             self.untimed += 1
@@ -152,7 +158,7 @@ class MocapPublisher:
                 self._balls.publish(messages.marker_array(head, self.tracker.markers(frame)))
 
     def _time(self, exposed: int) -> float | None:
-        """Return the time of the run at an exposure [s]; it increases for frames in order, also in a paused run."""
+        """Return the robot time of an exposure [s]; it increases for frames in order, also in a paused run."""
         time = self._robot_time(exposed)
         if time is None or time < 0:
             return None
@@ -204,7 +210,7 @@ class MocapPublisher:
             tf.publish(TFMessage(transforms))
 
     def _of_body(self, pattern: str, body: str, kind: type) -> Publisher:
-        """Return the publisher of a body's topic; `{}` in the pattern is replaced by its name."""
+        """Return the publisher of a body's topic; `{}` in the pattern is replaced by the body's name."""
         if (pattern, body) not in self._publishers:
             self._publishers[pattern, body] = self._advertise(pattern.format(ros_name(body)), kind)
         return self._publishers[pattern, body]
@@ -213,7 +219,7 @@ class MocapPublisher:
         return self._node.advertise(self._node.beside(topic), kind, queue_size=queue_size)
 
     def _log_tracking(self, body: TrackedBody) -> None:
-        """Log that tracking was lost or found."""
+        """Log that tracking of a body was lost or found again."""
         if body.valid:
             self._node.log_info(f"{body.name}: tracked")
         elif body.name in self._was_valid:
@@ -222,7 +228,7 @@ class MocapPublisher:
 
 
 def static_transform(publishing: Publishing, stamp: Any) -> Any:
-    """Return tf2_msgs/TFMessage: the pose of the stream's frame, with its axes, in the base; None without a base."""
+    """Return tf2_msgs/TFMessage with the pose of the stream's frame in the base or parent frame; None without one."""
     base = publishing.base_frame or publishing.parent_frame
     if not base:
         return None
@@ -232,6 +238,6 @@ def static_transform(publishing: Publishing, stamp: Any) -> Any:
 
 
 def _next(due: float, time: float, rate: float) -> float:
-    """Return the time at which the next one is due, on a grid, so that the mean rate is exact [s]."""
+    """Return the time at which the next message is due [s], on a grid, so that the mean rate is exact."""
     following = due + 1 / rate
     return following if following > time else time + 1 / rate

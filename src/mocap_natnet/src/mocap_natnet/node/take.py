@@ -1,4 +1,4 @@
-"""Recordings by Motive: started and stopped on request, and with each recorded run, under the name of the run."""
+"""Takes (recordings by Motive): started and stopped on request, and with each recorded run, with the run's name."""
 
 import queue
 import threading
@@ -13,10 +13,10 @@ from hric_core.errors import CommandError, HricError
 from hric_core.ros import RosNode
 
 Request = Callable[..., bytes]
-"""(words, timeout [s]) -> response; `NatNetClient.request`."""
+"""Function that sends a request to Motive, such as `NatNetClient.request`: (words, timeout [s]) -> response."""
 START, STOP = "StartRecording", "StopRecording"
 TOPIC = "hric/experiment/recording"
-"""Topic of the recorder in this namespace: folder of the run whose recording has begun; empty: it has ended."""
+"""Topic of the bag recorder in this namespace: folder of the run that it records; empty: the recording has ended."""
 RETRY = 1.0
 """Time between attempts while Motive does not respond [s] (project default, unconfirmed)."""
 LAST_WORD = 0.5
@@ -24,10 +24,10 @@ LAST_WORD = 0.5
 
 
 def order(request: Request, words: str, timeout: float = 2.0) -> None:
-    """Send a command.
+    """Send a command to Motive.
 
     Raises:
-        CommandError: Motive does not respond, does not know it, or refuses it.
+        CommandError: Motive does not respond, does not know the command, or refuses it.
     """
     response = request(words, timeout)
     if len(response) >= 4 and any(response[:4]):
@@ -35,7 +35,7 @@ def order(request: Request, words: str, timeout: float = 2.0) -> None:
 
 
 def start(request: Request, name: str) -> None:
-    """Start a take, with a name unless it is empty. Raises CommandError."""
+    """Start a take; an empty name leaves its name to Motive. Raises CommandError."""
     if name:
         order(request, f"SetRecordTakeName,{name}")
     order(request, START)
@@ -50,7 +50,7 @@ class TakeRecorder:
 
     Args:
         node: node for messages.
-        request: function that sends a request.
+        request: function that sends a request to Motive.
     """
 
     def __init__(self, node: RosNode, request: Request) -> None:
@@ -61,7 +61,7 @@ class TakeRecorder:
         self._subscription = node.subscribe(node.beside(TOPIC), String, self._on_run)
 
     def close(self) -> None:
-        """Stop a recording that was started."""
+        """Stop the thread, and a take that it has started."""
         self._subscription.unregister()
         self._runs.put(None)
         self._thread.join(LAST_WORD)
@@ -69,7 +69,7 @@ class TakeRecorder:
             try:
                 order(self._request, STOP, LAST_WORD)
             except HricError as error:
-                self._node.log_warn(f"the take was not ended: {error}")
+                self._node.log_warn(f"Motive may still record, since the take could not be ended: {error}")
 
     def _on_run(self, message: Any) -> None:
         self._runs.put(Path(message.data).name)
@@ -82,7 +82,7 @@ class TakeRecorder:
                 time.sleep(RETRY)
 
     def _done(self, run: str, logged: bool) -> bool:
-        """Return True if Motive executed the command, or refuses it."""
+        """Start the take of a run, or stop it if `run` is empty; return False if Motive does not respond yet."""
         if not run and not self._recording:
             return True
         try:
@@ -95,9 +95,9 @@ class TakeRecorder:
                 self._recording = False
                 self._node.log_info("Motive has ended the take")
         except Refused as error:
-            self._node.log_warn(f"run {run}: {error}")
+            self._node.log_warn(f"the take {run or 'of the last run'}: {error}")
         except HricError as error:
             if not logged:
-                self._node.log_warn(f"Motive does not record run {run} yet: {error}")
+                self._node.log_warn(f"the take {run or 'of the last run'} waits for Motive: {error}")
             return False
         return True

@@ -1,4 +1,4 @@
-"""Command `emulated_motive`."""
+"""Command `hric emulated_motive`: an emulated Motive (OptiTrack) that streams a scene."""
 
 import argparse
 import logging
@@ -26,7 +26,7 @@ from mocap_natnet.server.settings import MotiveSettings
 
 CLOCKS = ("run", "wall")
 TICK = 1.0
-"""Time between ticks [s]."""
+"""Time between two calls of `tick` [s]."""
 STREAM = ("rate", "transport", "unicast_to", "ip", "command_port", "data_port", "group", "client_timeout")
 FAULTS = ("latency", "jitter", "loss", "drift", "seed")
 SCENE_FAULTS = ("noise", "rotation_noise", "marker_noise", "occlusion_rate", "occlusion_length", "seed")
@@ -34,21 +34,21 @@ SCENE_FAULTS = ("noise", "rotation_noise", "marker_noise", "occlusion_rate", "oc
 
 
 class LiveScene(Live, Protocol):
-    """Factory of sources whose bodies move in the time of the run."""
+    """Factory of motion sources that follow the running system, in robot time."""
 
     run_of: Callable[[float], float | None]
 
 
 class EmulatedMotiveCommand(Command):
-    """Emulate a Motive that streams by NatNet to any client.
+    """Emulate a Motive (OptiTrack) that streams by NatNet to any client.
 
-    Needs no ROS master; where one is, the stream goes by the time of the run.
+    No ROS master is needed; if one runs, the stream follows robot time.
     """
 
     is_node = True
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments."""
+        """Return the command-line arguments of `hric emulated_motive`."""
         return [
             Argument(
                 "--scene",
@@ -62,13 +62,13 @@ class EmulatedMotiveCommand(Command):
             Argument(
                 "--hide-plates",
                 action="store_true",
-                help="stream force plates without describing them, for clients that cannot read that",
+                help="stream force plates without describing them, for clients that cannot read the description",
             ),
             Argument(
                 "--clock",
                 choices=CLOCKS,
                 default="run",
-                help="run: stream in the time of the run where a ROS master runs; wall (default: %(default)s)",
+                help="clock of the stream; run: robot time, if a ROS master runs; wall (default: %(default)s)",
             ),
             Argument(
                 "--duration",
@@ -82,9 +82,9 @@ class EmulatedMotiveCommand(Command):
         ]
 
     def run(self, arguments: argparse.Namespace) -> int:
-        """Serve without ROS, by the wall clock."""
+        """Serve without ROS, by the wall clock; return the exit code."""
         logging.basicConfig(format="[%(levelname)s] %(message)s")
-        logging.getLogger("hric").setLevel(logging.INFO)  # rospy's own, where it is loaded, is of no interest
+        logging.getLogger("hric").setLevel(logging.INFO)  # rospy's own logger stays as it is
         return run_server("hric emulated_motive", lambda: serve(arguments))
 
 
@@ -94,7 +94,7 @@ def _stream_arguments() -> list[Argument]:
         group="stream",
         default=text(MotiveSettings().version),
         metavar="V",
-        help=f"{text(FIRST)} to {text(LAST)} (default: %(default)s)",
+        help=f"version of the protocol, {text(FIRST)} to {text(LAST)} (default: %(default)s)",
     )
     return [version, *_declared_arguments("stream", MotiveSettings(), STREAM)]
 
@@ -106,14 +106,14 @@ def _fault_arguments() -> list[Argument]:
         action="append",
         default=[],
         metavar="BEGIN:DURATION[:BODY]",
-        help="BODY (default: every body) is not visible; may be repeated",
+        help="BODY (default: every body) is not visible from BEGIN [s] for DURATION [s]; may be repeated",
     )
     delays = _declared_arguments("faults", MotiveSettings(), FAULTS[:-1])
     return [*delays, *_declared_arguments("faults", CameraFaults(), SCENE_FAULTS), occlude]
 
 
 def _declared_arguments(group: str, settings: Declared, names: Sequence[str]) -> list[Argument]:
-    """Return options of declared parameters, with the values of `settings` as defaults."""
+    """Return command-line options for declared parameters, with the values of `settings` as defaults."""
     return [_declared_argument(group, declared(type(settings))[name], name, getattr(settings, name)) for name in names]
 
 
@@ -131,7 +131,7 @@ def _declared_argument(group: str, parameter: Parameter, name: str, default: Any
 
 
 def occlusion(words: str) -> tuple[float, float, str]:
-    """Return the occlusion of BEGIN:DURATION[:BODY]. Raises ParameterError."""
+    """Return (begin [s], duration [s], body or "") of the text BEGIN:DURATION[:BODY]. Raises ParameterError."""
     begin, _, rest = words.partition(":")
     duration, _, body = rest.partition(":")
     try:
@@ -143,7 +143,7 @@ def occlusion(words: str) -> tuple[float, float, str]:
 
 
 def make_motive(options: argparse.Namespace, live: Live | None = None) -> Motive:
-    """Return the Motive of the arguments; `live` makes sources of the running system. Raises HricError."""
+    """Return the emulated Motive for the arguments; live: factory of motion sources. Raises HricError."""
     values = vars(options)
     settings = MotiveSettings(version=parse(options.bitstream), **{name: values[name] for name in (*STREAM, *FAULTS)})
     occlusions = tuple(map(occlusion, options.occlude))
@@ -168,17 +168,17 @@ def serve(
     live: LiveScene | None = None,
     on_reached: Callable[[float | None], None] = lambda reached: None,
 ) -> None:
-    """Run until SIGINT, SIGTERM or the end of the duration.
+    """Run the emulated Motive until SIGINT, SIGTERM or the end of the duration.
 
     Args:
         options: arguments of `EmulatedMotiveCommand`.
         clock: clock of the stream; None: the wall clock.
-        tick: called once a second; a HricError of it ends the server.
-        live: factory of sources that follow the running system; gets the map from the stream's time to the clock's.
-        on_reached: see `MotiveServer`.
+        tick: function called once a second; if it raises HricError, the server ends.
+        live: factory of sources that follow the running system; its `run_of` is set to this stream's.
+        on_reached: callback with the clock time up to which all frames are sent [s].
 
     Raises:
-        HricError: the options cannot be used, or raised by `tick`.
+        HricError: an option is not valid, the stream has stopped, or `tick` raised the error.
     """
     if not options.duration >= 0:
         raise ParameterError(f"--duration is {options.duration}; valid: 0 or more")
@@ -189,15 +189,16 @@ def serve(
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
     settings = motive.settings
-    where = f"group {settings.group}" if settings.transport == "multicast" else "unicast"
+    where = f"multicast to group {settings.group}" if settings.transport == "multicast" else "unicast"
     address = f"{settings.ip}:{server.command_port}"
-    LOG.info("bitstream %s at %g Hz, %s, commands at %s", text(settings.version), settings.rate, where, address)
+    version = text(settings.version)
+    LOG.info("streaming bitstream %s at %g Hz by %s; commands at UDP %s", version, settings.rate, where, address)
     end = time.monotonic() + (options.duration or math.inf)
     server.start()
     try:
         while time.monotonic() < end and not stop.wait(min(TICK, max(0.0, end - time.monotonic()))):
             tick()
             if not server.running:
-                raise FailureError("the stream has stopped")
+                raise FailureError("the emulated Motive has stopped streaming")
     finally:
         server.close()

@@ -12,7 +12,7 @@ from hric_core.geometry.messages import pose_of
 from hric_core.geometry.poses import Pose, Track, pose_z_up
 
 FRAMES, POSES = "hric_msgs/msg/MocapData", "geometry_msgs/msg/PoseStamped"
-"""Types of topics with poses of a body."""
+"""Message types of topics with poses of a body."""
 
 
 def from_bag(path: Path, topic: str, body: str = "", up: str = "z") -> Track:
@@ -21,11 +21,11 @@ def from_bag(path: Path, topic: str, body: str = "", up: str = "z") -> Track:
     Args:
         path: path of the bag.
         topic: topic of hric_msgs/MocapData or geometry_msgs/PoseStamped.
-        body: name in the frames of MocapData; "": the first.
+        body: name of the body in MocapData; "": the first one.
         up: axis that points up in the recording, y or z.
 
     Raises:
-        ParameterError, UnknownNameError: the bag, the topic or the body does not exist; lists existing ones.
+        ParameterError, UnknownNameError: the bag, the topic or the body does not exist; the message lists valid ones.
     """
     if not path.is_file():
         raise ParameterError(f"there is no bag {path}")
@@ -34,7 +34,7 @@ def from_bag(path: Path, topic: str, body: str = "", up: str = "z") -> Track:
             poses = [(stamp, pose) for stamp, pose in _poses(reader, path, topic, body) if pose is not None]
     except HricError:
         raise
-    except Exception as error:  # of bytes that a damaged file has in any place
+    except Exception as error:  # a damaged file may raise anything
         reason = " ".join(str(error).split()) or type(error).__name__
         hint = f"try: hric health --salvage {path}"
         raise ParameterError(f"bag {path} cannot be read: {reason}; {hint}") from error

@@ -12,27 +12,27 @@ from hric_core.trial.c3d import Trial
 from mocap_natnet.rigid_body import on_one_line, poses_of_points
 
 ON_FRAME = 1e-6
-"""Largest distance of a time from a frame's that counts as equal [frames]."""
+"""Largest distance of a time from that of a frame with which both count as equal [frame periods]."""
 
 
 class RecordedBody:
-    """Rigid body made of markers of a trial: a source of its pose and its visible markers.
+    """Rigid body made of markers of a recorded trial: source of its pose and its visible markers.
 
-    The body's axes are those of the laboratory in the first frame that shows all of its markers, its origin is their
-    middle. With three markers or more its pose is fitted to the visible ones, three at least; with one or two its
+    The body's axes are those of the laboratory in the first frame that shows all of its markers; its origin is their
+    centroid. With three markers or more its pose is fitted to the visible ones, three at least; with one or two its
     orientation is constant, and all must be visible. Before its first and after its last visible frame the pose is
     constant.
 
     Args:
         trial: recorded trial.
-        labels: labels of its markers in the trial.
+        labels: labels of the body's markers in the trial.
 
     Attributes:
-        markers: positions in the body [m].
+        markers: positions of the markers in the body [m].
         duration: duration of the trial [s].
 
     Raises:
-        HricError: no such marker, no frame shows all of them, or three or more of them are on one line.
+        HricError: a marker does not exist, no frame shows all of them, or three or more are all on one line.
     """
 
     def __init__(self, trial: Trial, labels: Sequence[str]) -> None:
@@ -78,7 +78,7 @@ class RecordedBody:
         return tuple((x, y, z) if x == x else None for x, y, z in points.tolist())
 
     def _frames(self, time: float) -> tuple[int, int, float]:
-        """Return the frames around a time, and the position between them from 0 to 1."""
+        """Return the indices of the frames before and after a time [s], and the position between them, 0 to 1."""
         last = len(self._positions) - 1
         if time < 0.0:
             first = int(np.argmax(self._tracked))
@@ -92,10 +92,10 @@ class RecordedBody:
 
 
 def labels_of(trial: Trial, name: str) -> list[str]:
-    """Return the markers of a body whose labels begin with its name, as in exports of this workspace ("hand_1").
+    """Return the labels of a body's markers, which begin with its name as in exports of this workspace ("hand_1").
 
     Raises:
-        HricError: there are none; lists the labels.
+        HricError: there are no such labels; the message lists all labels.
     """
     labels = [
         label for label in trial.labels if label.startswith((f"{name}_", f"{name}:", f"{name}/")) or label == name

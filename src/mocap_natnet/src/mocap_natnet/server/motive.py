@@ -1,4 +1,4 @@
-"""Protocol of Motive, without sockets: frames of a scene, responses to requests, and their receivers."""
+"""Emulated Motive without sockets: frames of a scene, responses to requests, and the clients that receive frames."""
 
 import struct
 from collections.abc import Callable
@@ -18,7 +18,7 @@ Outgoing = list[tuple[bytes, Address]]
 NAME = "Motive"
 APPLICATION = (3, 1, 0, 0)
 RUBBISH = bytes(range(0x80, 0x100)) * 2
-"""Bytes behind the name, like the old memory contents in real packets."""
+"""Bytes after the name in server information, like the old memory contents in real packets."""
 _OK = struct.pack("<i", 0)
 _FAILED = struct.pack("<i", 1)
 _DONE_BY_NAME = (
@@ -43,19 +43,19 @@ _ACCEPTED = frozenset(
         *("EnableAsset", "DisableAsset", "SubscribeToData", "SubscribeByID", "SubscribedDataOnly"),
     )
 )
-"""Commands with the response "done" and no effect."""
+"""Commands that are acknowledged, but have no effect here."""
 
 
 @dataclass
 class _Client:
-    """Receiver of frames by unicast."""
+    """Client that receives frames by unicast: its bitstream, and when its last datagram came [s]."""
 
     version: Version
     received: float
 
 
 class Motive:
-    """State of the emulated Motive.
+    """Emulated Motive without sockets: makes frames of a scene, and responses to requests.
 
     Args:
         settings: settings of the stream.
@@ -65,8 +65,8 @@ class Motive:
         recording: True while a take is being recorded.
         take: name of the take.
         live: False in edit mode, in which nothing is streamed.
-        hardware: time of the stream -> time by the server's clock, which continues while a stream in robot time pauses
-            [s].
+        hardware: function from stream time [s] to time by the server's clock [s], which continues while a stream in
+            robot time pauses.
     """
 
     def __init__(self, settings: MotiveSettings, scene: ServedScene) -> None:
@@ -80,12 +80,12 @@ class Motive:
 
     @property
     def clients(self) -> tuple[Address, ...]:
-        """Receivers of frames by unicast."""
+        """Addresses of the clients that receive frames by unicast."""
         return tuple(self._clients)
 
     @property
     def version(self) -> Version:
-        """Current bitstream."""
+        """Current bitstream (version of the protocol)."""
         return self._version
 
     def change_version(self, version: Version) -> None:
@@ -100,7 +100,7 @@ class Motive:
         self.scene, self._pending_flags = scene, self._pending_flags | MODEL_CHANGED
 
     def delay(self, number: int) -> float | None:
-        """Return the latency of a frame [s]; None: it is lost. Repeatable by the seed."""
+        """Return the latency of a frame [s]; None: the frame is lost. It depends only on the seed and the number."""
         settings = self.settings
         if not settings.jitter and not settings.loss:
             return settings.latency
@@ -108,7 +108,7 @@ class Motive:
         return None if lost < settings.loss else settings.latency + share * settings.jitter
 
     def frame(self, number: int) -> Frame:
-        """Return the frame with its exposure's middle at number / rate of the stream; it is sent after its latency."""
+        """Return a frame; the middle of its exposure is at stream time number / rate, it is sent after its latency."""
         settings = self.settings
         time = number * settings.period
         sent = time + (self.delay(number) or settings.latency)
@@ -120,7 +120,7 @@ class Motive:
             mid_exposure=settings.ticks(exposed) if settings.exposure_known else 0,
             received=settings.ticks(
                 max(exposed, transmitted - min(settings.latency, 0.0009))
-            ),  # a capture shows 0.9 ms of software
+            ),  # a capture of a real server shows 0.9 ms for its software
             transmitted=settings.ticks(transmitted),
             flags=flags,
         )
@@ -135,7 +135,7 @@ class Motive:
 
         Args:
             frame: frame from `frame()`.
-            time: time by the server's clock, to remove silent clients [s].
+            time: time by the server's clock [s], by which silent clients are removed.
         """
         settings = self.settings
         if not self.live:
@@ -164,9 +164,9 @@ class Motive:
 
         Args:
             datagram: received datagram.
-            sender: its sender.
-            time: when it came, by the server's clock [s].
-            latest: number of the latest frame; None: if the stream uses the same clock.
+            sender: sender of the datagram.
+            time: arrival by the server's clock [s].
+            latest: number of the latest frame; None: computed from `time`, if the stream uses the server's clock.
         """
         try:
             message, end = packets.split(datagram)
@@ -202,7 +202,7 @@ class Motive:
         return client.version if client else self._version
 
     def _may_speak(self, version: Version) -> bool:
-        """Return True if a unicast client may request a bitstream."""
+        """Return True if a unicast client may request this bitstream."""
         return self.settings.transport == "unicast" and self._version >= (3, 0) and (3, 0) <= version <= self._version
 
     def _connect(self, payload: bytes, sender: Address, time: float) -> bytes:
@@ -259,7 +259,7 @@ class Motive:
         return packet(NatNetMessage.UNRECOGNIZED_REQUEST)
 
     def _control(self, name: str, argument: str) -> bool:
-        """Execute a command of the timeline; False if it cannot be done now."""
+        """Execute a command, such as StartRecording; return False if it cannot be executed now."""
         if name == "StartRecording":
             if not self.live:
                 return False

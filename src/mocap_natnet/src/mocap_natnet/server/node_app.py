@@ -1,4 +1,4 @@
-"""Node `emulated_motive`: the command, in the time of the run if there is one."""
+"""Node `emulated_motive`: the command `hric emulated_motive`, in robot time if a ROS master runs."""
 
 import argparse
 import contextlib
@@ -29,23 +29,26 @@ from mocap_natnet.server.server import LOG
 from mocap_natnet.server.sources import PoseHistory, Source
 
 LOOK = 0.02
-"""Time between two checks of a link [s of wall time]. The constants of this file are project defaults, unconfirmed."""
+"""Time between two look-ups of a link's pose in tf [s of wall time].
+
+The constants of this file are project defaults, unconfirmed.
+"""
 REQUEST_PERIOD = 0.1
-"""Time between two requests for a link that tf does not know [s of wall time]."""
+"""Time between two service requests for the pose of a link that tf does not know [s of wall time]."""
 STATES, SERVICE = "sim/link_states", "sim/get_link_state"
 NAME = "emulated_motive"
 
 
 class LiveSources:
-    """Factory of sources that follow the running system.
+    """Factory of motion sources that follow topics and links of the running system.
 
     Args:
         node: private node.
-        robot_time: the time of the run.
+        robot_time: clock of robot time.
 
     Attributes:
-        run_of: time of the stream [s] -> time of the run [s], None while that is not known; of the server that calls
-            the sources.
+        run_of: function from stream time [s] to robot time [s] of the server that calls the sources; it returns None
+            while that is not known.
     """
 
     def __init__(self, node: RosNode, robot_time: RobotTime) -> None:
@@ -59,7 +62,7 @@ class LiveSources:
         self._ended.set()
 
     def topic(self, name: str) -> Source:
-        """Return a source of geometry_msgs/PoseStamped by its stamps; a stamp of 0 counts as the time of arrival."""
+        """Return a source that follows a topic of geometry_msgs/PoseStamped; a stamp of 0 means the time of arrival."""
         history = PoseHistory()
 
         def add(message: Any) -> None:
@@ -75,7 +78,7 @@ class LiveSources:
 
         Args:
             name: name of the link; `model::link` of another model of the simulation.
-            frame: frame of its poses.
+            frame: frame in which its poses are given.
         """
         if not self._links:
             self._buffer = tf2_ros.Buffer()
@@ -133,10 +136,10 @@ class _Link:
 
 
 class EmulatedMotiveNode(app.EmulatedMotiveCommand):
-    """Emulate a Motive that streams by NatNet to any client, in the time of the run where a ROS master runs."""
+    """Emulate a Motive (OptiTrack) that streams by NatNet to any client, in robot time if a ROS master runs."""
 
     def run(self, arguments: argparse.Namespace) -> int:
-        """Serve until the shutdown request; without a master, or with --clock wall, without ROS."""
+        """Serve until the node shuts down; without a ROS master, or with --clock wall, serve without ROS."""
         check_private(NAME)
         end_with_roslaunch()
         if arguments.clock == "wall" or not rosgraph.is_master_online():

@@ -18,7 +18,10 @@ from mocap_natnet.server.skeleton import ServedSkeleton
 from mocap_natnet.server.sources import Source
 
 TRIANGLE: tuple[Vector, ...] = ((0.06, -0.02, 0.0), (-0.04, -0.03, 0.0), (-0.02, 0.05, 0.0))
-"""Three markers about their centroid, no two sides alike [m] (project default, unconfirmed)."""
+"""Default positions of three markers in a body, a triangle with three different sides [m].
+
+Project default, unconfirmed.
+"""
 MARKER_SIZE = 0.014
 """Diameter of a common passive marker [m]."""
 MARKER_FLAGS = POINT_CLOUD | OF_ASSET
@@ -26,20 +29,20 @@ MARKER_FLAGS = POINT_CLOUD | OF_ASSET
 PLATE_CHANNELS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 NO_SUFFIX = Suffix()
 BLOCK = 64
-"""Frames whose noise is drawn at once: a random number generator costs as much as the rest of a frame."""
+"""Number of frames whose noise is drawn at once; making a generator costs as much as the rest of a frame."""
 
 
 @dataclass(frozen=True)
 class SceneBody:
-    """Rigid body.
+    """Rigid body in the scene of the emulated cameras.
 
     Args:
         name: name in the description.
         source: source of its motion.
         id: streaming id, 1 to 32767.
-        markers: positions in the body, z up [m].
-        seen: time of the stream [s] -> measured position of each marker, z up [m], None: not visible; None: computed
-            from the pose.
+        markers: positions of the markers in the body, z up [m].
+        seen: function from stream time [s] to the measured position of each marker, z up [m], or None if that marker is
+            not visible. None: the positions are computed from the pose.
     """
 
     name: str
@@ -58,10 +61,10 @@ class ServedPlate:
     """Force plate of 0.6 x 0.4 m.
 
     Args:
-        source: time of the stream [s] -> Fx, Fy, Fz [N], Mx, My, Mz [N m], in the plate's axes.
-        id, serial: as described.
+        source: function from stream time [s] to Fx, Fy, Fz [N], Mx, My, Mz [N m], in the plate's axes.
+        id, serial: id and serial number in the description.
         centre: centre of the surface, z up [m].
-        samples: samples per frame of the cameras.
+        samples: number of samples per frame of the cameras.
     """
 
     source: Callable[[float], tuple[float, ...]]
@@ -72,7 +75,7 @@ class ServedPlate:
 
 
 def _occlusion(value: Any, where: str, joints: Sequence[str]) -> tuple[float, float, str]:
-    """Return an occlusion from [begin [s], duration [s]], optionally with the name of a body."""
+    """Return (begin [s], duration [s], body or "") of the row [begin, duration] or [begin, duration, body]."""
     named = isinstance(value, list | tuple) and len(value) == 3
     span, body = (value[:2], value[2]) if named else (value, "")
     if not isinstance(body, str):
@@ -86,28 +89,34 @@ OCCLUSION = Parameter("row", "[begin, duration] or [begin, duration, body]", _oc
 
 @dataclass(frozen=True)
 class CameraFaults(Settings):
-    """Measurement faults; repeatable by the seed."""
+    """Measurement faults of the emulated cameras; equal for equal seeds."""
 
-    noise: float = number(0.0, minimum=0.0, unit="m", text="of positions of bodies, standard deviation per axis")
-    rotation_noise: float = number(0.0, minimum=0.0, unit="rad", text="of their orientations, per axis")
-    marker_noise: float = number(0.0, minimum=0.0, unit="m", text="of each marker besides")
-    occlusions: tuple[tuple[float, float, str], ...] = listing(OCCLUSION, default=(), text="body: empty for all")
-    occlusion_rate: float = number(0.0, minimum=0.0, unit="1/s", text="random occlusions of all bodies")
-    occlusion_length: float = number(0.3, minimum=0.0, unit="s", text="their mean duration")
-    seed: int = whole(0, minimum=0, text="of all that is random")
+    noise: float = number(0.0, minimum=0.0, unit="m", text="noise of positions of bodies, standard deviation per axis")
+    rotation_noise: float = number(
+        0.0, minimum=0.0, unit="rad", text="noise of orientations of bodies, standard deviation per axis"
+    )
+    marker_noise: float = number(
+        0.0, minimum=0.0, unit="m", text="additional noise of each marker, standard deviation per axis"
+    )
+    occlusions: tuple[tuple[float, float, str], ...] = listing(
+        OCCLUSION, default=(), text="occlusions; without a body: of all bodies"
+    )
+    occlusion_rate: float = number(0.0, minimum=0.0, unit="1/s", text="rate of random occlusions of all bodies")
+    occlusion_length: float = number(0.3, minimum=0.0, unit="s", text="mean duration of random occlusions")
+    seed: int = whole(0, minimum=0, text="seed of all randomness")
 
 
 @dataclass
 class ServedScene:
-    """Bodies, plates and skeletons, as frames and as a description.
+    """Scene of the emulated cameras: bodies, plates and skeletons, as frames and as a description.
 
     Args:
-        bodies: with different names and ids.
+        bodies: rigid bodies with different names and ids.
         plates: force plates.
         faults: measurement faults.
         up: axis that points up in the stream, y or z.
-        describe_plates: True if the description contains the plates; some clients cannot read that.
-        skeletons: with names and ids that no body has.
+        describe_plates: True if the description contains the plates, which some clients cannot read.
+        skeletons: skeletons with names and ids that no body has.
     """
 
     bodies: tuple[SceneBody, ...] = ()
@@ -135,12 +144,12 @@ class ServedScene:
         self._blinks, self._noise = _Blinks(self.faults), _Noise(self.faults, sizes)
 
     def frame(self, number: int, time: float, period: float, suffix: Suffix = NO_SUFFIX) -> Frame:
-        """Return the measurement at the middle of an exposure.
+        """Return the frame that the cameras measure at one exposure.
 
         Args:
             number: number of the frame.
-            time: time of the stream [s].
-            period: between frames [s]; the samples of a plate are spread over the one before `time`.
+            time: stream time of the middle of the exposure [s].
+            period: time between frames [s]; the samples of a plate are spread over the period before `time`.
             suffix: suffix of the frame.
         """
         bodies, markers, sets, noises = list[RigidBody](), list[Marker](), list[MarkerSet](), self._noise.of(number)
@@ -180,7 +189,7 @@ class ServedScene:
         )
 
     def model(self) -> d.ServerModel:
-        """Return the description."""
+        """Return the description of the scene, as a client requests it."""
         named = {body.name: [f"Marker{index}" for index, _ in enumerate(body.markers, 1)] for body in self.bodies}
         named |= {skeleton.name: list(skeleton.markers) for skeleton in self.skeletons}
         descriptions: list[d.Description] = [
@@ -219,7 +228,7 @@ class ServedScene:
         return self._labelled(body.id, positions, noise[6:])
 
     def _labelled(self, asset: int, positions: Sequence[Vector | None], noise: Sequence[float]) -> list[Marker]:
-        """Return the visible markers of a body or skeleton."""
+        """Return the visible markers of a body or skeleton (`asset`: its streaming id), with noise."""
         size, up, markers = self.faults.marker_noise, self.up, list[Marker]()
         for index, exact in enumerate(positions, 1):
             if exact is None:
@@ -262,9 +271,9 @@ class ServedScene:
 
 
 class _Noise:
-    """Standard normal numbers of each body and skeleton in each frame, independent of the order of calls.
+    """Standard normal random numbers for each body and skeleton in each frame, independent of the order of calls.
 
-    They are three for a position, three for an orientation, three for each marker.
+    Each body or bone has three for its position and three for its orientation, each marker has three.
     """
 
     def __init__(self, faults: CameraFaults, sizes: Sequence[int]) -> None:
@@ -274,7 +283,7 @@ class _Noise:
         self._block, self._rows = -1, list[list[list[float]]]()
 
     def of(self, number: int) -> list[list[float]]:
-        """Return the numbers by body, then by skeleton."""
+        """Return the random numbers of a frame, by body and then by skeleton; number: number of the frame."""
         if self._silent:
             return self._zeros
         block, index = divmod(number, BLOCK)
@@ -289,7 +298,7 @@ class _Noise:
 
 
 class _Blinks:
-    """Random occlusions, drawn as time advances."""
+    """Random occlusions of all bodies, drawn as time advances."""
 
     def __init__(self, faults: CameraFaults) -> None:
         self._faults, self._random = faults, np.random.default_rng((faults.seed, 2**31))
@@ -298,7 +307,7 @@ class _Blinks:
         self._until = 0.0
 
     def at(self, time: float) -> bool:
-        """Return True during an occlusion."""
+        """Return True if a random occlusion lasts at a stream time [s]."""
         if self._faults.occlusion_rate <= 0:
             return False
         while self._until <= time:

@@ -1,4 +1,4 @@
-"""Scene from YAML."""
+"""Scene of the emulated cameras, read from a YAML file."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,11 +15,11 @@ from mocap_natnet.server.scene import TRIANGLE, CameraFaults, SceneBody, ServedP
 from mocap_natnet.server.sources import SinusoidSource, Source, from_file
 
 DEFAULT_BODIES = (SceneBody("marker", SinusoidSource()),)
-"""One body on a sinusoid along x: 0.1 m, 0.25 Hz, as in the marker tracking of the thesis."""
+"""Default scene: one body on a sinusoid along x, 0.1 m, 0.25 Hz, as in the marker tracking of the thesis."""
 
 
 class Live(Protocol):
-    """Factory of sources that follow the running system (`mocap_natnet.server.node_app`)."""
+    """Factory of motion sources that follow the running system; `mocap_natnet.server.node_app` has it for ROS."""
 
     def topic(self, name: str) -> Source:
         """Return a source that follows a topic of poses."""
@@ -37,7 +37,7 @@ def load(
         path: path of the file.
         faults: measurement faults of the scene.
         up: axis that points up in the stream.
-        describe_plates: see `ServedScene`.
+        describe_plates: True if the description contains the plates, which some clients cannot read.
         live: factory of sources that follow the running system; None: there is none.
 
     Raises:
@@ -53,7 +53,7 @@ class _Motion(Settings):
     """Settings of a body's motion."""
 
     def source(self, folder: Path, live: Live | None) -> Source:
-        """Return the source of the motion; folder: base of relative paths."""
+        """Return the source of the motion; folder: base of relative paths; live: factory for topics and links."""
         raise NotImplementedError
 
 
@@ -106,7 +106,7 @@ class _Bag(_Motion):
     up: str = choice(*UP_AXES, default="z")
 
     def source(self, folder: Path, live: Live | None) -> Source:
-        from mocap_natnet.server.bag_source import from_bag  # takes half a second, which only this motion is worth
+        from mocap_natnet.server.bag_source import from_bag  # imported here: it takes half a second
 
         return from_bag(folder / self.path, self.topic, self.body, self.up)
 
@@ -117,7 +117,7 @@ class _TrialFile(Settings):
     up: str = text("")
 
     def trial(self, folder: Path) -> Trial:
-        """Return the trial of the file."""
+        """Read the trial in the file; folder: base of a relative path."""
         return read_trial((folder / self.path).expanduser().absolute(), self.up)
 
 
@@ -126,7 +126,7 @@ class _Recorded(_TrialFile):
     labels: tuple[str, ...] | None = names(None, None)
 
     def body(self, folder: Path, name: str) -> RecordedBody:
-        """Return the body of that name."""
+        """Return the recorded body; name: prefix of its markers' labels unless `labels` are given."""
         trial = self.trial(folder)
         return RecordedBody(trial, list(self.labels) if self.labels else labels_of(trial, name))
 
@@ -135,7 +135,7 @@ def _running(live: Live | None) -> Live:
     """Return the factory of live sources. Raises ParameterError if there is none."""
     if live is None:
         raise ParameterError(
-            "a motion by topic or link follows the running system, and there is no ROS master; "
+            "a motion by topic or link follows the running system, but there is no ROS master; "
             f"valid: {', '.join(kind for kind in MOTIONS if kind not in ('topic', 'link'))}"
         )
     return live
@@ -170,7 +170,7 @@ MOTIONS: dict[str, type[Settings]] = {
     "topic": _Topic,
     "link": _Link,
 }
-"""Settings by type of motion; c3d also provides the markers."""
+"""Type of motion in the file -> its settings; c3d also provides the body's markers."""
 
 
 @dataclass(frozen=True)
@@ -181,12 +181,12 @@ class _Body(Settings):
     motion: _Motion | _Recorded = variant("type", MOTIONS)
 
     def check(self, where: str) -> None:
-        """Refuse markers in addition to those of a file."""
+        """Raise ParameterError if `markers` are given though motion c3d has markers from its file."""
         if isinstance(self.motion, _Recorded) and self.markers:
-            raise ParameterError(f"{where}markers: those of motion c3d are in the file; valid: labels in motion")
+            raise ParameterError(f"{where}markers is given, but motion c3d has its own; valid: labels in motion")
 
     def built(self, folder: Path, number: int, live: Live | None) -> SceneBody:
-        """Return the body; number: default of its id."""
+        """Return the body of the scene; folder: base of relative paths; number: default of its streaming id."""
         id_ = number if self.id is None else self.id
         if isinstance(self.motion, _Recorded):
             recorded = self.motion.body(folder, self.name)
@@ -209,14 +209,14 @@ class _Plate(Settings):
     recorded: _RecordedPlate | None = section(_RecordedPlate, None)
 
     def check(self, where: str) -> None:
-        """Refuse keys that a recorded plate provides."""
+        """Raise ParameterError if keys are given whose values a recorded plate has from its file."""
         if self.recorded is not None and (self.centre or self.wrench):
             raise ParameterError(
-                f"{where}centre and wrench of a recorded plate are in the file; valid: id, serial, samples"
+                f"{where}centre or wrench is given, but a recorded plate has its own; valid: id, serial, samples"
             )
 
     def built(self, folder: Path, number: int) -> ServedPlate:
-        """Return the plate; number: default of its id."""
+        """Return the plate of the scene; folder: base of relative paths; number: default of its id."""
         wrench, centre = self.wrench or (0.0,) * 6, self.centre or (0.0, 0.0, 0.0)
         id_, serial = number if self.id is None else self.id, self.serial or f"emulated-{number}"
         if self.recorded is None:
@@ -232,6 +232,6 @@ class _Scene(Settings):
     plates: tuple[_Plate, ...] = listing(section(_Plate), default=())
 
     def check(self, where: str) -> None:
-        """Refuse an empty scene."""
+        """Raise ParameterError if the scene is empty."""
         if not self.bodies and not self.plates:
             raise ParameterError(f"{where.rstrip(': ')} has neither bodies nor plates")

@@ -1,4 +1,4 @@
-"""Emulated Motive on UDP."""
+"""Emulated Motive as a server on UDP."""
 
 import contextlib
 import heapq
@@ -16,11 +16,11 @@ from mocap_natnet.server.motive import Motive, Outgoing
 LOG = logging.getLogger("hric.mocap_natnet")
 MAX_DATAGRAM = 65536
 LATE = 1.0
-"""Delay beyond which a stream continues from now instead of catching up [s] (project default, unconfirmed)."""
+"""Delay beyond which a stream skips frames instead of catching up [s] (project default, unconfirmed)."""
 IDLE = 0.1
-"""Longest sleep before a request to stop is noticed [s]."""
+"""Longest sleep of the server's thread, after which it notices that it is to end [s]."""
 STANDING = 0.005
-"""Sleep while the stream pauses, as it does in a paused run [s]."""
+"""Sleep of the server's thread while the stream pauses, as it does in a paused run [s]."""
 
 
 class MotiveServer:
@@ -33,11 +33,12 @@ class MotiveServer:
         motive: emulated Motive.
         clock: clock of the stream: the wall clock, or a `RobotTime`, so that the cameras pause with the run. The
             stream's time begins at 0 when the server starts and the clock is known. The server's ticks never pause.
-        on_reached: called, in the stream's thread, with the clock time up to which all is sent [s].
+        on_reached: callback, in the stream's thread, with the clock time up to which all frames are sent [s]; None: not
+            known.
 
     Attributes:
-        sent: frames that were sent, whether a client received them or not.
-        progress: (number of the latest of them, how many), both of the same moment.
+        sent: number of frames sent, whether a client received them or not.
+        progress: (number of the latest frame sent, how many frames were sent), both of the same moment.
 
     Raises:
         HricError: the address or the port is in use.
@@ -56,8 +57,8 @@ class MotiveServer:
         self._thread: threading.Thread | None = None
         settings = motive.settings
         self._command = datagram_socket()
-        # The port of the data socket is any that is free: bound to the data port it would take this machine's unicast
-        # frames away from the clients.
+        # The data socket has any free port: bound to the data port, it would take unicast frames away from clients on
+        # this machine.
         self._data = datagram_socket()
         try:
             self._command.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
@@ -75,12 +76,12 @@ class MotiveServer:
 
     @property
     def command_port(self) -> int:
-        """Port of requests."""
+        """UDP port on which requests arrive."""
         return int(self._command.getsockname()[1])
 
     @property
     def time(self) -> float:
-        """Time of the stream [s]."""
+        """Current time of the stream [s]."""
         return self._time.now()
 
     def robot_time(self, stream: float) -> float | None:
@@ -88,7 +89,7 @@ class MotiveServer:
         return self._time.clock_time(stream)
 
     def start(self) -> None:
-        """Run in a thread."""
+        """Start streaming, in a thread."""
         self._thread = threading.Thread(target=self.run, name="emulated motive", daemon=True)
         self._thread.start()
 
@@ -105,7 +106,7 @@ class MotiveServer:
         return self._thread is not None and self._thread.is_alive()
 
     def close(self) -> None:
-        """Stop and release the ports."""
+        """Stop streaming, and release the ports."""
         self._stop.set()
         if self._thread is not None:
             self._thread.join()
@@ -130,21 +131,21 @@ class MotiveServer:
             self._respond(self.wait(min(now + IDLE, pending.next)))
 
     def wait(self, until: float) -> float:
-        """Return the sleep until a time of the stream [s of wall time], at most `IDLE`; 0: the time has come."""
+        """Return how long to sleep until a time of the stream [s of wall time], at most `IDLE`; 0: it is reached."""
         wait = self._time.hardware(until) - self._time.hardware_now()
         if wait > 0:
             return min(IDLE, wait)
         return 0.0 if until <= self.time else STANDING
 
     def _respond(self, wait: float) -> None:
-        """Respond to datagrams that arrive within `wait` [s]."""
+        """Wait for a datagram for at most `wait` [s], and respond to all that have arrived."""
         ready, _, _ = select.select([self._command], [], [], wait)
         while ready:
             try:
                 datagram, sender = self._command.recvfrom(MAX_DATAGRAM, socket.MSG_DONTWAIT)
             except BlockingIOError:
                 return
-            except OSError:  # a client that is gone: nobody listens on its port
+            except OSError:  # a client has ended: nobody listens on its port
                 continue
             self._send(self._command, self.motive.respond(datagram, sender, self._time.hardware_now(), self._latest))
 
@@ -159,7 +160,7 @@ class MotiveServer:
 
 
 class _Pending:
-    """Numbers of frames on their way from the cameras to the network."""
+    """Queue of the numbers of frames that were or will soon be exposed, but are not sent yet."""
 
     def __init__(self, motive: Motive) -> None:
         self._motive, self._number = motive, 0
@@ -167,16 +168,16 @@ class _Pending:
 
     @property
     def next(self) -> float:
-        """Time at which the next frame is due [s]."""
+        """Stream time at which the next frame is to be sent [s]; infinity: none is queued."""
         return self._heap[0][0] if self._heap else float("inf")
 
     def look_ahead(self, now: float) -> None:
-        """Find the next frame due within `IDLE`, so that no wake-up at exposures is needed; others are due later."""
+        """Queue the frames that may be due within `IDLE`, so that the thread need not wake up at each exposure."""
         settings = self._motive.settings
         period, latency = settings.period, settings.latency
         late = now - latency - self._number * period
         if late > LATE:
-            LOG.warning("the stream is %.1f s late; it continues from now", late)
+            LOG.warning("the stream is %.1f s late: its frames of this time are skipped", late)
             self._number = int(now / period)
         while self._number * period + latency <= min(self.next, now + IDLE):
             delay = self._motive.delay(self._number)
@@ -185,5 +186,5 @@ class _Pending:
             self._number += 1
 
     def pop(self, now: float) -> int | None:
-        """Return a frame that is due."""
+        """Remove and return the number of a frame that is due at a stream time [s]; None: none is due."""
         return heapq.heappop(self._heap)[1] if self._heap and self._heap[0][0] <= now else None

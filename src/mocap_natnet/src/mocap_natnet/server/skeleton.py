@@ -1,4 +1,4 @@
-"""Skeleton of the emulated cameras: bones, and markers labelled by it."""
+"""Skeleton in the scene of the emulated cameras: bones and labelled markers."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -17,9 +17,9 @@ class Bone:
     """Bone of a skeleton.
 
     Args:
-        name: name in the description.
-        parent: name of its parent bone; "": none.
-        offset: offset of its origin in axes of the parent, z up [m].
+        name: name of the bone in the description.
+        parent: name of the parent bone; "": none.
+        offset: offset of the bone's origin in axes of the parent, z up [m].
     """
 
     name: str
@@ -29,14 +29,14 @@ class Bone:
 
 @dataclass(frozen=True)
 class ServedSkeleton:
-    """Bones and markers of a skeleton.
+    """Skeleton in the scene of the emulated cameras, with the source of its motion.
 
     Args:
         name: name in the description, also of its set of markers.
         id: streaming id, 1 to 32767.
-        bones: each after its parent.
+        bones: bones, each after its parent.
         markers: names of the markers.
-        source: time of the stream [s] -> poses of the bones and positions of the markers, z up.
+        source: function from stream time [s] to poses of the bones and positions of the markers, z up [m].
     """
 
     name: str
@@ -50,12 +50,12 @@ class ServedSkeleton:
         for bone in self.bones:
             if bone.parent not in known:
                 raise ParameterError(
-                    f"bone {bone.name!r} of {self.name} hangs on {bone.parent!r}; valid: a bone before it"
+                    f"bone {bone.name!r} of {self.name} has the parent {bone.parent!r}; valid: a bone before it"
                 )
             known.append(bone.name)
 
     def described(self, up: str) -> d.SkeletonDescription:
-        """Return the description; up: axis of the stream that points up."""
+        """Return the description of the skeleton; up: axis of the stream that points up."""
         numbers = {bone.name: number for number, bone in enumerate(self.bones, 1)}
         return d.SkeletonDescription(
             self.name,

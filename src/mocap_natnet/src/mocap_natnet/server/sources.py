@@ -18,21 +18,21 @@ from hric_core.geometry.quaternions import IDENTITY, Quaternion, Vector, from_ro
 from hric_core.parameters import Settings, number, numbers
 
 Source = Callable[[float], Pose | None]
-"""Time of the stream [s] -> pose of the body (z up), None: not visible.
+"""Function from stream time [s] to the pose of a body (z up); None: the body is not visible.
 
-Called once per frame, with increasing times; it must not block.
+It is called once per frame, with increasing times, and must not block.
 """
 KEPT = 1000
-"""Number of stored poses. The constants of this file are project defaults, unconfirmed."""
+"""Number of poses that a `PoseHistory` stores. The constants of this file are project defaults, unconfirmed."""
 AHEAD = 0.05
-"""Time for which a body continues at its last speed beyond the last pose [s]; then it rests."""
+"""Time for which a body continues at its last speed after its last pose [s]; then it rests."""
 MAX_AGE = 0.5
-"""Age of the last pose beyond which the body is not visible any more [s]."""
+"""Age of the last pose beyond which a body is no longer visible [s]."""
 
 
 @dataclass(frozen=True)
 class SinusoidSource(Settings):
-    """Sinusoidal motion: p(t) = centre + amplitude sin(2 pi frequency (t - begin)).
+    """Settings and source of a sinusoidal motion: p(t) = centre + amplitude sin(2 pi frequency (t - begin)).
 
     The orientation is rotated by the rotation vector `rotation` times the same sine. Before `begin` the body is at the
     centre. orientation: mean orientation.
@@ -59,7 +59,7 @@ def from_file(path: Path) -> Track:
     A first line with names is skipped.
 
     Raises:
-        ParameterError: the file cannot be read or a line is no pose; the message gives the line.
+        ParameterError: the file cannot be read, or a line is not a pose; the message gives the line.
     """
     try:
         text = path.read_text()
@@ -71,7 +71,7 @@ def from_file(path: Path) -> Track:
             continue
         if len(row) not in (4, 8) or not all(map(_is_number, row)):
             raise ParameterError(
-                f"trajectory {path}, line {line}: valid: 4 or 8 numbers: time, x, y, z[, qx, qy, qz, qw]"
+                f"trajectory {path}, line {line} is not a pose; valid: 4 or 8 numbers: time, x, y, z[, qx, qy, qz, qw]"
             )
         t, x, y, z, *q = map(float, row)
         if q and not any(q):
@@ -92,7 +92,7 @@ def _is_number(text: str) -> bool:
 
 
 class PoseHistory:
-    """Source that receives its poses during the run, linear in between; thread-safe."""
+    """Source of poses that arrive during the run, interpolated linearly; thread-safe."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -103,7 +103,7 @@ class PoseHistory:
         """Add a pose; an earlier time than the last one restarts the history, the same time is ignored.
 
         Args:
-            time: time of the run [s].
+            time: robot time [s].
             pose: pose with z up.
         """
         with self._lock:
@@ -122,7 +122,7 @@ class PoseHistory:
             return self._times[-1] if self._times else float("-inf")
 
     def __call__(self, time: float) -> Pose | None:
-        """Return the pose at a time of the run [s]; None if it is not known."""
+        """Return the pose at a robot time [s]; None if it is not known."""
         with self._lock:
             if not self._times or not self._times[0] - MAX_AGE <= time <= self._times[-1] + MAX_AGE:
                 return None

@@ -1,1 +1,1 @@
-"""Conversion of a frame of the stream to bodies and markers in the published axes."""
+"""Conversion of a mocap frame to bodies and markers in the published axes."""

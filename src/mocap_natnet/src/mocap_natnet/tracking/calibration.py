@@ -1,4 +1,4 @@
-"""Pose of the mocap frame in the robot's base, from paired points."""
+"""Calibration of the mocap frame's pose in the robot's base, from pairs of points."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -14,13 +14,13 @@ from mocap_natnet.rigid_body import Fit
 
 @dataclass
 class FrameCalibration:
-    """Paired points: positions of the body by the cameras (z up) and by the robot."""
+    """Pairs of points: positions of one body by the cameras (`seen`, z up) and by the robot (`in_base`) [m]."""
 
     seen: list[Vector] = field(default_factory=list)
     in_base: list[Vector] = field(default_factory=list)
 
     def add(self, seen: Vector, in_base: Vector) -> None:
-        """Add a pair [m]."""
+        """Add a pair of points: position by the cameras, z up [m], and in the robot's base [m]."""
         self.seen.append(seen)
         self.in_base.append(in_base)
 
@@ -35,7 +35,7 @@ class FrameCalibration:
 
 
 def residuals(pose: Pose, seen: Sequence[Vector], in_base: Sequence[Vector]) -> list[float]:
-    """Return the distance of each point from its partner [m]."""
+    """Return the distance of each point, transformed by `pose`, from its partner in the base [m]."""
     return [
         sum((a - b) ** 2 for a, b in zip(transformed(pose, point), partner, strict=True)) ** 0.5
         for point, partner in zip(seen, in_base, strict=True)
@@ -43,7 +43,7 @@ def residuals(pose: Pose, seen: Sequence[Vector], in_base: Sequence[Vector]) -> 
 
 
 def save(path: Path, pose: Pose, base_frame: str, rms: float, pairs: int) -> None:
-    """Write the parameters of `natnet_client` atomically.
+    """Write the calibrated pose atomically to a file, as parameters of the node `natnet_client`.
 
     Raises:
         CommandError: the file cannot be written.

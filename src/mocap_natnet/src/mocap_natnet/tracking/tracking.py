@@ -1,4 +1,4 @@
-"""Tracker: from a frame of the stream to bodies and markers in the published axes."""
+"""Tracker: converts mocap frames to named bodies and markers in the published axes."""
 
 from collections.abc import Collection, Hashable
 from dataclasses import dataclass, field
@@ -11,16 +11,16 @@ from mocap_natnet.codec.types import OCCLUDED, TRACKED, Frame, Marker, RigidBody
 from mocap_natnet.tracking.validity import PoseValidator
 
 FAR = 1e6
-"""Largest valid distance of a marker [m] (project default, unconfirmed)."""
+"""Largest valid coordinate of a marker [m] (project default, unconfirmed)."""
 MAX_NAMES = 500
 """Largest number of bodies and bones that are published by name (project default, unconfirmed).
 
-Each takes a topic or a frame, and damaged descriptions contain ever new ones.
+Each needs a topic or a tf frame, and damaged descriptions may contain new names in each frame.
 """
 
 
 class TrackedBody(NamedTuple):
-    """Body as published; the pose is the last valid one if tracking is not valid."""
+    """Rigid body as published; if tracking is not valid, the pose is the last valid one."""
 
     name: str
     id: int
@@ -30,7 +30,7 @@ class TrackedBody(NamedTuple):
 
 
 class TrackedMarker(NamedTuple):
-    """Visible labelled marker; the name is "body/marker", or "" if the description has none."""
+    """Visible labelled marker; its name is "body/marker", or "" if the description has no name."""
 
     name: str
     id: int
@@ -44,8 +44,8 @@ class Tracker:
 
     Args:
         up: axis that points up in the stream, y or z.
-        base_from_mocap: pose of the mocap frame (z up) in the robot's base, applied to positions and orientations;
-            None: no transformation, the axes of the stream.
+        base_from_mocap: pose of the mocap frame (z up) in the robot's base, by which positions and orientations are
+            transformed; None: they stay in the axes of the stream.
         validator: validator of the poses, in the mocap frame with z up.
 
     Attributes:
@@ -67,7 +67,7 @@ class Tracker:
         self._marker_names: dict[int, str] = {}
 
     def describe(self, model: ServerModel) -> None:
-        """Store the names of the bodies."""
+        """Store the names of bodies, bones and markers in the server's description."""
         self._described = model.bodies
         self._marker_names = {}
         skeletons = [description for description in model.descriptions if isinstance(description, SkeletonDescription)]
@@ -86,21 +86,21 @@ class Tracker:
         }
 
     def restart(self) -> None:
-        """Prepare for another stream.
+        """Forget the state of the tracked bodies, because another stream begins.
 
-        The last positions still limit which poses are valid: bodies move continuously, and times are those of this
-        machine.
+        The last positions still limit which poses are valid, since bodies move continuously and times are by the clock
+        of this machine.
         """
         self._last.clear()
         self._valid.clear()
 
     def name(self, body: int) -> str:
-        """Return the name of a body, as described; before the description "body_<id>"."""
+        """Return the described name of a body with this streaming id; without a description "body_<id>"."""
         described = self._described.get(body)
         return described.name if described and described.name else f"body_{body}"
 
     def bodies(self, frame: Frame, exposed: float, received: float) -> list[TrackedBody]:
-        """Return the rigid bodies of a frame; undescribed ones are left out and counted if there is a description.
+        """Return the rigid bodies of a frame; with a description, bodies missing in it are left out and counted.
 
         Args:
             frame: decoded frame.
@@ -115,7 +115,7 @@ class Tracker:
         ]
 
     def _known(self, id: Hashable, described: Collection[Any], name: str) -> bool:
-        """Return True if a body or a bone is published; counts the reason if it is not."""
+        """Return True if a body or bone is to be published; otherwise count the reason why not."""
         if described and id not in described:
             reason = "not described"
         elif (id, name) in self._names:
@@ -166,7 +166,7 @@ class Tracker:
         name = self._marker_names.get(marker.id)
         if name is None:
             name = self._marker_name(marker.id)
-            if name:  # there are few described ones
+            if name:  # undescribed ids are not stored: there may be any number of them
                 self._marker_names[marker.id] = name
         base = self.base_from_mocap
         position = marker.position if base is None else transformed(base, z_up(self.up, marker.position))
@@ -182,6 +182,6 @@ class Tracker:
 
 
 def _near(position: Vector) -> bool:
-    """Return True if a position is finite and not FAR away."""
+    """Return True if a position is finite, and each coordinate below FAR."""
     x, y, z = position
     return -FAR < x < FAR and -FAR < y < FAR and -FAR < z < FAR

@@ -1,4 +1,4 @@
-"""Validity check of poses, for numbers that were read correctly but are wrong."""
+"""Validity check of poses, for numbers that were decoded correctly but cannot be true."""
 
 import math
 from collections import Counter
@@ -8,23 +8,25 @@ from hric_core.geometry import Pose, Vector, normalized
 from hric_core.parameters import Settings, numbers, refused
 
 UNIT_ERROR = 1e-3
-"""Largest deviation of a quaternion's norm from 1 in 32-bit numbers (project default, unconfirmed)."""
+"""Largest deviation of a valid quaternion's norm from 1, in 32-bit floats (project default, unconfirmed)."""
 SHORTEST = 1e-4
-"""Minimum time between two poses for a speed [s] (project default, unconfirmed)."""
+"""Minimum time between two poses from which a speed is computed [s] (project default, unconfirmed)."""
 BUNCHED = 0.02
-"""Largest excess of the time between exposures over that between arrivals [s] (project default, unconfirmed).
+"""Largest valid excess of the time between exposures over the time between arrivals [s].
 
-Frames may arrive in bunches.
+Frames may arrive in bunches (project default, unconfirmed).
 """
 REASONS = ("not finite", "not a unit quaternion", "outside the volume", "too fast", "not described", "too many bodies")
 
 
 @dataclass(frozen=True)
 class Volume(Settings):
-    """Volume in which a body can be (project default, unconfirmed: a large laboratory)."""
+    """Parameters of the volume in which poses are valid (project default, unconfirmed: a large laboratory)."""
 
-    low: Vector = numbers(3, (-10.0, -10.0, -2.0), unit="m", text="a pose outside counts as lost (mocap frame, z up)")
-    high: Vector = numbers(3, (10.0, 10.0, 5.0), unit="m")
+    low: Vector = numbers(
+        3, (-10.0, -10.0, -2.0), unit="m", text="lower corner; a pose outside counts as lost (mocap frame, z up)"
+    )
+    high: Vector = numbers(3, (10.0, 10.0, 5.0), unit="m", text="upper corner")
 
     def check(self, where: str) -> None:
         """Check that the lower corner is below the upper one. Raises ParameterError."""
@@ -33,7 +35,7 @@ class Volume(Settings):
 
 
 class PoseValidator:
-    """Validator of the poses of all bodies in time order.
+    """Validator of the poses of all bodies, in the order of time.
 
     Args:
         volume: volume in which poses are valid.
@@ -49,16 +51,16 @@ class PoseValidator:
         self._last: dict[int, tuple[float, float, Vector]] = {}
 
     def accept(self, body: int, pose: Pose, exposed: float, received: float) -> Pose | None:
-        """Return the pose with an exact unit quaternion; None if it is not valid.
+        """Return a body's pose with an exact unit quaternion; None if the pose is not valid.
 
         The speed is measured from the last accepted pose: after a permanent jump, the body is accepted again as soon as
         it could have moved there.
 
         Args:
-            body: streaming id.
+            body: streaming id of the body.
             pose: pose with z up.
-            exposed: time of the exposure, from the frame [s].
-            received: time of the arrival, which no fault of the stream can change [s].
+            exposed: time of the exposure by the frame's contents [s].
+            received: time of the arrival [s], which no fault of the stream can change.
         """
         reason = self._wrong(body, pose, exposed, received)
         if reason:
@@ -68,7 +70,7 @@ class PoseValidator:
         return Pose(pose.position, normalized(pose.orientation))
 
     def possible(self, pose: Pose) -> bool:
-        """Return True if a pose is valid without regard to earlier ones. A refusal is counted."""
+        """Return True if a pose is valid, without comparing it with earlier ones; count a refusal."""
         reason = self._impossible(pose)
         if reason:
             self.refused[reason] += 1

@@ -1,1 +1,1 @@
-"""Pictures of a converted model."""
+"""Pictures of OpenSim models."""

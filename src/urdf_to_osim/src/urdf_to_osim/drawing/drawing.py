@@ -1,4 +1,4 @@
-"""Off-screen rendering of a scene: no X server, no window, software rendering without a graphics card."""
+"""Off-screen rendering of an OpenSim model by VTK, without X server and window; a graphics card is not necessary."""
 
 import ctypes
 import math
@@ -27,17 +27,20 @@ READERS = {".obj": vtkOBJReader, ".stl": vtkSTLReader, ".vtp": vtkXMLPolyDataRea
 AXES = ((0.85, 0.15, 0.15), (0.1, 0.6, 0.15), (0.15, 0.3, 0.85))
 """Colours of the axes x, y, z."""
 BALL, AXIS, LINE = 0.022, 0.3, 0.003
-"""Radius of a centre of mass, length of ground's axes, radius of a muscle's line, relative to the scene [1]."""
+"""Radius of the ball at a centre of mass, and length of ground's axes, as fractions of the scene's radius [1].
+
+LINE: radius of a muscle's line [m].
+"""
 BACKGROUND, GRID = (0.92, 0.94, 0.96), (0.75, 0.77, 0.8)
 VIEW_ANGLE, MARGIN = 20.0, 0.05
-"""Vertical view angle of the camera [deg], and free margin at the edges, relative to the picture [1]."""
+"""Vertical view angle of the camera [deg], and free margin at the edges as a fraction of the picture [1]."""
 
 
 def draw(scene: DecoratedModel, look: Look) -> bytes:
-    """Return a PNG of the scene.
+    """Return a PNG image of a model at a pose.
 
     Raises:
-        HricError: this machine has no EGL for rendering, or a mesh cannot be read.
+        HricError: this machine cannot render off-screen (EGL is missing), or a mesh cannot be read.
     """
     window = _window(look)
     solid, over = rendering.vtkRenderer(), rendering.vtkRenderer()
@@ -62,9 +65,9 @@ def draw(scene: DecoratedModel, look: Look) -> bytes:
 
 
 def _window(look: Look) -> Any:
-    """Return an off-screen window; EGL needs no display, and VTK would crash without it."""
+    """Return an off-screen render window that needs no display; without EGL VTK would crash, so it is checked first."""
     need = (
-        "pictures are drawn through EGL; Debian's packages libegl1 and libgl1-mesa-dri have it "
+        "pictures are rendered through EGL, which Debian's packages libegl1 and libgl1-mesa-dri provide "
         "(scripts/setup installs them)"
     )
     try:
@@ -76,7 +79,7 @@ def _window(look: Look) -> Any:
     window.SetSize(look.width, look.height)
     window.SetMultiSamples(8)
     if not window.SupportsOpenGL():
-        raise FailureError(f"{need}; this one cannot draw")
+        raise FailureError(f"{need}; the EGL of this machine does not support OpenGL")
     return window
 
 
@@ -105,7 +108,7 @@ def _aim(renderer: Any, up: FloatArray, bounds: FloatArray, look: Look) -> None:
 
 
 def _floor_axes(up: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return two unit vectors in the floor: ground's x (z where x points up), and the vector to its left."""
+    """Return two orthogonal unit vectors in the floor plane: ground's x (or z if x points up), and left of it."""
     start = np.eye(3)[0] if abs(up[0]) < 0.9 else np.eye(3)[2]
     forwards = start - (start @ up) * up
     forwards /= np.linalg.norm(forwards)
@@ -113,7 +116,7 @@ def _floor_axes(up: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _bounds(renderer: Any, scene: DecoratedModel) -> FloatArray:
-    """Return the smallest and greatest coordinates of all geometry and the origin, shape (2, 3) [m]."""
+    """Return the minimum and maximum coordinates of all geometry and the origin, shape (2, 3) [m]."""
     points = [np.zeros(3), *(T[:3, 3] for T in scene.frames.values()), *(T[:3, 3] for T in scene.centres.values())]
     if scene.decorations:
         drawn = np.array(renderer.ComputeVisiblePropBounds()).reshape(3, 2)
@@ -134,7 +137,7 @@ def _actor_of(decoration: Decoration) -> Any:
 
 
 def _source(decoration: Decoration) -> Any:
-    """Return a VTK source of a decoration's unit shape."""
+    """Return a VTK source of a decoration's shape at unit size."""
     if decoration.kind == "mesh":
         return _mesh(Path(decoration.file))
     if decoration.kind == "line":
@@ -147,7 +150,7 @@ def _source(decoration: Decoration) -> Any:
 
 
 def _mesh(path: Path) -> Any:
-    """Return a mesh with sharp edges where its faces meet at more than 30 degrees."""
+    """Return a VTK source of a mesh file; edges of more than 30 degrees are shaded as sharp ones."""
     reader = READERS.get(path.suffix.lower())
     if reader is None:
         raise HricError(f"mesh {path}: cannot be drawn; valid: {', '.join(READERS)}")

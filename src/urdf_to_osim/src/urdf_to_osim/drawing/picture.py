@@ -1,4 +1,4 @@
-"""Picture of an OpenSim model at a pose, drawn without a display; and its command."""
+"""Picture of an OpenSim model at a pose, drawn without a display; and the command `picture`."""
 
 import argparse
 import sys
@@ -15,12 +15,12 @@ from urdf_to_osim.drawing.on_demand import install_vtk
 
 
 def picture(osim: Path, png: Path, pose: Mapping[str, float] | None = None, look: Look | None = None) -> list[str]:
-    """Draw a model into a PNG, written completely or not at all, and return the missing mesh files.
+    """Draw a model at a pose into a PNG file, and return the mesh files that are missing in the picture.
 
     Args:
-        osim: the model.
-        png: the picture.
-        pose: coordinate -> value [rad or m]; the others have the model's defaults.
+        osim: .osim file of the model.
+        png: PNG file to write; it is written completely or not at all.
+        pose: values of coordinates by name [rad or m]; other coordinates have the model's default values.
         look: settings of the picture; None: the defaults.
 
     Raises:
@@ -40,39 +40,56 @@ def picture(osim: Path, png: Path, pose: Mapping[str, float] | None = None, look
 
 
 class PictureCommand(Command):
-    """Draw an OpenSim model at a pose into a PNG. Needs no display."""
+    """Draw an OpenSim model at a pose into a PNG file. Needs no display."""
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments."""
+        """Return the arguments of the command line."""
         look = Look()
         view, size = [look.azimuth, look.elevation], [look.width, look.height]
         return [
-            Argument("model", type=Path, help="the .osim; meshes in Geometry/ beside it"),
-            Argument("-o", "--output", type=Path, help="the picture; default: the model's name with .png"),
+            Argument("model", type=Path, help=".osim file; its meshes are in the folder Geometry/ beside it"),
+            Argument("-o", "--output", type=Path, help="PNG file to write (default: the model's name with .png)"),
             Argument(
                 "--pose",
                 nargs="+",
                 default=[],
                 metavar="COORDINATE=VALUE",
-                help="coordinates [rad or m]; default: the model's own",
+                help="values of coordinates [rad or m] (default: the model's default pose)",
             ),
-            Argument("--view", nargs=2, type=float, default=view, metavar=("AZIMUTH", "ELEVATION"), help="[deg]"),
-            Argument("--size", nargs=2, type=int, default=size, metavar=("WIDTH", "HEIGHT"), help="[pixels]"),
             Argument(
-                "--no-centres", dest="centres", action="store_false", help="without the balls at the centres of mass"
+                "--view",
+                nargs=2,
+                type=float,
+                default=view,
+                metavar=("AZIMUTH", "ELEVATION"),
+                help="direction of the camera from the model [deg]",
             ),
-            Argument("--frames", action="store_true", help="with the axes of every body"),
+            Argument(
+                "--size",
+                nargs=2,
+                type=int,
+                default=size,
+                metavar=("WIDTH", "HEIGHT"),
+                help="size of the picture [pixels]",
+            ),
+            Argument(
+                "--no-centres", dest="centres", action="store_false", help="do not draw balls at the centres of mass"
+            ),
+            Argument("--frames", action="store_true", help="draw the axes of every body"),
         ]
 
     def run(self, arguments: argparse.Namespace) -> None:
-        """Draw the model and print the name of the picture."""
+        """Draw the model and print the name of the PNG file."""
         opensim.Logger.setLevelString("Error")
         output = arguments.output or arguments.model.with_suffix(".png")
         (width, height), (azimuth, elevation) = arguments.size, arguments.view
         look = Look(width, height, azimuth, elevation, arguments.centres, arguments.frames)
         missing = picture(arguments.model, output, _pose(arguments.pose), look)
         for file in missing:
-            print(f"picture: no mesh {file} in Geometry/ beside {arguments.model}; left out", file=sys.stderr)
+            print(
+                f"picture: mesh {file} is left out: it is not in the folder Geometry/ beside {arguments.model}",
+                file=sys.stderr,
+            )
         print(output)
 
 
@@ -85,5 +102,5 @@ def _pose(words: Sequence[str]) -> dict[str, float]:
         except ValueError:
             separator = ""
         if not separator or not name:
-            raise ParameterError(f"--pose {word}: it must be COORDINATE=VALUE, a number [rad or m]")
+            raise ParameterError(f"--pose {word}: it must be COORDINATE=VALUE, with a number as value [rad or m]")
     return pose

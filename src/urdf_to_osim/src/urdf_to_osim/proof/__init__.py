@@ -1,1 +1,1 @@
-"""Verification of a conversion: the model compared with oracles and closed forms."""
+"""Verification of a conversion (the proof): comparison of the OpenSim model with pinocchio and with equations."""

@@ -1,4 +1,4 @@
-"""Random states for the proof, and closed forms of damping, friction and stops in SI, to compare the model with."""
+"""Equations of friction and joint stops, and random states, with which the proof checks the OpenSim model."""
 
 import math
 
@@ -11,16 +11,16 @@ from urdf_to_osim.forces import stop_parameters
 from urdf_to_osim.options import Options
 
 LARGEST_MIDDLE_ANGLE = 1.2
-"""Largest middle angle of a floating joint [rad], away from the singularity of body-fixed angles at +-pi/2."""
+"""Maximum middle angle of a floating joint [rad], away from the singularity of body-fixed angles at +-pi/2."""
 NEAR = 4.0
-"""Distance inside a range within which forces are compared [rad or m]: sums lose digits far from zero."""
+"""Maximum distance of random states from an end of the joint's range [rad or m]: far from zero, digits get lost."""
 
 
 def friction(joint: Joint, dq: float, options: Options, velocity: float) -> float:
-    """Return the friction effort of a joint [N m or N].
+    """Return the friction effort of a joint at the velocity dq [rad/s or m/s] as an equation [N m or N].
 
-    Coulomb: -f tanh(dq/v) with v = `velocity`; sigmoid: -(phi1 / (1 + exp(-phi2 (dq + phi3))) - phi1 / (1 + exp(-phi2
-    phi3))).
+    Coulomb: -f tanh(dq/v) with v = `velocity`.
+    Sigmoid: -(phi1 / (1 + exp(-phi2 (dq + phi3))) - phi1 / (1 + exp(-phi2 phi3))).
     """
     if options.friction == "coulomb":
         return -joint.friction * math.tanh(dq / velocity)
@@ -31,10 +31,10 @@ def friction(joint: Joint, dq: float, options: Options, velocity: float) -> floa
 
 
 def stop(joint: Joint, q: float, dq: float, options: Options) -> float:
-    """Return the effort of a joint's stop [N m or N] at q [rad or m], dq [rad/s or m/s].
+    """Return the effort of a joint's stop [N m or N] at q [rad or m], dq [rad/s or m/s] as an equation.
 
-    At a distance d beyond a limit, the share s of stiffness k and damping c acts, -s (k d + c dq), where s = 10 y^3 -
-    15 y^4 + 6 y^5 with y = d / transition grows from 0 to 1 (CoordinateLimitForce, OpenSim API reference).
+    At a distance d beyond a limit the effort is -s (k d + c dq), with stiffness k and damping c. The factor
+    s = 10 y^3 - 15 y^4 + 6 y^5 grows from 0 to 1 with y = d / transition (CoordinateLimitForce, OpenSim API reference).
     """
     if math.isinf(joint.lower):
         return 0.0
@@ -49,7 +49,7 @@ def _share(y: float) -> float:
 
 
 def coordinates(joint: Joint, random: np.random.Generator) -> list[float]:
-    """Return random coordinates of a joint in OpenSim: any angle, lengths within a metre [rad, m]."""
+    """Return random values of a joint's coordinates in OpenSim: any angle [rad], lengths within +-1 m."""
     if joint.type in ONE_COORDINATE:
         return [random.uniform(-1.0, 1.0) if joint.type == "prismatic" else random.uniform(-math.pi, math.pi)]
     angle, length = random.uniform(-math.pi, math.pi, 3), random.uniform(-1.0, 1.0, 3)

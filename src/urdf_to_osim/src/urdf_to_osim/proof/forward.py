@@ -1,4 +1,4 @@
-"""Forward dynamics of a model from its default pose: OpenSim's ability to integrate it, and its speed."""
+"""Forward simulation of an OpenSim model from its default pose, to check that it can be integrated, and how fast."""
 
 import time
 from dataclasses import dataclass
@@ -12,19 +12,21 @@ from urdf_to_osim import transforms
 PIECE = 0.01
 """Simulated time between two checks of the processor time [s]."""
 ENOUGH = 0.05
-"""Minimum processor time of a measurement [s]: a fast run is repeated, since the clock may tick in milliseconds."""
+"""Minimum processor time of a measurement [s]; a fast simulation is repeated, as the clock may have steps of 1 ms."""
 LIMIT = 2.0
-"""Processor time after which a slow run is stopped [s] (project default, unconfirmed)."""
+"""Processor time after which a slow simulation is stopped [s] (project default, unconfirmed)."""
 
 
 @dataclass(frozen=True)
 class Forward:
-    """Forward run without controls, from the default pose at rest, with OpenSim's own integrator and accuracy.
+    """Result of a forward simulation without controls, from the default pose at rest.
+
+    OpenSim's default integrator and accuracy are used.
 
     Attributes:
-        simulated: simulated time [s].
-        processor: processor time, repetitions included [s].
-        runs: number of repetitions.
+        simulated: simulated time of one run [s].
+        processor: processor time of all runs [s].
+        runs: number of runs.
     """
 
     simulated: float
@@ -46,10 +48,10 @@ class Forward:
 
 
 def run_forward(model: opensim.Model, start: opensim.State, seconds: float) -> Forward:
-    """Integrate a model from a state, which is not changed.
+    """Simulate a model from a state for some seconds; the state object is not changed.
 
     Raises:
-        DescriptionError: OpenSim cannot integrate it, or a result is not finite.
+        DescriptionError: OpenSim cannot integrate the model, or a result is not finite.
     """
     runs, simulated, began = 0, seconds, time.process_time()
     while (spent := time.process_time() - began) < ENOUGH:
@@ -71,7 +73,7 @@ def _run(model: opensim.Model, state: opensim.State, seconds: float) -> float:
                 state = manager.integrate(first + float(end))
                 if not np.isfinite(state.getY().to_numpy()).all():
                     raise DescriptionError(
-                        f"in forward dynamics a coordinate is not finite after {end:.2f} s; check masses, inertias "
+                        f"in a forward simulation a coordinate is not finite after {end:.2f} s; check masses, inertias "
                         "and stops"
                     )
                 if time.process_time() - began > LIMIT:

@@ -1,8 +1,8 @@
-"""Description in an independent rigid-body library (pinocchio), in OpenSim's coordinates.
+"""Reference values for the proof: the robot description in an independent rigid-body library (pinocchio).
 
-Pinocchio reads the description itself. Only elements that it would misread are rewritten in the XML: the axis of a
-planar joint, which it ignores, is moved into the joint's origin; mimic joints move freely; repaired inertias are
-replaced.
+Values are in OpenSim's coordinates. Pinocchio reads the description itself; only elements that it would misread are
+changed in the XML before: the axis of a planar joint, which it ignores, becomes part of the joint's origin; mimic
+joints become free joints; repaired inertias replace the described ones.
 """
 
 import math
@@ -39,23 +39,23 @@ NOT_DYNAMICS = (
 
 
 Motion = tuple[FloatArray, FloatArray, FloatArray]
-"""Motion (q, J, Jd xd) of a joint or the robot in pinocchio's terms: q, v = J xd, a = J xdd + Jd xd.
+"""Motion (q, J, Jd xd) of a joint or the robot in pinocchio's coordinates: position q, velocity v, acceleration a.
 
-x, xd and xdd are coordinates, speeds and accelerations in OpenSim.
+v = J xd and a = J xdd + Jd xd, where x, xd and xdd are coordinates, speeds and accelerations in OpenSim.
 """
 
 
 class Oracle:
-    """Description in pinocchio.
+    """Robot description in pinocchio, as reference for the OpenSim model.
 
     Args:
-        plan: plan of the conversion; its inertias are those of the model.
-        urdf_xml: the description.
+        plan: decisions of the conversion, with the inertias to use.
+        urdf_xml: robot description.
         gravity: gravity in axes of the root link, three numbers [m/s^2].
-        up: as in `Options`: frames are in OpenSim's ground.
+        up: axis of OpenSim's ground, "y" or "z", that points along z of the root link.
 
     Attributes:
-        joints: joints with coordinates; all arrays follow them and their coordinates in order.
+        joints: joints with coordinates; all arrays have the coordinates of these joints in order, shape (n,).
 
     Raises:
         DescriptionError: pinocchio cannot read the description.
@@ -66,7 +66,8 @@ class Oracle:
             self._model = pin.buildModelFromXML(rewritten(plan, urdf_xml))
         except (ValueError, RuntimeError) as error:
             raise DescriptionError(
-                f"robot {plan.robot.name}: the library that proves the model cannot read the description: {error}"
+                f"robot {plan.robot.name}: the model cannot be verified, since pinocchio cannot read the description: "
+                f"{error}"
             ) from error
         self._model.gravity.linear = np.asarray(gravity, dtype=float)
         self._data = self._model.createData()
@@ -98,12 +99,12 @@ class Oracle:
         return np.asarray(J.T @ pin.computeGeneralizedGravity(self._model, self._data, q))
 
     def inverse_dynamics(self, x: FloatArray, xd: FloatArray, xdd: FloatArray) -> FloatArray:
-        """Return the efforts of a motion (x, xd, xdd), shape (n,) each, without losses, shape (n,) [N m or N]."""
+        """Return the efforts for a motion (x, xd, xdd), without damping and friction, shape (n,) [N m or N]."""
         q, J, Jd_xd = self._motion(x, xd)
         return np.asarray(J.T @ pin.rnea(self._model, self._data, q, J @ xd, J @ xdd + Jd_xd))
 
     def described(self, joint: Joint) -> Joint:
-        """Return a joint with one coordinate, with limits, damping and friction as pinocchio reads them."""
+        """Return a copy of a one-coordinate joint with limits, damping and friction as pinocchio reads them."""
         pin_joint = self._pin_joints[self.joints.index(joint)]
         v, model = pin_joint.idx_v, self._model
         lower, upper = (
@@ -117,7 +118,10 @@ class Oracle:
         )
 
     def _motion(self, x: FloatArray, xd: FloatArray) -> Motion:
-        """Return pinocchio's q, J and Jd xd: rows as its velocities, columns as OpenSim's coordinates; cached."""
+        """Return the motion in pinocchio's coordinates for x and xd; the last result is cached.
+
+        J has pinocchio's velocities as rows and OpenSim's coordinates as columns.
+        """
         key = x.tobytes() + xd.tobytes()
         if self._known is None or self._known[0] != key:
             self._known = key, self._find_motion(x, xd)
@@ -144,7 +148,10 @@ def _continuous(x: FloatArray, xd: FloatArray) -> Motion:
 
 
 def _planar(x: FloatArray, xd: FloatArray) -> Motion:
-    """Return the motion of (theta, x, y); pinocchio: (x, y, cos, sin) and the velocity in axes of the child."""
+    """Return the motion of a planar joint with OpenSim's coordinates (theta, x, y).
+
+    Pinocchio has the position (x, y, cos, sin) and the velocity in axes of the child link.
+    """
     c, s = math.cos(x[0]), math.sin(x[0])
     J = np.array([[0.0, c, s], [0.0, -s, c], [1.0, 0.0, 0.0]])
     Jd = xd[0] * np.array([[0.0, -s, c], [0.0, -c, -s], [0.0, 0.0, 0.0]])
@@ -152,10 +159,10 @@ def _planar(x: FloatArray, xd: FloatArray) -> Motion:
 
 
 def _floating(x: FloatArray, xd: FloatArray) -> Motion:
-    """Return the motion of coordinates (a, b, c, p) with R = Rx(a) Ry(b) Rz(c).
+    """Return the motion of a floating joint with OpenSim's coordinates (a, b, c, p), R = Rx(a) Ry(b) Rz(c).
 
-    The speeds are (omega, pd) in axes of the joint frame, not the derivatives of the angles. Pinocchio: (p, quaternion)
-    and the twist (R' pd, R' omega) in axes of the child.
+    OpenSim's speeds are (omega, pd) in axes of the joint frame, not the derivatives of the angles. Pinocchio has the
+    position (p, quaternion) and the twist (R' pd, R' omega) in axes of the child link.
     """
     R = pin.utils.rotate("x", x[0]) @ pin.utils.rotate("y", x[1]) @ pin.utils.rotate("z", x[2])
     J = np.zeros((6, 6))
@@ -175,7 +182,7 @@ MOTIONS: dict[str, Callable[[FloatArray, FloatArray], Motion]] = {
 
 
 def rewritten(plan: ConversionPlan, urdf_xml: str) -> str:
-    """Return the description rewritten for pinocchio."""
+    """Return the robot description, changed so that pinocchio reads it correctly and with the inertias of the plan."""
     root = parse(urdf_xml)
     for element in root.iter():
         for name in {"xyz", "rpy", "quat_xyzw"}.intersection(element.keys()):
@@ -215,7 +222,7 @@ def _rewrite_joint(root: Element, element: Element, joint: Joint) -> None:
 
 
 def _rewrite_planar(root: Element, element: Element, joint: Joint) -> None:
-    """Rewrite a planar joint about its normal: its origin rotates, and a fixed joint behind it rotates back."""
+    """Rewrite a planar joint so that its normal is z: rotate its origin, and rotate back by a fixed joint behind it."""
     A = homogeneous(joint_rotation(joint))
     for old in element.findall("origin"):
         element.remove(old)

@@ -1,4 +1,4 @@
-"""Proof of a conversion: the written file compared with a rigid-body library and closed forms at random states."""
+"""Proof of a conversion: comparison of the written file with pinocchio and with equations at random states."""
 
 import math
 import time
@@ -18,9 +18,9 @@ from urdf_to_osim.proof.oracle import Oracle
 from urdf_to_osim.reading import Reading
 
 TOLERANCE = 1e-9
-"""Largest error, relative to values above 1 [SI]: 1000 times the rounding (project default, unconfirmed)."""
+"""Maximum error in SI units, relative for values above 1: 1000 times the rounding (project default, unconfirmed)."""
 LIGHT = "mass matrix / inertia"
-"""Error of a mass matrix element relative to the two joints' own inertia, which shows errors in a small robot."""
+"""Name of the error of a mass matrix element relative to its joints' inertias, which shows errors in light robots."""
 LIGHT_TOLERANCE = 1e-6
 LIMITS = {LIGHT: LIGHT_TOLERANCE}
 UNITS = {
@@ -34,15 +34,15 @@ UNITS = {
 
 @dataclass
 class Proof:
-    """Largest errors over the states.
+    """Result of a verification: maximum errors over random states.
 
     Attributes:
-        errors: compared quantity -> largest error; only quantities that the robot has.
+        errors: maximum error by compared quantity; only quantities that the robot has.
         states: number of random states.
-        seconds: time of the proof, without the forward run [s].
-        repaired: quantity changed by the repair of inertias -> largest change, relative to the largest value; empty
-            without a repair.
-        forward: the forward run; None without one.
+        seconds: duration of the verification, without the forward simulation [s].
+        repaired: maximum change by the repair of inertias, relative to the maximum value, by quantity; empty without
+            a repair.
+        forward: result of the forward simulation; None: it was not requested.
     """
 
     states: int
@@ -53,7 +53,7 @@ class Proof:
 
     @property
     def failed(self) -> list[str]:
-        """Quantities whose error is above its tolerance or not a number."""
+        """Quantities whose error is NaN or above its tolerance."""
         return [name for name, error in self.errors.items() if not error <= LIMITS.get(name, TOLERANCE)]
 
     @property
@@ -62,12 +62,15 @@ class Proof:
         return bool(self.errors) and not self.failed
 
     def compare(self, name: str, actual: FloatArray, expected: FloatArray) -> None:
-        """Add an error, relative to the largest expected value if that is above 1."""
+        """Compare a quantity with its expected value, and keep the maximum error.
+
+        The error is relative to the maximum expected value if that is above 1, else absolute.
+        """
         scale = max(1.0, float(np.max(np.abs(expected), initial=0.0)))
         self._add(name, float(np.max(np.abs(actual - expected), initial=0.0)) / scale)
 
     def compare_mass(self, actual: FloatArray, expected: FloatArray) -> None:
-        """Add the errors of a mass matrix."""
+        """Compare a mass matrix with the expected one, and keep the maximum errors."""
         self.compare("mass matrix", actual, expected)
         scale = np.sqrt(np.diag(expected))
         self._add(LIGHT, float(np.max(np.abs(actual - expected) / np.outer(scale, scale), initial=0.0)))
@@ -77,7 +80,7 @@ class Proof:
         self.errors[name] = error if math.isnan(error) or error > known else known
 
     def table(self) -> str:
-        """Return a table of the errors as text."""
+        """Return a text table of the errors, with units and tolerances."""
         lines = [f"{'compared':<24}{'unit':<14}{'largest error':>14}{'tolerance':>12}"]
         for name, error in self.errors.items():
             verdict = "" if name not in self.failed else "  FAILED"
@@ -97,23 +100,23 @@ def prove(
     forward: float = 0.0,
     conversion: Conversion | None = None,
 ) -> Proof:
-    """Compare a written model with the description that it was made from.
+    """Verify a written model by comparison with the description from which it was converted.
 
     Args:
-        path: the .osim file.
-        urdf_xml: the description, pure URDF.
+        path: .osim file.
+        urdf_xml: description, as URDF.
         options: options of the conversion.
         states: number of random states.
         seed: seed of the random numbers.
-        forward: simulated time of a forward run after the comparisons [s]; 0 for none.
-        conversion: conversion of this description with these options, if available; otherwise it is made again.
+        forward: simulated time of a forward simulation after the comparisons [s]; 0: none.
+        conversion: result of the conversion, if available; otherwise the description is converted again.
 
     Returns:
-        The errors; `passed` is True if they are small enough.
+        The errors; `passed` is True if they are within their tolerances.
 
     Raises:
-        DescriptionError: OpenSim or pinocchio cannot use the model, or it cannot move: a joint moves no inertia, or the
-            forward run fails.
+        DescriptionError: OpenSim or pinocchio cannot use the model, a joint moves no inertia, or the forward
+            simulation fails.
     """
     started = time.perf_counter()
     options = options or Options()
@@ -127,7 +130,7 @@ def prove(
 
 
 class _Prover:
-    """Comparisons of one file."""
+    """Comparisons of one .osim file with its description."""
 
     def __init__(self, conversion: Conversion, urdf_xml: str, path: Path, options: Options) -> None:
         self.options, self.plan, self.urdf_xml = options, conversion.plan, urdf_xml
@@ -156,7 +159,10 @@ class _Prover:
         return proof
 
     def repaired(self, count: int, seed: int) -> dict[str, float]:
-        """Return the largest changes by the repair of inertias over random states, relative to the largest values."""
+        """Return the maximum changes of mass matrix and inverse dynamics that the repair of inertias causes.
+
+        Over random states, relative to the maximum values; empty without a repair.
+        """
         if not self.size or not self.plan.repaired:
             return {}
         before = Oracle(
@@ -244,7 +250,7 @@ class _Prover:
         proof.compare({"stop": "stops"}.get(kind, kind), efforts / scale, expected / scale)
 
     def _driven(self) -> dict[str, tuple[Joint, int]]:
-        """Return the actuators of the model with joint and index of its coordinate."""
+        """Return (joint, index of its coordinate) of each actuator, by the actuator's name in the model."""
         if not self.options.actuators:
             return {}
         return {

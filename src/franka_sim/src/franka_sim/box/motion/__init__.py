@@ -16,7 +16,7 @@ def make_generator(
     """Return a motion generator, which can serve any number of consecutive motions.
 
     Args:
-        kind: one of the four modes that generate a motion.
+        kind: joint or Cartesian, position or velocity mode.
         model: model of the arm; Cartesian generators use its end effector, the others its joint names.
         limits: nominal limits of the arm, without libfranka's margins.
         time_step: control period [s].

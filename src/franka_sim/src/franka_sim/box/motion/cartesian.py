@@ -1,4 +1,4 @@
-"""Cartesian pose and velocity generators: check of the command, then inverse kinematics with elbow."""
+"""Generators of Cartesian motion: check a commanded pose or twist, then solve the inverse kinematics."""
 
 from abc import abstractmethod
 from collections.abc import Sequence
@@ -20,16 +20,16 @@ INVALID_FRAME = frozenset({"cartesian_position_motion_generator_invalid_frame"})
 START_OUT_OF_RANGE = frozenset({CARTESIAN_JOINT_ERRORS.position})
 NOT_AT_REST = frozenset({CARTESIAN_ERRORS.acceleration})
 NO_JOINT_MOTION = frozenset({CARTESIAN_JOINT_ERRORS.acceleration})
-"""Error if no joint motion follows: at the workspace border or in a singular pose, where it would be too sudden."""
+"""Error for a pose without a joint motion to it: at the border of the workspace, or near a singular pose."""
 
 
 class CartesianGenerator(MotionGenerator):
-    """Common part of pose and twist commands: pose, twist, acceleration, elbow, and joint motion.
+    """Base of the generators for commanded poses and twists: checks their rates and computes the joint motion.
 
     Args:
         model: model of the arm.
         limits: limits of the arm.
-        parameters: tolerances.
+        parameters: tolerances of the checks, and parameters of the inverse kinematics.
         time_step: control period [s].
     """
 
@@ -69,10 +69,10 @@ class CartesianGenerator(MotionGenerator):
 
     @abstractmethod
     def _commanded(self, command: MotionCommand) -> tuple[list[float], list[float], Errors]:
-        """Return pose (16 floats) and twist (6 floats) of this step, and the errors in their values."""
+        """Return the commanded pose (16 floats) and twist (6 floats) of this step, and the errors in their values."""
 
     def advance(self, command: MotionCommand | None) -> Errors:
-        """Compute one millisecond, see `MotionGenerator`."""
+        """Check a command and advance the desired motion by one millisecond; return the violated limits."""
         if command is None:
             return self._bridge() if self._moving else NO_ERRORS
         T, twist, errors = self._commanded(command)

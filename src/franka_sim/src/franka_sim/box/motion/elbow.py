@@ -1,4 +1,4 @@
-"""Elbow of a Cartesian motion: position of joint 3 and side of joint 4, commanded or held."""
+"""Elbow of a Cartesian motion: position of joint 3 and sign (side) of joint 4, commanded by the client or held."""
 
 import math
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ START_INVALID = frozenset({"cartesian_motion_generator_start_elbow_invalid"})
 
 
 class ElbowMotion:
-    """Position of joint 3 over time, with its limits.
+    """Desired motion of the elbow (position of joint 3), and the check of its limits.
 
     Attributes:
         commanded: True if the client commands the elbow; otherwise joint 3 is held at `desired` if the pose allows.
@@ -51,7 +51,7 @@ class ElbowMotion:
         return NO_ERRORS
 
     def command(self, elbow: tuple[float, float] | None) -> None:
-        """Take the command of this step; if the client stops commanding the elbow, it stays at its position."""
+        """Read the elbow command of this step; if the client stops commanding the elbow, its position is held."""
         if elbow is None:
             if self.commanded:
                 self.desired = self.position
@@ -68,7 +68,7 @@ class ElbowMotion:
             self._next, self.desired = (velocity, self.acceleration), self.position + velocity * self._dt
 
     def violations(self, after_loss: bool) -> Errors:
-        """Return the violation of a commanded elbow; libfranka has one name for velocity, acceleration and jerk."""
+        """Return the error if a commanded elbow exceeds a limit; one name for velocity, acceleration and jerk."""
         if not self.commanded:
             return NO_ERRORS
         velocity, acceleration = self._next
@@ -80,7 +80,7 @@ class ElbowMotion:
         return LIMIT_VIOLATION
 
     def side_violated(self, q: Sequence[float]) -> Errors:
-        """Return an error if the joints (7 floats [rad]) end on another side than commanded."""
+        """Return an error if joint 4 of q (7 floats [rad]) is on another side than the commanded elbow."""
         return SIGN_INCONSISTENT if self.commanded and elbow_side(q) != self._side else NO_ERRORS
 
     def took(self, q: Sequence[float], dq: Sequence[float], ddq: Sequence[float]) -> None:

@@ -1,12 +1,12 @@
-"""Interface of the motion generators of the control box."""
+"""Base class of the motion generators, which turn a client's commands into the desired joint motion."""
 
 from abc import ABC, abstractmethod
 
 from franka_hw_interface.robot_state import Errors, RobotState
 from franka_sim.box.requests import MotionCommand
 
-UNFINISHED = "the motion was finished where it is not at rest"
-"""Reason for the refusal of a final command."""
+UNFINISHED = "the last command of the motion must bring it to rest within one step; it is too fast for that"
+"""Reason for the refusal of a motion's last command."""
 
 
 class MotionGenerator(ABC):
@@ -15,8 +15,8 @@ class MotionGenerator(ABC):
     The box calls `start` once and then `advance` once per millisecond, in its own thread; neither blocks. `q_d`, `dq_d`
     and `ddq_d` of the state are written in place. The Cartesian fields (`O_T_EE_d`, `O_T_EE_c`, `O_dP_EE_d`,
     `O_dP_EE_c`, `O_ddP_EE_c`, `elbow_d`, `elbow_c`, `delbow_c`, `ddelbow_c`) are assigned by Cartesian generators only.
-    The client's filters start from them, so they must stay until the next `advance`: a state that computes them on
-    demand must not do so while a Cartesian generator runs.
+    The client's filters start from these fields, so they must stay until the next `advance`: a state that computes them
+    on demand must not do so while a Cartesian generator runs.
 
     Attributes:
         reason: explanation of the last refusal with the exceeded limit; empty if the errors' names are enough, and
@@ -27,11 +27,14 @@ class MotionGenerator(ABC):
 
     @abstractmethod
     def start(self, state: RobotState) -> Errors:
-        """Take the state and start at rest at its q_d; return the errors that prevent a start, by libfranka's names."""
+        """Start at rest at the state's q_d; return the errors that prevent a start, by libfranka's names.
+
+        The generator keeps the state object and writes the desired motion into it from then on.
+        """
 
     @abstractmethod
     def advance(self, command: MotionCommand | None) -> Errors:
-        """Compute one millisecond.
+        """Check a command and advance the desired motion by one millisecond.
 
         Args:
             command: command of the client; None if the packet was lost: the motion then continues with constant

@@ -1,4 +1,4 @@
-"""Joint position and joint velocity generators."""
+"""Generators of joint motion: check commanded joint positions or velocities and derive the desired motion."""
 
 from abc import abstractmethod
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ NOT_AT_REST = frozenset({JOINT_ERRORS.acceleration})
 
 
 class JointGenerator(MotionGenerator):
-    """Common part of position and velocity commands: differences, lost packets, checks, end at rest.
+    """Base of the generators for commanded joint positions and velocities: checks rates and bridges lost packets.
 
     Args:
         limits: limits of the arm.
@@ -43,7 +43,7 @@ class JointGenerator(MotionGenerator):
         """Return position and velocity of this step, 7 floats each [rad], [rad/s]."""
 
     def advance(self, command: MotionCommand | None) -> Errors:
-        """Compute one millisecond, see `MotionGenerator`."""
+        """Check a command and advance the desired motion by one millisecond; return the violated limits."""
         if command is None:
             return self._bridge() if self._moving else NO_ERRORS
         dt, state = self._dt, self._state
@@ -85,7 +85,7 @@ class JointPositionGenerator(JointGenerator):
         return command.q, [(x - last) / dt for x, last in zip(command.q, self._state.q_d, strict=True)]
 
     def advance(self, command: MotionCommand | None) -> Errors:
-        """Compute one millisecond; a first command beyond the reach of the velocity limits gives START_POSE_INVALID."""
+        """Advance by one millisecond; a first position too far from q_d for the velocity limits is an invalid start."""
         if command is not None and not self._moving and not self._rates.reachable(command.q, self._state.q_d):
             return START_POSE_INVALID
         return super().advance(command)
@@ -104,7 +104,7 @@ class JointVelocityGenerator(JointGenerator):
         return [x + v * dt for x, v in zip(self._state.q_d, dq, strict=True)], dq
 
     def advance(self, command: MotionCommand | None) -> Errors:
-        """Compute one millisecond; at rest do nothing: torque control of protocol 5 sends zero velocities here."""
+        """Advance by one millisecond; do nothing for zero velocity at rest, as under torque control with protocol 5."""
         state = self._state
         if command is not None and command.dq == REST and state.dq_d == REST and state.ddq_d == REST:
             self._moving, self._lost = True, False

@@ -1,4 +1,4 @@
-"""One motion from start to end: the generator and controller that the client requested, and its packets."""
+"""One motion from start to end: conversion of the client's commands to joint torques, and count of lost packets."""
 
 from collections.abc import Sequence
 from math import acos, dist, isfinite
@@ -15,20 +15,20 @@ from hric_core.native.vectors import near, smaller
 
 
 def invalid(request: MoveRequest) -> str:
-    """Return the error in the values of a request, empty if there is none."""
+    """Return the error in a request to start a motion, as a text; empty if there is none."""
     if request.controller is ControllerMode.OTHER:
         return "a motion needs a controller"
     if request.generator is GeneratorMode.IDLE:
-        return "a motion needs a motion generator, or none with torque control"
+        return "generator mode IDLE starts no motion; torque control without a generator needs mode NONE"
     if request.generator is GeneratorMode.NONE and request.controller is not ControllerMode.EXTERNAL:
         return "an internal controller needs a motion generator"
     if not all(isfinite(x) and x >= 0.0 for x in (*request.max_path_deviation, *request.max_goal_deviation)):
-        return "deviations must be finite and not negative"
+        return "the maximum deviations from path and goal must be finite and not negative"
     return ""
 
 
 class MotionRun:
-    """Conversion of commands to torques while a motion runs.
+    """Conversion of a client's commands to joint torques while a motion runs.
 
     Args:
         state: state of the arm; the generators write its desired values.
@@ -52,8 +52,8 @@ class MotionRun:
 
         Args:
             request: generator and deviations.
-            law: law for the torques of the desired motion; None: torques are commanded.
-            filter_gain: filter coefficient of a new torque command per cycle, 0 to 1.
+            law: impedance law that follows the desired motion; None: the client commands torques.
+            filter_gain: weight of the newest torque command in the low-pass filter, 0 to 1.
         """
         state = self._state
         self._law, self._gain = law, filter_gain
@@ -81,11 +81,11 @@ class MotionRun:
 
     @property
     def reason(self) -> str:
-        """Explanation of the motion generator's refusal, empty if the errors' names are enough."""
+        """Explanation of why the motion generator refused a command; empty if the errors' names are enough."""
         return "" if self._generator is None else self._generator.reason
 
     def torque(self, command: MotionCommand | None) -> tuple[list[float], Errors]:
-        """Return (torques without gravity, 7 floats [N m]; errors of the command by libfranka's names) of one cycle."""
+        """Compute one cycle; return (torques without gravity, 7 floats [N m]; errors by libfranka's names)."""
         wrong = self._generate(command)
         if not wrong and self._limits is not None and self._config.reflexes:
             wrong = self._limits.errors(self._state, command is not None and command.finished)
@@ -125,7 +125,7 @@ class MotionRun:
         return wrong
 
     def _stays(self, command: MotionCommand | None) -> bool:
-        """Return True if the generator next to torque control still gets zero commands; after a motion it is active."""
+        """Return True while a generator under torque control gets zero commands; the first other one activates it."""
         self._still = self._generator is None or command is None or not any(command.dq)
         if not self._still and self._generator is not None:
             self._start_errors = self._start_errors or self._generator.start(self._state)
@@ -150,7 +150,7 @@ def deviation(state: BoxState) -> tuple[float, float, float]:
 
 
 class DeviationLimits:
-    """Limits of path and goal deviation; libfranka's defaults are beyond any possible deviation and are not checked.
+    """Limits of the end effector's deviation from its path and goal; libfranka's defaults mean that there is no limit.
 
     Attributes:
         path, goal: translation [m], rotation [rad], elbow [rad]; None: no limit.
@@ -162,7 +162,7 @@ class DeviationLimits:
         self.goal = goal if any(a < b for a, b in zip(goal, _USUAL.max_goal_deviation, strict=True)) else None
 
     def errors(self, state: BoxState, finished: bool) -> Errors:
-        """Return the violated limits; finished: the motion ends here, so the goal limits apply, too."""
+        """Return the violated limits; finished: True for the last cycle of a motion, in which goal limits apply too."""
         limits = [(self.path, PATH)] + ([(self.goal, GOAL)] if finished else [])
         for limit, names in limits:
             if limit is not None and any(x > maximum for x, maximum in zip(deviation(state), limit, strict=True)):
@@ -224,7 +224,7 @@ class PacketCount:
         self.reset()
 
     def reset(self) -> None:
-        """Reset at the start or end of a motion."""
+        """Reset the counts at the start or end of a motion."""
         self.started, self.lost_in_a_row, self.success_rate = False, 0, 0.0
         self._history, self._cycles, self._all = 0, 0, False
 

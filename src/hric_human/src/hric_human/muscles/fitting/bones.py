@@ -1,4 +1,4 @@
-"""Search for the bones of a model's right arm, by name and by the tree."""
+"""Search for the bones of a model's right arm, by their names and by the tree of bodies."""
 
 import re
 from collections.abc import Iterable
@@ -10,21 +10,22 @@ from hric_human.muscles.fitting.model import ArmModel
 _LEFT = re.compile(r"(^|_)(l|left)(_|$)|left", re.IGNORECASE)
 _THORAX = ("thorax", "torso", "chest", "trunk", "base")
 _HAND = ("hand", "palm", "capitate", "metacarp", "thirdmc")
-"""Parts of names; the first match is used."""
+"""Parts of names by which the hand is found; the first match is used."""
 
 
 @dataclass(frozen=True)
 class Bones:
-    """Bodies of a right arm.
+    """Names of the bodies of a model's right arm.
 
     Attributes:
-        thorax: "" if it is the ground.
-        shoulder: first body behind the shoulder that counts as upper arm; models have massless ones before the bone.
+        thorax: body of the thorax; "" if it is the ground.
+        shoulder: first body distal to the shoulder that counts as upper arm; models may have massless bodies before the
+            bone.
         humerus: upper arm bone.
-        forearm: first body behind the elbow.
+        forearm: first body distal to the elbow.
         ulna: forearm bone at the elbow.
-        radius: the ulna in a model with one body for both.
-        wrist: the first body behind the radius on the way to the hand; "" without a hand.
+        radius: second forearm bone; the ulna in a model with one body for both.
+        wrist: first body distal to the radius on the way to the hand; "" without a hand.
         hand: body of the hand; "" without one.
     """
 
@@ -39,7 +40,7 @@ class Bones:
 
 
 def chain(model: ArmModel, proximal: str, distal: str) -> list[str]:
-    """Return the bodies from the one behind `proximal` to `distal`."""
+    """Return the bodies on the way from `proximal` (excluded) to `distal` (included)."""
     bodies, body = list[str](), distal
     while body and body != proximal:
         bodies.insert(0, body)
@@ -48,16 +49,16 @@ def chain(model: ArmModel, proximal: str, distal: str) -> list[str]:
 
 
 def find_bones(model: ArmModel) -> Bones:
-    """Return the bones of a model.
+    """Find the bones of a model's right arm.
 
     Raises:
-        HricError: it has no humerus with an ulna behind it on the right side.
+        HricError: the model has no humerus on the right side with an ulna distal to it.
     """
     right = [body for body in model.parents if not _LEFT.search(body)]
     ulnae = [body for body in right if "ulna" in body.lower() and _above(model, body, "humer")]
     if not ulnae:
         raise HricError(
-            f"{model.name} has no right arm: no body named ulna behind one named humerus; its bodies: "
+            f"{model.name} has no right arm: it needs a body named ulna, distal to one named humerus; its bodies: "
             + ", ".join(model.parents)
         )
     ulna = ulnae[0]
@@ -74,7 +75,7 @@ def find_bones(model: ArmModel) -> Bones:
 
 
 def _above(model: ArmModel, body: str, word: str) -> list[str]:
-    """Return the bodies with a word in their name between the ground and a body, the nearest first."""
+    """Return the bodies proximal to a body whose names contain a word, the nearest first."""
     return [above for above in reversed(chain(model, "", body)[:-1]) if word in above.lower()]
 
 

@@ -1,8 +1,8 @@
 """Built-in anatomy: 34 lines of action on shoulder, elbow and forearm, from das4_v4.osim.
 
-Lengths are those with the girdle of the shoulder rhythm; moment arms at the shoulder are about the glenohumeral joint
-with the girdle fixed, as on a specimen: the torque of a muscle between thorax and arm acts partly through muscles of
-the girdle, which are not modelled here.
+Muscle lengths include the motion of the shoulder girdle, which follows the arm (shoulder rhythm). Moment arms at the
+shoulder are about the glenohumeral joint with the girdle fixed, as measured on a specimen: a muscle between thorax and
+arm also moves the girdle, whose muscles are not modelled here.
 """
 
 import math
@@ -29,7 +29,7 @@ RANGE = {
     "el_flex": (5.0, 130.0),
     "pro_sup": (-60.0, 60.0),
 }
-"""Range of the fit by joint [deg]. Beyond +65 deg of pronation the biceps path of the file flips over."""
+"""Range of the fit by joint [deg]. Beyond 65 deg of pronation the biceps path of das4_v4.osim jumps across a bone."""
 JOINTS = tuple(RANGE)
 LOWER = tuple(math.radians(low) for low, _ in RANGE.values())
 UPPER = tuple(math.radians(high) for _, high in RANGE.values())
@@ -41,16 +41,22 @@ NOTICE = (
 )
 """Licence and credits of the model, stored with its anatomy."""
 SAMPLES, UNSEEN = 1536, 384
-"""Poses of the fit and of its test."""
+"""Number of poses used for the fit, and of further poses used to test it."""
 FIBRES = (0.45, 1.55)
-"""Range of fibre length per optimal length [1] beyond which an element's lengths are identified again."""
-LINE_FIBRES, LINE_MIDDLE = (0.42, 1.36), 0.88
-"""Range for lines, whose polynomials differ from the paths', and its middle if it is identified again [1].
+"""Accepted range of an element's fibre length per optimal length [1].
 
-With it the passive torque stays below 10 N m; project default, unconfirmed.
+If the fibres leave it, optimal length and tendon slack length are identified again.
+"""
+LINE_FIBRES, LINE_MIDDLE = (0.42, 1.36), 0.88
+"""Accepted range of a fitted line's fibre length per optimal length [1], and the mean that is set if it leaves it.
+
+In this range the passive torque stays below 10 N m; project default, unconfirmed.
 """
 MEAN_FIBRE, FIBRE_SPAN = 0.95, 0.9
-"""Mean and greatest range if identified again, per optimal length [1]; project default, unconfirmed."""
+"""Mean and maximum span of an element's fibre length per optimal length [1], if its lengths are identified again.
+
+Project default, unconfirmed.
+"""
 _X, _Y, _Z = np.eye(3)
 STEP = 1e-4
 """Step of the numerical differences for moment arms [rad]."""
@@ -61,15 +67,15 @@ _ARM = (*_UPPER_ARM, *_FOREARM)
 
 
 def _humerus(q: FloatArray) -> FloatArray:
-    """Return the rotation of the humerus in the thorax, shape (3, 3)."""
+    """Return the rotation of the humerus in the thorax, shape (3, 3), for sh_flex, sh_abd, sh_rot [rad]."""
     return rotation_about(_X, q[0]) @ rotation_about(_Z, q[1]) @ rotation_about(_Y, q[2])
 
 
 class DelftArm:
-    """Repaired model with its girdle following the arm.
+    """Repaired Delft arm model whose shoulder girdle follows the arm.
 
     Attributes:
-        paths: paths of its muscles.
+        paths: muscle paths of the model.
     """
 
     def __init__(self, path: Path) -> None:
@@ -78,7 +84,7 @@ class DelftArm:
         self._humerus, self._forearm = self.paths.numbers(_ARM), self.paths.numbers(_FOREARM)
 
     def put(self, q: FloatArray, girdle: FloatArray | None = None) -> None:
-        """Set the angles of JOINTS, shape (5,) [rad]; girdle: angles of the same shape for the girdle only."""
+        """Set the angles of JOINTS, shape (5,) [rad]; girdle: angles that the girdle follows instead of q."""
         R_thorax_humerus = _humerus(q)
         leading = R_thorax_humerus if girdle is None else _humerus(girdle)
         R_thorax_clavicle, R_thorax_scapula = self._girdle.rotations(-leading[:, 1])
@@ -92,13 +98,13 @@ class DelftArm:
         self.paths.put(dict(zip(_COORDINATES, angles, strict=True)))
 
     def sample(self, q: FloatArray) -> MuscleSamples:
-        """Return the samples at poses, shape (N, 5) [rad]."""
+        """Sample lengths, moment arms and forces across joints of the muscle elements at poses, shape (N, 5) [rad]."""
         at = [self._at(pose) for pose in q]
         length, arms, *pulls = (np.array(values) for values in zip(*at, strict=True))
         return MuscleSamples(q, length, arms, dict(zip(CENTRES, pulls, strict=True)))
 
     def _at(self, pose: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Return lengths, moment arms and pulls across shoulder and elbow."""
+        """Return lengths [m], moment arms [m], and forces across shoulder and elbow per muscle force at a pose [1]."""
         slopes = []
         for step in STEP * np.eye(len(JOINTS)):
             self.put(pose + step, girdle=pose)
@@ -112,7 +118,7 @@ class DelftArm:
         return self.paths.lengths(), -np.array(slopes).T, shoulder, elbow
 
     def muscle_paths(self) -> list[MusclePath]:
-        """Return the drawn lines of the elements, in the resting posture."""
+        """Return the points through which the elements are drawn, in the resting posture."""
         q = resting(JOINTS)
         self.put(q)
         R_ground_thorax, _ = self.paths.frame("thorax")
@@ -121,7 +127,7 @@ class DelftArm:
         return [muscle_path(points, _segment, frames) for points in self.paths.muscle_paths()]
 
     def reference(self) -> dict[str, float]:
-        """Return the lengths of the segments, with the names of a subject's lengths [m]."""
+        """Return the lengths of upper arm and forearm in the model [m]."""
         self.put(np.zeros(len(JOINTS)))
         shoulder, elbow, wrist = self.paths.centres(("gh1", "hu", "radiocarpal"))
         return {
@@ -131,16 +137,16 @@ class DelftArm:
 
 
 def _segment(body: str) -> str:
-    """Return the body's entry of SEGMENTS; the girdle is drawn with the trunk."""
+    """Return the entry of SEGMENTS with which points of a body are drawn; the girdle belongs to the torso."""
     torso, upper_arm, forearm = SEGMENTS
     return upper_arm if body in _UPPER_ARM else forearm if body in _FOREARM else torso
 
 
 def fit(path: Path) -> Anatomy:
-    """Return the anatomy of das4_v4.osim.
+    """Fit the muscles of the file das4_v4.osim.
 
     Raises:
-        HricError: the file is another one.
+        HricError: the file is not das4_v4.osim.
     """
     arm = DelftArm(path)
     elements = arm.sample(poses(LOWER, UPPER, SAMPLES + UNSEEN))
@@ -153,7 +159,7 @@ def fit(path: Path) -> Anatomy:
     muscles, errors, paths = dict[str, Muscle](), dict[str, FitError](), arm.muscle_paths()
     for k, group in enumerate(GROUPS):
         numbers = float(summed[k]), float(weights[k] @ optimal), float(weights[k] @ slack)
-        drawn = paths[int(shares[k].argmax())]  # line of the strongest element
+        drawn = paths[int(shares[k].argmax())]  # drawn through the points of the strongest element
         if group.arm:
             muscles[group.name], errors[group.name] = _constant(group, *numbers, drawn), FitError(0.0, 0.0, 0.0, {})
         else:
@@ -163,13 +169,13 @@ def fit(path: Path) -> Anatomy:
 
 
 def _constant(group: Group, force: float, optimal: float, slack: float, drawn: MusclePath) -> Muscle:
-    """Return a muscle with a constant moment arm about pro_sup alone."""
+    """Return a muscle that acts on pro_sup only, with a constant moment arm."""
     length = Polynomial(("pro_sup",), 1, (rounded(slack + MEAN_FIBRE * optimal), -group.arm))
     return Muscle(group.name, rounded(force), rounded(optimal), rounded(slack), length, {}, drawn)
 
 
 def _usable(muscle: Muscle, samples: MuscleSamples) -> Muscle:
-    """Return the muscle; its fibre and tendon lengths are identified again if its fibres leave LINE_FIBRES."""
+    """Return the muscle, with fibre and tendon lengths identified again if its fibres leave LINE_FIBRES."""
     values = muscle.length.values(samples.q[:, [JOINTS.index(name) for name in muscle.length.joints]])
     ends = np.array([values.min(), values.max()])
     optimal, slack = _within(LINE_FIBRES, LINE_MIDDLE, ends, muscle.optimal_length, muscle.slack_length)
@@ -179,9 +185,9 @@ def _usable(muscle: Muscle, samples: MuscleSamples) -> Muscle:
 def _identified(paths: Paths, length: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return force along the line of action [N], optimal fibre length [m] and tendon slack length [m] of the elements.
 
-    The file's values are kept where the muscle-tendon lengths `length`, shape (poses, elements) [m], keep the fibres
-    within FIBRES; elsewhere they are identified again. The heads of the triceps now share one insertion, so their
-    tendon slack length is set such that the fibres are optimal at the mean length.
+    The file's values are kept if the muscle-tendon lengths `length`, shape (poses, elements) [m], keep the fibres
+    within FIBRES; otherwise they are identified again. Since the repaired heads of the triceps share one insertion,
+    their tendon slack length is set such that the fibres have the optimal length at the mean muscle-tendon length.
     """
     muscles = [paths.model.getMuscles().get(name) for name in paths.names]
     pennation = np.array([muscle.getPennationAngleAtOptimalFiberLength() for muscle in muscles])
@@ -198,9 +204,10 @@ def _identified(paths: Paths, length: FloatArray) -> tuple[FloatArray, FloatArra
 def _within(
     bounds: tuple[float, float], mean: float, length: FloatArray, optimal: float, slack: float
 ) -> tuple[float, float]:
-    """Return optimal fibre and tendon slack length [m].
+    """Return optimal fibre length and tendon slack length [m] with which the fibres stay within bounds.
 
-    They are identified again if `length`, muscle-tendon lengths of shape (poses,) [m], takes the fibres out of bounds.
+    The given values are returned if they do so at muscle-tendon lengths `length`, shape (poses,) [m]; `mean`: mean
+    fibre length per optimal length otherwise [1].
     """
     shortest, longest = float(length.min()), float(length.max())
     if bounds[0] * optimal <= shortest - slack and longest - slack <= bounds[1] * optimal:

@@ -1,4 +1,4 @@
-"""Polynomials through samples of paths, by least squares."""
+"""Least-squares fit of polynomials to samples of muscle lengths, moment arms and forces across joint centres."""
 
 import numpy as np
 
@@ -8,13 +8,16 @@ from hric_human.muscles.fitting.sample import MuscleSamples
 from hric_human.muscles.polynomial import Polynomial, monomials, slopes
 
 ORDERS, FEW_JOINTS = (5, 4), 3
-"""Orders of the length polynomial, about up to FEW_JOINTS joints and about more; a pull's is one less."""
-NO_ARM, NO_PULL = 1e-4, 1e-6
-"""Largest moment arm [m] and pull [1] for which a muscle counts as not acting on a joint."""
-LENGTH_WEIGHT = 0.3
-"""Weight of a length's error [m] against a slope's [m/rad]; project default.
+"""Order of the length polynomial of a muscle on up to FEW_JOINTS joints, and on more.
 
-If the girdle is fixed for the slopes and moves for the lengths, no polynomial satisfies both.
+The polynomials of a muscle's force across a joint centre have an order one lower.
+"""
+NO_ARM, NO_PULL = 1e-4, 1e-6
+"""Moment arm [m], and force across a joint per muscle force [1], up to which a muscle does not count as acting."""
+LENGTH_WEIGHT = 0.3
+"""Weight of an error of the length [m] relative to an error of a moment arm [m/rad]; project default.
+
+No polynomial satisfies both if the girdle moves in the samples of the lengths and is fixed in those of moment arms.
 """
 
 
@@ -28,17 +31,17 @@ def fit_muscle(
     slack: float,
     path: MusclePath,
 ) -> Muscle:
-    """Return muscle k of the samples.
+    """Fit muscle k of the samples.
 
     Args:
         samples: samples of the model.
         k: index of the muscle.
         joints: joints of the samples.
-        name: see `Muscle`.
-        force: see `Muscle`.
-        optimal: see `Muscle`.
-        slack: see `Muscle`.
-        path: see `Muscle`.
+        name: name of the muscle, without a side.
+        force: maximum isometric force [N].
+        optimal: optimal fibre length [m].
+        slack: tendon slack length [m].
+        path: points through which the muscle is drawn.
     """
     length = _length(samples, k, joints)
     crossed = [centre for centre, pull in samples.pulls.items() if np.abs(pull[:, k]).max() > NO_PULL]
@@ -47,13 +50,13 @@ def fit_muscle(
 
 
 def arm_errors(samples: MuscleSamples, k: int, joints: tuple[str, ...], muscle: Muscle) -> FloatArray:
-    """Return the errors of muscle k's moment arms about the joints that it acts on, shape (N, joints) [m]."""
+    """Return the errors of muscle k's fitted moment arms about the joints that it acts on, shape (N, joints) [m]."""
     acts = [joints.index(name) for name in muscle.length.joints]
     return np.asarray(-muscle.length.gradients(samples.q[:, acts]) - samples.arms[:, k, acts])
 
 
 def fit_error(samples: MuscleSamples, k: int, joints: tuple[str, ...], muscle: Muscle) -> FitError:
-    """Return the errors of muscle k at samples that were not used in its fit."""
+    """Return the errors of the fitted muscle k at samples that were not used in its fit."""
     acts = [joints.index(name) for name in muscle.length.joints]
     q = samples.q[:, acts]
     arms, worst = arm_errors(samples, k, joints, muscle), {}
@@ -65,7 +68,7 @@ def fit_error(samples: MuscleSamples, k: int, joints: tuple[str, ...], muscle: M
 
 
 def _length(samples: MuscleSamples, k: int, joints: tuple[str, ...]) -> Polynomial:
-    """Return the muscle-tendon length polynomial; its negative slopes are the moment arms."""
+    """Fit the muscle-tendon length [m] of muscle k; the moment arms are its negative gradient."""
     acts = np.flatnonzero(np.abs(samples.arms[:, k]).max(axis=0) > NO_ARM)
     order = ORDERS[len(acts) > FEW_JOINTS]
     q = samples.q[:, acts]
@@ -78,7 +81,7 @@ def _length(samples: MuscleSamples, k: int, joints: tuple[str, ...]) -> Polynomi
 def _pull(
     samples: MuscleSamples, k: int, centre: str, joints: tuple[str, ...], of: tuple[str, ...]
 ) -> tuple[Polynomial, Polynomial, Polynomial]:
-    """Return the pull polynomials x, y, z of the angles of some joints."""
+    """Fit the force of muscle k across a joint centre, per muscle force: polynomials for x, y, z in angles of `of`."""
     order = ORDERS[len(of) > FEW_JOINTS] - 1
     terms = monomials(samples.q[:, [joints.index(name) for name in of]], order)
     x, y, z = (Polynomial(of, order, _solve(terms, part)) for part in samples.pulls[centre][:, k].T)
@@ -86,7 +89,7 @@ def _pull(
 
 
 def rounded(value: float) -> float:
-    """Return the value with 12 digits, so that a repeated fit writes the same file."""
+    """Round to 12 significant digits, so that a repeated fit writes the same file."""
     return float(f"{value:.11e}")
 
 

@@ -1,16 +1,16 @@
-"""Elements of the Delft model that form a line of action; fixed, so that a line is the same muscle in each fit."""
+"""Groups of muscle elements of the Delft model that are joined into one line of action each."""
 
 from typing import NamedTuple
 
 
 class Group(NamedTuple):
-    """Elements that act as one line: forces add up, lengths and pulls are means weighted by force.
+    """Muscle elements joined into one line of action: sum of forces, force-weighted mean of lengths and directions.
 
     Attributes:
         name: name of the line.
-        elements: names in das4_v4.osim.
-        arm: moment arm about pro_sup [m] if the paths of the file are unusable, else 0: a line about that joint alone,
-            with the file's length at 0.
+        elements: names of the elements in das4_v4.osim.
+        arm: constant moment arm about pro_sup [m] if the paths in the file are unusable; the line then acts on that
+            joint only. 0 if the paths are used.
     """
 
     name: str
@@ -19,7 +19,7 @@ class Group(NamedTuple):
 
 
 def _group(name: str, stem: str, *numbers: int | str, arm: float = 0.0) -> Group:
-    # The file has no underscore before two digits.
+    # das4_v4.osim has no underscore before numbers of two digits: infra_1, but subscap10.
     return Group(name, tuple(f"{stem}_{k}" if len(str(k)) == 1 else f"{stem}{k}" for k in numbers), arm)
 
 
@@ -56,7 +56,7 @@ GROUPS = (
     _group("pron_teres_a", "pron_teres", 1),
     _group("pron_teres_b", "pron_teres", 2),
     _group("anconeus", "anconeus", 1, 2, 3, 4, 5),
-    # The file's paths flip over within the range; the values are project defaults, unconfirmed.
+    # These paths of the file jump across the bone within the range; the moment arms are project defaults, unconfirmed.
     _group("supinator", "supinator", 1, 2, 3, 4, 5, arm=-0.008),
     _group("pron_quad", "pron_quad", 1, 2, 3, arm=0.006),
 )

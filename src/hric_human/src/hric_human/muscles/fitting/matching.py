@@ -1,7 +1,7 @@
-"""Matching of a model's coordinates to the joints of our arm by geometry: bone motion and joint positions.
+"""Matching of an arm model's coordinates to the arm joints of `hric_human.body`, by bone motion and joint positions.
 
-Names only identify the bones. Axes of bodies are assumed anatomical: measured axes are rounded to the nearest body
-axis, and a zero to the nearest quarter turn.
+Only the bones are identified by name. Axes of bodies are assumed to be anatomical: computed axes are rounded to the
+nearest body axis, and zero offsets to the nearest multiple of 90 deg.
 """
 
 import logging
@@ -26,17 +26,17 @@ from hric_human.muscles.fitting.posture import (
 LOG = logging.getLogger("hric.human.muscles")
 SHOULDER, WRIST = ("sh_flex", "sh_abd", "sh_rot"), ("wr_flex", "wr_dev")
 SMALLEST_CIRCLE = 0.004
-"""Smallest usable radius of the wrist centre's circle about the pronation axis [m]; project default."""
+"""Minimum usable radius of the circle on which the wrist centre moves about the pronation axis [m]; project default."""
 _QUARTER = 0.5 * math.pi
 
 
 class Hinge(NamedTuple):
-    """Joint of our arm that is one coordinate of a model: angle = sign coordinate + offset.
+    """Arm joint that corresponds to one coordinate of a model: joint angle = sign * coordinate + offset.
 
     Attributes:
         coordinate: coordinate of the model.
         sign: 1 or -1.
-        offset: offset of the angle [rad].
+        offset: joint angle where the coordinate is 0 [rad].
     """
 
     coordinate: Coordinate
@@ -45,25 +45,25 @@ class Hinge(NamedTuple):
 
     @property
     def range(self) -> tuple[float, float]:
-        """Range of the angle [rad]."""
+        """Range of the joint angle [rad]."""
         ends = [self.sign * end + self.offset for end in (self.coordinate.lower, self.coordinate.upper)]
         return min(ends), max(ends)
 
     def at(self, angle: float) -> dict[str, float]:
-        """Return the coordinate at an angle [rad]."""
+        """Return the coordinate's value for a joint angle [rad], by its name."""
         return {self.coordinate.name: self.sign * (angle - self.offset)}
 
 
 class Matching:
-    """Joints of a model's arm.
+    """Correspondence between a model's coordinates and the joints of an arm.
 
     Attributes:
         posture: posture of the model.
-        hinges: joints that are one coordinate, by our joint.
-        shoulder: the three coordinates that rotate the humerus; none if the shoulder is a hinge.
+        hinges: joints that correspond to one coordinate, by name of the joint.
+        shoulder: the three coordinates that rotate the humerus; empty if the shoulder is a hinge.
 
     Raises:
-        HricError: coordinates do not match the joints of an arm.
+        HricError: the coordinates do not match the joints of an arm.
     """
 
     def __init__(self, posture: ModelPosture) -> None:
@@ -79,19 +79,22 @@ class Matching:
         self.shoulder = self._match_shoulder()
 
     def R_ground_thorax(self) -> FloatArray:
-        """Return the rotation of the thorax in our axes, shape (3, 3)."""
+        """Return the rotation of the thorax in the ground, with thorax axes right, up, back, shape (3, 3)."""
         return np.asarray(self.posture.frame(self.posture.bones.thorax)[0] @ self._thorax)
 
     def R_ground_humerus(self) -> FloatArray:
-        """Return the rotation of the humerus in our axes, shape (3, 3)."""
+        """Return the rotation of the humerus in the ground, with humerus axes right, up, back, shape (3, 3)."""
         return np.asarray(self.posture.frame(self.posture.bones.humerus)[0] @ self._humerus)
 
     def R_thorax_humerus(self) -> FloatArray:
-        """Return the rotation of the humerus in the thorax in our axes, shape (3, 3)."""
+        """Return the rotation of the humerus in the thorax, with axes right, up, back of both, shape (3, 3)."""
         return np.asarray(self.R_ground_thorax().T @ self.R_ground_humerus())
 
     def _axes_of_thorax(self) -> FloatArray:
-        """Return the thorax axes: up is against gravity, right from the body's origin towards the shoulder."""
+        """Return right, up and back of the thorax in axes of its body, shape (3, 3).
+
+        Up is against gravity, right is from the body's origin towards the right shoulder.
+        """
         R_ground_body, origin = self.posture.frame(self.posture.bones.thorax)
         up = self.posture.model.up
         to_shoulder = self.posture.shoulder - origin
@@ -100,7 +103,7 @@ class Matching:
         return nearest_axes(R_ground_body.T @ axes, f"{self._name}, thorax")
 
     def _bending(self) -> tuple[Coordinate, float]:
-        """Return the coordinate that flexes the elbow, and its sense."""
+        """Return the coordinate that flexes the elbow, and 1.0 if it rises with flexion, else -1.0."""
         posture, bones = self.posture, self.posture.bones
         forearm = unit(posture.wrist - posture.elbow)
         across = {
@@ -119,7 +122,10 @@ class Matching:
         return elbow, 1.0 if bent[1] > bent[0] else -1.0
 
     def _axes_of_humerus(self, elbow: Coordinate, sign: float) -> FloatArray:
-        """Return the humerus axes: up is along the bone, right along the axis of flexion."""
+        """Return right, up and back of the humerus in axes of its body, shape (3, 3).
+
+        Up is along the bone, right along the axis of elbow flexion.
+        """
         posture = self.posture
         up = unit(posture.shoulder - posture.elbow)
         axis = sign * posture.axis(elbow, posture.bones.ulna)
@@ -128,12 +134,12 @@ class Matching:
         return nearest_axes(posture.frame(posture.bones.humerus)[0].T @ axes, f"{self._name}, humerus")
 
     def _bent(self) -> float:
-        """Return the current angle of the elbow in the plane across its axis [rad]."""
+        """Return the current flexion angle of the elbow [rad], in the plane perpendicular to its axis."""
         _, y, z = self.R_ground_humerus().T @ (self.posture.wrist - self.posture.elbow)
         return math.atan2(-z, -y)
 
     def _match_pronation(self) -> None:
-        """Match the coordinate about the forearm, with a straight elbow."""
+        """Match the coordinate that rotates the forearm about its long axis to pro_sup, with a straight elbow."""
         posture, bones = self.posture, self.posture.bones
         for coordinate in reversed(posture.between(bones.humerus, bones.radius)):
             along = float((self.R_ground_humerus().T @ posture.axis(coordinate, bones.radius))[1])
@@ -148,10 +154,10 @@ class Matching:
                 return
 
     def _pronated(self, coordinate: Coordinate, sign: float) -> float:
-        """Return the current angle of pronation [rad].
+        """Return the current angle of pronation [rad], 0 with the thumb forward.
 
-        The thumb is forward if the wrist's centre is forward of the axis; if the centre is on the axis, in the middle
-        of the coordinate's range.
+        The thumb is assumed forward where the wrist centre is forward of the pronation axis, or, if the centre is on
+        the axis, in the middle of the coordinate's range.
         """
         at, wrist = self.posture.angles[coordinate.name], []
         for angle in (at, at + 1.0, at - 1.0):
@@ -164,7 +170,7 @@ class Matching:
         return sign * (at - 0.5 * (coordinate.lower + coordinate.upper))
 
     def _match_wrist(self) -> None:
-        """Match coordinates of the hand to the axes of our wrist, straight at 0, with the thumb forward."""
+        """Match coordinates of the hand to wr_flex and wr_dev, both 0 with a straight wrist and the thumb forward."""
         posture, bones = self.posture, self.posture.bones
         if not bones.hand:
             return
@@ -185,15 +191,17 @@ class Matching:
             else:
                 off = math.degrees(math.acos(abs(along[coordinate])))
                 LOG.warning(
-                    "%s: no muscle acts on %s: the axis of the nearest coordinate of the hand, %s, is %.0f deg off",
+                    "%s: joint %s gets no muscles, since the axis of the nearest coordinate of the hand, %s, is "
+                    "%.0f deg away from the joint's; valid: up to %.0f deg",
                     self._name,
                     joint,
                     coordinate.name,
                     off,
+                    math.degrees(FAR),
                 )
 
     def _match_shoulder(self) -> tuple[Coordinate, ...]:
-        """Return the three coordinates nearest to the humerus, or match a hinge."""
+        """Return the three coordinates nearest to the humerus; match a shoulder with one coordinate as a hinge."""
         bones = self.posture.bones
         coordinates = self.posture.between(bones.thorax, bones.humerus)
         if len(coordinates) == 1:
@@ -201,12 +209,12 @@ class Matching:
             return ()
         if len(coordinates) < len(SHOULDER):
             raise HricError(
-                f"{self._name} has {len(coordinates)} coordinates at the shoulder; valid: one, or three that turn the "
-                "humerus to any orientation, beside those that couplers give"
+                f"{self._name} has {len(coordinates)} independent coordinates at the shoulder; valid: one, or three "
+                "that rotate the humerus to any orientation"
             )
         if resting := [coordinate.name for coordinate in coordinates[: -len(SHOULDER)]]:
             LOG.warning(
-                "%s: %s stay where they are by default, since no coupler lets them follow the arm",
+                "%s: the shoulder coordinates %s keep their default values, since no coupler lets them follow the arm",
                 self._name,
                 ", ".join(resting),
             )
@@ -218,19 +226,20 @@ class Matching:
         along = float(axis @ AXES[joint])
         if abs(along) < math.cos(FAR):
             raise HricError(
-                f"{self._name}: the axis of {coordinate.name} is that of none of the joints {', '.join(SHOULDER)}"
+                f"{self._name}: the axis of the shoulder's only coordinate, {coordinate.name}, is more than "
+                f"{math.degrees(FAR):.0f} deg away from the axes of {', '.join(SHOULDER)}"
             )
         angle = float(rotation_vector(self.R_thorax_humerus()) @ AXES[joint])
         self._add(joint, coordinate, math.copysign(1.0, along), angle)
 
     def _add(self, joint: str, coordinate: Coordinate, sign: float, angle: float) -> None:
-        """Add a hinge with its current angle [rad]."""
+        """Match a joint to a coordinate as a hinge; angle: current joint angle [rad]."""
         offset = math.remainder(angle - sign * self.posture.angles[coordinate.name], 2.0 * math.pi)
         nearest = _QUARTER * round(offset / _QUARTER)
         if abs(offset - nearest) > FAR:
             raise HricError(
                 f"{self._name}: where {coordinate.name} is 0, {joint} is {math.degrees(offset):.0f} deg; valid: within "
-                f"{math.degrees(FAR):.0f} deg of a quarter of a turn"
+                f"{math.degrees(FAR):.0f} deg of a multiple of 90 deg"
             )
         self.hinges[joint] = Hinge(coordinate, sign, nearest)
-        LOG.info("%s: %s is %+.0f %s %+.0f deg", self._name, joint, sign, coordinate.name, math.degrees(nearest))
+        LOG.info("%s: %s = %+.0f * %s %+.0f deg", self._name, joint, sign, coordinate.name, math.degrees(nearest))

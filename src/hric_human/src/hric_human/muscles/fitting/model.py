@@ -1,4 +1,4 @@
-"""Interface of an arm model for the fit, independent of the engine that reads it."""
+"""Interface of a musculoskeletal arm model for the fit of muscles, independent of the engine that reads it."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
@@ -8,12 +8,12 @@ from hric_core.geometry import FloatArray
 
 
 class Coordinate(NamedTuple):
-    """Independent angle of a model.
+    """Independent generalised coordinate of a model, an angle.
 
     Attributes:
         name: name in the model.
-        body: body that it moves.
-        lower, upper, default: range and default [rad].
+        body: body that the coordinate moves.
+        lower, upper, default: range and default value [rad].
     """
 
     name: str
@@ -24,12 +24,12 @@ class Coordinate(NamedTuple):
 
 
 class Strengths(NamedTuple):
-    """Strengths of K muscles along their lines of action.
+    """Force and length parameters of K muscles along their lines of action.
 
     Attributes:
-        force: isometric forces, shape (K,) [N].
-        optimal_length: optimal lengths of fibres, shape (K,) [m].
-        slack_length: slack lengths of tendons, shape (K,) [m].
+        force: maximum isometric forces, shape (K,) [N].
+        optimal_length: optimal fibre lengths, shape (K,) [m].
+        slack_length: tendon slack lengths, shape (K,) [m].
     """
 
     force: FloatArray
@@ -38,15 +38,15 @@ class Strengths(NamedTuple):
 
 
 class ArmModel(ABC):
-    """Model of an arm in one state.
+    """Model of an arm at one set of coordinates.
 
     Attributes:
         name: name of the model.
-        credits: authors and terms from its file.
-        muscles: names of its K muscles.
-        parents: parent by body, in the order of the tree; "" is the ground.
-        coordinates: independent angles; dependent ones follow them.
-        up: direction against gravity, in the ground, shape (3,).
+        credits: authors and licence, as stated in the model's file.
+        muscles: names of the model's K muscles.
+        parents: parent of each body, parents first; "" is the ground.
+        coordinates: independent coordinates; dependent ones follow them.
+        up: unit vector against gravity, in the ground frame, shape (3,).
     """
 
     name: str
@@ -62,28 +62,31 @@ class ArmModel(ABC):
 
     @abstractmethod
     def frame(self, body: str) -> tuple[FloatArray, FloatArray]:
-        """Return rotation of shape (3, 3) and origin [m] of a body in the ground."""
+        """Return rotation, shape (3, 3), and origin [m] of a body in the ground frame."""
 
     @abstractmethod
     def centre(self, body: str) -> FloatArray:
-        """Return the centre of the joint between a body and its parent, in the ground, shape (3,) [m]."""
+        """Return the centre of the joint between a body and its parent, in the ground frame, shape (3,) [m]."""
 
     @abstractmethod
     def mass_centre(self, body: str) -> FloatArray:
-        """Return the centre of mass of a body in the ground, shape (3,) [m]."""
+        """Return the centre of mass of a body in the ground frame, shape (3,) [m]."""
 
     @abstractmethod
     def lengths(self) -> FloatArray:
-        """Return the lengths of muscles with their tendons, shape (K,) [m]."""
+        """Return the lengths of the muscles including their tendons, shape (K,) [m]."""
 
     @abstractmethod
     def muscle_paths(self) -> list[list[tuple[str, FloatArray]]]:
-        """Return the points of each muscle's line from end to end: body ("": ground), position in the ground [m]."""
+        """Return the points of each muscle's path: body ("" is the ground), and position in the ground frame [m]."""
 
     @abstractmethod
     def pulls(self, body: str) -> FloatArray:
-        """Return the force on a body and all distal ones, per unit of muscle force, in the ground, shape (K, 3) [1]."""
+        """Return the sum of each muscle's forces on a body and all distal ones, per muscle force, shape (K, 3) [1].
+
+        The forces are in axes of the ground.
+        """
 
     @abstractmethod
     def strengths(self) -> Strengths:
-        """Return the strengths of the muscles."""
+        """Return the force and length parameters of the muscles."""

@@ -1,4 +1,4 @@
-"""Models of arms by their files, and their anatomies. Engines are loaded by a fit only."""
+"""Fit of the muscles of an arm model from its file. OpenSim or MuJoCo is imported only for a fit."""
 
 import logging
 from pathlib import Path
@@ -9,27 +9,32 @@ from hric_human.muscles.anatomy import Anatomy
 
 LOG = logging.getLogger("hric.human.muscles")
 NON_COMMERCIAL = (
-    "the arm of myo-sim is Apache-2.0 by its authors, but derives from MoBL-ARMS, whose terms are non-commercial: what "
-    "is fitted from it is for your own non-commercial use, and belongs into no repository."
+    "the arm of myo-sim is Apache-2.0 by its authors, but derives from MoBL-ARMS, whose terms are non-commercial: use "
+    "muscles fitted from it non-commercially only, and do not publish them in a repository."
 )
-"""Licence notice of a model of an installed myo-sim."""
+"""Licence notice for a model of the package myo-sim."""
 DELFT_MENDS = (
-    "das4_v4.osim and is repaired as the built-in anatomy is: insertion of 12 elements of the triceps, lines of "
-    "supinator and pronator quadratus, lengths of fibres and tendons, a girdle that follows the arm; its muscles of "
+    "das4_v4.osim and is repaired like the built-in muscles: insertion of 12 elements of the triceps, lines of action "
+    "of supinator and pronator quadratus, lengths of fibres and tendons, a girdle that follows the arm; its muscles of "
     "hand and wrist are left out"
 )
+"""Second part of the log line about the repairs of the file das4_v4.osim."""
 
 
 def terms(path: Path) -> str:
-    """Return the licence notice of a model before its use; "" for the user's own models."""
+    """Return the licence notice that a model's user must know; "" for models outside the package myo-sim."""
     return NON_COMMERCIAL if "myo_sim" in path.resolve().parts else ""
 
 
 def content(path: Path, folder: Path | None = None) -> bytes:
-    """Return the content of a model's file, and of the files that a MuJoCo model includes, relative to it.
+    """Return the content of a model's file, with that of all files that a MuJoCo model includes.
+
+    Args:
+        path: file of the model.
+        folder: folder to which included files are relative; None: that of `path`.
 
     Raises:
-        HricError: one of them cannot be read.
+        HricError: one of the files cannot be read.
     """
     folder = path.parent if folder is None else folder
     try:
@@ -41,12 +46,12 @@ def content(path: Path, folder: Path | None = None) -> bytes:
 
 
 def fit(path: Path) -> Anatomy:
-    """Return the anatomy of a model, and log its repairs.
+    """Fit the muscles of a model, and log how the model was repaired.
 
     Raises:
         HricError: the file cannot be read, or has no arm with muscles.
     """
-    from hric_human.muscles.fitting import any_arm, delft, repair  # an engine takes a second
+    from hric_human.muscles.fitting import any_arm, delft, repair  # imports OpenSim, which takes a second
 
     if path.suffix.lower() == ".xml":
         from hric_human.muscles.fitting.mujoco_model import MujocoArm
@@ -57,16 +62,20 @@ def fit(path: Path) -> Anatomy:
         return delft.fit(path)
     from hric_human.muscles.fitting.opensim_model import OpenSimArm
 
-    LOG.warning("%s is used without repairs", path)
+    LOG.warning("%s is used without repairs: check its muscle paths yourself", path)
     return any_arm.fit(OpenSimArm(path), path.name, terms(path))
 
 
 def run(model: Path, output: Path) -> None:
-    """Fit a model, write the file of its anatomy, and print its notice and its errors. Raises HricError."""
+    """Fit the muscles of a model, write them to a file, and print licence notice and errors of the fit.
+
+    Raises:
+        HricError: the model cannot be read, or has no arm with muscles.
+    """
     LOG.addHandler(logging.StreamHandler())
     LOG.setLevel(logging.INFO)
     if not model.is_file():
-        raise HricError(f"no file {model}")
+        raise HricError(f"the model cannot be read: no file {model}")
     if notice := terms(model):
         LOG.warning("%s", notice)
     anatomy = fit(model)
@@ -76,9 +85,9 @@ def run(model: Path, output: Path) -> None:
 
 
 def errors_as_markdown(anatomy: Anatomy) -> str:
-    """Return the muscles with their numbers and errors of the fit, as Markdown."""
+    """Return a Markdown table of the muscles: parameters, and errors of the fit at poses that were not used for it."""
     rows = [
-        "| muscle | force N | optimal mm | tendon mm | joints | length rms mm | arm rms mm | single mm | pull worst |",
+        "| muscle | force N | optimal mm | tendon mm | joints | length rms mm | arm rms mm | arm max mm | pull max |",
         "|---|---|---|---|---|---|---|---|---|",
     ]
     for name, muscle in anatomy.muscles.items():

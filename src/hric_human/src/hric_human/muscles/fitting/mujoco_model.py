@@ -1,4 +1,4 @@
-"""MuJoCo model for the fit: muscles are actuators with MuJoCo's muscle gain on a tendon."""
+"""MuJoCo arm model for the fit of muscles: actuators with MuJoCo's muscle gain on a tendon are its muscles."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,14 +13,14 @@ from hric_human.muscles.fitting.model import ArmModel, Coordinate, Strengths
 _SITE, _PULLEY = -1, -2
 """Values of `wrap_obj` in MuJoCo's data that are not a wrapped geometry."""
 _SHIFT = 1e-5
-"""Shift of a body for the numerical pull across its joint [m]."""
+"""Shift of a body in the numerical derivative that gives the muscles' forces across its joint [m]."""
 
 
 class MujocoArm(ArmModel):
-    """MuJoCo model of an arm. Equalities of joints are evaluated; other constraints are ignored.
+    """MuJoCo model of an arm. Equality constraints between joints are evaluated; other constraints are ignored.
 
     Raises:
-        HricError: MuJoCo cannot read it, or it has no muscles.
+        HricError: MuJoCo cannot read the model, or it has no muscles.
     """
 
     def __init__(self, path: Path) -> None:
@@ -64,7 +64,7 @@ class MujocoArm(ArmModel):
         return Coordinate(model.joint(joint).name, body, float(low), float(high), default)
 
     def put(self, angles: Mapping[str, float]) -> None:
-        """Set coordinates by name [rad]; others stay."""
+        """Set coordinates by name [rad]; the others do not change."""
         model, qpos = self._model, self._data.qpos
         for name, angle in angles.items():
             qpos[model.joint(name).qposadr[0]] = angle
@@ -83,27 +83,27 @@ class MujocoArm(ArmModel):
         mujoco.mj_tendon(self._model, self._data)
 
     def frame(self, body: str) -> tuple[FloatArray, FloatArray]:
-        """Return rotation and origin [m] of a body in the ground."""
+        """Return rotation, shape (3, 3), and origin [m] of a body in the ground frame."""
         i = self._bodies[body]
         return np.array(self._data.xmat[i]).reshape(3, 3), np.array(self._data.xpos[i])
 
     def centre(self, body: str) -> FloatArray:
-        """Return the position of the joint before a body, in the ground [m]."""
+        """Return the position of the joint between a body and its parent, in the ground frame [m]."""
         i = self._bodies[body]
         return np.array(
             self._data.xanchor[self._model.body_jntadr[i]] if self._model.body_jntnum[i] else self._data.xpos[i]
         )
 
     def mass_centre(self, body: str) -> FloatArray:
-        """Return the centre of mass of a body in the ground [m]."""
+        """Return the centre of mass of a body in the ground frame [m]."""
         return np.array(self._data.xipos[self._bodies[body]])
 
     def lengths(self) -> FloatArray:
-        """Return the lengths of muscles with their tendons [m]."""
+        """Return the lengths of the muscles including their tendons, shape (K,) [m]."""
         return np.array(self._data.ten_length[self._tendons])
 
     def muscle_paths(self) -> list[list[tuple[str, FloatArray]]]:
-        """Return the points of each muscle's line; where a tendon wraps, both ends of the wrapped part."""
+        """Return the points of each muscle's path; where a tendon wraps around a geometry, both ends of that part."""
         model, data = self._model, self._data
         names, positions = list(self._bodies), data.wrap_xpos.reshape(-1, 3)
         paths = []
@@ -120,7 +120,10 @@ class MujocoArm(ArmModel):
         return paths
 
     def pulls(self, body: str) -> FloatArray:
-        """Return the pulls by virtual work: change of lengths as the body moves away from its parent."""
+        """Return each muscle's total force on a body and all distal ones, per muscle force, in ground axes [1].
+
+        It is the derivative of the muscle's length as the body is shifted away from its parent (virtual work).
+        """
         number, R_ground_parent = self._bodies[body], self.frame(self.parents[body])[0]
         rows = []
         for axis in np.eye(3):
@@ -136,7 +139,7 @@ class MujocoArm(ArmModel):
         return np.array(rows).T
 
     def strengths(self) -> Strengths:
-        """Return the strengths from MuJoCo's parameters: the path's length range is the fibres' plus the tendon."""
+        """Return force and length parameters from MuJoCo's: its length range is that of fibres plus rigid tendon."""
         model, of = self._model, self._actuators
         shortest, longest, force, scale = model.actuator_gainprm[of, :4].T
         low, high = model.actuator_lengthrange[of].T

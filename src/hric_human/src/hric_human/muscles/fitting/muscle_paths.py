@@ -1,4 +1,4 @@
-"""Drawn lines of muscles: points of their paths in the resting posture, on the segments of our arm."""
+"""Lines that draw muscles: points of a model's muscle paths in the resting posture, attached to the arm's segments."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -11,22 +11,22 @@ from hric_human.muscles.fitting.fit import rounded
 from hric_human.muscles.fitting.sample import R_LINK_OPENSIM
 
 REST = {"sh_flex": math.radians(20.0), "sh_abd": math.radians(15.0), "el_flex": math.radians(80.0)}
-"""Resting posture of `hric_human.control`; angles not named are 0 [rad]."""
+"""Joint angles of the resting posture of `hric_human.control`, in which lines are drawn; all others are 0 [rad]."""
 NEAR = 1e-3
 """Distance below which points of a line are merged [m]."""
 Frames = Mapping[str, tuple[FloatArray, FloatArray]]
-"""Rotation, shape (3, 3) in x right, y up, z back, and origin [m] of each of SEGMENTS, in the ground."""
+"""Frame of each of SEGMENTS in the ground: rotation with axes x right, y up, z back, shape (3, 3), and origin [m]."""
 
 
 def resting(joints: Sequence[str]) -> FloatArray:
-    """Return the angles of joints in the resting posture, in which lines are drawn, shape (m,) [rad]."""
+    """Return the angles of joints in the resting posture, shape (m,) [rad]."""
     return np.array([REST.get(name, 0.0) for name in joints])
 
 
 def muscle_path(
     points: Sequence[tuple[str, FloatArray]], segment_of: Callable[[str], str], frames: Frames
 ) -> MusclePath:
-    """Return the drawn line of a muscle.
+    """Return the points through which a muscle is drawn, in axes of the arm's segments.
 
     Args:
         points: body and position in the ground [m], from end to end.
@@ -48,21 +48,21 @@ def muscle_path(
 def frames_of(
     R_thorax: FloatArray, right: FloatArray, shoulder: FloatArray, elbow: FloatArray, wrist: FloatArray
 ) -> Frames:
-    """Return the frames of our segments, from joint to joint.
+    """Return the frames of SEGMENTS in the ground; those of the arm are along the lines between joint centres.
 
     Args:
-        R_thorax: rotation of the thorax, shape (3, 3).
-        right: axis of elbow flexion, shape (3,).
-        shoulder: joint centre, shape (3,) [m].
-        elbow: joint centre, shape (3,) [m].
-        wrist: joint centre, shape (3,) [m].
+        R_thorax: rotation of the thorax in the ground, shape (3, 3).
+        right: axis of elbow flexion in the ground, shape (3,).
+        shoulder: joint centre in the ground, shape (3,) [m].
+        elbow: joint centre in the ground, shape (3,) [m].
+        wrist: joint centre in the ground, shape (3,) [m].
     """
     upper_arm, forearm = _along(shoulder - elbow, right), _along(elbow - wrist, right)
     return dict(zip(SEGMENTS, ((R_thorax, shoulder), (upper_arm, shoulder), (forearm, elbow)), strict=True))
 
 
 def _along(bone: FloatArray, right: FloatArray) -> FloatArray:
-    """Return axes with up along a bone and right as near as that allows, shape (3, 3)."""
+    """Return axes right, up, back, shape (3, 3): up is along the bone, right as near as possible to `right`."""
     up = bone / np.linalg.norm(bone)
     across = right - up * (up @ right)
     across /= np.linalg.norm(across)

@@ -1,4 +1,4 @@
-"""OpenSim model for the fit."""
+"""OpenSim arm model for the fit of muscles."""
 
 import logging
 from collections.abc import Iterator, Mapping
@@ -15,13 +15,13 @@ from hric_human.muscles.fitting.sample import Paths, members
 
 LOG = logging.getLogger("hric.human.muscles")
 _TRANSLATION = 2
-"""Code of translational coordinates in OpenSim."""
+"""OpenSim's motion type of translational coordinates."""
 _UNSAID = opensim.Model().getCredits(), opensim.Model().getPublications()
-"""Default texts of OpenSim for a file without credits."""
+"""OpenSim's default texts for a file without credits and publications."""
 
 
 class _Coupler:
-    """Coordinate that is a function of others."""
+    """Coordinate that is a function of others (OpenSim's CoordinateCouplerConstraint)."""
 
     def __init__(self, constraint: Any) -> None:
         names = constraint.getIndependentCoordinateNames()
@@ -38,10 +38,10 @@ class _Coupler:
 
 
 class OpenSimArm(Paths, ArmModel):
-    """OpenSim model of an arm. Couplers of coordinates are evaluated; other constraints are ignored.
+    """OpenSim model of an arm. CoordinateCouplerConstraints are evaluated; other constraints are ignored.
 
     Raises:
-        HricError: OpenSim cannot read it, or it has no muscles with points on bodies.
+        HricError: OpenSim cannot read the model, or it has no muscles with points on bodies.
     """
 
     def __init__(self, path: Path) -> None:
@@ -92,23 +92,23 @@ class OpenSimArm(Paths, ArmModel):
         return "" if name == self.model.getGround().getName() else name
 
     def put(self, angles: Mapping[str, float]) -> None:
-        """Set coordinates by name [rad]; others stay."""
+        """Set coordinates by name [rad]; the others do not change, except dependent ones."""
         self._angles |= angles
         for coupler in self._couplers:
             self._angles[coupler.name] = coupler.value(self._angles)
         super().put(self._angles)
 
     def centre(self, body: str) -> FloatArray:
-        """Return the position of the joint before a body, in the ground [m]."""
+        """Return the position of the joint between a body and its parent, in the ground frame [m]."""
         return np.asarray(self._joints[body].getParentFrame().getPositionInGround(self.state).to_numpy())
 
     def mass_centre(self, body: str) -> FloatArray:
-        """Return the centre of mass of a body in the ground [m]."""
+        """Return the centre of mass of a body in the ground frame [m]."""
         rigid_body = self.model.getBodySet().get(body)
         return np.asarray(rigid_body.findStationLocationInGround(self.state, rigid_body.getMassCenter()).to_numpy())
 
     def pulls(self, body: str) -> FloatArray:
-        """Return the force on a body and all distal ones per force of each muscle, in the ground [1]."""
+        """Return each muscle's total force on a body and all distal ones, per muscle force, in ground axes [1]."""
         behind = {body}
         for other, parent in self.parents.items():
             if parent in behind:
@@ -116,7 +116,7 @@ class OpenSimArm(Paths, ArmModel):
         return self.lines().pull(self.numbers(sorted(behind)))
 
     def strengths(self) -> Strengths:
-        """Return the strengths of the muscles."""
+        """Return the force and length parameters of the muscles, along their lines of action."""
         of = [self.model.getMuscles().get(name) for name in self.muscles]
         along = np.cos([muscle.getPennationAngleAtOptimalFiberLength() for muscle in of])
         return Strengths(
@@ -133,7 +133,9 @@ def _couplers(model: Any, state: Any) -> Iterator[_Coupler]:
             continue
         if coupler is None:
             LOG.warning(
-                "%s: the constraint %s couples no coordinates, and is left out", model.getName(), constraint.getName()
+                "%s: constraint %s is ignored, since it is no CoordinateCouplerConstraint",
+                model.getName(),
+                constraint.getName(),
             )
         else:
             yield _Coupler(coupler)
@@ -149,7 +151,7 @@ def _body(frame: Any) -> str:
 
 
 def _sorted(parents: Mapping[str, str]) -> dict[str, str]:
-    """Return parents before their children."""
+    """Sort the bodies so that parents come before their children."""
     made = dict[str, str]()
     while len(made) < len(parents):
         made |= {body: parent for body, parent in parents.items() if body not in made and parent in {"", *made}}

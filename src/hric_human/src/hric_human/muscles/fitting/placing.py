@@ -1,4 +1,4 @@
-"""Placement of a model's right arm at angles of our joints, and its muscles there."""
+"""Placement of a model's right arm at given angles of the body's arm joints, and its muscles in that pose."""
 
 import numpy as np
 
@@ -14,22 +14,22 @@ from hric_human.muscles.fitting.posture import AXES, STEP, ModelPosture, rotatio
 from hric_human.muscles.fitting.sample import R_LINK_OPENSIM
 
 ACCURACY = 1e-8
-"""Accuracy of the orientation of the humerus [rad]."""
+"""Error of the orientation of the humerus at which the search for it stops [rad]."""
 _STEPS, _STARTS, _LONGEST, _DAMPING = 30, 4, 0.5, 1e-12
-"""Limits of the orientation search: steps, starts, length of a step [rad], and damping [1]."""
+"""Search for an orientation: maximum steps, random starts, maximum step [rad], and damping [1]."""
 _SINGULAR = 1e4
-"""Condition of the humerus' rates beyond which slopes by its angles are noise [1]."""
+"""Condition number of the shoulder's Jacobian above which derivatives by shoulder angles are noise [1]."""
 
 
 class Placing:
-    """Model's arm that is moved to the pose of our arm.
+    """Arm of a model that is moved to given angles of the arm joints of `hric_human.body`.
 
     Attributes:
-        joints: our joints that the model has, in their order.
-        hinges: joints that are one coordinate, by joint.
+        joints: names of the arm joints that the model has, in their order.
+        hinges: joints that correspond to one coordinate of the model, by name of the joint.
 
     Raises:
-        HricError: the model has no arm, or its coordinates do not match the joints of one.
+        HricError: the model has no arm, or its coordinates do not match the joints of an arm.
     """
 
     def __init__(self, model: ArmModel) -> None:
@@ -49,9 +49,9 @@ class Placing:
         return not self._shoulder or self._orient(q[: len(SHOULDER)])
 
     def slopes(self, q: FloatArray) -> FloatArray | None:
-        """Return the slopes of lengths by the angles of `joints` at the current pose, shape (K, m) [m/rad].
+        """Return the derivatives of muscle lengths by the angles of `joints` at the current pose, shape (K, m) [m/rad].
 
-        Return None if coordinates of the shoulder are singular.
+        Return None if the shoulder is in a singular pose of the model.
         """
         made = {name: hinge.sign * self._differences(hinge.coordinate)[0] for name, hinge in self.hinges.items()}
         if self._shoulder:
@@ -65,9 +65,9 @@ class Placing:
         return np.array([made[name] for name in self.joints]).T
 
     def pulls(self) -> dict[str, FloatArray]:
-        """Return, by joint centre, the force on the distal part per unit of muscle force, shape (K, 3) [1].
+        """Return, by joint centre, the force on the distal part per muscle force, shape (K, 3) [1].
 
-        The axes are those of the proximal link, as in `MuscleSamples`.
+        The axes are those of the proximal link: x forward, y left, z up.
         """
         bones, R = self._posture.bones, (self._matching.R_ground_thorax(), self._matching.R_ground_humerus())
         return {
@@ -76,7 +76,7 @@ class Placing:
         }
 
     def reference(self) -> dict[str, float]:
-        """Return the segment lengths by their names in a subject [m]; a model without a hand has no forearm length."""
+        """Return the lengths of the model's upper arm and forearm [m]; without a hand, that of the upper arm only."""
         posture = self._posture
         ends = {"upper_arm": posture.elbow - posture.shoulder}
         if posture.bones.wrist:
@@ -84,7 +84,7 @@ class Placing:
         return {name: float(np.linalg.norm(vector)) for name, vector in ends.items()}
 
     def muscle_paths(self) -> list[MusclePath]:
-        """Return the drawn muscle lines in the resting posture, or as near to it as the model's ranges allow."""
+        """Return the points of all muscles for drawing, in the resting posture or as near to it as the model allows."""
         q = resting(self.joints)
         for k, name in enumerate(self.joints):
             if name in self.hinges:
@@ -96,13 +96,13 @@ class Placing:
         return [muscle_path(points, self._segment, frames) for points in self._model.muscle_paths()]
 
     def _segment(self, body: str) -> str:
-        """Return the body's entry of SEGMENTS; girdle and hand are drawn with trunk and forearm."""
+        """Return the entry of SEGMENTS with which a body is drawn: girdle with the torso, hand with the forearm."""
         torso, upper_arm, forearm = SEGMENTS
         bodies, bones = chain(self._model, "", body), self._posture.bones
         return forearm if bones.forearm in bodies else upper_arm if bones.shoulder in bodies else torso
 
     def _differences(self, coordinate: Coordinate) -> tuple[FloatArray, FloatArray]:
-        """Return slopes of lengths by a coordinate, (K,) [m/rad], and the humerus' rate in the thorax, shape (3,)."""
+        """Return derivatives by a coordinate: of lengths, shape (K,) [m/rad], and of humerus rotation, shape (3,)."""
         at, lengths, R = self._posture.angles[coordinate.name], [], []
         for angle in (at + STEP, at - STEP):
             self._posture.put({coordinate.name: angle})
@@ -112,7 +112,7 @@ class Placing:
         return (lengths[0] - lengths[1]) / (2.0 * STEP), small_rotation(R[0] @ R[1].T) / (2.0 * STEP)
 
     def _orient(self, angles: FloatArray) -> bool:
-        """Rotate the humerus to angles of SHOULDER [rad]; return True if that is reached."""
+        """Rotate the humerus to angles of SHOULDER [rad]; return True if the model reaches them."""
         R_target = np.eye(3)
         for name, angle in zip(SHOULDER, angles, strict=True):
             R_target = R_target @ rotation_about(AXES[name], angle)
@@ -124,19 +124,19 @@ class Placing:
         return False
 
     def _starts(self, angles: FloatArray) -> FloatArray:
-        """Return start coordinates: of the nearest pose so far, the defaults, and random ones in their ranges."""
+        """Return start values of the search: coordinates of the nearest solved pose, defaults, and random values."""
         lower, upper = self._ranges()
         drawn = lower + (upper - lower) * np.random.default_rng(0).random((_STARTS, len(lower)))
         near = [min(self._solved, key=lambda pose: float(np.linalg.norm(pose[0] - angles)))[1]] if self._solved else []
         return np.array([*near, [coordinate.default for coordinate in self._shoulder], *drawn])
 
     def _ranges(self) -> tuple[FloatArray, FloatArray]:
-        """Return lower and upper ends of the shoulder's coordinates, shape (3,) each [rad]."""
+        """Return the lower and upper limits of the shoulder's coordinates, shape (3,) each [rad]."""
         lower = [coordinate.lower for coordinate in self._shoulder]
         return np.array(lower), np.array([coordinate.upper for coordinate in self._shoulder])
 
     def _search(self, R_target: FloatArray, start: FloatArray) -> FloatArray | None:
-        """Return the coordinates of an orientation by Newton's method; None if it fails or leaves the ranges."""
+        """Find the shoulder's coordinates for an orientation by Newton's method; None if none are found in range."""
         c, names = start.copy(), [coordinate.name for coordinate in self._shoulder]
         for _ in range(_STEPS):
             self._posture.put(dict(zip(names, c.tolist(), strict=True)))
@@ -153,7 +153,7 @@ class Placing:
         return None
 
     def _rates(self) -> FloatArray:
-        """Return the rates of the humerus in the thorax by each coordinate of the shoulder, shape (3, 3)."""
+        """Return the Jacobian of the humerus' rotation in the thorax by the shoulder's coordinates, shape (3, 3)."""
         columns, R = [], self._matching.R_thorax_humerus()
         for coordinate in self._shoulder:
             at = self._posture.angles[coordinate.name]

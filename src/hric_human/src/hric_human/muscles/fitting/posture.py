@@ -1,6 +1,6 @@
-"""Posture of an arm model: positions of its bones and joints, and the rotations by its coordinates.
+"""Posture of an arm model: positions of its bones and joint centres, and rotation axes of its coordinates.
 
-Axes here are x right, y up, z back of an arm that hangs with its thumb forward, see `hric_human.body.joints`.
+Axes in this file are x right, y up, z back of an arm that hangs with its thumb forward, see `hric_human.body.joints`.
 """
 
 import math
@@ -17,22 +17,22 @@ from hric_human.muscles.fitting.model import ArmModel, Coordinate
 from hric_human.muscles.fitting.sample import R_LINK_OPENSIM
 
 AXES = {row.name: np.array(row.axis, np.float64) @ R_LINK_OPENSIM for row in ARM}
-"""Unit axes of our joints, shape (3,)."""
+"""Unit axis of each arm joint of `hric_human.body`, in axes x right, y up, z back, shape (3,)."""
 STEP = 1e-4
 """Step of numerical differences [rad]."""
 FAR = math.radians(30.0)
-"""Largest angle between a measured and the nearest axis or quarter turn of a match [rad]; project default."""
+"""Maximum angle between an axis or offset of the model and the joint matched to it [rad]; project default."""
 SLOW = 1e-3
-"""Rate of a bone per rate of a coordinate below which it does not rotate the bone [1]."""
+"""Angular rate of a bone per rate of a coordinate; below it the coordinate counts as not rotating the bone [1]."""
 
 
 class ModelPosture:
-    """Model with angles of its coordinates.
+    """Arm model together with the current angles of its coordinates.
 
     Attributes:
-        model: model in its current state.
-        bones: bones of its right arm.
-        angles: current angles of its coordinates [rad].
+        model: model, moved to these angles.
+        bones: bones of the model's right arm.
+        angles: current angles of the model's coordinates [rad].
 
     Raises:
         HricError: the model has no right arm.
@@ -44,32 +44,32 @@ class ModelPosture:
         self.model.put(self.angles)
 
     def put(self, angles: Mapping[str, float]) -> None:
-        """Set some of the coordinates [rad]; others stay."""
+        """Set some of the coordinates [rad]; the others do not change."""
         self.angles |= angles
         self.model.put(angles)
 
     def frame(self, body: str) -> tuple[FloatArray, FloatArray]:
-        """Return rotation of shape (3, 3) and origin [m] of a body, or of the ground, in the ground."""
+        """Return rotation, shape (3, 3), and origin [m] of a body in the ground frame; body "" is the ground."""
         return self.model.frame(body) if body else (np.eye(3), np.zeros(3))
 
     @property
     def shoulder(self) -> FloatArray:
-        """Centre of the shoulder in the ground, shape (3,) [m]."""
+        """Shoulder joint centre in the ground frame, shape (3,) [m]."""
         return self.model.centre(self.bones.shoulder)
 
     @property
     def elbow(self) -> FloatArray:
-        """Centre of the elbow in the ground, shape (3,) [m]."""
+        """Elbow joint centre in the ground frame, shape (3,) [m]."""
         return self.model.centre(self.bones.forearm)
 
     @property
     def wrist(self) -> FloatArray:
-        """Centre of the wrist in the ground, shape (3,) [m]; the forearm's centre of mass in a model without a hand."""
+        """Wrist joint centre in the ground frame, shape (3,) [m]; without a hand, the forearm's centre of mass."""
         bones = self.bones
         return self.model.centre(bones.wrist) if bones.wrist else self.model.mass_centre(bones.radius)
 
     def between(self, proximal: str, distal: str) -> list[Coordinate]:
-        """Return the coordinates of joints behind one body, up to another, that rotate the latter."""
+        """Return the coordinates between two bodies of a chain that rotate the distal body."""
         bodies = chain(self.model, proximal, distal)
         coordinates = [
             coordinate
@@ -79,7 +79,7 @@ class ModelPosture:
         return sorted(coordinates, key=lambda coordinate: bodies.index(coordinate.body))
 
     def axis(self, coordinate: Coordinate, body: str) -> FloatArray:
-        """Return the unit axis about which a coordinate rotates a body in the ground, 0 if it does not, shape (3,)."""
+        """Return the unit axis about which a coordinate rotates a body in the ground, shape (3,); 0 if it does not."""
         at, frames = self.angles[coordinate.name], []
         for angle in (at + STEP, at - STEP):
             self.put({coordinate.name: angle})
@@ -95,34 +95,34 @@ def unit(vector: FloatArray) -> FloatArray:
 
 
 def rotation_vector(R: FloatArray) -> FloatArray:
-    """Return axis times angle [rad] of a rotation of shape (3, 3)."""
+    """Return the rotation vector (axis times angle [rad]) of a rotation matrix R, shape (3, 3)."""
     return np.asarray(Rotation.from_matrix(R).as_rotvec())
 
 
 def small_rotation(R: FloatArray) -> FloatArray:
-    """Return axis times sine of the angle [rad] of a rotation of shape (3, 3)."""
+    """Return axis times sine of the angle of a rotation matrix R, shape (3, 3); if small, the rotation vector [rad]."""
     return 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
 
 
 def nearest_axes(axes: FloatArray, what: str) -> FloatArray:
-    """Return the rotation by quarter turns that is nearest to axes of shape (3, 3).
+    """Return the rotation by multiples of 90 deg that is nearest to axes of shape (3, 3).
 
     Raises:
-        HricError: the nearest is further than FAR away.
+        HricError: the nearest rotation is more than FAR away.
     """
     quarters = Rotation.create_group("O").as_matrix().round() + 0.0
     nearest = quarters[np.argmax((quarters * axes).sum(axis=(1, 2)))]
     off = float(np.linalg.norm(rotation_vector(axes @ nearest.T)))
     if off > FAR:
         raise HricError(
-            f"{what}: its body's axes are {math.degrees(off):.0f} deg from those of the bone, which are right, up and "
-            f"back; valid: along them in any order, up to {math.degrees(FAR):.0f} deg"
+            f"{what}: the axes of the model's body are {math.degrees(off):.0f} deg away from right, up and back of the "
+            f"bone; valid: along these directions, in any order, within {math.degrees(FAR):.0f} deg"
         )
     return np.asarray(nearest)
 
 
 def circle_centre(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
-    """Return the centre of the circle through three points of shape (3,); one of them if they coincide."""
+    """Return the centre of the circle through three points of shape (3,); point a if they lie on one line."""
     ab, ac = b - a, c - a
     n = np.cross(ab, ac)
     if not np.linalg.norm(n) > 0.0:

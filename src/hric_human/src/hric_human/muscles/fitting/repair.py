@@ -1,4 +1,4 @@
-"""Delft arm of the Dynamic Arm Simulator's das4_v4.osim, with its defects repaired.
+"""Repair of the Delft arm model in das4_v4.osim of the Dynamic Arm Simulator.
 
 The defects and repairs are described in docs/concepts/muscle_anatomy.md. Only elements of the Delft shoulder and elbow
 model are used; those of hand and wrist come from another source and are left out.
@@ -15,19 +15,19 @@ from hric_core.errors import HricError
 from hric_human.muscles.fitting.groups import GROUPS
 
 TRICEPS_INSERTION = (-0.0127, -0.0422, 0.0027)
-"""Insertion of the triceps on the ulna, behind the elbow's cylinder [m]; project default.
+"""Insertion of the triceps on the ulna, behind the elbow's wrapping cylinder, in axes of the ulna [m]; project default.
 
-The published insertions lie inside the cylinder, where OpenSim's paths do not wrap. It gives moment arms of 18 to 20
-mm, as published.
+The insertions of the file lie inside the cylinder, where OpenSim's paths do not wrap. This one gives moment arms of 18
+to 20 mm, as published.
 """
 USED = {element for group in GROUPS for element in group.elements}
-"""Elements of the file that are used."""
+"""Names of the muscle elements of das4_v4.osim that are used."""
 MOVED = ("tric_long_1", "tric_long_2", *(f"tric_{head}_{k}" for head in ("med", "lat") for k in range(1, 6)))
-"""Elements whose insertion lies in the cylinder."""
+"""Names of the elements whose insertion in the file lies inside the elbow's wrapping cylinder."""
 
 
 def is_das4(path: Path) -> bool:
-    """Return True if a file is that model.
+    """Return True if a file has all used elements of das4_v4.osim.
 
     Raises:
         HricError: the file cannot be read.
@@ -36,14 +36,14 @@ def is_das4(path: Path) -> bool:
 
 
 def repaired(path: Path) -> Any:
-    """Return the model, an opensim.Model with the elements of GROUPS only.
+    """Return the repaired model, an opensim.Model with the muscle elements of GROUPS only.
 
     Raises:
         HricError: the file cannot be read, or elements are missing.
     """
     tree, missing = _read(path)
     if missing:
-        raise HricError(f"{path} is not das4_v4.osim: it has no {', '.join(missing)}")
+        raise HricError(f"{path} is not das4_v4.osim: it lacks the muscles {', '.join(missing)}")
     forces = next(tree.iterfind(".//ForceSet/objects"))
     for force in list(forces):
         if force.get("name") not in USED:
@@ -64,12 +64,12 @@ def _read(path: Path) -> tuple[Any, list[str]]:
     try:
         tree = ElementTree.parse(path)
     except (OSError, ElementTree.ParseError) as error:
-        raise HricError(f"no OpenSim model in {path}: {error}") from error
+        raise HricError(f"{path} is no OpenSim model: {error}") from error
     return tree, sorted(USED - {force.get("name", "") for force in tree.iterfind(".//ForceSet/objects/*")})
 
 
 def _insert(force: ElementTree.Element) -> None:
-    """Move the insertion on the ulna."""
+    """Move the insertion of a triceps element on the ulna to TRICEPS_INSERTION."""
     for point in force.iter("PathPoint"):
         socket, location = point.find("socket_parent_frame"), point.find("location")
         if socket is not None and location is not None and str(socket.text).endswith("ulna_r"):

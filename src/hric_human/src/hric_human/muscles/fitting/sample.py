@@ -1,4 +1,4 @@
-"""Samples of a model's paths at poses: lengths, moment arms and pulls of its muscles."""
+"""Samples of a model's muscles at many poses: lengths, moment arms, and forces on the distal bones."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from hric_core.geometry import FloatArray
 from hric_human.muscles.polynomial import IntArray
 
 R_LINK_OPENSIM = np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-"""Rotation from x right, y up, z back to x forward, y left, z up."""
+"""Rotation matrix that converts vectors from axes x right, y up, z back to axes x forward, y left, z up."""
 
 
 @dataclass(frozen=True)
@@ -34,28 +34,29 @@ class MuscleSamples:
     pulls: Mapping[str, FloatArray]
 
     def part(self, rows: slice | NDArray[np.bool_]) -> "MuscleSamples":
-        """Return some of the poses."""
+        """Return the samples of some of the poses; rows: which."""
         pulls = {centre: pull[rows] for centre, pull in self.pulls.items()}
         return MuscleSamples(self.q[rows], self.length[rows], self.arms[rows], pulls)
 
     def joined(self, weights: FloatArray) -> "MuscleSamples":
-        """Return the samples of lines, weighted means of muscles; weights: shape (lines, K), rows add up to 1."""
+        """Join muscles into lines of action, as weighted means; weights: shape (lines, K), rows add up to 1."""
         pulls = {centre: np.einsum("gk,nkx->ngx", weights, pull) for centre, pull in self.pulls.items()}
         return MuscleSamples(self.q, self.length @ weights.T, np.einsum("gk,nkm->ngm", weights, self.arms), pulls)
 
 
 def poses(lower: Sequence[float], upper: Sequence[float], count: int) -> FloatArray:
-    """Return the first poses of Sobol's sequence within a range, shape (count, joints) [rad]."""
+    """Return poses that fill a range of joint angles evenly (Sobol sequence), shape (count, joints) [rad]."""
     points = qmc.Sobol(len(lower), scramble=False).random_base2(max(1, (count - 1).bit_length()))[:count]
     return np.array(lower + points * np.subtract(upper, lower))
 
 
 class Paths:
-    """Paths of a model's muscles in one state.
+    """Muscle paths of an OpenSim model at one set of coordinates.
 
     Attributes:
         model, state: model and state of OpenSim.
         names: names of the K muscles.
+        by_name: coordinates of the model, by name.
     """
 
     def __init__(self, model: Any) -> None:
@@ -76,7 +77,10 @@ class Paths:
         return np.array([path.getLength(self.state) for path in self._paths])
 
     def muscle_paths(self) -> list[list[tuple[str, FloatArray]]]:
-        """Return the points of each line: body ("": ground), position in the ground [m]; both ends of wrapped parts."""
+        """Return the points of each muscle's path, each with its body and its position in the ground frame [m].
+
+        The ends of the parts that wrap around a bone are points too; body "" is the ground.
+        """
         paths = []
         for path in self._paths:
             of = members(path.getCurrentPath(self.state))
@@ -99,7 +103,7 @@ class Paths:
         return [frame.getPositionInGround(self.state).to_numpy() for frame in of]
 
     def lines(self) -> "ForceLines":
-        """Return the forces of the paths on bodies."""
+        """Return the forces that the muscles exert on the bodies at the current coordinates, per muscle force."""
         muscle, body, forces = [], [], []
         for k, path in enumerate(self._paths):
             directions = opensim.ArrayPointForceDirection()
@@ -112,23 +116,23 @@ class Paths:
         return ForceLines(len(self._paths), np.array(muscle), np.array(body), np.array(forces))
 
     def numbers(self, bodies: Sequence[str]) -> IntArray:
-        """Return the indices of bodies in `ForceLines`."""
+        """Return the indices by which `ForceLines` refers to bodies."""
         return np.array([self._bodies[name][0] for name in bodies])
 
 
 def members(group: Any) -> list[Any]:
-    """Return the members of a set or an array of OpenSim."""
+    """Return the members of an OpenSim set or array as a list."""
     return [group.get(i) for i in range(group.getSize())]
 
 
 @dataclass(frozen=True)
 class ForceLines:
-    """Forces on bodies per force of a muscle.
+    """Forces of muscles on the bodies of a model, per muscle force.
 
     Attributes:
         muscles: number of muscles.
         muscle, body: index of muscle and body of each force, shape (n,).
-        force: forces in the ground, shape (n, 3) [1].
+        force: force per muscle force, in axes of the ground, shape (n, 3) [1].
     """
 
     muscles: int
@@ -137,7 +141,7 @@ class ForceLines:
     force: FloatArray
 
     def pull(self, distal: IntArray) -> FloatArray:
-        """Return the force of each muscle on some bodies, in the ground, shape (muscles, 3) [1]."""
+        """Sum the forces of each muscle on the bodies `distal`, in axes of the ground, shape (muscles, 3) [1]."""
         on = np.isin(self.body, distal)
         summed = np.zeros((self.muscles, 3))
         np.add.at(summed, self.muscle[on], self.force[on])

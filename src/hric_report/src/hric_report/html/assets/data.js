@@ -1,5 +1,5 @@
 "use strict";
-// Data of the page: report.data is its description, report.read(place) returns one of its arrays as a typed array.
+// Data of the page: report.data describes the contents, report.read(place) returns one of the numeric arrays.
 const report = { data: JSON.parse(document.getElementById("data").textContent) };
 {
   const KINDS = { f8: Float64Array, f4: Float32Array, u4: Uint32Array };

@@ -1,5 +1,5 @@
 "use strict";
-// Page: common time of plots, replay and events; light and dark theme; printing.
+// Page of a run: current time, shared by plots, replay and events; light and dark theme; printing.
 {
   const find = (id) => document.getElementById(id);
   const PAPER = 680; // width of a printed plot, within A4 and letter [CSS pixels]
@@ -22,7 +22,7 @@
     for (const strip of strips) strip.moveCursor();
   };
 
-  // Strips over time in the verdict: a line at the time of the replay, and a click that sets it.
+  // Charts over time in the verdict: a line marks the time of the replay, and a click sets this time.
   const strips = [...document.querySelectorAll("svg.strip")].map((svg) => {
     const { left, width, begin, end } = Object.fromEntries(Object.entries(svg.dataset).map(([key, value]) => [key, Number(value)]));
     const line = svg.querySelector(".now");
@@ -77,7 +77,7 @@
       const frames = count("frame").map((track) => track.name), markers = count("marker").length;
       const line = document.createElement("span");
       const trails = robot.trails.map(({ role }) => (role === "marker" ? "marker (orange)" : "end effector (blue)"));
-      line.textContent = [several ? robot.label : "", markers ? markers + " markers" : "", frames.length ? "frames: " + frames.join(", ") : "", robot.plates.map((plate) => plate.object.name).join(", "), robot.arrows.map(({ name }) => name).join(", "), robot.lines ? robot.lines.title + ", in the colours of its plot" : "", trails.length && !several ? "trails of 8 s: " + [...new Set(trails)].join(", ") : ""].filter(Boolean).join("; ");
+      line.textContent = [several ? robot.label : "", markers ? markers + " markers" : "", frames.length ? "frames: " + frames.join(", ") : "", robot.plates.map((plate) => plate.object.name).join(", "), robot.arrows.map(({ name }) => name).join(", "), robot.lines ? robot.lines.title + ", coloured as in its plot" : "", trails.length && !several ? "trails of 8 s: " + [...new Set(trails)].join(", ") : ""].filter(Boolean).join("; ");
       if (several) line.style.color = report.colour(robot.role);
       words.push(line, document.createElement("br"));
     }

@@ -1,5 +1,5 @@
 "use strict";
-// Conversion of an SVG to a PNG with its resolution, so that it has the intended width on paper.
+// Conversion of an SVG to a PNG that contains its resolution, so that it has the intended width on paper.
 {
   const METRES_PER_INCH = 0.0254, SIGNATURE_AND_HEADER = 33;
 
@@ -24,7 +24,7 @@
     return bytes;
   };
 
-  // Return the PNG of an SVG; width, height [mm].
+  // Return an SVG (blob) as PNG; width, height [mm].
   report.rasterise = async (drawing, width, height, dotsPerInch) => {
     const image = new Image(), address = URL.createObjectURL(drawing), scale = dotsPerInch / 25.4;
     image.src = address;

@@ -1,6 +1,6 @@
 "use strict";
-// Plots. Each is drawn when it becomes visible, with as many points as its width can show; a zoom shows more of them.
-// A picture for a paper is the same plot in light colours at the width of a journal column.
+// Plots. A plot is drawn when it becomes visible, with as many points as its width can show; zooming shows more points.
+// A picture for a paper is the same plot in light colours, with the width of a journal column.
 {
   const POINTS = 900, PIXELS_PER_MM = 96 / 25.4, DOTS_PER_INCH = 300;
   const SCREEN = { margin: { l: 64, r: 14, t: 12, b: 42 }, title: 16, row: 138, alone: 300, cell: 13, gap: 66, between: 44, font: 11, line: 1.35 };
@@ -8,7 +8,7 @@
   const PAPER = { margin: { l: 48, r: 9, t: 8, b: 33 }, title: 12, row: 88, alone: 190, cell: 10.5, gap: 50, between: 30, font: 9.5, line: 1.25, legend: 14 };
   const FAMILY = "Helvetica, Arial, 'Liberation Sans', 'DejaVu Sans', sans-serif";
 
-  // Return a curve between two times, with one point beyond each; a long curve as minima and maxima of equal parts.
+  // Return the points of a curve between two times, and one point beyond each; of a long curve only minima and maxima of equal parts.
   const part = (curve, [begin, end]) => {
     const first = Math.max(0, report.countUntil(curve.time, begin) - 1);
     const last = Math.min(curve.time.length, report.countUntil(curve.time, end) + 1);
@@ -26,7 +26,7 @@
     return { x, y };
   };
 
-  // Return the trace of a heat map, whose values are row by row in one array.
+  // Return the Plotly trace of a heat map; its values are stored row by row in one array.
   const heatTrace = ({ rows, unit, scale, time, values }, look) => {
     const n = time.length, top = scale[scale.length - 1][0], title = { text: unit, side: "right", font: { size: look.font } };
     return {
@@ -45,7 +45,7 @@
         ...panel, curves: panel.curves.map((curve) => ({ ...curve, time: report.read(curve.time), values: report.read(curve.values) })),
         heat: panel.heat && { ...panel.heat, time: report.read(panel.heat.time), values: report.read(panel.heat.values) },
       }));
-      this.heat = this.panels[0].heat; // the only panel in this case
+      this.heat = this.panels[0].heat; // a figure with a heat map has only one panel
       this.names = new Map();
       for (const panel of this.panels) for (const curve of panel.curves) if (!this.names.has(curve.name)) this.names.set(curve.name, curve.role);
       this.frame = section.querySelector(".canvas");
@@ -60,7 +60,7 @@
       });
     }
 
-    // Add the legend above the graph, where it hides nothing; a click on an entry hides its curve.
+    // Add the legend above the graph, so that it hides no curve; a click on an entry hides its curve.
     makeLegend(parent) {
       const entries = [...this.names].map(([name, role]) => {
         const entry = document.createElement("button"), swatch = entry.appendChild(document.createElement("i")), look = report.data.roles[role];
@@ -84,7 +84,7 @@
       if (entries.length > 1) parent.append(...entries);
     }
 
-    // Return sizes and positions of the panels [pixels]; mm: width of a picture for a paper; undefined: for the page.
+    // Return sizes and positions of the panels [pixels]; mm: width of a picture for a paper [mm]; undefined: layout of the page.
     geometry(mm) {
       const look = mm ? PAPER : report.paper ? PRINTED : SCREEN, width = mm ? mm * PIXELS_PER_MM : report.paper || this.frame.clientWidth || 800;
       const columns = Math.min(this.spec.columns, this.panels.length, width < 500 ? (this.spec.equal ? 1 : 2) : 3), rows = Math.ceil(this.panels.length / columns);
@@ -99,7 +99,7 @@
       return { look, legend, width, columns, rows, inner, domain, margin: { l, r, t: top, b }, height: top + b + inner.height };
     }
 
-    // Return margins with room for the names of the rows and for the colour scale.
+    // Return margins with space for the names of the rows and for the colour scale.
     heatMargin(look) {
       return { ...look.margin, l: 14 + 0.56 * (look.font - 1) * Math.max(...this.heat.rows.map((row) => row.length)), r: 62 };
     }
@@ -153,7 +153,7 @@
           const place = { xref: "x" + number + " domain", yref: "y" + number, x0: 0, x1: 1, y0: bound, y1: bound };
           layout.shapes.push({ type: "line", ...place, line: { color: report.colour("limit"), width: 1.2, dash: "dot" } });
           const at = this.spec.logarithmic ? Math.log10(bound) : bound, [low, high] = layout["yaxis" + number].range;
-          const below = at > (low + high) / 2; // on the side away from the title
+          const below = at > (low + high) / 2; // below the line if it is in the upper half, so that it does not hide the title
           if (at > low && at < high) words(name, { xref: "x" + number + " domain", yref: "y" + number, x: 1, y: at, xanchor: "right", yanchor: below ? "top" : "bottom", bgcolor: report.colour("page"), opacity: 0.85 }, look.font - 1.5, report.colour("limit"));
         }
       });
@@ -182,7 +182,7 @@
       else if ("autosize" in change) this.moveCursor();
     }
 
-    // Draw again after a change of the width, so that the gaps of the panels stay the same in pixels.
+    // Redraw after a change of the width, so that the gaps between the panels keep their size in pixels.
     resized(width) {
       if (report.paper || Math.abs(width - (this.width || width)) < 1) { this.width = width; return; }
       Object.assign(this, { width, stale: true });
@@ -211,7 +211,7 @@
       });
     }
 
-    // Return the zoomed plot as SVG of this width [mm], in light colours in any theme of the page.
+    // Return the plot with its current zoom as SVG of this width [mm], in light colours for any theme of the page.
     async svg(mm) {
       const root = document.documentElement, theme = root.dataset.theme, shape = this.geometry(mm);
       root.dataset.theme = "light";
@@ -240,7 +240,7 @@
 
     get caption() { return `${this.spec.title} (${report.data.name}). ${this.spec.caption}`; }
 
-    // Return a file for a paper: SVG or PNG of this width [mm], or the caption as text.
+    // Return a file for a paper: the plot as SVG or PNG of this width [mm], or its caption as text.
     async picture(format, mm) {
       if (format === "txt") return new Blob([this.caption + "\n"], { type: "text/plain" });
       const { text, width, height } = await this.svg(mm), drawing = new Blob([text], { type: "image/svg+xml" });

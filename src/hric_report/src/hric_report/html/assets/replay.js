@@ -1,5 +1,5 @@
 "use strict";
-// 3D view: camera, lights, ground, and drawing after changes.
+// 3D replay of the run: camera, lights, ground, and redrawing after changes.
 {
   const NEAR = 0.02, FAR = 60;
 
@@ -58,7 +58,7 @@
       if (this.robots.some(({ skin }) => skin)) document.querySelectorAll(".of-skin").forEach((element) => { element.hidden = false; });
     }
 
-    // Reset the view so that it shows all positions of the robots in the run.
+    // Reset the view so that it shows all positions of the robots during the run.
     home() {
       const box = new THREE.Box3();
       for (let k = 0; k <= 8; k++) {
@@ -106,7 +106,7 @@
       if (this.grid) this.scene.remove(this.grid);
       this.grid = new THREE.GridHelper(4, 16, report.colour("ground"), report.colour("ground")).rotateX(Math.PI / 2);
       this.scene.add(this.grid);
-      const roles = [...new Set(this.robots.map(({ role }) => role))]; // a human has the role of the run's robot
+      const roles = [...new Set(this.robots.map(({ role }) => role))]; // a human has the same role (colour) as the robot of its run
       for (const robot of this.robots) robot.paint(roles.length > 1, roles.indexOf(robot.role));
       this.ask();
     }
@@ -131,11 +131,11 @@
     }
   }
 
-  // Return the replay; null without WebGL, in which case the page shows everything else.
+  // Return the replay; null without WebGL: the page then lacks only the replay.
   report.makeReplay = (canvas) => {
     const context = report.data.scene.robots.length ? canvas.getContext("webgl2", { antialias: true, preserveDrawingBuffer: true }) : null;
     if (context) return new Replay(canvas, context);
-    document.getElementById("view-note").textContent = report.data.scene.robots.length ? "This browser has no WebGL 2: no replay." : "No replay in this run.";
+    document.getElementById("view-note").textContent = report.data.scene.robots.length ? "No replay: this browser does not support WebGL 2." : "No replay in this run.";
     return null;
   };
 }

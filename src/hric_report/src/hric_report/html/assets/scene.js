@@ -1,7 +1,7 @@
 "use strict";
-// Robots: links as groups that are moved by joints, and markers and frames with their own motion. z is up.
+// Scene of the replay: robots, whose joints move their links, and markers and frames with their own motion. z is up.
 {
-  const LOST = 0.25; // time without data after which a marker is not drawn [s]
+  const LOST = 0.25; // a marker without data for this time is hidden [s]
   const TRAIL = 8, TRAIL_POINTS = 3000; // length of a trail [s], and maximum number of its points in a run
   const PER_NEWTON = 0.002, THICK = 0.02; // arrow length of a plate's force [m/N]; thickness of a plate below its surface [m]
   const geometries = new Map();
@@ -57,7 +57,7 @@
     }
   }
 
-  // Trail of the last seconds; points: x, y, z of each instant, NaN: not visible.
+  // Trail: path of the last TRAIL seconds; points: x, y, z at each instant, NaN: not visible.
   class Trail {
     constructor(time, points, role) {
       Object.assign(this, { time, role });
@@ -75,7 +75,7 @@
 
   const UP = new THREE.Vector3(0, 1, 0), SHAFT = 0.005, HEAD = [0.013, 0.035]; // arrow: radius of the shaft; radius and length of the head [m]
 
-  // Force: an arrow that starts or ends at the point of action, visible through bodies.
+  // Arrow of a force that starts or ends at its point of action, and is visible through bodies.
   class Arrow {
     constructor(spec) {
       Object.assign(this, spec, { time: report.read(spec.time), force: report.read(spec.force), point: spec.point && report.read(spec.point) });
@@ -100,7 +100,7 @@
     }
   }
 
-  // Surface of a force plate, and the force on it.
+  // Surface of a force plate, and the arrow of the force on it.
   class Plate {
     constructor(spec) {
       this.object = place(new THREE.Group(), spec);
@@ -118,7 +118,7 @@
 
   const BUNDLE = 0.0035; // radius of a line [m]
 
-  // Lines through points of links, coloured by values, visible through the body.
+  // Lines (muscle paths) through points fixed to links, coloured by value over time, visible through the body.
   class Lines {
     constructor(spec, links) {
       Object.assign(this, { scale: spec.scale, title: spec.title, time: report.read(spec.time), values: report.read(spec.values) });
@@ -132,7 +132,7 @@
       this.object.name = spec.title;
     }
 
-    // Show the lines at time t; the joints must have been posed for it.
+    // Show the lines at time t; requires that the links have their poses for this time.
     show(t) {
       const [k, f] = between(this.time, t), n = this.lines.length, next = Math.min(k + 1, this.time.length - 1);
       this.lines.forEach(({ material, parts, points }, i) => {
@@ -207,7 +207,7 @@
       this.trails = [...this.trailOfTip(spec.tip, scene), ...this.trailsOfTracks()];
     }
 
-    // Return the trail of the end effector in the world.
+    // Return the trail of the end effector, in the world frame.
     trailOfTip(tip, scene) {
       const link = tip && this.links.get(tip.link);
       if (!link) return [];
@@ -223,7 +223,7 @@
       return [trail];
     }
 
-    // Return the trail of each moving body, in the frame of its track.
+    // Return the trail of each track (marker or frame) that has one, in the frame of the track.
     trailsOfTracks() {
       return this.tracks.filter((track) => track.trail).map((track) => {
         const points = new Float32Array(3 * track.time.length);
@@ -248,7 +248,7 @@
       return group.add(axes);
     }
 
-    // Set the pose at time t; joints are interpolated between instants.
+    // Set the poses of all parts at time t; joint positions are interpolated between instants.
     pose(t) {
       const [k, f] = between(this.time, t), n = this.columns, next = Math.min(k + 1, this.time.length - 1);
       for (const joint of this.joints) {

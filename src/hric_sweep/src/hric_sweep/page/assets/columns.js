@@ -1,12 +1,12 @@
 "use strict";
-// The columns of the sweep: their values, their scales, and which runs are shown.
+// Columns of the sweep's table: values, axis scales, and the selection of runs that are shown.
 const sweep = { brushes: new Map(), hidden: new Set(), ids: document.getElementById("ids").textContent.trim().split(" ") };
 {
   const { data } = report, KINDS = ["fine", "exceeded", "failed"];
   sweep.KINDS = KINDS;
   sweep.kinds = report.read(data.kinds);
   sweep.index = report.read(data.index);
-  // What each run counts in a distribution; null: all alike.
+  // Weight of each run in a distribution; null: all runs have equal weight.
   sweep.counts = data.counts && report.read(data.counts);
   sweep.count = sweep.kinds.length;
   sweep.shown = new Uint8Array(sweep.count).fill(1);
@@ -18,10 +18,10 @@ const sweep = { brushes: new Map(), hidden: new Set(), ids: document.getElementB
   };
   sweep.colours = () => [report.colour("line"), report.colour("measured"), report.colour("desired"), report.colour("limit")];
   sweep.STRENGTH = [0.55, 0.9, 0.95, 1];
-  // Below all lie runs that are brushed away, then fine, failed, exceeded.
+  // Drawing order from bottom to top: runs outside the selection, runs without fault, failed runs, runs beyond the limit.
   sweep.layer = (row) => (sweep.shown[row] ? [1, 3, 2][sweep.kinds[row]] : 0);
 
-  // A number for a reader.
+  // Text of a number, with about four significant digits.
   sweep.text = (value) => {
     if (Number.isNaN(value)) return "none";
     if (!Number.isFinite(value)) return value > 0 ? "infinite" : "minus infinite";
@@ -37,7 +37,7 @@ const sweep = { brushes: new Map(), hidden: new Set(), ids: document.getElementB
     return marks;
   };
 
-  // Of a logarithmic axis: powers of ten, with twos and fives between them where these are few.
+  // Tick values of a logarithmic axis: powers of ten, and also their multiples by 2 and 5 if there are only few powers.
   const decades = (low, high, count) => {
     const marks = [], few = Math.log10(high / low) < count / 2;
     for (let power = Math.floor(Math.log10(low)); power <= Math.log10(high); power++) {
@@ -63,7 +63,7 @@ const sweep = { brushes: new Map(), hidden: new Set(), ids: document.getElementB
       this.shares = Float32Array.from(this.values, (value) => this.share(value));
     }
 
-    // Where a value lies between the ends, 0 to 1, an infinite one at an end; -1: none.
+    // Relative position of a value on the axis, 0 to 1; infinite values lie at an end; -1: no value.
     share(value) {
       if (Number.isNaN(value)) return -1;
       if (!Number.isFinite(value)) return value > 0 ? 1 : 0;
@@ -75,7 +75,7 @@ const sweep = { brushes: new Map(), hidden: new Set(), ids: document.getElementB
       return this.log ? Math.exp(position) : position;
     }
 
-    // Of its axis: [share, text].
+    // Ticks of the axis: [relative position, text].
     ticks(count) {
       if (this.labels.length) return this.labels.map((label, k) => [this.share(k), label]);
       const [low, high] = this.ends;
@@ -91,7 +91,7 @@ const sweep = { brushes: new Map(), hidden: new Set(), ids: document.getElementB
   }
   sweep.columns = data.columns.map((spec) => new Column(spec));
 
-  // Which runs are within all brushes and of a kind that is not switched off.
+  // Select the runs that are within all brushes (ranges dragged on axes) and of a kind that is switched on.
   sweep.filter = () => {
     const { shown, kinds, hidden } = sweep, off = KINDS.map((kind) => hidden.has(kind));
     for (let row = 0; row < sweep.count; row++) shown[row] = off[kinds[row]] ? 0 : 1;
@@ -112,7 +112,7 @@ const sweep = { brushes: new Map(), hidden: new Set(), ids: document.getElementB
     parent.append(made);
     return made;
   };
-  // A text that is no wider than `width` [CSS pixels], about.
+  // Text, shortened so that it is about no wider than `width` [CSS pixels].
   sweep.short = (text, width, perLetter = 6.6) => {
     const most = Math.max(3, Math.floor(width / perLetter));
     return text.length <= most ? text : text.slice(0, most - 1) + "…";

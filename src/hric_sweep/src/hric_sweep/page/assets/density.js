@@ -1,10 +1,10 @@
 "use strict";
-// Many lines or points on a canvas as a density: each adds to sums of its kind, and the sums become colours.
-// So a hundred thousand runs are drawn in a second, all of them, and a single one can still be seen.
+// Density picture of many lines or points on a canvas: each adds to the sum of its kind per pixel; sums become colours.
+// A hundred thousand runs are drawn within a second, and a single run remains visible.
 sweep.Density = class {
   constructor(canvas) { this.canvas = canvas; }
 
-  // Size in CSS pixels; number of kinds.
+  // Clear the canvas; width, height: size [CSS pixels]; kinds: number of kinds of lines or points.
   begin(width, height, kinds) {
     const scale = Math.min(Math.max(window.devicePixelRatio || 1, 1), 2);
     const w = Math.round(width * scale), h = Math.round(height * scale);
@@ -14,7 +14,7 @@ sweep.Density = class {
     this.sums = Array.from({ length: kinds }, () => new Float32Array(w * h));
   }
 
-  // A line from left to right, smooth across the axis along which it is shorter.
+  // Draw a line from left to right, anti-aliased across its longer axis.
   line(kind, x0, y0, x1, y1) {
     const { sums: { [kind]: sum }, w, h, scale } = this;
     x0 *= scale; x1 *= scale; y0 *= scale; y1 *= scale;
@@ -38,7 +38,7 @@ sweep.Density = class {
     }
   }
 
-  // A round dot; radius in CSS pixels.
+  // Draw a round dot; radius in CSS pixels.
   dot(kind, x, y, radius) {
     const { sums: { [kind]: sum }, w, h, scale } = this, r = radius * scale, reach = Math.ceil(r);
     x *= scale; y *= scale;
@@ -52,7 +52,7 @@ sweep.Density = class {
     }
   }
 
-  // The sums as colours, the kinds over each other in order; colours: CSS, one per kind; strength: of each, 0 to 1.
+  // Paint the sums as colours, one kind over the other; colours: CSS colour of each kind; strength: opacity of each, 0 to 1.
   paint(colours, strength) {
     const { w, h } = this, context = this.canvas.getContext("2d"), image = context.createImageData(w, h), out = image.data;
     const pixel = new Float32Array(4 * w * h);

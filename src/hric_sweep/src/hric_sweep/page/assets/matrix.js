@@ -1,5 +1,5 @@
 "use strict";
-// Scatter matrix: pairs of columns below the diagonal, each column's own distribution on it, rank correlations above.
+// Scatter matrix: scatter plots of pairs of columns below the diagonal, histograms on it, rank correlations above it.
 sweep.Matrix = class {
   constructor(frame) {
     this.frame = frame;
@@ -22,7 +22,7 @@ sweep.Matrix = class {
     this.mark(null);
   }
 
-  // Within a cell: a value's place from its left or lower end.
+  // Picture coordinate [CSS pixels] of a relative position (0 to 1) within cell k.
   x(k, share) { return this.shape.at(k) + 3 + share * (this.shape.inner - 6); }
   y(k, share) { return this.shape.top(k) + this.shape.inner - 3 - share * (this.shape.inner - 6); }
 
@@ -72,7 +72,7 @@ sweep.Matrix = class {
     this.marked = add(overlay, "g", { class: "marks" });
   }
 
-  // How the values of a column are spread: all runs, and over them those that are shown.
+  // Histogram of a column: all runs, and in front of them the runs that are selected.
   bars(column, k) {
     const { at, inner, top } = this.shape, add = sweep.svg, bins = column.labels.length || 24, all = new Float64Array(bins), shown = new Float64Array(bins);
     for (let row = 0; row < sweep.count; row++) {

@@ -1,5 +1,5 @@
 "use strict";
-// Parallel coordinates: a vertical axis for each column, a line for each run; a drag along an axis keeps the runs there.
+// Parallel coordinates: a vertical axis per column, a line per run; dragging along an axis selects the runs in that range.
 sweep.Parallel = class {
   constructor(frame) {
     this.frame = frame;
@@ -30,7 +30,7 @@ sweep.Parallel = class {
     this.mark(null);
   }
 
-  // All runs, as a density.
+  // Draw the lines of all runs as a density.
   lines() {
     const { width, height, columns, x, y } = this.shape, { density } = this;
     density.begin(width, height, 4);
@@ -51,7 +51,7 @@ sweep.Parallel = class {
     const gaps = columns.some((column) => column.gaps);
     if (gaps) add(overlay, "text", { x: 4, y: y(-1) + 4, class: "tick" }, "none");
     columns.forEach((column, k) => {
-      const group = add(overlay, "g", { class: "axis " + column.role, "data-column": column.name, transform: `translate(${x(k)} 0)`, tabindex: 0, role: "slider", "aria-label": `${column.name}: arrow keys move what is kept, escape keeps all`, "aria-valuetext": "all" });
+      const group = add(overlay, "g", { class: "axis " + column.role, "data-column": column.name, transform: `translate(${x(k)} 0)`, tabindex: 0, role: "slider", "aria-label": `${column.name}: arrow keys move the selected range, escape selects all runs`, "aria-valuetext": "all" });
       const anchor = k === 0 && step < 140 ? "start" : k === columns.length - 1 && k > 0 && step < 140 ? "end" : "middle", shift = anchor === "start" ? -40 : anchor === "end" ? 44 : 0;
       const name = add(group, "text", { x: shift, y: 14, class: "name", "text-anchor": anchor }, sweep.short(column.name, Math.max(step, 90) - 8));
       add(name, "title", {}, `${column.name}${column.text ? ": " + column.text : ""}`);
@@ -76,7 +76,7 @@ sweep.Parallel = class {
     this.marked = add(overlay, "polyline", { class: "marked", points: "" });
   }
 
-  // The run that is pointed at.
+  // Highlight the run below the pointer; null: none.
   mark(row) {
     const { columns, x, y } = this.shape;
     this.marked.setAttribute("points", row === null ? "" : columns.map((column, k) => `${x(k).toFixed(1)},${y(column.shares[row]).toFixed(1)}`).join(" "));
@@ -117,7 +117,7 @@ sweep.Parallel = class {
     sweep.soon();
   }
 
-  // What a drag does, by keys.
+  // Keyboard equivalent of a drag: arrow keys move the selected range, Escape removes it.
   key(event) {
     const group = event.target.closest(".axis"), by = { ArrowUp: 0.05, ArrowDown: -0.05 }[event.key];
     if (!group || (event.key !== "Escape" && !by)) return;
@@ -128,7 +128,7 @@ sweep.Parallel = class {
     sweep.soon(() => this.overlay.querySelector(`.axis[data-column="${CSS.escape(name)}"]`)?.focus());
   }
 
-  // The shown run whose line passes nearest to a place; null: none within 14 pixels.
+  // Selected run whose line passes nearest to a point [CSS pixels]; null: none within 14 pixels.
   nearest(px, py) {
     const { columns, step, x, y } = this.shape;
     if (columns.length < 2 || px < x(0) || px > x(columns.length - 1)) return null;

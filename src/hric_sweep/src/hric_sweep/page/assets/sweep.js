@@ -1,5 +1,5 @@
 "use strict";
-// The page of a sweep: one set of shown runs for all drawings, the run that is pointed at, themes, and reloading.
+// Page of a sweep: the selection of runs that all drawings share, the run below the pointer, themes, and reloading.
 {
   const find = (id) => document.getElementById(id), { data } = report;
   const THEMES = ["auto", "light", "dark"], dark = matchMedia("(prefers-color-scheme: dark)"), KEPT = "sweep " + location.pathname;
@@ -8,7 +8,7 @@
   sweep.matrix = new sweep.Matrix(find("matrix"));
   const { parallel, matrix } = sweep;
 
-  // What the user chose outlives a reload; a browser that keeps nothing for files begins anew.
+  // Keep the user's choices over a reload; in a browser without storage for local files they are lost.
   const keep = () => {
     const on = sweep.columns.filter((column) => column.on).map((column) => column.name);
     const saved = { brushes: [...sweep.brushes], hidden: [...sweep.hidden], on, theme, picked: picked === null ? null : sweep.ids[picked], reload: find("reload")?.checked, top: scrollY };
@@ -43,7 +43,7 @@
   };
 
   const redraw = () => { sweep.filter(); parallel.draw(); matrix.draw(); describe(); };
-  // Once before the next frame, however many events ask for it.
+  // Redraw once before the next frame, even if several events request it.
   sweep.soon = (then) => {
     if (waiting) return;
     waiting = true;
@@ -53,7 +53,7 @@
   const name = (row) => `${sweep.ids[row]} (run ${sweep.index[row]})`;
   const outcome = (row) => ({ exceeded: data.words.exceeded, failed: "failed", fine: "" })[sweep.KINDS[sweep.kinds[row]]];
 
-  // The run below the pointer; null: none.
+  // Show the values of the run below the pointer; null: none.
   sweep.point = (row, event) => {
     const tip = find("tip");
     tip.hidden = row === null;
@@ -74,7 +74,7 @@
     tip.style.top = Math.max(4, Math.min(event.clientY + 14, innerHeight - high - 6)) + "px";
   };
 
-  // The run that a click chose, with the command that runs it again.
+  // Show the run that was clicked, with the command that repeats it.
   sweep.pick = (row) => {
     picked = row;
     find("picked").hidden = false;
@@ -100,7 +100,7 @@
 
   const copy = async (button, text) => {
     try { await navigator.clipboard.writeText(text); } catch {
-      const area = document.createElement("textarea"); // a browser that lends no clipboard to files
+      const area = document.createElement("textarea"); // for browsers that give local files no access to the clipboard
       area.value = text;
       document.body.append(area);
       area.select();
