@@ -10,6 +10,7 @@ from importlib.util import find_spec, spec_from_loader
 from types import ModuleType
 
 FORMER = {
+    "hric_control.plants.masks": "hric_control.plants.worlds",
     "hric_control.plants.resources": "hric_core.resources",
     "hric_control.robot_time.clock_pairs": "hric_control.clock_pairs",
     "hric_control.sim.pid": "hric_control.pid",
