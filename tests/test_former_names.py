@@ -12,6 +12,7 @@ MOVED = {
     "hric_control.errors": "HricError",
     "hric_control.geometry": "Pose",
     "hric_control.geometry.inertia": "__doc__",
+    "hric_control.plants.masks": "masked",
     "hric_control.plants.resources": "__doc__",
     "hric_control.robot_time.clock": "__doc__",
     "hric_control.sim.pid": "Pid",
@@ -25,6 +26,7 @@ MOVED = {
     "hric_experiments.simulation": "Simulation",
     "hric_experiments.sweep.definition": "load",
     "hric_human.control.marked_body": "MarkedBody",
+    "hric_human.muscles.fatigue": "Fatigue",
 }
 """A name defined in each moved module, by the former path of the module."""
 

@@ -87,6 +87,20 @@ def test_modules_are_counted_per_folder() -> None:
     assert counts.levels(files) == {"src/a/src/a": 2, "src/a/src/a/sub": 1}
 
 
+def test_imported_modules_of_the_project_count_once_wherever_and_however_they_are_imported() -> None:
+    text = "import numpy\nimport a.x\nfrom a import x, sub\nfrom a.y import f, g\nfrom a_msgs.msg import M, N\n"
+    text += "def f():\n    from a import CONSTANT\n"
+    imported = counts.imported_modules(module("b.m", text), {"a", "a.x", "a.y", "a.sub"}, {"a", "a_msgs"})
+    assert imported == {"a", "a.x", "a.y", "a.sub", "a_msgs.msg"}
+
+
+def test_a_module_that_imports_more_than_the_limit_is_named(today: limits.Limits) -> None:
+    imports_ = [f"from hric_core.m{number} import x\n" for number in range(today.imported_modules + 1)]
+    users = [module(f"hric_run.{name}", "".join(text)) for name, text in (("less", imports_[1:]), ("more", imports_))]
+    findings = [text for text in limits.over_sizes(users, today) if text.startswith("imported_modules")]
+    assert findings == ["imported_modules: 16, limit 15 in src/hric_run/src/hric_run/more.py"]
+
+
 def test_a_function_beyond_the_limit_is_long() -> None:
     source = module("a.m", "class C:\n    def f(self):\n" + "        x = 1\n" * 4)
     assert counts.long_functions([source], 5) == []
@@ -290,6 +304,7 @@ start = { revision = "r", statements = 4 }
 statements = 2
 import_share = 9.0
 modules_per_level = 1
+imported_modules = 0
 function_lines = 4
 short_modules = 1
 short_module_lines = 40

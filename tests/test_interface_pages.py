@@ -78,7 +78,7 @@ def test_each_declared_default_is_valid(page: Path) -> None:
 
 
 def test_declared_parameters_are_printed_over_old_rows_and_added_where_there_is_none() -> None:
-    mark = "robot/ hric_control.robot_app:RobotSettings"
+    mark = "robot/ hric_control.robot_settings:RobotSettings"
     rows_ = declared(mark)
     page = (
         f"<!-- declared: {mark} -->\n\n| parameter | type |\n|---|---|\n| `robot/x` | by hand |\n| "

@@ -101,7 +101,7 @@ TOOLS = [
     ("hric_experiments run study.yaml", r"forms\.a\.compared\[0\]\.runs is 'c'; valid: two of b"),
     ("hric_experiments describe robott pd_step", r"'robott' \(choose from 'urdf', 'human_urdf', 'robot'"),
     ("hric_experiments report nowhere", r"no run folder 'nowhere' .*newest in .*/runs: none"),
-    ("hric_experiments health notes.txt", r"notes\.txt is no bag of version 2\.0"),
+    ("hric_experiments health notes.txt", r"notes\.txt is not a bag of version 2\.0"),
     ("hric_experiments health open", r"no bag in .*/open: neither open\.bag nor open\.bag\.active"),
     ("hric_experiments export notes.txt", r"--format\s+\{npz,csv,.*c3d,bag\}.*\n.*required: --format"),
     ("hric_experiments export notes.txt --format xls", r"no format 'xls'; valid: bag, c3d, csv"),

@@ -2,7 +2,7 @@
 
 import ast
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from dataclasses import dataclass, fields
 
 from house.sources import Source, covered, is_docstring
@@ -53,6 +53,24 @@ def by_package(sources: Sequence[Source]) -> dict[str, Sizes]:
 def levels(sources: Sequence[Source]) -> Counter[str]:
     """Return the number of modules by folder, without `__init__`, `__main__` and executables."""
     return Counter(source.level for source in sources if source.level)
+
+
+def imported_modules(source: Source, modules: Set[str], packages: Set[str]) -> set[str]:
+    """Modules of the project that a file imports, anywhere in it; messages and services of a package are one each.
+
+    Args:
+        source: the file.
+        modules: names of all modules of the project.
+        packages: names of all its packages, also of those without Python, as of messages.
+    """
+    names: set[str] = set()
+    for node in source.nodes:
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            both = {f"{node.module}.{alias.name}" for alias in node.names}
+            names |= both & modules | ({node.module} if both - modules else set())
+    return {name for name in names if name.partition(".")[0] in packages}
 
 
 def long_functions(sources: Sequence[Source], limit: int) -> list[str]:

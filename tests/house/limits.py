@@ -24,6 +24,7 @@ class Limits:
         statements: statements of all packages together.
         import_share: share of import lines in all code lines [%].
         modules_per_level: modules in one folder.
+        imported_modules: modules of the project that one module imports.
         function_lines: lines of a function, from `def` to the last line.
         short_modules: number of modules with fewer than `short_module_lines` lines.
         short_module_lines: number of lines below which a module counts as short.
@@ -35,6 +36,7 @@ class Limits:
     statements: int
     import_share: float
     modules_per_level: int
+    imported_modules: int
     function_lines: int
     short_modules: int
     short_module_lines: int
@@ -63,6 +65,11 @@ def over_sizes(sources: Sequence[Source], limits: Limits) -> list[str]:
     ]
     for folder, modules in counts.levels(sources).most_common():
         exceeded.append(_over("modules_per_level", modules, limits.modules_per_level, f" in {folder}"))
+    names = {source.name for source in sources}
+    packages = {path.parent.name for path in (WORKSPACE / "src").glob("*/package.xml")}
+    for source in sources:
+        imported = len(counts.imported_modules(source, names, packages))
+        exceeded.append(_over("imported_modules", imported, limits.imported_modules, f" in {source.path}"))
     for name in counts.long_functions(sources, limits.function_lines):
         exceeded.append(f"function_lines: limit {limits.function_lines}, exceeded by {name}")
     return [message for message in exceeded if message]

@@ -72,4 +72,4 @@ def test_the_network_is_judged_by_its_slowest_ping(monkeypatch, answered) -> Non
     monkeypatch.setattr(workstation.subprocess, "run", lambda *args, **kwargs: type("Done", (), {"stdout": lines})())
     finding = workstation.network("10.0.0.1")
     assert finding.good is False
-    assert ("largest 0.900 ms" if answered else "no response") in finding.result
+    assert ("maximum 0.900 ms" if answered else "no response") in finding.result

@@ -13,7 +13,7 @@ from fci_peer import PATIENCE, Peer, command, control_box, log_of, run_client, w
 from franka_hw_interface.robot_state import RobotMode
 from franka_sim.box.requests import ControllerMode, GeneratorMode, MoveRequest, RequestOutcome
 from franka_sim.fci.app import ControlBoxCommand
-from franka_sim.fci.arm_device import make_arm
+from franka_sim.fci.arm_building import make_arm
 from franka_sim.fci.robots import ROBOTS
 from franka_sim.fci.wire import WIRE_ERRORS
 from hric_core.errors import HricError
@@ -255,7 +255,7 @@ def test_a_load_beyond_all_sense_is_refused() -> None:
         for load in ((1e200, 0.0), (1.0, 1e100)):
             assert peer.exchange(10, struct.pack("<13d", load[0], load[1], *[0.0] * 11)) == b"\x02"
         assert peer.exchange(10, struct.pack("<13d", 3.0, *[0.0] * 12)) == b"\x00"
-        assert "is beyond 20 kg" in log_of(process)
+        assert "exceeds the maximum of 20 kg" in log_of(process)
 
 
 def trajectory(period: int) -> list[tuple[float, ...]]:

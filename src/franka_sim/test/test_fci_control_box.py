@@ -80,10 +80,10 @@ def test_the_console_says_what_it_does_not_know() -> None:
         assert process.stdin is not None
         for line, message in (
             ("dance", "no console command 'dance'"),
-            ("user_stop", "user_stop takes 1 values; got 0"),
+            ("user_stop", "user_stop needs 1 values; got 0"),
             ("user_stop maybe", "'maybe'; valid: on, off"),
             ("push panda_link7 x 0 0 1", "'x' is no finite number"),
-            ("push panda_link7 1 0 0 1", "a constant robot cannot be pushed"),
+            ("push panda_link7 1 0 0 1", "push refused: this robot has a constant state"),
             ("object 0.5", "does not fit between the fingers"),
             ("user_stop on", "console: user_stop on: success"),
         ):

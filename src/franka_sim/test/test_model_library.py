@@ -164,7 +164,7 @@ def test_the_description_without_tool_ends_at_the_flange() -> None:
 def test_an_arm_that_is_no_franka_is_refused() -> None:
     with pytest.raises(UnknownNameError, match="no link 'left_link8'"):
         library_for(description(), "left")
-    with pytest.raises(DescriptionError, match="turn about z"):
+    with pytest.raises(DescriptionError, match="rotate about z of their own frames"):
         library_for(description().replace('<axis xyz="0 0 1"/>', '<axis xyz="0 1 0"/>', 1))
     fixed = ElementTree.fromstring(description())
     next(joint for joint in fixed.findall("joint") if joint.get("name") == "panda_joint3").set("type", "fixed")

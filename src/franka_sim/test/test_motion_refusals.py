@@ -155,4 +155,4 @@ def test_a_motion_that_ends_in_full_speed_says_how_fast_it_was(make_box) -> None
     last = command(dq=[0.095, *[0.0] * 6], finished=True)
     errors, line = refusal(arm, GeneratorMode.JOINT_VELOCITY, *speeds, last)
     assert errors == {"joint_motion_generator_velocity_discontinuity"}
-    assert "not at rest" in line
+    assert "must bring it to rest within one step" in line

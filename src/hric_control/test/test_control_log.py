@@ -1,8 +1,11 @@
 """The log of every cycle."""
 
 from hric_control.control_log import BATCH, ControlLog
-from hric_control.hardware_interface import JointStates
+from hric_control.hardware_interface import JointStateInterface, JointStates
+from hric_control.robot_hw import RobotHW
+from hric_core.local.node import LocalNode
 from hric_core.robot_time import stamps
+from hric_msgs.msg import ControlLog as ControlLogMessage
 
 
 class Recorder:
@@ -12,9 +15,11 @@ class Recorder:
         self.messages = []
         self.states = JointStates(["a", "b"])
         self.row = ["effort", "effort"], [0.0, 0.0], [0.0, 0.0]
-        self.log = ControlLog(
-            self.states, lambda: self.row, lambda build, *args: self.messages.append(build(*args)), stamps.to_time
-        )
+        hw, node = RobotHW(), LocalNode()
+        hw.register_interface(JointStateInterface(self.states))
+        hw.log_row = lambda: self.row
+        node.subscribe("control_log", ControlLogMessage, self.messages.append)
+        self.log = ControlLog(hw, node, stamps.to_time)
 
     def cycle(self, k):
         self.log.complete()

@@ -14,7 +14,8 @@ from hric_control.controller import Controller
 from hric_control.diagnostics import Diagnostics
 from hric_control.hardware_interface import EffortJointInterface
 from hric_control.manager.controller_manager import import_controllers
-from hric_control.robot_app import RobotApp, robot_hw_type
+from hric_control.robot_app import RobotApp
+from hric_control.robot_settings import robot_hw_type
 from hric_core.errors import DescriptionError, HricError, ParameterError, UnknownNameError
 from hric_core.local.node import LocalNode
 

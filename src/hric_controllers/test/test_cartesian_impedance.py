@@ -16,7 +16,6 @@ from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.model import FrankaFrame
 from franka_hw_interface.robot_state import RobotState
 from hric_controllers.cartesian import law as cartesian_law
-from hric_controllers.state.messages import to_quaternion
 from hric_core import plugins
 from hric_core.errors import HricError
 from hric_core.geometry import Pose, quaternions
@@ -33,8 +32,7 @@ def rig(**changes):
 
 
 def pose_of(state):
-    T = state.O_T_EE
-    return Pose((T[12], T[13], T[14]), to_quaternion(T))
+    return Pose.of_column_major(state.O_T_EE)
 
 
 def displacement(bench, before):

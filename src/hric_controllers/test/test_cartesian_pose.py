@@ -9,9 +9,8 @@ import pytest
 from geometry_msgs.msg import PoseStamped
 from marker_rig import MarkerRig, sinusoid
 
-from hric_controllers.state.messages import to_quaternion
 from hric_core.errors import HricError
-from hric_core.geometry import quaternions
+from hric_core.geometry import Pose, quaternions
 from hric_msgs.msg import MocapData, RigidBodyState
 
 NAME = "cartesian_pose_controller"
@@ -140,14 +139,16 @@ def test_a_commanded_pose_is_reached_and_the_next_marker_is_a_first_one():
     bench = rig(still, noise=0.0)
     start = bench.state.O_T_EE_c[:]
     goal = [start[12] + 0.05, start[13] - 0.1, start[14] + 0.08]
-    quaternion = quaternions.product(quaternions.from_rotation_vector((0.1, -0.2, 0.3)), to_quaternion(start))
+    quaternion = quaternions.product(
+        quaternions.from_rotation_vector((0.1, -0.2, 0.3)), Pose.of_column_major(start).orientation
+    )
     bench.follow(0.2)
     send_pose(bench, goal, quaternion)
     bench.follow(0.1)
     assert bench.messages[STATE][-1].tracking == "commanded"
     bench.follow(2.0)
     assert bench.state.O_T_EE_c[12:15] == pytest.approx(goal, abs=1e-9)
-    assert quaternions.difference(to_quaternion(bench.state.O_T_EE_c), quaternion) == pytest.approx(
+    assert quaternions.difference(Pose.of_column_major(bench.state.O_T_EE_c).orientation, quaternion) == pytest.approx(
         (0.0, 0.0, 0.0), abs=1e-6
     )
     assert bench.messages[STATE][-1].tracking == "following" and not bench.hw.error
@@ -175,7 +176,7 @@ def test_a_pose_that_cannot_be_is_refused_with_the_reason_and_nothing_moves(reas
 
 def test_with_follow_pose_the_end_effector_turns_with_the_body():
     bench = rig(still, noise=0.0, follow="pose")
-    start = to_quaternion(bench.state.O_T_EE_c)
+    start = Pose.of_column_major(bench.state.O_T_EE_c).orientation
     bench.follow(0.1)
     message = MocapData(rigid_bodies=[RigidBodyState(name="hand", tracking_valid=True)])
     body = message.rigid_bodies[0].pose
@@ -184,7 +185,7 @@ def test_with_follow_pose_the_end_effector_turns_with_the_body():
         (0.0, 0.3, 0.0)
     )
     bench.run(1.5, lambda time: bench.marker.publish(message))
-    assert quaternions.difference(to_quaternion(bench.state.O_T_EE_c), start) == pytest.approx(
+    assert quaternions.difference(Pose.of_column_major(bench.state.O_T_EE_c).orientation, start) == pytest.approx(
         (0.0, 0.0, 0.3), abs=1e-6
     )
     assert not bench.hw.error

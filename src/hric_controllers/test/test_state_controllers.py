@@ -4,7 +4,7 @@ from controllers_rig import DT, Lab, Rig
 from franka_hw_interface.interfaces import FrankaStateInterface
 from franka_hw_interface.robot_state import FIELD_NAMES, RobotMode, RobotState, errors
 from franka_msgs.msg import Errors, FrankaState
-from hric_controllers.state.messages import franka_state, to_quaternion
+from hric_controllers.state.messages import franka_state
 from hric_core import plugins
 from hric_core.errors import HricError
 
@@ -125,22 +125,6 @@ def test_the_end_effector_frames_form_a_chain_from_the_flange():
     chain = [(frame.header.frame_id, frame.child_frame_id) for frame in frames]
     assert chain == [("panda_link8", "panda_NE"), ("panda_NE", "panda_EE"), ("panda_EE", "panda_K")]
     assert frames[1].transform.translation.z == pytest.approx(0.1034)
-
-
-@pytest.mark.parametrize("axis", [0, 1, 2])
-@pytest.mark.parametrize("angle", [0.3, 3.1415926, -2.0, 0.0])
-def test_a_rotation_about_an_axis_gives_its_quaternion(axis, angle):
-    from math import cos, sin
-
-    i, j = (axis + 1) % 3, (axis + 2) % 3
-    T = [1.0, 0, 0, 0, 0, 1.0, 0, 0, 0, 0, 1.0, 0, 0, 0, 0, 1.0]
-    T[4 * i + i] = T[4 * j + j] = cos(angle)
-    T[4 * i + j], T[4 * j + i] = sin(angle), -sin(angle)
-    expected = [0.0, 0.0, 0.0, cos(angle / 2)]
-    expected[axis] = sin(angle / 2)
-    found = to_quaternion(T)
-    sign = 1 if sum(a * b for a, b in zip(found, expected, strict=True)) > 0 else -1
-    assert [sign * value for value in found] == pytest.approx(expected, abs=1e-7)
 
 
 @pytest.mark.parametrize(

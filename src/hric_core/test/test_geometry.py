@@ -211,3 +211,17 @@ def test_a_tensor_is_judged_by_its_moments_whatever_its_axes(rng) -> None:
         judge(tensor(-1.0, 0.0, 0.0, 2.0, 0.0, 0.5)).reasons()[1]
         == "is not positive definite (eigenvalues -1.0000 kg m^2)"
     )
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("angle", [0.3, 3.1415926, -2.0, 0.0])
+def test_a_rotation_about_an_axis_in_column_major_order_gives_its_quaternion(axis: int, angle: float) -> None:
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    T = [1.0, 0, 0, 0, 0, 1.0, 0, 0, 0, 0, 1.0, 0, 0, 0, 0, 1.0]
+    T[4 * i + i] = T[4 * j + j] = math.cos(angle)
+    T[4 * i + j], T[4 * j + i] = math.sin(angle), -math.sin(angle)
+    expected = [0.0, 0.0, 0.0, math.cos(angle / 2)]
+    expected[axis] = math.sin(angle / 2)
+    found = Pose.of_column_major(T).orientation
+    sign = 1 if sum(a * b for a, b in zip(found, expected, strict=True)) > 0 else -1
+    assert [sign * value for value in found] == pytest.approx(expected, abs=1e-7)

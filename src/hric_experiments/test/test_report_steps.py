@@ -12,6 +12,7 @@ from hric_bags import reader as bag_reader
 from hric_bags.text import Steps
 from hric_experiments.live import experiment as live
 from hric_experiments.live.node import LiveInterrupted
+from hric_experiments.live.recording import LiveRecording
 from hric_report import run as analysis
 from hric_report import run_figures
 
@@ -69,7 +70,9 @@ def test_ctrl_c_during_the_report_leaves_the_bag_whole_and_says_how_to_make_it_l
 
     monkeypatch.setattr(run_figures, "draw", interrupted)
     folder = report_run.write_run(tmp_path)
+    recording = object.__new__(LiveRecording)
+    recording._folder = str(folder.path)
     with pytest.raises(LiveInterrupted):
-        live_experiment()._report(folder)
+        live_experiment()._report(recording)
     assert said == [f"interrupted: the bag is complete, but there is no report; to write it: hric report {folder.path}"]
     assert bag_reader.read(folder.bag_path).log.cycles == report_run.CYCLES

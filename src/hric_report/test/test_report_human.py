@@ -240,7 +240,7 @@ class TestInABrowser:
             np.testing.assert_allclose(page.evaluate(f"{arrow}.object.position.toArray()"), tail, atol=1e-6)
 
     def test_the_page_shows_their_figures_and_names_their_forces_without_a_problem(self, page: Browser) -> None:
-        assert "Grip force" in page.evaluate("document.getElementById('the-human').textContent")
+        assert "Grip force" in page.evaluate("document.getElementById('simulated-human').textContent")
         legend = page.evaluate("document.getElementById('view-legend').textContent")
         assert "activation of the muscles" in legend
         assert "force of panda_hand on human::r_wrist" in legend and "contact of lower arm, wrist" in legend

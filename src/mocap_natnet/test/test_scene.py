@@ -170,7 +170,7 @@ def test_a_trajectory_comes_from_a_file(tmp_path: Path) -> None:
     ("text", "words"),
     [
         ("0,1,2\n", "line 1"),
-        ("0,0,0,0\n0,1,1,1\n", "rise"),
+        ("0,0,0,0\n0,1,1,1\n", "times of a track must increase"),
         ("0,a,0,0\n", "line 1"),
         ("0,0,0,0,0,0,0,0\n", "zero"),
         ("", "one at least"),

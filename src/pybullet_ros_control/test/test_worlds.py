@@ -40,7 +40,10 @@ def test_a_window_without_a_display_is_refused_and_the_process_lives(make_plant,
 @pytest.mark.parametrize(
     ("urdf", "message"),
     [
-        (two_link_urdf().replace('<mass value="2.0"/>', '<mass value="0"/>'), "link link1: it moves, but neither it"),
+        (
+            two_link_urdf().replace('<mass value="2.0"/>', '<mass value="0"/>'),
+            "link link1: it can move, but neither it",
+        ),
         (two_link_urdf(joint="planar"), "joint joint1: type 'planar' is not supported by PyBullet; valid: revolute"),
     ],
 )

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from franka_hw_interface.arm_services import ArmServices, ServedArm
 from franka_hw_interface.command_set import CommandSet
 from franka_hw_interface.interfaces import FrankaModelInterface, FrankaStateInterface
 from franka_hw_interface.model import FrankaModel
@@ -42,6 +43,7 @@ class CommandedArm(RobotHW):
     _node: Node
     _commands: CommandSet
     _requested: ArmMode
+    _services: ArmServices
 
     @property
     def _running(self) -> bool:
@@ -57,6 +59,9 @@ class CommandedArm(RobotHW):
         self.register_interface(FrankaModelInterface(self.arm_id, model, self.robot_state))
         for interface in self._commands.interfaces():
             self.register_interface(interface)
+
+    def _serve(self, arm: ServedArm, root_node: Node) -> None:
+        self._services = ArmServices(arm, root_node)
 
     def _claimed(self, controllers: Sequence[ControllerInfo]) -> list[ArmMode]:
         return claimed_modes(controllers, self.arm_id, self.states.names)
@@ -102,6 +107,14 @@ class CommandedArm(RobotHW):
         self.error = text
         message = f"{text} -- the arm is in the error state until the action franka_control/error_recovery succeeds"
         realtime.defer(self._node, lambda: self._node.log_error(message), "log")
+
+    def _refuse_recovery_in_motion(self) -> None:
+        if self.mode.commanded:
+            raise HricError("the arm is moving: there is nothing to recover from")
+
+    def _warn(self, text: str) -> None:
+        """Log a warning, outside of the loop."""
+        realtime.defer(self._node, lambda: self._node.log_warn(text), "log")
 
     def limiter_counts(self) -> LimitCounts:
         """Return how often the joint limiters of all command interfaces have changed a command since the start."""

@@ -169,6 +169,16 @@ class RobotState:
     current_errors: Errors = NO_ERRORS
     last_motion_errors: Errors = NO_ERRORS
 
+    @property
+    def idle(self) -> bool:
+        """True if the arm is ready for a motion."""
+        return self.robot_mode is RobotMode.IDLE
+
+    @property
+    def moving(self) -> bool:
+        """True while a motion runs."""
+        return self.robot_mode is RobotMode.MOVE
+
     def snapshot(self) -> "RobotState":
         """Return a copy that later cycles do not change; fields computed on demand are computed now."""
         values = {name: getattr(self, name) for name in FIELD_NAMES}

@@ -1,17 +1,13 @@
 """Real Franka arm as a RobotHW, through libfranka."""
 
 from collections.abc import Sequence
-from contextlib import AbstractContextManager
-from threading import get_ident
 from typing import Any
 
 from franka_hw_interface.arm_parameters import read_limits
-from franka_hw_interface.arm_services import ArmServices
 from franka_hw_interface.command_set import PERIOD, ArmCommand, CommandSet
 from franka_hw_interface.commanded_arm import CommandedArm
 from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.modes import HOLD, ArmMode
-from franka_hw_interface.robot_state import RobotMode
 from franka_real import connection
 from franka_real.arm_adapter import ArmAdapter
 from franka_real.backend import RobotError
@@ -19,11 +15,8 @@ from franka_real.realtime_setup import Measure, priority_kept, realtime, take_pr
 from franka_real.robot_time import ArmTime
 from franka_real.settings import FrankaRealSettings
 from franka_real.state import LibfrankaState
-from hric_control.hardware_interface import JointStates
 from hric_control.loop_requests import LoopRequests
 from hric_control.robot_hw import OnCycle
-from hric_core import realtime as messages
-from hric_core.errors import HricError
 from hric_core.node import Node
 
 LATE = 1.5 * PERIOD
@@ -58,11 +51,10 @@ class FrankaHW(CommandedArm):
         self.arm_id, self.rotor_inertia = config.arm_id, [config.rotor_inertia] * 7
         self.description = root_node.search_param("robot_description")
         self.model = KdlFrankaModel(self.description, self.arm_id)
-        self.states = JointStates(self.model.joint_names)
-        limits = read_limits(self.description, root_node, node, self.arm_id, self.states.names)
+        limits = read_limits(self.description, root_node, node, self.arm_id, self.model.joint_names)
         self.mode, self.error, self.lost_states = HOLD, "", 0
         self.losses: list[int] = []
-        self._requested, self._stop, self._in_run = HOLD, False, False
+        self._requested, self._stop = HOLD, False
         self._requests = LoopRequests()
         self._robot_time = ArmTime([root_node, node])
         self._connection = connection.open_connection(config)
@@ -76,7 +68,8 @@ class FrankaHW(CommandedArm):
         self._arm, self._watchdog = self._connection.arm, self._connection.watchdog
         self._collision = self._settings.collision_config
         with self._connection.patience():
-            self.robot_state = state = LibfrankaState(self.states, self._arm.read_once())
+            self.robot_state = state = LibfrankaState(self.model.joint_names, self._arm.read_once())
+            self.states = state.joints
             for text in connection.learn(self.model, state):
                 self._node.log_warn(text)
             models = connection.models(self._settings, self._arm, self.model, self.description)
@@ -84,11 +77,11 @@ class FrankaHW(CommandedArm):
             self._send_collision_behavior()
         self._commands = CommandSet(self.arm_id, self.states, state, limits)
         self._register(models[0])
-        self._services = ArmServices(self._adapter, root_node)
+        self._serve(self._adapter, root_node)
 
     @property
     def _running(self) -> bool:
-        return self._in_run
+        return self._requests.thread is not None
 
     def _check_mode(self, mode: ArmMode) -> None:
         self._arm.check(mode)
@@ -111,32 +104,24 @@ class FrankaHW(CommandedArm):
 
     def run(self, on_cycle: OnCycle) -> None:
         """Run the control loop by the arm's clock until `stop` is called. Raises ArmLostError if the arm is lost."""
-        with self._requests.lock:
-            self._requests.thread = get_ident()
-        self._in_run = True
-        try:
-            with priority_kept(), self._realtime() as measures:
-                self._report_measures(measures)
+        with self._requests.served_here():
+            try:
+                config = self._settings
+                measured = realtime(config.realtime_priority, config.lock_memory, config.switch_interval)
+                with priority_kept(), measured as measures:
+                    self._report_measures(measures)
+                    if self._watchdog is not None:
+                        self._watchdog.arm()
+                    self._arm.read_once()  # it may be old: buffered since the last reading
+                    while not self._stop:
+                        if self.error or not self._requested.commanded:
+                            self._follow(on_cycle)
+                        else:
+                            self._command(self._requested, on_cycle)
+            finally:
                 if self._watchdog is not None:
-                    self._watchdog.arm()
-                self._arm.read_once()  # it may be old: buffered since the last reading
-                while not self._stop:
-                    if self.error or not self._requested.commanded:
-                        self._follow(on_cycle)
-                    else:
-                        self._command(self._requested, on_cycle)
-        finally:
-            if self._watchdog is not None:
-                self._watchdog.disarm()
-            self._in_run = self._stop = False
-            with self._requests.lock:
-                self._requests.thread = None
-                while self._requests.waiting:
-                    self._requests.waiting.popleft()[0].set_exception(HricError("the control loop has ended"))
-
-    def _realtime(self) -> AbstractContextManager[list[Measure]]:
-        config = self._settings
-        return realtime(config.realtime_priority, config.lock_memory, config.switch_interval)
+                    self._watchdog.disarm()
+                self._stop = False
 
     def _report_measures(self, measures: Sequence[Measure]) -> None:
         self._node.log_info(f"real time: {'; '.join(measure.text for measure in measures if measure.done)}")
@@ -211,7 +196,7 @@ class FrankaHW(CommandedArm):
                 f"motion by {mode}: {sum(self.losses)} states of the arm lost or late, at most {max(self.losses)} in a "
                 "row; check this computer and its network: hric check_workstation"
             )
-            messages.defer(self._node, lambda: self._node.log_warn(text), "log")
+            self._warn(text)
             self.lost_states += sum(self.losses)
             self.losses.clear()
 
@@ -228,9 +213,8 @@ class FrankaHW(CommandedArm):
 
     def recover(self) -> None:
         """Run automatic error recovery, in the loop; the aborted motion starts again, and its controllers restart."""
-        if self.mode.commanded:
-            raise HricError("the arm is moving: there is nothing to recover from")
-        if self.robot_state.robot_mode is not RobotMode.IDLE:
+        self._refuse_recovery_in_motion()
+        if not self.robot_state.idle:
             with self._connection.patience():
                 self._arm.recover()
         self.error = ""

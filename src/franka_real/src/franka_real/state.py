@@ -1,6 +1,7 @@
 """State of a real arm as a RobotState: q, dq and tau_J are copied each cycle, other fields when they are read."""
 
 import json
+from collections.abc import Sequence
 from typing import Any
 
 from franka_hw_interface.robot_state import (
@@ -62,11 +63,12 @@ class LibfrankaState(RobotState):
     follows from F_T_EE, and gravity is that of an upright arm.
 
     Attributes:
+        joints: joint states.
         raw: libfranka's state of this cycle.
         set_NE_T_EE: argument of the last `set_EE_frame`, 16 floats column-major.
     """
 
-    __slots__ = ("computed_at", "raw", "set_NE_T_EE")
+    __slots__ = ("computed_at", "joints", "raw", "set_NE_T_EE")
 
     robot_mode = lazy_field("robot_mode", lambda state: read_mode(state.raw.robot_mode))
     current_errors = lazy_field("current_errors", lambda state: read_errors(state.raw.current_errors))
@@ -75,11 +77,12 @@ class LibfrankaState(RobotState):
     NE_T_EE = lazy_field("NE_T_EE", lambda state: list(getattr(state.raw, "NE_T_EE", state.set_NE_T_EE)))
     O_ddP_O = lazy_field("O_ddP_O", lambda state: list(getattr(state.raw, "O_ddP_O", GRAVITY)))
 
-    def __init__(self, states: JointStates, raw: Any) -> None:
+    def __init__(self, joint_names: Sequence[str], raw: Any) -> None:
         self.computed_at: dict[str, int] = {}
         self.raw = raw
         super().__init__()
         self.set_NE_T_EE = identity16()
+        self.joints = states = JointStates(joint_names)
         self.q, self.dq, self.tau_J = states.position, states.velocity, states.effort
         self.computed_at.clear()
         self.take(raw, 0.0)

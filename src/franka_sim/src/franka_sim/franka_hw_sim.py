@@ -3,11 +3,9 @@
 from collections.abc import Sequence
 
 from franka_hw_interface.arm_parameters import read_limits
-from franka_hw_interface.arm_services import ArmServices
 from franka_hw_interface.command_set import CommandSet
 from franka_hw_interface.commanded_arm import CommandedArm
 from franka_hw_interface.modes import HOLD, ArmMode, Kind
-from franka_hw_interface.robot_state import RobotMode
 from franka_sim import sensors, settings
 from franka_sim.box.compiled_arm import CompiledArm
 from franka_sim.box.control_box import ControlBox
@@ -16,7 +14,6 @@ from franka_sim.box_adapter import BoxAdapter
 from hric_control.limits import check_start
 from hric_control.robot_hw import OnCycle
 from hric_control.sim.simulated_robot import SimulatedRobot
-from hric_core import realtime
 from hric_core.errors import HricError
 from hric_core.node import Node
 
@@ -71,7 +68,7 @@ class FrankaHWSim(SimulatedRobot, CommandedArm):
             period, states = self.plant.time_step, self.states
             config = parameters.box(plant_config, names, period, realism)
             compiled = CompiledArm(self.description, self.arm_id, config.min_singular_value)
-            self.box = ControlBox(self.model, compiled, config, self._report)
+            self.box = ControlBox(self.model, compiled, config, self._warn)
             self.robot_state = self.box.state
             self._read_state = sensors.attach(self.plant, self.box, realism, plant_config.get("seed", 0))
             settings.set_internal_impedance(node, parameters.internal_impedance.stiffness, self.box.joint_impedance)
@@ -79,11 +76,7 @@ class FrankaHWSim(SimulatedRobot, CommandedArm):
             self.mode, self._requested, self._restart = HOLD, HOLD, False
             self._register(self.model)
             self._put(self.q_start, self._reset_plant)
-            self._services = ArmServices(BoxAdapter(self.loop, self.box, self.recover), root_node)
-
-    def _report(self, text: str) -> None:
-        """Log a warning of the control box, outside of the control loop."""
-        realtime.defer(self._node, lambda: self._node.log_warn(text), "log")
+            self._serve(BoxAdapter(self.loop, self.box, self.recover), root_node)
 
     @property
     def _running(self) -> bool:
@@ -130,7 +123,7 @@ class FrankaHWSim(SimulatedRobot, CommandedArm):
         command = self._commands.limited_command(mode)
         command.finished = self._requested is not mode
         self.plant.apply(box.write(command))
-        if self.robot_state.robot_mode is not RobotMode.MOVE:
+        if not self.robot_state.moving:
             self._end()
 
     def _end(self) -> None:
@@ -143,8 +136,7 @@ class FrankaHWSim(SimulatedRobot, CommandedArm):
 
     def recover(self) -> None:
         """Run automatic error recovery, in the loop; the aborted motion starts again, and its controllers restart."""
-        if self.mode.commanded:
-            raise HricError("the arm is moving: there is nothing to recover from")
+        self._refuse_recovery_in_motion()
         outcome = self.box.recover()
         if outcome is not RequestOutcome.SUCCESS:
             raise HricError(

@@ -17,7 +17,6 @@ from hric_assessment.verdict.person import people_of
 from hric_assessment.verdict.separating import TOUCHING, PersonSeparation, separated, separation_finding
 from hric_bags.run_file import RunFile, robot_parameters
 from hric_core.geometry import FloatArray, compose
-from hric_human.body import describe
 from hric_human.control.kinematics import HandChain
 from hric_human.hand.programs import read_program
 from hric_human.participant.settings import HumanSettings
@@ -108,7 +107,7 @@ def _reference(run: RunFile, person: SimulatedPerson) -> tuple[FloatArray, Float
     record, begin = person.record, moved(person.record.events, person.record.time)[0]
     rows = record.time >= begin
     settings = HumanSettings.of(section, "human")
-    body = describe(settings.person)
+    body = settings.body()
     hand, root = HandChain(body, body.subject.dominant_hand), settings.root(body)
     at = [compose(root, hand.pose(q)).position for q in record.position[rows].tolist()]
     goal = [program.pose(time - begin).position for time in record.time[rows].tolist()]

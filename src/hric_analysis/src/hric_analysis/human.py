@@ -21,7 +21,6 @@ from hric_bags.records.human_record import GripRecord, HumanRecord, RecordedHuma
 from hric_bags.run_file import Definition, NodeParameters, RunFile
 from hric_core.geometry import Vector
 from hric_core.json_values import from_json
-from hric_human.body import describe
 from hric_human.control.kinematics import HandChain
 from hric_human.participant.settings import HumanSettings
 
@@ -289,7 +288,7 @@ def metrics(person: SimulatedPerson, section: NodeParameters) -> HumanMetrics:
 
 def hand_positions(record: HumanRecord, section: NodeParameters) -> FloatArray:
     """Return the positions of the dominant (or only) hand relative to the body's root link, shape (n, 3) [m]."""
-    body = describe(HumanSettings.of(section, "human").person)
+    body = HumanSettings.of(section, "human").body()
     sides = (body.subject.dominant_hand, "right", "left")
     hand = HandChain(body, next(side for side in sides if f"{side}_hand" in body.segments))
     return np.array([hand.pose(q).position for q in record.position.tolist()])

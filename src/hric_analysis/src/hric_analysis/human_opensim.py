@@ -11,10 +11,8 @@ from hric_bags.export.opensim_text import write_storage
 from hric_bags.files import atomic
 from hric_bags.records.human_record import HumanRecord
 from hric_bags.run_file import NodeParameters
-from hric_core.geometry import Pose, homogeneous
-from hric_core.geometry.transforms import rotation_from_quaternion
+from hric_core.geometry import Pose
 from hric_core.urdf import write_origin
-from hric_human.body import describe
 from hric_human.muscles.choose import find
 from hric_human.muscles.muscle_set import MuscleSet
 from hric_human.muscles.opensim_paths import with_muscles
@@ -42,7 +40,7 @@ def write(folder: Path, section: NodeParameters, record: HumanRecord, gravity: t
         HricError: the files cannot be written.
     """
     settings = HumanSettings.of(section, "human")
-    body = describe(settings.person)
+    body = settings.body()
     urdf = _standing(body.urdf, settings.root(body))
     options = urdf_to_osim.Options(gravity=gravity, inertia="keep", stops=False, friction="none", meshes=False)
     conversion = urdf_to_osim.convert(urdf, options)
@@ -69,7 +67,7 @@ def _standing(urdf: str, root: Pose) -> str:
     joint = SubElement(robot, "joint", name="world_to_human", type="fixed")
     SubElement(joint, "parent", link="world")
     SubElement(joint, "child", link="human_base")
-    write_origin(joint, homogeneous(rotation_from_quaternion(root.orientation), root.position))
+    write_origin(joint, root.transform())
     return ElementTree.tostring(robot, encoding="unicode")
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hric_bags.reader import ControlRecord, RunRecord, SentSetpoint
+from hric_run.definition.experiment import MetricsSpec
 
 FloatArray = npt.NDArray[np.float64]
 RIPPLE_WINDOW = 0.1
@@ -338,6 +339,11 @@ class MotionMetrics:
     setpoints: tuple[SetpointMetrics, ...]
     joints: dict[str, JointMetrics]
     topics: dict[str, int]
+
+
+def settling_bands(settings: Mapping[str, Any]) -> tuple[float, ...]:
+    """Return the bands for the settling time [rad] of an experiment's section `metrics`, or the default."""
+    return tuple(settings.get("tolerances") or MetricsSpec().tolerances)
 
 
 def compute(

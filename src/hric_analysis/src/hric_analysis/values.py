@@ -22,7 +22,6 @@ from hric_bags.records.contact_record import PairForce
 from hric_bags.records.safety_record import SafetyRecord
 from hric_bags.run_file import Definition, RunFile
 from hric_core.json_values import to_json
-from hric_run.definition.experiment import MetricsSpec
 
 
 @dataclass(frozen=True)
@@ -91,7 +90,7 @@ class Values(Mapping[str, object]):
         self._definition = run.get("definition") or Definition()
         self._limits = run.get("limits") or {}
         settings = self._definition.get("metrics") or {}
-        self.tolerances = tuple(settings.get("tolerances") or MetricsSpec().tolerances)
+        self.tolerances = metrics.settling_bands(settings)
         self._reference = str(settings.get("reference") or "")
         self._parts: dict[str, object] = {}
         self._others: dict[str, Callable[[], object]] = {

@@ -111,8 +111,9 @@ class RobotClock:
         """Return the message stamp of a robot time [s]: robot time plus the ROS time at which robot time was 0."""
         return stamps.to_time(time + self._hw.epoch)
 
-    def publish(self, stamp: Any) -> None:
-        """Publish a stamp on /clock, except 0, which in ROS means that there is no time yet."""
+    def publish(self, time: float | None) -> None:
+        """Publish /clock at a robot time [s] but 0, which in ROS is no time yet; None: the smallest that is valid."""
+        stamp = stamps.FIRST if time is None else stamps.to_time(time)
         if self._publisher is None or not stamp:
             return
         if self._on_clock is not None:

@@ -3,8 +3,11 @@
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from hric_control.hardware_interface import JointStates
-from hric_control.robot_hw import LogRow
+from hric_control.hardware_interface import JointStateInterface
+from hric_control.robot_hw import RobotHW
+from hric_core import realtime
+from hric_core.node import Node
+from hric_msgs.msg import ControlLog as ControlLogMessage
 
 BATCH = 20
 """Number of control cycles per message: at 1 kHz, 50 messages per second."""
@@ -18,22 +21,15 @@ class ControlLog:
     that drives the loop itself.
 
     Args:
-        states: measured states; copied by `begin`.
-        row: function that returns the commands of the last cycle, the robot's `log_row`.
-        publish: function that publishes a message, given a function that builds it and the arguments of that function
-            (`RealtimePublisher.publish`).
+        hw: robot, initialised, with joints; its states are copied by `begin`.
+        node: node that advertises `control_log`; `publisher` is an attribute.
         stamp: function that converts robot time [s] to a message stamp.
     """
 
-    def __init__(
-        self,
-        states: JointStates,
-        row: Callable[[], LogRow],
-        publish: Callable[..., None],
-        stamp: Callable[[float], Any],
-    ) -> None:
-        self._states, self._row, self._publish, self._stamp = states, row, publish, stamp
-        self._names = list(states.names)
+    def __init__(self, hw: RobotHW, node: Node, stamp: Callable[[float], Any]) -> None:
+        self._states, self._row, self._stamp = hw.get(JointStateInterface).states, hw.log_row, stamp
+        self.publisher = realtime.publisher(node, "control_log", ControlLogMessage, lossless=True)
+        self._names = list(self._states.names)
         self._first = 0
         self._open = False
         self._kinds: list[str] = []
@@ -103,14 +99,12 @@ class ControlLog:
         values = (self._time, self._position, self._velocity, self._effort, self._raw, self._sent)
         names, kinds, stamp = self._names, self._kinds, self._stamp
         self._clear()
-        self._publish(_message, names, kinds, first, stamp(values[0][0]), values)
+        self.publisher.publish(_message, names, kinds, first, stamp(values[0][0]), values)
 
 
 def _message(names: list[str], kinds: list[str], first: int, stamp: Any, values: tuple[list[float], ...]) -> Any:
-    from hric_msgs.msg import ControlLog as Message
-
     # Fields are set one by one: constructors with arguments check all of them and take three times as long.
-    message = Message()
+    message = ControlLogMessage()
     message.joint_names, message.command_interface = names, kinds
     message.first_cycle, message.n_cycles = first, len(values[0])
     message.time, message.position, message.velocity, message.effort, message.command_raw, message.command = values

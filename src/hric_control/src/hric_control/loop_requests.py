@@ -2,9 +2,12 @@
 
 import threading
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future
+from contextlib import contextmanager
 from typing import Any, TypeVar
+
+from hric_core.errors import HricError
 
 T = TypeVar("T")
 
@@ -38,6 +41,19 @@ class LoopRequests:
             self.waiting.append((future, function))
         self._wake()
         return future.result()
+
+    @contextmanager
+    def served_here(self) -> Iterator[None]:
+        """Let the calls wait for this thread until the block ends; those that then wait get a HricError."""
+        with self.lock:
+            self.thread = threading.get_ident()
+        try:
+            yield
+        finally:
+            with self.lock:
+                self.thread = None
+                while self.waiting:
+                    self.waiting.popleft()[0].set_exception(HricError("the control loop has ended"))
 
     def serve(self) -> None:
         """Execute the queued calls; called by the loop between two cycles."""

@@ -1,32 +1,24 @@
 """Robot with its controllers, manager and topics: common code of the robot node and of runs without ROS."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from time import perf_counter, sleep
 from typing import Any
 
-from hric_control import transmission
 from hric_control.clock_pairs import RobotClock
 from hric_control.control_log import ControlLog
 from hric_control.diagnostics import Diagnostics
-from hric_control.hardware_interface import JointStateInterface
 from hric_control.limits import LimitCounts
 from hric_control.manager.controller_manager import ControllerManager
 from hric_control.manager.services import ManagerServices
 from hric_control.robot_hw import RobotHW
-from hric_control.sim.services import SimServices
-from hric_control.sim.sim_loop import REAL_TIME_FACTOR
-from hric_control.sim.simulated_robot import SimulatedRobot
+from hric_control.robot_settings import COMMON_PARAMETERS, RobotSettings, new_robot_hw
+from hric_control.sim.services import sim_services
 from hric_control.speed_scale_topics import SpeedScaleTopics
-from hric_core import plugins, realtime
-from hric_core.errors import DescriptionError, HricError, failing
+from hric_core import realtime
+from hric_core.errors import HricError, failing
 from hric_core.node import Node
-from hric_core.parameters import Settings, flag, number, text
 from hric_core.processes import quiet_collector
-from hric_core.robot_time import stamps
 from hric_core.scoped_node import ScopedNode
-from hric_msgs.msg import ControlLog as ControlLogMessage
-from hric_msgs.msg import JointLimitCounts
 
 CLOCK_PERIOD = 0.01
 """Period of /clock [s of robot time]."""
@@ -36,45 +28,6 @@ LISTENER_POLL = 0.01
 """Period of the check whether control_log has a subscriber [s of wall time]."""
 DRAIN_TIMEOUT = 0.5
 """Longest time for which an unpaced loop waits until its messages are sent [s of wall time]."""
-COMMON_PARAMETERS = ("arm_id", "failure", "participants", "plant", "plant_type", "q_start", "realism")
-"""Private parameters that are valid for every robot, as one experiment file is used for simulated and real robots.
-
-An experiment sets them, except `failure`, in which the robot node reports why it ended."""
-
-
-@dataclass(frozen=True)
-class RobotSettings(Settings):
-    """Parameters common to all robots; each type of robot has further ones."""
-
-    robot_hw: str = text(
-        "", valid="a type", text="plugin type of the RobotHW; empty: `robotSimType` of the description"
-    )
-    real_time_factor: float = REAL_TIME_FACTOR
-    control_log: bool = flag(True, text="publish `control_log`")
-    wait_for_log_listener: float = number(
-        0.0,
-        minimum=0.0,
-        unit="s of wall time",
-        text="longest time for which the run waits at robot time 0 until `control_log` has a subscriber, so that a "
-        "recording has every cycle",
-    )
-
-
-def robot_hw_type(root_node: Node, robot_hw_node: Node) -> str:
-    """Return the type of the RobotHW plugin: the parameter `robot_hw`, or else `robotSimType` in the description.
-
-    Raises:
-        HricError: neither is set; the message lists the existing types.
-    """
-    type_name = RobotSettings.read(robot_hw_node).robot_hw or transmission.robot_sim_type(
-        root_node.search_param("robot_description", "<robot/>")
-    )
-    if not type_name:
-        valid = ", ".join(sorted(plugins.names(plugins.ROBOT_HW))) or "none"
-        raise DescriptionError(
-            f"{robot_hw_node.resolve('robot_hw')} is not set and robot_description has no robotSimType; valid: {valid}"
-        )
-    return type_name
 
 
 class RobotApp:
@@ -112,12 +65,10 @@ class RobotApp:
     ) -> None:
         self.root_node, self.robot_hw_node = root_node, robot_hw_node
         scope = ScopedNode(robot_hw_node)
-        self.name = type(hw).__name__ if hw is not None else robot_hw_type(root_node, scope)
-        self.hw: RobotHW = hw if hw is not None else plugins.find(plugins.ROBOT_HW, self.name)()
+        self.name, self.hw = new_robot_hw(root_node, scope) if hw is None else (type(hw).__name__, hw)
         self.cycles = 0
         self._live = live
         self._end: float | None = None
-        self._log_publisher: realtime.RealtimePublisher | None = None
         self._stopping = False
         self._hook: Callable[[float], None] | None = None
         self._closers: list[Callable[[], None]] = []
@@ -139,13 +90,12 @@ class RobotApp:
         self._clock = RobotClock(self.hw, (root, self.robot_hw_node), self._live, on_clock)
         self._pairs = self._clock.pairs
         counted = self.hw.limiter_counts() is not None
-        self._counts = realtime.publisher(root, "limit_counts", JointLimitCounts) if counted else None
-        self.log = self._make_log()
+        self._counts = LimitCounts.publisher(root) if counted else None
+        logged = self._settings.control_log and self.hw.log_row()[0]
+        self.log = ControlLog(self.hw, root, self._clock.stamp) if logged else None
         period = self.hw.period
-        self._clock_cycles, self._counts_cycles = (
-            max(1, round(CLOCK_PERIOD / period)),
-            max(1, round(COUNTS_PERIOD / period)),
-        )
+        self._clock_cycles = max(1, round(CLOCK_PERIOD / period))
+        self._counts_cycles = max(1, round(COUNTS_PERIOD / period))
         self.manager = ControllerManager(self.hw, root)
         self.manager.loop_running = self._live
         offered = ScopedNode(root)
@@ -153,23 +103,12 @@ class RobotApp:
         self._scale = self.hw.speed_scale
         self._scale_topics = SpeedScaleTopics(offered, self._scale, self._clock.stamp)
         ManagerServices(self.manager, offered)
-        self.simulated = isinstance(self.hw, SimulatedRobot)
-        if isinstance(self.hw, SimulatedRobot):
-            SimServices(self.hw, offered)
+        self.simulated = sim_services(self.hw, offered) is not None
         if self._live:
             gate = None if self._pairs is None else self._pairs.gate
             status = Diagnostics(root, self.name, self.loop, self.limit_counts if counted else None, gate)
             status.start()
             self._closers.append(status.stop)
-
-    def _make_log(self) -> ControlLog | None:
-        if not (self._settings.control_log and self.hw.log_row()[0]):
-            return None
-        publisher = self._log_publisher = realtime.publisher(
-            self.root_node, "control_log", ControlLogMessage, lossless=True
-        )
-        states = self.hw.get(JointStateInterface).states
-        return ControlLog(states, self.hw.log_row, publisher.publish, self._clock.stamp)
 
     def limit_counts(self) -> LimitCounts:
         """Return a copy of the limit counts since the start, over all interfaces; without joints if there are none."""
@@ -202,7 +141,7 @@ class RobotApp:
         cycle = self.cycles
         self.cycles = cycle + 1
         if cycle % self._clock_cycles == 0:
-            self._clock.publish(stamps.to_time(time))
+            self._clock.publish(time)
             if cycle % self._counts_cycles == 0:
                 self._publish_counts(time)
         if self._end is not None and time + 1.5 * self.hw.period > self._end:
@@ -220,20 +159,20 @@ class RobotApp:
         default; after it, a warning is logged. Returns at once if there is no control log or `stop` was called.
         """
         timeout = self._settings.wait_for_log_listener
-        if timeout == 0.0 or self._log_publisher is None:
+        if timeout == 0.0 or self.log is None:
             return
         # A switch of controllers that is requested meanwhile must wait longer, as the loop begins later.
         patience, self.manager.loop_timeout = self.manager.loop_timeout, self.manager.loop_timeout + timeout
         deadline = perf_counter() + timeout
         try:
-            while not self._log_publisher.subscribers() and not self._stopping:
+            while not self.log.publisher.subscribers() and not self._stopping:
                 if perf_counter() > deadline:
                     self.root_node.log_warn(
                         f"control_log has no subscriber after {timeout:g} s (wait_for_log_listener): the run begins, "
                         "and its first cycles will be missing in a recording"
                     )
                     return
-                self._clock.publish(stamps.FIRST)
+                self._clock.publish(None)
                 if self.simulated:
                     self._clock.pair_now()
                 sleep(LISTENER_POLL)

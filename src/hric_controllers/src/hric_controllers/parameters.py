@@ -1,4 +1,4 @@
-"""Parameters shared by several controllers, checks of joint setpoints, and the throttle of publishers."""
+"""Parameters shared by several controllers, and checks of joint setpoints."""
 
 import math
 from collections.abc import Sequence
@@ -108,31 +108,3 @@ def initial_setpoint(
         return None if values is None else check_setpoint(values, joints, ranges)
     except CommandError as error:
         raise ParameterError(f"{where}: {error}") from None
-
-
-class Throttle:
-    """Throttle that decides in which control cycles to publish, at a fixed rate of robot time and without drift.
-
-    Args:
-        rate: number of publications per second of robot time [Hz]; 0 means never.
-    """
-
-    __slots__ = ("_next", "_period")
-
-    def __init__(self, rate: float) -> None:
-        self._period = 1.0 / rate if rate > 0.0 else math.inf
-        self._next = -math.inf if rate > 0.0 else math.inf
-
-    def restart(self) -> None:
-        """Make the next call of `due` return True, unless the rate is 0."""
-        if self._period < math.inf:
-            self._next = -math.inf
-
-    def due(self, time: float) -> bool:
-        """Return True if it is time to publish, at most once per period of the rate; `time`: robot time [s]."""
-        if time < self._next - 1e-9:
-            return False
-        self._next += self._period
-        if self._next <= time:  # the first call, or the loop was interrupted
-            self._next = time + self._period
-        return True

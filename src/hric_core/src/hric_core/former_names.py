@@ -10,6 +10,7 @@ from importlib.util import find_spec, spec_from_loader
 from types import ModuleType
 
 FORMER = {
+    "hric_control.plants.masks": "hric_control.plants.worlds",
     "hric_control.plants.resources": "hric_core.resources",
     "hric_control.robot_time.clock_pairs": "hric_control.clock_pairs",
     "hric_control.sim.pid": "hric_control.pid",
@@ -34,6 +35,7 @@ FORMER = {
     "hric_experiments.sweep_page": "hric_sweep.page",
     "hric_human.control.marked_body": "hric_human.control.marker_model",
     "hric_human.control.surroundings": "hric_human.control.human_control",
+    "hric_human.muscles.fatigue": "hric_assessment.ergonomics.fatigue",
 }
 """Present import path of packages and modules by their former path.
 

@@ -3,11 +3,12 @@
 Into the loop: `LatestValue`. Out of it: `publisher(...)` returns a `RealtimePublisher`; the loop passes it a function
 that builds the message, and the function's arguments. The `PublishThread` of the process builds and sends the message
 while the loop sleeps; a loop that never sleeps calls `hand_over` periodically. `defer(...)` lets the thread make any
-other call to ROS (the result of an action, a log line).
+other call to ROS (the result of an action, a log line). A `Throttle` limits messages to a rate of robot time.
 
 On a LocalNode, messages are built and sent within the call, so that a run without ROS is deterministic.
 """
 
+import math
 import threading
 from collections import deque
 from collections.abc import Callable
@@ -52,6 +53,34 @@ class LatestValue(Generic[T]):
     def take_new(self) -> T | None:
         """Return the newest value if it was set since the last call of this method, else None. For one reader only."""
         return self._new.popleft() if self._new else None
+
+
+class Throttle:
+    """Throttle that decides in which control cycles to publish, at a fixed rate of robot time and without drift.
+
+    Args:
+        rate: number of publications per second of robot time [Hz]; 0 means never.
+    """
+
+    __slots__ = ("_next", "_period")
+
+    def __init__(self, rate: float) -> None:
+        self._period = 1.0 / rate if rate > 0.0 else math.inf
+        self._next = -math.inf if rate > 0.0 else math.inf
+
+    def restart(self) -> None:
+        """Make the next call of `due` return True, unless the rate is 0."""
+        if self._period < math.inf:
+            self._next = -math.inf
+
+    def due(self, time: float) -> bool:
+        """Return True if it is time to publish, at most once per period of the rate; `time`: robot time [s]."""
+        if time < self._next - 1e-9:
+            return False
+        self._next += self._period
+        if self._next <= time:  # the first call, or the loop was interrupted
+            self._next = time + self._period
+        return True
 
 
 class RealtimePublisher:

@@ -3,15 +3,10 @@
 import math
 from typing import Any
 
-from std_msgs.msg import Header
-
 from franka_msgs.msg import FrankaState
-from hric_core.geometry import stamped
 from hric_core.local.node import LocalNode
-from hric_core.robot_time import stamps
 from hric_perception.human import CapturedHuman
 from hric_perception.human.truth import Truth
-from hric_perception.replayed import START_TOPIC
 from hric_perception.simulated import follow_events, follow_joints
 from hric_run.definition import parameters
 from mocap_natnet.headless import HeadlessMocap, robot_time
@@ -37,11 +32,10 @@ class HeadlessHuman:
     """
 
     def __init__(self, node: LocalNode, seen: CapturedHuman, announced: bool = False) -> None:
-        self._beginning = node.advertise(START_TOPIC, Header, latch=True) if announced else None
         self._hand, self._body, self._started = seen.hand, seen.body, seen.body is not None
         publisher = MocapPublisher(node, Publishing.read(node.child(parameters.MOCAP_CLIENT)), robot_time)
         self._mocap = HeadlessMocap(seen.motive, publisher)
-        self._truth = Truth(node, seen.hand, node.param(f"{parameters.EMULATED_HUMAN}/base_frame"))
+        self._truth = Truth(node, seen.hand, node.param(f"{parameters.EMULATED_HUMAN}/base_frame"), announced)
         node.subscribe(STATE_TOPIC, FrankaState, self._on_state)
         if self._body is not None:
             follow_joints(node, self._body.states.add)
@@ -52,11 +46,7 @@ class HeadlessHuman:
         assert self._body is not None
         self._body.happened(time, kind)
         if kind == "started":
-            self._announce(time)
-
-    def _announce(self, time: float) -> None:
-        if self._beginning is not None:
-            self._beginning.publish(stamped.header(stamps.to_time(time), ""))
+            self._truth.started(time)
 
     def _on_state(self, message: Any) -> None:
         x, y, z = message.O_T_EE[12:15]
@@ -66,7 +56,7 @@ class HeadlessHuman:
         """Advance human and motion capture to a robot time [s]."""
         if not self._started:
             self._started = True
-            self._announce(self._hand.start(time))
+            self._truth.started(self._hand.start(time))
         known = math.inf if self._body is None else self._body.states.known
         self._mocap.advance(time, known)
         if known >= 0.0:

@@ -116,7 +116,7 @@ class Simulation:
         names = app.hw.get(JointStateInterface).names
         limits = provenance.joint_limits(node.param("robot_description"), node, names)
         for setpoint in definition.setpoints:
-            parameters.check_setpoint(setpoint, node.param(setpoint.controller, {}).get("joints", names), limits)
+            setpoint.check_reachable(node.param(setpoint.controller, {}).get("joints", names), limits)
         early: list[Message] = []
         tap = node.tap(lambda topic, message, time: early.append((topic, copy.deepcopy(message), time)))
         for name in definition.controllers:

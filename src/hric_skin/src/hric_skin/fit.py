@@ -22,7 +22,7 @@ DENSITY = 1010.0
 LEAN = {link: 0.3 for link in ("head", "r_wrist", "l_wrist", "r_ankle", "l_ankle")}
 """Exponent of the girth in head, hands and feet, which grow less with the mass [1]; project default, unconfirmed."""
 STEPS, EXPONENT = 4, 0.575
-"""Steps to the girth of the desired volume, and exponent of each: the volume grows more slowly than the girth squared."""
+"""Steps to the girth of the desired volume, and exponent of each: the volume grows less than the girth squared."""
 
 
 class Placed(NamedTuple):

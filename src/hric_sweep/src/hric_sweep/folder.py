@@ -15,27 +15,27 @@ FILE = "sweep.yaml"
 
 def create(plan: SweepPlan, reference: ReferenceRun, root: Path) -> Path:
     """Create the run folder of a sweep with sweep.yaml in the folder of all runs; return its path."""
-    folder = RunFolder.create(root, plan.name).path
     content = {
         "name": plan.name,
         "started": iso_now(),
         "definition": plan.content,
         "experiment": plan.experiment,
         "reference": {"state_sha256": reference.state_sha256},
-        **provenance_of(reference.code),
     }
-    files.write_yaml(folder / FILE, content)
-    return folder
+    return begin(root, plan.name, FILE, content, reference.code)
 
 
-def provenance_of(code: str) -> PlainData:
-    """Return code version, revision, versions of libraries and platform, as entries of a run folder's file."""
-    return {
+def begin(root: Path, name: str, file: str, content: PlainData, code: str) -> Path:
+    """Create a folder for runs with a file of `content` and provenance (code version, platform); return its path."""
+    folder = RunFolder.create(root, name).path
+    made_by = {
         "code": code,
         "revision": provenance.revision(),
         "versions": provenance.versions(),
         "platform": provenance.platform_info(),
     }
+    files.write_yaml(folder / file, {**content, **made_by})
+    return folder
 
 
 def opened(folder: Path) -> tuple[SweepPlan, ReferenceRun]:

@@ -23,7 +23,6 @@ from hric_bags.reader import (
 )
 from hric_bags.reader import read as read_record
 from hric_bags.records import contact_record, human_record
-from hric_bags.records.region_contacts import CONTACTS_TYPE
 from hric_bags.run_file import RunFile
 from hric_run import provenance
 from hric_run.definition.experiment import to_dict
@@ -35,7 +34,7 @@ from hric_sweep.records import PlainData
 SAFETY_TYPE = "hric_msgs/msg/SafetyState"
 ALL = None
 HUMAN = (
-    *(human_record.GRIP_TYPE, human_record.TORQUE_TYPE, human_record.EVENT_TYPE, CONTACTS_TYPE),
+    *human_record.TYPES,
     *("hric_msgs/msg/MuscleActivation", "hric_msgs/msg/MuscleForce", "hric_msgs/msg/JointReactions"),
     "sensor_msgs/msg/JointState",
 )

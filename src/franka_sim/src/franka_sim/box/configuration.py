@@ -4,7 +4,6 @@ from collections.abc import Callable, Mapping, Sequence
 from math import exp, isfinite, pi, tanh
 
 from franka_hw_interface.kdl_model import KdlFrankaModel
-from franka_hw_interface.robot_state import RobotMode
 from franka_hw_interface.transforms import check_transform
 from franka_sim.box.compiled_arm import CompiledArm
 from franka_sim.box.config import BoxConfig, CollisionBehavior
@@ -119,7 +118,7 @@ class ConfiguredBox:
         return self.cartesian_impedance if controller is ControllerMode.CARTESIAN_IMPEDANCE else None
 
     def _set(self, what: str, change: Callable[[], object]) -> RequestOutcome:
-        if self.state.robot_mode is RobotMode.MOVE and not self.config.settings_while_moving:
+        if self.state.moving and not self.config.settings_while_moving:
             self.report(f"{what} refused: not possible while a motion runs")
             return RequestOutcome.NOT_POSSIBLE
         try:

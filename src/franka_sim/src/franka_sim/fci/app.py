@@ -45,7 +45,7 @@ def make_device(options: argparse.Namespace, robot: RobotKind) -> tuple[Device, 
     """Return the emulated robot, and a function that releases its resources. Raises HricError."""
     if options.constant:
         return ConstantDevice(robot.served_urdf(), None if options.no_hand else Gripper()), lambda: None
-    from franka_sim.fci.arm_device import make_arm  # engine and models are slow to import, and --help needs neither
+    from franka_sim.fci.arm_building import make_arm  # engine and models are slow to import, and --help needs neither
 
     arm = make_arm(options, robot)
     return arm, arm.close

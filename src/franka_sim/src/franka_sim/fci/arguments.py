@@ -3,7 +3,7 @@
 import argparse
 from typing import Any
 
-from franka_sim.fci.robots import ROBOTS
+from franka_sim.fci.robots import MAX_LOST_PACKETS, ROBOTS
 from franka_sim.realism import IDEAL
 from franka_sim.settings import Q_START
 from hric_core import yaml_text
@@ -11,8 +11,6 @@ from hric_core.command import Argument
 from hric_core.errors import ParameterError
 
 DEFAULT_PLANT = "pybullet_ros_control/PyBulletPlant"
-MAX_LOST_PACKETS = 20
-"""Number of consecutive lost commands that ends a motion of the arm."""
 PHYSICS = "physics"
 NETWORK = "faults of the network, in each direction"
 CARE = "protection, operation, measurement"

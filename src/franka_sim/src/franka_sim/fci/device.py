@@ -64,7 +64,7 @@ class ConstantDevice:
     def cycle(self, command: MotionCommand | None) -> None:
         """Advance robot time by 1 ms; a motion ends with the client's last command."""
         self.state.time += 1e-3
-        if command is not None and command.finished and self.state.robot_mode is RobotMode.MOVE:
+        if command is not None and command.finished and self.state.moving:
             self._end()
             self._finished = RequestOutcome.SUCCESS
 
@@ -89,7 +89,7 @@ class ConstantDevice:
     def move(self, request: MoveRequest) -> RequestOutcome:
         """Start a motion, in which the robot does not move; NOT_POSSIBLE if one runs."""
         state = self.state
-        if state.robot_mode is not RobotMode.IDLE:
+        if not state.idle:
             return RequestOutcome.NOT_POSSIBLE
         state.robot_mode, state.controller_mode, state.generator_mode = (
             RobotMode.MOVE,
@@ -101,7 +101,7 @@ class ConstantDevice:
 
     def stop_move(self) -> RequestOutcome:
         """End the motion as preempted, if one runs."""
-        if self.state.robot_mode is RobotMode.MOVE:
+        if self.state.moving:
             self._end()
             self._finished = RequestOutcome.PREEMPTED
         return RequestOutcome.SUCCESS

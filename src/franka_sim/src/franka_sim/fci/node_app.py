@@ -9,14 +9,14 @@ import threading
 from dataclasses import dataclass
 from typing import Any
 
-from franka_sim.fci.arm_device import build_arm
+from franka_sim.fci.arm_building import build_arm
 from franka_sim.fci.epoch import Epoch
 from franka_sim.fci.robots import ROBOTS
 from franka_sim.fci.server import FciServer
 from franka_sim.settings import BoxSettings, SimulatedArmSettings, read
 from hric_control.clock_pairs import TOPIC
 from hric_control.limits import check_start
-from hric_control.robot_app import COMMON_PARAMETERS, RobotSettings
+from hric_control.robot_settings import COMMON_PARAMETERS, RobotSettings
 from hric_core.parameters import choice, text
 from hric_core.processes import prefer_this_thread, quiet_collector
 from hric_core.ros import RosNode, run

@@ -12,6 +12,8 @@ from hric_core.errors import DescriptionError
 from panda_description import CartesianLimit
 
 JOINTS = 7
+MAX_LOST_PACKETS = 20
+"""Number of consecutive lost commands that ends a motion of the arm."""
 
 
 @dataclass(frozen=True)

@@ -43,6 +43,11 @@ class ContactSite:
         """Name of the contact in the findings about it."""
         return f"contact of {self.other} with {' or '.join(self.regions) or 'a link without a region'}"
 
+    @property
+    def permitted_regions(self) -> list[str]:
+        """Regions of which a contact may be within limits."""
+        return [region for region in self.regions if region not in NOT_PERMITTED]
+
 
 Where = ContactSite
 """Former name of ContactSite, until the next release."""

@@ -20,10 +20,9 @@ from hric_control.plant import Surface
 from hric_control.plants import PlantConfig, Surfaces, combine, load_surfaces
 from hric_core import urdf
 from hric_core.errors import HricError, check_known
-from hric_core.geometry import homogeneous
-from hric_core.geometry.transforms import inverse, rotation_from_quaternion
+from hric_core.geometry.transforms import inverse
 from hric_dynamics.tree import Tree
-from hric_human.body import describe, surfaces
+from hric_human.body import surfaces
 from hric_human.contact import RegionContact
 from hric_human.participant.settings import HumanSettings
 from hric_human.participant.walk import JOINTS, Walk
@@ -242,12 +241,12 @@ class ClosedFormModels:
         config = PlantConfig.of(plant, "plant/", log.joint_names)
         self._log, self._record = log, human
         settings = HumanSettings.of(definition["human"], "human")
-        body = describe(settings.person)
+        body = settings.body()
         check_known("joint", human.joints, body.joints, "the body of the run")
         if settings.walk is not None and human.root is None:
             raise HricError(f"the position of the walking person is not recorded (topic {human.name}/root)")
         root = settings.root(body)
-        T_world_root = homogeneous(rotation_from_quaternion(root.orientation), root.position)
+        T_world_root = root.transform()
         described, joints, self._human_q = body.urdf, human.joints, human.position
         if settings.walk is not None and human.root is not None:  # the root joints of the walking person yield, too
             described, joints = Walk(settings.walk, body, settings.heading).urdf, (*JOINTS, *human.joints)

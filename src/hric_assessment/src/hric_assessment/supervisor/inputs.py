@@ -18,7 +18,6 @@ from hric_core.errors import HricError, ParameterError
 from hric_core.geometry import Pose
 from hric_core.geometry.messages import pose_of
 from hric_core.node import Node, Registration, publisher_of
-from hric_human.body import describe
 from hric_human.participant.settings import HumanSettings
 from hric_human.tracking import LOST
 from hric_msgs.msg import MocapData, PersonTracking
@@ -202,7 +201,7 @@ class HumanInput(_BodyInput):
                 f"{where} is not set, but the source is the simulated human in the robot's plant; valid: {valid}"
             )
         settings = HumanSettings.of(person, where)
-        body = describe(settings.person)
+        body = settings.body()
         super().__init__(BodyShape(body, settings.root(body)), WORLD, 1)
         pairs = Pairs(self._take)
         if settings.walk is None:

@@ -13,7 +13,6 @@ from hric_assessment.contact.area import check_area
 from hric_assessment.contact.assess import ContactSite, LimitRatio, approach_ratio, assess
 from hric_assessment.contact.episodes import PENALTY, Episode, episodes, window_of
 from hric_assessment.contact.impact import ClosedFormImpact, ClosedFormModels
-from hric_assessment.contact.limits import NOT_PERMITTED
 from hric_assessment.contact.speed import SpeedLimit, half_mass, permitted_speed, speed_limit
 from hric_assessment.findings import CONTACT, Evidence, Finding, NotAssessableError, Outcome
 from hric_assessment.tables import verdict_table
@@ -312,10 +311,9 @@ class ExpectedImpacts:
         The heavier of the robot's reflected mass and the standard's M/2 + m_L counts; without a closed form, UNBOUNDED.
         """
         mass = UNBOUNDED if form is None else max(form.robot_mass, self._standard)
-        permitted = [region for region in site.regions if region not in NOT_PERMITTED]
         try:
             area, hand = site.contact_area, site.dominant
-            limits = [speed_limit(self._limits, region, mass, area, hand) for region in permitted]
+            limits = [speed_limit(self._limits, region, mass, area, hand) for region in site.permitted_regions]
         except NotAssessableError:
             return None
         return min(limits, key=lambda limit: float(limit.transient), default=None)
@@ -349,7 +347,7 @@ class ExpectedImpacts:
         values["M/2 + m_L [kg]"] = self._standard
         values["permitted speed by m_u [m/s]"] = float(reflected.transient)
         values["permitted speed by M/2 + m_L [m/s]"] = float(halved.transient)
-        if (limit := reflected.force_transient) is not None and region not in NOT_PERMITTED:
+        if (limit := reflected.force_transient) is not None and region in site.permitted_regions:
             speed = permitted_speed(limit, form.mass, form.stiffness)
             values["speed at the limit, masses as simulated [m/s]"] = float(speed)
         unsafe = form.robot_mass > standard

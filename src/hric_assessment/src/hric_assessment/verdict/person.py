@@ -14,7 +14,7 @@ from hric_bags.records.root_record import RootRecord
 from hric_core import urdf
 from hric_core.geometry import FloatArray, Pose, compose, quaternion_from_rotation
 from hric_core.geometry.quaternions import normalized
-from hric_human.body import Body, describe
+from hric_human.body import Body
 from hric_human.participant.settings import HumanSettings
 from hric_perception.person.settings import PersonSettings
 
@@ -110,7 +110,7 @@ def known_angles(body: Body, names: tuple[str, ...], q: FloatArray) -> FloatArra
 def body_of(source: AssessmentInput, record: HumanRecord) -> Body | None:
     """Return the body of a simulated person; None: neither the run nor joint states define it."""
     section = source.definition.get("human")
-    return None if section is None and not record.joints else describe(_settings(section, record.joints).person)
+    return None if section is None and not record.joints else _settings(section, record.joints).body()
 
 
 def _settings(section: Content | None, joints: Sequence[str]) -> HumanSettings:
@@ -126,7 +126,7 @@ def _assumed(body: Body, joints: Sequence[str]) -> str:
 def _simulated(source: AssessmentInput, record: HumanRecord) -> AssessedPerson:
     section = source.definition.get("human")
     settings = _settings(section, record.joints)
-    body = describe(settings.person)
+    body = settings.body()
     root = record.root
     if root is None and settings.walk is None:
         where = settings.root(body) if section is not None else _placed(source, record.name)
@@ -165,7 +165,7 @@ def _other(source: AssessmentInput, topic: str) -> AssessedPerson:
     tracked = source.recording.tracked.get(tracking_topic)
     section, assumptions = source.definition.get("person"), []
     if section is None:
-        body = describe(_settings(None, states.names).person)
+        body = _settings(None, states.names).body()
         assumptions.append(_assumed(body, states.names))
     else:
         body, calibrated = PersonSettings.of(section, "person").known()

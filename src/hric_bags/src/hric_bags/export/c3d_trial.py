@@ -9,7 +9,7 @@ import numpy as np
 
 from hric_bags.export import batches, opensim_formats, resampling
 from hric_bags.export.c3d_plates import C3dPlate, PlateSettings, plate_of, plate_settings
-from hric_bags.export.frames import FixedFrames
+from hric_bags.export.frames import STATIC, FixedFrames
 from hric_bags.export.opensim_text import GROUND, marker_name
 from hric_bags.export.table import ExportError, FloatArray, TopicTable
 from hric_bags.run_file import RunFile
@@ -17,6 +17,8 @@ from hric_bags.run_file import RunFile
 FRAME_RATE = 100.0
 """Frame rate of a run without motion capture [Hz] (default chosen by this project, unconfirmed)."""
 TRIGGER_TYPE, PHASE_TYPE = "std_msgs/msg/Empty", "std_msgs/msg/String"
+NEEDED = (opensim_formats.MOCAP_TYPE, batches.CHUNK, STATIC, TRIGGER_TYPE, PHASE_TYPE)
+"""Message types from which a trial follows."""
 TRIGGER, PHASE = "/trigger", "/phase"
 """Endings of the names of topics whose messages become events."""
 TIME_CODE = "time"

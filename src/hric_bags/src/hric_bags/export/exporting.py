@@ -10,7 +10,7 @@ from pathlib import Path
 from tqdm import tqdm
 
 from hric_bags import files
-from hric_bags.export import anonymous, batches, c3d_trial, frames, loads, opensim_formats, recording, unbatched
+from hric_bags.export import anonymous, c3d_trial, frames, loads, opensim_formats, recording, unbatched
 from hric_bags.export.anonymous import Anonymiser
 from hric_bags.export.output import ExportFolder
 from hric_bags.export.recording import ExportSource
@@ -22,11 +22,9 @@ from hric_core.parameters import number
 PLAIN = ("npz", "csv", "parquet")
 FORMATS = (*PLAIN, "trc", "mot", "sto", "external_loads", "c3d", "bag")
 NEEDED: dict[str, tuple[str, ...]] = {
-    "trc": (opensim_formats.MOCAP_TYPE, frames.STATIC),
-    "mot": (batches.CONTROL_LOG, opensim_formats.JOINTS_TYPE),
-    "sto": (*opensim_formats.SIGNALS, batches.LAYOUT),
-    "external_loads": (batches.CHUNK, loads.GRIP, frames.STATIC),
-    "c3d": (opensim_formats.MOCAP_TYPE, batches.CHUNK, frames.STATIC, c3d_trial.TRIGGER_TYPE, c3d_trial.PHASE_TYPE),
+    **opensim_formats.NEEDED,
+    "external_loads": loads.NEEDED,
+    "c3d": c3d_trial.NEEDED,
 }
 """Format -> message types that it is made from; other formats need all types."""
 
@@ -282,10 +280,7 @@ class _Job:
         all_loads = [loads.of_plate(table, self._frames, request.load_body, request.surface) for table in plates]
         all_loads += [load for table in grips for load in loads.of_grips(table, self._frames)]
         if not all_loads:
-            self.notes.append(
-                f"external_loads: nothing to write, since the topics have no force plate ({batches.CHUNK} with "
-                f"{' '.join(opensim_formats.CHANNELS)}) and no hand that holds something ({loads.GRIP})"
-            )
+            self.notes.append(f"external_loads: {loads.NOTHING}")
             return False
         name, source = "external_loads", " ".join(table.topic for table in (*plates, *grips))
         self.output.write(name, f"{name}.mot", lambda path: loads.write(all_loads, path, source))

@@ -6,12 +6,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hric_bags.export.frames import FixedFrames
+from hric_bags.export.batches import CHUNK
+from hric_bags.export.frames import STATIC, FixedFrames
 from hric_bags.export.opensim_formats import CHANNELS, THRESHOLD, plate_name
 from hric_bags.export.opensim_text import GROUND, write_storage
 from hric_bags.export.table import FloatArray, TopicTable
 
 GRIP = "hric_msgs/msg/HumanGrip"
+NEEDED = (CHUNK, GRIP, STATIC)
+"""Message types from which loads follow."""
+NOTHING = (
+    f"nothing to write, since the topics have no force plate ({CHUNK} with {' '.join(CHANNELS)}) and no hand that "
+    f"holds something ({GRIP})"
+)
 
 
 class ExportedLoad(NamedTuple):

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from hric_bags.export import batches
-from hric_bags.export.frames import FixedFrames
+from hric_bags.export.frames import STATIC, FixedFrames
 from hric_bags.export.opensim_text import GROUND, marker_name, write_storage, write_trc
 from hric_bags.export.table import ExportError, FloatArray, IntArray, TopicTable
 
@@ -18,6 +18,8 @@ THRESHOLD = 20.0
 """Normal force above which a centre of pressure is computed [N], as in hric_perception.plate."""
 SIGNALS = (*batches.BATCHED, batches.SYNCED, JOINTS_TYPE, "geometry_msgs/msg/WrenchStamped")
 """Message types whose topics are written as .sto files."""
+NEEDED = {"trc": (MOCAP_TYPE, STATIC), "mot": (batches.CONTROL_LOG, JOINTS_TYPE), "sto": (*SIGNALS, batches.LAYOUT)}
+"""Message types that each format needs."""
 MARKERS, RIGID_BODIES = "labelled_markers", "rigid_bodies"
 
 

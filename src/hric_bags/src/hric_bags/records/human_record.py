@@ -24,6 +24,7 @@ from hric_human.contact import RegionContact
 
 GRIP_TYPE, TORQUE_TYPE = "hric_msgs/msg/HumanGrip", "hric_msgs/msg/JointTorque"
 EVENT_TYPE = "hric_msgs/msg/HumanEvent"
+TYPES = (GRIP_TYPE, TORQUE_TYPE, EVENT_TYPE, CONTACTS_TYPE)
 REAL = "/hric/person/"
 """Part of the names of a real person's topics, which are not those of a simulated person."""
 

@@ -3,6 +3,10 @@
 from collections.abc import Sequence
 from typing import Any
 
+from hric_core.node import Node
+from hric_core.realtime import RealtimePublisher, publisher
+from hric_msgs.msg import JointLimitCounts
+
 
 class LimitCounts:
     """Counts of the commands that joint limits changed, and largest measured values. Lists are in the order of `names`.
@@ -84,14 +88,17 @@ class LimitCounts:
             setattr(snapshot, name, value[:] if isinstance(value, list) else value)
         return snapshot
 
+    @staticmethod
+    def publisher(node: Node) -> RealtimePublisher:
+        """Return a publisher of `message` on the topic `limit_counts` of a node."""
+        return publisher(node, "limit_counts", JointLimitCounts)
+
     def message(self, stamp: Any) -> Any:
         """Return the counts as hric_msgs/JointLimitCounts.
 
         Args:
             stamp: stamp of the header (genpy.Time).
         """
-        from hric_msgs.msg import JointLimitCounts
-
         message = JointLimitCounts(
             joint_names=list(self.names),
             cycles=self.cycles,

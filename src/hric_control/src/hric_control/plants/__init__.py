@@ -20,13 +20,12 @@ from hric_control.plants.friction import (
     sigmoid_parameters,
     sigmoid_torque,
 )
-from hric_control.plants.masks import load_masks, masked
 from hric_control.plants.models import Model, Models, model_of_object, model_of_urdf, payload
 from hric_control.plants.moving_joints import Losses, MovingJoints
 from hric_control.plants.spring_step import Springs
 from hric_control.plants.stops import StopLaw, StopMemory, reciprocals
 from hric_control.plants.surfaces import SurfaceRule, Surfaces, combine
-from hric_control.plants.worlds import PLAIN_LINK, WorldObject, load_surfaces, load_world
+from hric_control.plants.worlds import PLAIN_LINK, WorldObject, load_masks, load_surfaces, load_world, masked
 from hric_control.plants.wrenches import Wrenches
 
 __all__ = [

@@ -9,10 +9,9 @@ import numpy as np
 from hric_control.plant import Articulated, Bushing, BushingLoad, DrivenPlant, FloatArray, Load, Mode, Surface
 from hric_control.plants.config import PlantConfig
 from hric_control.plants.engine_robot import EngineRobot
-from hric_control.plants.masks import load_masks
 from hric_control.plants.models import Models, payload
 from hric_control.plants.surfaces import Surfaces
-from hric_control.plants.worlds import load_surfaces, load_world
+from hric_control.plants.worlds import load_masks, load_surfaces, load_world
 from hric_core.errors import CommandError
 from hric_core.geometry import MassProperties
 from hric_core.urdf import read

@@ -1,7 +1,9 @@
-"""World files: objects in the surroundings of a robot, described in YAML."""
+"""Objects in the surroundings of a robot, and pairs of links that are not checked for collision, read from YAML."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from pathlib import Path
 
 from hric_control.plant import Surface
@@ -25,6 +27,8 @@ SIZES = {
 """Shapes of objects, and the values in their `size` [m]."""
 PLAIN_LINK = "link"
 """Name of the only link of an object that is a simple shape."""
+MASKS = "package://hric_control/config/collision_masks.yaml"
+"""Default masks."""
 
 
 @dataclass(frozen=True)
@@ -160,3 +164,32 @@ def load_world(address: str, default_stiffness: float) -> list[WorldObject]:
     """
     world, folder = _read(address)
     return [item.built(folder, default_stiffness) for item in world.objects]
+
+
+@dataclass(frozen=True)
+class _Pair(Settings):
+    links: tuple[str, str] = listing(text(empty=False), 2)
+    reason: str = text(empty=False)
+
+
+@dataclass(frozen=True)
+class _Masks(Settings):
+    pairs: tuple[_Pair, ...] = listing(section(_Pair), default=())
+
+
+def load_masks(address: str) -> list[tuple[str, str]]:
+    """Read the pairs of link name patterns that are not checked for collision.
+
+    Args:
+        address: path or package://...; empty for the file of this package.
+
+    Raises:
+        HricError: an entry is not {links: [pattern, pattern], reason: text}.
+    """
+    path = resolve(address or MASKS)
+    return [pair.links for pair in _Masks.of(read_yaml(path), f"{path}:").pairs]
+
+
+def masked(a: str, b: str, masks: Iterable[tuple[str, str]]) -> bool:
+    """Return True if a pair of links matches one of the pairs of patterns, in either order."""
+    return any((fnmatchcase(a, x) and fnmatchcase(b, y)) or (fnmatchcase(a, y) and fnmatchcase(b, x)) for x, y in masks)

@@ -11,6 +11,7 @@ from std_srvs.srv import Empty
 from gazebo_msgs.srv import ApplyBodyWrench, BodyRequest, DeleteModel, GetLinkState, SetModelConfiguration, SpawnModel
 from hric_control.limits import JointLimits, load_limits
 from hric_control.plant import FloatArray
+from hric_control.robot_hw import RobotHW
 from hric_control.sim.simulated_robot import SimulatedRobot
 from hric_control.sim.topics import SimTopics
 from hric_core.errors import CommandError, HricError, check_known
@@ -176,6 +177,11 @@ class SimServices:
         state.twist = stamped.twist_message([*(R.T @ twist[:3]).tolist(), *(R.T @ twist[3:]).tolist()])
         state.link_name, state.reference_frame = request.link_name, request.reference_frame or "world"
         return f"state of {request.link_name} at {self._loop.time:.3f} s"
+
+
+def sim_services(hw: RobotHW, node: Node) -> SimServices | None:
+    """Offer the services of a simulated robot below `<node>/sim`; None: the robot is not simulated."""
+    return SimServices(hw, node) if isinstance(hw, SimulatedRobot) else None
 
 
 def _silent(kind: Any, action: Callable[[Any], None]) -> Callable[[Any], Any]:

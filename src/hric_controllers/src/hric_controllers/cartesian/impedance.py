@@ -1,7 +1,7 @@
 """Cartesian impedance control with a null-space posture, like franka_ros's CartesianImpedanceExampleController."""
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -13,76 +13,14 @@ from hric_control.controller import Controller
 from hric_control.hardware_interface import EffortJointInterface
 from hric_control.robot_hw import RobotHW
 from hric_control.speed_scale import SpeedScale, SpeedScaleInterface
-from hric_controllers import parameters
 from hric_controllers.cartesian.law import CartesianArmState, CartesianLaw, Compliance, FloatArray
+from hric_controllers.cartesian.settings import CartesianImpedanceSettings, ComplianceSettings
 from hric_controllers.cartesian.workspace import JumpSettings, check_equilibrium
 from hric_controllers.dynamics import added_gravity, rotor_inertia
-from hric_controllers.state.messages import to_pose
 from hric_core import realtime
 from hric_core.errors import CommandError
 from hric_core.geometry import Pose, stamped
-from hric_core.live import live_parameters
 from hric_core.node import Node, ParameterValues
-from hric_core.parameters import Settings, names, number, per_joint, refused
-
-
-@dataclass(frozen=True)
-class CartesianImpedanceSettings(parameters.LawSettings, parameters.ArmSettings):
-    """Parameters of the Cartesian impedance controller, except for its gains and its equilibrium's input."""
-
-    joints: tuple[str, ...] = names(7, name="joint_names", text="`<arm_id>_joint1` to 7, in order")
-    nullspace_posture: tuple[float, ...] | None = per_joint(
-        number(unit="rad"),
-        None,
-        default_text="where the arm is at the start",
-        text="posture that the null space controls",
-    )
-    filter_time: float = number(
-        0.2, minimum=0.0, unit="s", text="time constant with which equilibrium and live gains take over; 0: at once"
-    )
-    rotatum_limit: float = number(1000.0, minimum=0.0, unit="N m/s", text="largest rate of torque; 0: no limit")
-    state_publish_rate: float = parameters.state_rate(100.0)
-
-    def check(self, where: str) -> None:
-        """Raise an error if the joints are not in the order of the Jacobian's columns."""
-        expected = tuple(f"{self.arm_id}_joint{i}" for i in range(1, 8))
-        if self.joints != expected:
-            raise refused(f"{where}joint_names", list(self.joints), f"the arm's joints in order, {', '.join(expected)}")
-
-
-@dataclass(frozen=True)
-class ComplianceSettings(Settings):
-    """Live parameters of the Cartesian impedance controller: stiffnesses and damping ratios, as in `Compliance`.
-
-    Sources: the defaults and the maximum null-space stiffness are those of franka_ros's
-    CartesianImpedanceExampleController; the maximum Cartesian stiffnesses are those that libfranka allows for the arm's
-    internal impedance (setCartesianImpedance); the maximum damping ratio of 2 is a project default, unconfirmed.
-    """
-
-    translational_stiffness: float = number(
-        200.0, minimum=0.0, maximum=3000.0, live=True, unit="N/m", text="stiffness of the end effector's position"
-    )
-    rotational_stiffness: float = number(
-        10.0, minimum=0.0, maximum=300.0, live=True, unit="N m/rad", text="stiffness of the end effector's orientation"
-    )
-    translational_damping_ratio: float = number(
-        1.0, minimum=0.0, maximum=2.0, live=True, text="times 2 sqrt(translational_stiffness) gives the damping [N s/m]"
-    )
-    rotational_damping_ratio: float = number(
-        1.0,
-        minimum=0.0,
-        maximum=2.0,
-        live=True,
-        text="times 2 sqrt(rotational_stiffness) gives the damping [N m s/rad]",
-    )
-    nullspace_stiffness: float = number(
-        0.5,
-        minimum=0.0,
-        maximum=100.0,
-        live=True,
-        unit="N m/rad",
-        text="stiffness of the posture in the null space, damped by 2 sqrt(it)",
-    )
 
 
 class CartesianImpedanceController(Controller):
@@ -105,17 +43,15 @@ class CartesianImpedanceController(Controller):
         self._model = robot_hw.get(FrankaModelInterface).handle(f"{self._arm_id}_model")
         self._gravity = added_gravity(robot_hw, root_node, node, self.joints) if settings.gravity else None
         self._rotors = np.diag(rotor_inertia(robot_hw, settings.rotor_inertia, self.joints)[0])
-        self._law = CartesianLaw(Compliance(**asdict(self._gain_settings)), settings.filter_time)
+        compliance = Compliance(**asdict(self._gain_settings))
+        self._law = CartesianLaw(compliance, settings.filter_time)
         self._max_rate = settings.rotatum_limit
         obeys = self._obeys(settings.filter_time)
         self._scale = robot_hw.get(SpeedScaleInterface).handle() if obeys else SpeedScale()
         self._read_input()
-        ranges = parameters.position_ranges(root_node, self.joints)
-        self._posture = parameters.initial_setpoint(
-            settings.nullspace_posture, self.joints, ranges, node.resolve("nullspace_posture")
-        )
-        self._gains: realtime.LatestValue[Compliance | None] = realtime.LatestValue(None)
-        self._state_time = parameters.Throttle(settings.state_publish_rate)
+        self._posture = settings.posture(root_node, node)
+        self._gains, self._softest = realtime.LatestValue(compliance), math.inf
+        self._state_time = realtime.Throttle(settings.state_publish_rate)
         self._running = False
         self._open()
 
@@ -147,24 +83,18 @@ class CartesianImpedanceController(Controller):
 
     def _open(self) -> None:
         node = self._node
-        # Values that an earlier run left on the parameter server must not override the YAML.
-        self._requested = self._given_gains = self._law.target_compliance
-        self._softest = math.inf
-        for name, value in asdict(self._requested).items():
-            node.set_param(name, value)
         self._publishers = (
             realtime.publisher(node, "desired_pose", PoseStamped),
             realtime.publisher(node, "measured_pose", PoseStamped),
             realtime.publisher(node, "commanded_wrench", WrenchStamped),
         )
-        node.live_parameters(live_parameters(self._gain_settings), self._on_gains)
+        self._gain_settings.offer(node, self._on_gains)
         self._open_input()
 
     def _on_gains(self, values: ParameterValues) -> ParameterValues:
         """Pass changed live parameters to the loop and return the applied values."""
         requested = Compliance(**values)
-        if requested != self._requested:
-            self._requested = requested
+        if requested != self._gains.get():
             self._gains.set(requested)
         return asdict(requested)
 
@@ -186,7 +116,7 @@ class CartesianImpedanceController(Controller):
         q = self._group.positions()
         self._take_gains()
         self._start_input()
-        self._law.start(to_pose(self._robot.O_T_EE), q if self._posture is None else self._posture)
+        self._law.start(Pose.of_column_major(self._robot.O_T_EE), q if self._posture is None else self._posture)
         self._last: FloatArray = np.array(self._gravity(q)) if self._gravity else np.zeros(7)
         self._state_time.restart()
         self._running = True
@@ -197,7 +127,7 @@ class CartesianImpedanceController(Controller):
         self._lead(time, period)
         self._take_gains()
         law.advance(period, self._scale.value)
-        measured = to_pose(self._robot.O_T_EE)
+        measured = Pose.of_column_major(self._robot.O_T_EE)
         mass = model.mass() + self._rotors
         tau = law.torque(
             measured,
@@ -211,10 +141,10 @@ class CartesianImpedanceController(Controller):
 
     def _take_gains(self) -> None:
         """Give the law new live gains, and the limits of force and stiffness that a supervisor has set."""
-        law, scale, gains = self._law, self._scale, self._gains.take_new()
-        if gains is not None or scale.stiffness != self._softest:
-            self._given_gains, self._softest = gains or self._given_gains, scale.stiffness
-            law.target_compliance = self._given_gains.softened(self._softest)
+        law, scale = self._law, self._scale
+        if self._gains.take_new() is not None or scale.stiffness != self._softest:
+            self._softest = scale.stiffness
+            law.target_compliance = self._gains.get().softened(self._softest)
         law.force_limit = scale.force
 
     def _command(self, tau: FloatArray, period: float) -> None:

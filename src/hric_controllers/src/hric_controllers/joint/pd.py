@@ -162,7 +162,7 @@ class JointPDController(Controller):
         )
         self._setpoint: realtime.LatestValue[list[float] | None] = realtime.LatestValue(None)
         self._new_gains: realtime.LatestValue[Any] = realtime.LatestValue(None)
-        self._state_time = parameters.Throttle(settings.state_publish_rate)
+        self._state_time = realtime.Throttle(settings.state_publish_rate)
         self._running = False
         self._open()
 

@@ -14,8 +14,6 @@ from hric_controllers.marker.jitter_buffer import MAX_WAITING, JitterBuffer
 from hric_controllers.marker.motion import LineMotion, MotionLimits, OnlineTrajectoryGenerator
 from hric_controllers.marker.parameters import TrackingSettings
 from hric_controllers.marker.sample import MarkerSample, subscribe_markers
-from hric_controllers.parameters import Throttle
-from hric_controllers.state.messages import to_pose
 from hric_core import realtime
 from hric_core.errors import CommandError, HricError
 from hric_core.geometry import Pose, quaternions, stamped
@@ -45,11 +43,10 @@ class PoseTracking:
         self._translation = self._motion(self._settings.translation)
         self._rotation = self._motion(self._settings.rotation)
         self._jitter_buffer = JitterBuffer(0.0 if self._settings.thesis else self._settings.playout_margin)
-        self._markers: deque[MarkerSample] = deque(
-            maxlen=MAX_WAITING
-        )  # filled by the subscription, emptied by the loop
+        # Filled by the subscription, emptied by the loop.
+        self._markers: deque[MarkerSample] = deque(maxlen=MAX_WAITING)
         self._commands: realtime.LatestValue[Pose | None] = realtime.LatestValue(None)
-        self._state_time = Throttle(self._settings.state_publish_rate)
+        self._state_time = realtime.Throttle(self._settings.state_publish_rate)
         self._running, self._ignored = False, 0
         self._pending: PoseOffset | None = None
         self._start = self.pose = Pose()
@@ -105,7 +102,7 @@ class PoseTracking:
             HricError: the pose is outside of the workspace; the first target would move the end effector into it,
                 without a motion of the marker.
         """
-        start, box = to_pose(O_T_EE), self._settings.workspace
+        start, box = Pose.of_column_major(O_T_EE), self._settings.workspace
         if not box.contains(start.position):
             raise HricError(
                 f"the end effector is at {_text(start.position)}, outside of the workspace ({box}); move it in, or "
@@ -230,7 +227,7 @@ class PoseTracking:
         here, counts = self._here(), self._follower.counts
         target = Pose(here.position, self._rotated(here.rotation))
         counted = counts.losses, self._ignored, counts.clamped, dict(counts.refused)
-        values = self._follower.tracking.value, target, self.pose, self.twist, to_pose(O_T_EE), counted
+        values = self._follower.tracking.value, target, self.pose, self.twist, Pose.of_column_major(O_T_EE), counted
         self._state.publish(tracking_state, self._node.now(), self._base, *values)
 
 

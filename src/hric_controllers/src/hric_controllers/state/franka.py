@@ -10,7 +10,7 @@ from franka_hw_interface.interfaces import FrankaStateInterface
 from franka_msgs.msg import FrankaState
 from hric_control.controller import Controller
 from hric_control.robot_hw import RobotHW
-from hric_controllers.parameters import HIGHEST_RATE, LOWEST_RATE, ArmSettings, Throttle
+from hric_controllers.parameters import HIGHEST_RATE, LOWEST_RATE, ArmSettings
 from hric_controllers.state import messages
 from hric_core import realtime
 from hric_core.node import Node
@@ -33,7 +33,7 @@ class FrankaStateController(Controller):
         node = self._node = controller_node
         settings = FrankaStateSettings.read(node)
         self._arm_id, self._joints = settings.arm_id, list(settings.joint_names)
-        self._time = Throttle(settings.publish_rate)
+        self._time = realtime.Throttle(settings.publish_rate)
         self._state = robot_hw.get(FrankaStateInterface).handle(f"{self._arm_id}_robot").robot_state
         self._states = realtime.publisher(node, "franka_states", FrankaState)
         self._measured = realtime.publisher(node, "joint_states", JointState)

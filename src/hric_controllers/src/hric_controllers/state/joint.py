@@ -7,7 +7,7 @@ from sensor_msgs.msg import JointState
 from hric_control.controller import Controller
 from hric_control.hardware_interface import JointStateInterface
 from hric_control.robot_hw import RobotHW
-from hric_controllers.parameters import HIGHEST_RATE, LOWEST_RATE, Throttle
+from hric_controllers.parameters import HIGHEST_RATE, LOWEST_RATE
 from hric_controllers.state.messages import joint_state
 from hric_core import realtime
 from hric_core.node import Node
@@ -45,7 +45,7 @@ class JointStateController(Controller):
         self._node = controller_node
         self._group = robot_hw.get(JointStateInterface).group()
         settings = JointStateSettings.read(controller_node)
-        self._time = Throttle(settings.publish_rate)
+        self._time = realtime.Throttle(settings.publish_rate)
         extra = settings.extra_joints
         for joint in extra:
             if joint.name in self._group.names:

@@ -13,7 +13,7 @@ from tf2_msgs.msg import TFMessage
 
 from franka_hw_interface.robot_state import FIELD_NAMES, RobotState
 from franka_msgs.msg import Errors, FrankaState
-from hric_core.geometry import Pose, quaternions, stamped
+from hric_core.geometry import Pose, stamped
 
 _PLAIN = tuple(name for name in FIELD_NAMES if name not in ("current_errors", "last_motion_errors", "robot_mode"))
 
@@ -52,24 +52,12 @@ def end_effector_frames(
     chain = (("link8", "NE", F_T_NE), ("NE", "EE", NE_T_EE), ("EE", "K", EE_T_K))
     return TFMessage(
         [
-            stamped.transform_stamped(stamped.header(stamp, f"{arm_id}_{parent}"), f"{arm_id}_{child}", to_pose(T))
+            stamped.transform_stamped(
+                stamped.header(stamp, f"{arm_id}_{parent}"), f"{arm_id}_{child}", Pose.of_column_major(T)
+            )
             for parent, child, T in chain
         ]
     )
-
-
-def to_quaternion(T: Sequence[float]) -> quaternions.Quaternion:
-    """Return the rotation of a transform (16 column-major floats) as a unit quaternion (x, y, z, w).
-
-    The component with the largest magnitude is positive.
-    """
-    r00, r10, r20, _, r01, r11, r21, _, r02, r12, r22 = T[:11]
-    return quaternions.from_elements(r00, r01, r02, r10, r11, r12, r20, r21, r22)
-
-
-def to_pose(T: Sequence[float]) -> Pose:
-    """Return a column-major transform, 16 floats, as a pose."""
-    return Pose((T[12], T[13], T[14]), to_quaternion(T))
 
 
 def joint_state(

@@ -10,11 +10,9 @@ from control_msgs.msg import FollowJointTrajectoryAction, FollowJointTrajectoryF
 from control_msgs.srv import QueryTrajectoryState, QueryTrajectoryStateResponse
 from hric_control.controller import Controller
 from hric_control.hardware_interface import EffortJointInterface, JointCommandInterface, PositionJointInterface
-from hric_control.pid import Pid
 from hric_control.robot_hw import RobotHW
 from hric_control.speed_scale import ScaledTime, SpeedScaleInterface
 from hric_controllers.dynamics import added_gravity, kd_check
-from hric_controllers.parameters import Throttle
 from hric_controllers.state.messages import Point, build_state
 from hric_controllers.trajectory import message as trajectories
 from hric_controllers.trajectory.follower import Follower, GoalOutcome, GoalTolerances, Order
@@ -51,8 +49,8 @@ class JointTrajectoryController(Controller):
             self.joints, settings.stop_trajectory_duration, continuous_joints(root_node, self.joints)
         )
         self._read_law(robot_hw, root_node)
-        self._state_time = Throttle(settings.state_publish_rate)
-        self._feedback_time = Throttle(settings.action_monitor_rate)
+        self._state_time = realtime.Throttle(settings.state_publish_rate)
+        self._feedback_time = realtime.Throttle(settings.action_monitor_rate)
         self._orders: realtime.LatestValue[Order | None] = realtime.LatestValue(None)
         self._lock = threading.RLock()  # between callbacks, which may nest on a LocalNode; the loop never takes it
         self._goal: RunningGoal | None = None
@@ -263,7 +261,7 @@ class EffortJointTrajectoryController(JointTrajectoryController):
         if idle := settings.idle_integrals(self.joints):
             where = node.resolve("gains")
             node.log_warn(f"{where}: i without i_clamp has no effect ({', '.join(idle)}); give i_clamp [N m]")
-        self._pids = [Pid(gains) for gains in settings.gains]
+        self._pids = settings.pids()
         self._gravity = added_gravity(robot_hw, root_node, node, self.joints) if settings.gravity else None
         self._forward = settings.velocity_ff
         check_kd = kd_check(robot_hw, root_node, node, self.joints, settings.rotor_inertia, settings.strict_gains)

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from hric_control.pid import PidGains
+from hric_control.pid import Pid, PidGains
 from hric_controllers.parameters import STRICT_GAINS, LawSettings, state_rate
 from hric_controllers.trajectory.follower import GoalTolerances, Tolerance
 from hric_core.node import Node
@@ -87,6 +87,10 @@ class EffortTrajectorySettings(LawSettings):
     gains: tuple[JointGains, ...] = per_joint(section(JointGains))
     velocity_ff: tuple[float, ...] = per_joint(number(unit="N m s/rad"), 0.0, text="times the desired velocity")
     strict_gains: bool = STRICT_GAINS
+
+    def pids(self) -> list[Pid]:
+        """Return a new PID for each joint."""
+        return [Pid(gains) for gains in self.gains]
 
     def idle_integrals(self, joints: Sequence[str]) -> list[str]:
         """Return the names of the joints whose integral gain has no effect since both integral bounds are zero."""

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from hric_core.errors import ParameterError
 from hric_core.geometry import quaternions
 from hric_core.geometry.quaternions import IDENTITY, Quaternion, Vector
-from hric_core.geometry.transforms import FloatArray, quaternion_from_rotation
+from hric_core.geometry.transforms import FloatArray, homogeneous, quaternion_from_rotation, rotation_from_quaternion
 from hric_core.parameters import Settings, numbers
 
 ORIGIN: Vector = (0.0, 0.0, 0.0)
@@ -23,6 +23,16 @@ class Pose(NamedTuple):
 
     position: Vector = ORIGIN
     orientation: Quaternion = IDENTITY
+
+    @classmethod
+    def of_column_major(cls, T_a_b: Sequence[float]) -> "Pose":
+        """Return the pose of a column-major transform, 16 floats; its largest quaternion component is positive."""
+        r00, r10, r20, _, r01, r11, r21, _, r02, r12, r22, _, x, y, z = T_a_b[:15]
+        return cls((x, y, z), quaternions.from_elements(r00, r01, r02, r10, r11, r12, r20, r21, r22))
+
+    def transform(self) -> FloatArray:
+        """Return the pose as a homogeneous matrix, shape (4, 4)."""
+        return homogeneous(rotation_from_quaternion(self.orientation), self.position)
 
 
 def pose_of_transform(T_a_b: FloatArray) -> Pose:

@@ -1,36 +1,27 @@
 """Experiment node: waits for controllers and recorder, sends setpoints, ends the recording, writes the report."""
 
 import contextlib
-import threading
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import rospy
-from std_msgs.msg import Float64MultiArray, String
-from std_srvs.srv import Trigger
+from std_msgs.msg import Float64MultiArray
 
 from controller_manager_msgs.srv import ListControllers
 from hric_assessment.verdict.conclusions import unknown_beforehand
-from hric_bags.run_folder import RunFolder
 from hric_bags.text import Steps
 from hric_core.errors import FailureError, HricError
 from hric_core.parameters import Settings, flag, number, text
 from hric_core.ros import RosNode
 from hric_experiments.live import node as live_node
 from hric_experiments.live.human import LiveHuman
+from hric_experiments.live.recording import TRIGGERS, LiveRecording
 from hric_experiments.live.sensors import LiveSensors
-from hric_experiments.live.topics import unrecorded
-from hric_experiments.recorder.node import RECORDING_TOPIC, START_SERVICE, STOP_SERVICE, TRIGGER_TOPIC
 from hric_run.definition import experiment as experiments
 from hric_run.definition import overrides, parameters
 from hric_run.definition.experiment import Experiment
 
-POLL = 0.01
-"""Polling period of the clock [s of wall time]."""
 RECORDER_GRACE = 5.0
 """Maximum wait for the recorder's subscriptions [s of wall time]; it looks for new topics twice a second."""
 SENSORS_GRACE = 20.0
@@ -39,8 +30,6 @@ SENSORS_GRACE = 20.0
 
 ROBOT_TIMEOUT = 2.0
 """Maximum wait for the response with the list of controllers [s of wall time]; project default, unconfirmed."""
-RECORDER_TIMEOUT = 120.0
-"""Maximum wait for the recorder to close its bag [s of wall time]; long enough for gigabytes on a slow disk."""
 
 
 class NotReady(FailureError):
@@ -75,14 +64,9 @@ class LiveExperiment:
         self._publishers = {
             name: rospy.Publisher(f"{name}/command", Float64MultiArray, queue_size=10) for name in controllers
         }
-        self._folder = self._recorder = ""
         self._human = LiveHuman(self.experiment.mocap.body) if self.experiment.mocap is not None else None
         self._sensors = LiveSensors(self.experiment)
-        if self._settings.record:
-            rospy.Subscriber(RECORDING_TOPIC, String, self._on_recording)
-
-    def _on_recording(self, message: Any) -> None:
-        self._recorder, self._folder = message._connection_header["callerid"], message.data
+        self._recording = LiveRecording() if settings.record else None
 
     def run(self) -> str:
         """Run the complete experiment; return the report, empty without a recording.
@@ -90,28 +74,27 @@ class LiveExperiment:
         Raises:
             HricError: the system is not ready in time, the robot stops responding, or the bag cannot be read.
         """
-        if self._settings.record and (lacking := unknown_beforehand(self.experiment.human)):
+        if self._recording is not None and (lacking := unknown_beforehand(self.experiment.human)):
             rospy.loginfo("%s", lacking)
         self._wait_ready()
         rospy.loginfo(
             "experiment %s: %d setpoints, %g s", self.experiment.name, len(self._publishers), self.experiment.duration
         )
         interval, factor = self._send()
-        if not self._settings.record:
+        if self._recording is None:
             rospy.loginfo("experiment %s ended; nothing was recorded", self.experiment.name)
             return ""
         if behind := self._sensors.drain(interval[1]):
             rospy.logwarn("the last samples on %s were not received, so the bag lacks them", ", ".join(behind))
-        folder = self._stop_recording()
-        folder.update(real_time_factor=factor, interval=interval)
-        return self._report(folder)
+        self._recording.stop().update(real_time_factor=factor, interval=interval)
+        return self._report(self._recording)
 
-    def _report(self, folder: RunFolder) -> str:
+    def _report(self, recording: LiveRecording) -> str:
         # Imported here, as an import at the start would take processor time that the robot needs.
         from hric_report import html as report_html
         from hric_report import run as analysis
 
-        html = self._settings.html
+        html, folder = self._settings.html, recording.folder
         with contextlib.closing(Steps(analysis.STEPS + analysis.FIGURE_STEPS + html)) as step:
             try:
                 report = str(analysis.analyse(folder, step=step)["report"]) + f"\nrun folder: {folder.path}\n"
@@ -126,50 +109,43 @@ class LiveExperiment:
 
     def _wait_ready(self) -> None:
         self._wait(self._missing_controllers, "controllers are not running: {}")
-        if self._settings.record:
-            self._wait_recording()
+        if self._recording is not None:
+            self._wait_recording(self._recording)
         self._wait(lambda: self._unconnected(1), "controllers have not subscribed to their command topics: {}")
-        limits = RunFolder(Path(self._folder)).read().get("limits", {}) if self._settings.record else {}
+        limits = {} if self._recording is None else self._recording.folder.read().get("limits", {})
         for setpoint in self.experiment.setpoints:
             joints = rospy.get_param(f"{setpoint.controller}/joints", None)
-            parameters.check_setpoint(setpoint, joints or [""] * len(setpoint.positions), limits)
+            setpoint.check_reachable(joints or [""] * len(setpoint.positions), limits)
         self._wait(
             lambda: [] if rospy.get_time() > 0.0 else ["/clock"], "robot time does not advance: no messages on {}"
         )
         if self._human is not None:
             self._wait(self._human.missing, "motion capture is not ready: {}")
         self._wait(self._sensors.missing, "sensors do not publish: {}")
-        if self._settings.record:
-            self._wait_subscribed()
+        if self._recording is not None:
+            self._wait_subscribed(self._recording)
 
-    def _wait_recording(self) -> None:
+    def _wait_recording(self, recording: LiveRecording) -> None:
         if self._settings.armed:
-            rospy.loginfo(
-                "experiment %s waits until the recording is triggered by the topic %s or the service %s",
-                self.experiment.name,
-                TRIGGER_TOPIC,
-                START_SERVICE,
-            )
-            while not self._folder:
-                live_node.sleep(5 * POLL)
-        self._wait(lambda: [] if self._folder else [RECORDING_TOPIC], "no recorder is recording: no message on {}")
+            rospy.loginfo("experiment %s waits until the recording is triggered by %s", self.experiment.name, TRIGGERS)
+            while recording.missing():
+                live_node.sleep(5 * live_node.POLL)
+        self._wait(recording.missing, "no recorder is recording: no message on {}")
 
-    def _wait_subscribed(self) -> None:
+    def _wait_subscribed(self, recording: LiveRecording) -> None:
         """Wait until the recorder has subscribed to all topics of robot, sensors, setpoints; warn after a timeout."""
-        recorder, robot = self._recorder, rospy.resolve_name("robot")
-        others = {*(self._human.nodes() if self._human is not None else []), *self._sensors.nodes()}
+        others = self._human.nodes() if self._human is not None else []
+        nodes = {rospy.resolve_name("robot"), *others, *self._sensors.nodes()}
         commands = {publisher.resolved_name for publisher in self._publishers.values()}
         deadline = time.monotonic() + (SENSORS_GRACE if self._sensors.sampled else RECORDER_GRACE)
-        while missing := set().union(*(unrecorded(recorder, node) for node in (robot, *others))) | (
-            commands if self._unconnected(2) else set()
-        ):
+        while missing := recording.unrecorded(nodes) | (commands if self._unconnected(2) else set()):
             if time.monotonic() > deadline:
                 rospy.logwarn(
                     "the recorder has not subscribed to %s yet; the bag will lack the beginning of these topics",
                     ", ".join(sorted(missing)),
                 )
                 return
-            live_node.sleep(5 * POLL)
+            live_node.sleep(5 * live_node.POLL)
 
     def _unconnected(self, listeners: int) -> list[str]:
         return [name for name, publisher in self._publishers.items() if publisher.get_num_connections() < listeners]
@@ -182,12 +158,12 @@ class LiveExperiment:
                 raise NotReady(
                     f"experiment {self.experiment.name} not started: after {timeout:g} s {text.format(', '.join(left))}"
                 )
-            live_node.sleep(5 * POLL)
+            live_node.sleep(5 * live_node.POLL)
 
     def _missing_controllers(self) -> list[str]:
         service = "controller_manager/list_controllers"
         try:
-            listed = _call(service, ListControllers, ROBOT_TIMEOUT).controller
+            listed = live_node.call(service, ListControllers, ROBOT_TIMEOUT).controller
         except (rospy.ServiceException, rospy.ROSException, TimeoutError):
             return [service]
         running = {controller.name for controller in listed if controller.state == "running"}
@@ -198,7 +174,8 @@ class LiveExperiment:
         if self._human is not None:
             self._human.start()
         if self.experiment.human is not None:
-            self._start_person()
+            silent = f"the simulated human does not respond (service {parameters.HUMAN_START})"
+            live_node.trigger(parameters.HUMAN_START, silent, "the simulated human cannot start its motion")
         begin, wall = rospy.get_time(), time.monotonic()
         for setpoint in self.experiment.setpoints:
             self._sleep_until(begin + setpoint.time)
@@ -206,16 +183,6 @@ class LiveExperiment:
         self._sleep_until(begin + self.experiment.duration)
         end = rospy.get_time()
         return [float(begin), float(end)], float((end - begin) / max(time.monotonic() - wall, 1e-9))
-
-    def _start_person(self) -> None:
-        try:
-            response = rospy.ServiceProxy(parameters.HUMAN_START, Trigger)()
-        except rospy.ServiceException as error:
-            raise FailureError(
-                f"the simulated human does not respond (service {parameters.HUMAN_START}): {error}"
-            ) from error
-        if not response.success:
-            raise FailureError(f"the simulated human cannot start its motion: {response.message}")
 
     def _sleep_until(self, when: float) -> None:
         """Wait until robot time `when` [s]; a paused simulation extends the wait.
@@ -232,40 +199,7 @@ class LiveExperiment:
                     f"experiment {self.experiment.name} ended: robot time stands at {now:.3f} s and the robot does "
                     "not respond"
                 )
-            live_node.sleep(POLL)
-
-    def _stop_recording(self) -> RunFolder:
-        try:
-            response = _call(STOP_SERVICE, Trigger, RECORDER_TIMEOUT)
-        except (rospy.ServiceException, TimeoutError) as error:
-            raise FailureError(f"the recorder does not respond: {error}") from error
-        if not response.success:
-            raise FailureError(f"the recording could not be stopped: {response.message}")
-        return RunFolder(Path(response.message).parent)
-
-
-def _call(service: str, kind: Any, timeout: float) -> Any:
-    """Call a service without arguments.
-
-    Raises:
-        TimeoutError: there is no response within `timeout` [s of wall time]; a stopped process (SIGSTOP) accepts the
-            call but never responds.
-    """
-    result: Future[Any] = Future()
-
-    def work() -> None:
-        try:
-            result.set_result(rospy.ServiceProxy(service, kind)())
-        except Exception as error:
-            result.set_exception(error)
-
-    threading.Thread(target=work, daemon=True).start()
-    deadline = time.monotonic() + timeout
-    while not result.done():
-        if time.monotonic() > deadline:
-            raise TimeoutError(f"no response of the service {service} within {timeout:g} s")
-        live_node.sleep(POLL)
-    return result.result()
+            live_node.sleep(live_node.POLL)
 
 
 def run() -> None:

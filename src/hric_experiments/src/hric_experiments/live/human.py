@@ -4,10 +4,9 @@ from typing import Any
 
 import rosgraph
 import rospy
-from std_srvs.srv import Trigger
 
 from hric_analysis.tracking_record import FRAMES
-from hric_core.errors import FailureError
+from hric_experiments.live import node as live_node
 from hric_msgs.msg import MocapData
 from hric_run.definition.parameters import EMULATED_HUMAN, MOCAP_CLIENT
 
@@ -55,13 +54,7 @@ class LiveHuman:
         if not service:
             rospy.loginfo("no emulated human: the person with the body %s can move now", self._body)
             return
-        try:
-            response = rospy.ServiceProxy(service, Trigger)()
-        except rospy.ServiceException as error:
-            raise FailureError(f"{service} does not respond: {error}") from error
-        if not response.success:
-            raise FailureError(f"{service}: {response.message}")
-        rospy.loginfo("%s", response.message)
+        rospy.loginfo("%s", live_node.trigger(service, f"{service} does not respond", service))
 
     def _service(self) -> str:
         """Return the name of the service that starts the emulated human in this namespace; "": there is none."""

@@ -1,14 +1,17 @@
 """Common start and end of this package's nodes: arguments, wait for the master, signals, exit codes."""
 
+import math
 import os
 import signal
 import threading
 import time
 from collections.abc import Callable
+from concurrent.futures import Future
 from typing import Any
 
 import rosgraph
 import rospy
+from std_srvs.srv import Trigger
 
 from hric_core.errors import FailureError, HricError
 from hric_core.parameters import Settings
@@ -16,6 +19,8 @@ from hric_core.processes import INTERRUPTED_CODE
 from hric_core.ros import RosNode
 from hric_core.ros.process import check_words, refuse_unread, shut_down
 
+POLL = 0.01
+"""Polling period of the clock and of responses [s of wall time]."""
 MASTER_TIMEOUT = 30.0
 """Maximum wait for a ROS master [s of wall time]."""
 
@@ -86,6 +91,45 @@ def sleep(seconds: float) -> None:
         time.sleep(seconds)
     if _stop.is_set():
         raise LiveInterrupted
+
+
+def call(service: str, kind: Any, timeout: float) -> Any:
+    """Call a service without arguments.
+
+    Raises:
+        TimeoutError: there is no response within `timeout` [s of wall time]; a stopped process (SIGSTOP) accepts the
+            call but never responds.
+    """
+    result: Future[Any] = Future()
+
+    def work() -> None:
+        try:
+            result.set_result(rospy.ServiceProxy(service, kind)())
+        except Exception as error:
+            result.set_exception(error)
+
+    threading.Thread(target=work, daemon=True).start()
+    deadline = time.monotonic() + timeout
+    while not result.done():
+        if time.monotonic() > deadline:
+            raise TimeoutError(f"no response of the service {service} within {timeout:g} s")
+        sleep(POLL)
+    return result.result()
+
+
+def trigger(service: str, silent: str, refused: str, timeout: float = math.inf) -> str:
+    """Call a service std_srvs/Trigger and return its message; timeout: longest wait [s of wall time].
+
+    Raises:
+        FailureError: it does not respond (the text begins with `silent`), or refuses (it begins with `refused`).
+    """
+    try:
+        response = call(service, Trigger, timeout)
+    except (rospy.ServiceException, TimeoutError) as error:
+        raise FailureError(f"{silent}: {error}") from error
+    if not response.success:
+        raise FailureError(f"{refused}: {response.message}")
+    return str(response.message)
 
 
 def interrupted() -> bool:

@@ -14,7 +14,7 @@ import numpy as np
 from hric_core import plugins
 from hric_core.errors import HricError, UnknownNameError
 from hric_core.geometry import ORIGIN, Pose, Vector, compose, from_rotation_vector
-from hric_core.geometry.quaternions import product
+from hric_core.geometry.quaternions import inverse, product, rotated
 from hric_core.native import vectors
 from hric_core.parameters import Mistakes, Settings, anything, below, choice, number, refused, section, text, unknown
 from hric_human.body import Body
@@ -146,7 +146,7 @@ class HumanControl:
         seed: seed of all randomness.
         T_world_root: pose of the body's root link in the frame of hand references, forces and observations (the robot's
             base, in experiments).
-        gravity: gravity vector in axes of the root link [m/s^2].
+        gravity: gravity vector in axes of the world [m/s^2].
         cycle: time between two updates [s].
         where: name of the mapping, for error messages.
 
@@ -174,6 +174,7 @@ class HumanControl:
         settings, controller, parameters = checked(content, tuple(body.joints), where)
         side = hand_side(body, settings.side, where)
         weakest, strongest = strength(body)
+        gravity = rotated(inverse(T_world_root.orientation), gravity)
         ranges = [joint.range for joint in body.joints.values()]
         self.person = Person(
             body,

@@ -25,7 +25,7 @@ from hric_human.body import Body
 from hric_human.control.kinematics import GRAVITY, HandChain
 from hric_human.control.whole_body import ExternalLoad, RootMotion
 from hric_human.muscles.after_run import RATE, AfterRun, MuscleLoad, RecordedMotion, of_root_too
-from hric_human.muscles.anatomy import Anatomy
+from hric_human.muscles.anatomy import BUILT_IN, Anatomy, load
 from hric_human.muscles.muscle_set import MuscleSet
 from hric_human.tracking import BRIDGED, LOST, MEASURED, PersonEstimate
 
@@ -100,7 +100,7 @@ class LiveLoad:
 
     Args:
         body: body of the person, with arms.
-        anatomy: anatomy of the muscles.
+        anatomy: anatomy of the muscles; None: the built-in one.
         hand: "right" or "left", on which the measured force acts; None: no force is measured.
         strength: factor on the muscles' strength [1].
         gravity: gravity vector in axes of the motion capture frame [m/s^2].
@@ -115,11 +115,12 @@ class LiveLoad:
     """
 
     def __init__(
-        self, body: Body, anatomy: Anatomy, hand: str | None, strength: float = 1.0, gravity: Vector = GRAVITY
+        self, body: Body, anatomy: Anatomy | None, hand: str | None, strength: float = 1.0, gravity: Vector = GRAVITY
     ) -> None:
         sides = [side for side in ("right", "left") if f"{side}_hand" in body.segments]
         if hand is not None and hand not in sides:
             raise HricError(f"the body of {body.subject.code} has no {hand} hand; valid: {', '.join(sides) or 'none'}")
+        anatomy = anatomy or load(BUILT_IN)
         muscles = MuscleSet(body, anatomy, strength)
         self._after = AfterRun(body, muscles, anatomy, Pose(), gravity)
         self.names, self.joints, self.links = self._after.names, self._after.joints, self._after.links

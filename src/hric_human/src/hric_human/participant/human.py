@@ -14,12 +14,10 @@ from hric_control.plant import Articulated, Contact, Plant
 from hric_control.sim.participants import Participant
 from hric_core import realtime
 from hric_core.errors import CommandError, HricError, UnknownNameError
-from hric_core.geometry import ORIGIN, Vector, homogeneous
-from hric_core.geometry.quaternions import inverse, rotated
-from hric_core.geometry.transforms import rotation_from_quaternion
+from hric_core.geometry import ORIGIN, Vector
 from hric_core.node import Node
 from hric_core.parameters import below
-from hric_human.body import describe, surfaces
+from hric_human.body import surfaces
 from hric_human.contact import RegionContact, RegionContacts
 from hric_human.control import HumanControl
 from hric_human.participant.grip import Grip
@@ -54,17 +52,15 @@ class Human(Participant):
                 f"{type(plant).__name__} cannot"
             )
         self._name, self._where, self._plant, self._node = name, where, plant, node
-        self._body = describe(settings.person)
+        self._body = settings.body()
         self._root = settings.root(self._body)
         self._message_cycles = max(1, round(1.0 / (settings.rate * plant.time_step)))
         self._sight_cycles = max(1, round(SIGHT_PERIOD / plant.time_step))
         self._control = self._new_control()
-        position, orientation = self._root
-        T_world_root = homogeneous(rotation_from_quaternion(orientation), position)
         walk = settings.walk
         self._walk = None if walk is None else Walk(walk, self._body, settings.heading)
         urdf = self._body.urdf if self._walk is None else self._walk.urdf
-        plant.spawn(name, urdf, T_world_root, fixed=True, surfaces=surfaces(self._body))
+        plant.spawn(name, urdf, self._root.transform(), fixed=True, surfaces=surfaces(self._body))
         self._requests: deque[tuple[Future[str], Callable[[], object]]] = deque()
         self._topics = Topics(node, name, self._control.person, self._root, walks=walk is not None)
         self._hand = f"{name}::{self._body.segments[f'{self._control.person.hand.side}_hand'].link}"
@@ -87,23 +83,13 @@ class Human(Participant):
     def _new_control(self) -> HumanControl:
         settings, plant = self._settings, self._plant
         x, y, z = plant.gravity
-        gravity = rotated(inverse(self._root.orientation), (x, y, z))
-        return HumanControl(
-            self._body,
-            settings.control,
-            settings.seed,
-            self._root,
-            gravity,
-            plant.time_step,
-            f"{below(self._where)}control",
-        )
+        where = f"{below(self._where)}control"
+        return HumanControl(self._body, settings.control, settings.seed, self._root, (x, y, z), plant.time_step, where)
 
     def _new_muscles(self) -> "HumanMuscles | None":
         if self._settings.drive != MUSCLE:
             return None
-        from hric_human.participant.muscles import (
-            HumanMuscles,  # the muscle code is imported only for a body with muscles
-        )
+        from hric_human.participant.muscles import HumanMuscles  # imported only for a body with muscles
 
         x, y, z = self._plant.gravity
         where, person = f"{below(self._where)}muscles.", self._control.person

@@ -16,9 +16,10 @@ from hric_human.control.whole_body import ExternalLoad, WholeBody
 from hric_human.muscles.choose import find
 from hric_human.muscles.drive import MuscleDrive
 from hric_human.muscles.joint_contact import JointContact
+from hric_human.muscles.lines import Points, muscle_lines
 from hric_human.muscles.muscle_set import MuscleSet, MuscleState
 from hric_human.participant.grip import Grip, Happened
-from hric_human.participant.settings import MuscleSettings
+from hric_human.participant.settings import HumanSettings, MuscleSettings
 from hric_human.participant.topics import WORLD, stamped_message
 from hric_msgs.msg import JointReactions, MuscleActivation, MuscleForce
 
@@ -38,6 +39,11 @@ class Snapshot(NamedTuple):
     dq: list[float]
     force: Any
     loads: list[ExternalLoad]
+
+
+def muscle_paths(settings: HumanSettings, where: str) -> dict[str, Points]:
+    """Return the paths of a person's muscles by name; where: prefix of the settings' names. Raises ParameterError."""
+    return muscle_lines(settings.body(), find(settings.muscles.anatomy, f"{where}anatomy"))
 
 
 class HumanMuscles:

@@ -23,7 +23,7 @@ from hric_core.parameters import (
     unknown,
     whole,
 )
-from hric_human.body import Body, Subject, load
+from hric_human.body import Body, Subject, describe, load
 from hric_human.body.joints import joints
 from hric_human.body.subject import PARTS
 from hric_human.control.human_control import checked
@@ -193,6 +193,10 @@ class HumanSettings(Settings):
         """Subject, with `parts` and `posture` of these settings."""
         changes = {name: value for name in ("parts", "posture") if (value := getattr(self, name)) is not None}
         return replace(self.subject, **changes)
+
+    def body(self) -> Body:
+        """Return the body of the person."""
+        return describe(self.person)
 
     def root(self, body: Body) -> Pose:
         """Return the pose of the body's root link in the world."""

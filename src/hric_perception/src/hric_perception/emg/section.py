@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from hric_core.parameters import Settings, choice, number, section
-from hric_human.body import describe
 from hric_human.control.human_control import ControlSettings, hand_side
 from hric_human.participant.settings import HumanSettings
 from hric_perception.emg.envelope import EnvelopeSettings as EnvelopeSettings
@@ -84,4 +83,4 @@ def _following_side(human: Any) -> str:
     """Return the side, "right" or "left", of the hand with which a simulated human acts; human: section `human`."""
     person = HumanSettings.of(human, HUMAN)
     control = ControlSettings.of(person.control, f"{person.prefix}control")
-    return hand_side(describe(person.person), control.side, person.prefix)
+    return hand_side(person.body(), control.side, person.prefix)

@@ -5,14 +5,11 @@ from dataclasses import dataclass, replace
 from time import sleep
 from typing import Any
 
-from std_msgs.msg import Header
 from std_srvs.srv import Trigger, TriggerResponse
 
 from franka_msgs.msg import FrankaState
 from hric_core.errors import HricError
-from hric_core.geometry import stamped
 from hric_core.parameters import Settings, anything, text
-from hric_core.robot_time import stamps
 from hric_core.robot_time.follower import RobotTime
 from hric_core.robot_time.progress import ProgressReport
 from hric_core.robot_time.stream_time import Clock
@@ -21,7 +18,6 @@ from hric_core.ros.process import NodeApp
 from hric_perception.emulation import SEED
 from hric_perception.human.motion_capture import see
 from hric_perception.human.truth import RATE, Truth
-from hric_perception.replayed import START_TOPIC
 from hric_perception.sent import SentCounts
 from hric_perception.simulated import HUMAN, PERSON, KnownTime, follow_events, follow_joints
 from mocap_natnet.client.settings import address
@@ -79,7 +75,6 @@ class HumanNode(NodeApp):
         )
         seen.motive.settings = settings = replace(seen.motive.settings, ip=human_settings.ip)
         self._hand, self._body, self._truth = seen.hand, seen.body, Truth(node, seen.hand, human_settings.base_frame)
-        self._started = node.advertise(node.beside(START_TOPIC), Header, latch=True)
         self._robot_time = RobotTime(node)
         clock: Clock = self._robot_time
         self._behind = 0.0
@@ -148,7 +143,7 @@ class HumanNode(NodeApp):
         assert self._body is not None
         self._body.happened(time, kind)
         if kind == "started":
-            self._started.publish(stamped.header(stamps.to_time(time), ""))
+            self._truth.started(time)
 
     def _on_start(self, _: Any) -> Any:
         if self._body is not None:
@@ -161,5 +156,5 @@ class HumanNode(NodeApp):
             zero = self._hand.start(time)
         except HricError as error:
             return TriggerResponse(success=False, message=str(error))
-        self._started.publish(stamped.header(stamps.to_time(began + zero), ""))
+        self._truth.started(began + zero)
         return TriggerResponse(success=True, message=f"the hand starts at {began + time:.3f} s of robot time")

@@ -4,7 +4,6 @@ from bisect import bisect_right
 from collections.abc import Callable, Sequence
 
 from hric_core.geometry import Pose, Vector, compose
-from hric_human.body import describe
 from hric_human.body.segments import ROOT
 from hric_human.control.human_control import ControlSettings, hand_side
 from hric_human.control.kinematics import HandChain
@@ -34,7 +33,7 @@ class SimulatedBody(Program):
     """
 
     def __init__(self, person: HumanSettings, T_base_world: Pose) -> None:
-        self._body = body = describe(person.person)
+        self._body = body = person.body()
         side = hand_side(body, ControlSettings.of(person.control, f"{person.prefix}control").side, person.prefix)
         self._dynamics, self._hand = WholeBody(body), HandChain(body, side)
         self._T_base_root = compose(T_base_world, person.root(body))

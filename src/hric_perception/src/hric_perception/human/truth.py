@@ -1,31 +1,39 @@
 """True motion of the emulated human on topics, in addition to the measured motion."""
 
 from geometry_msgs.msg import PoseStamped
-from std_msgs.msg import String
+from std_msgs.msg import Header, String
 
 from hric_core.geometry import stamped
 from hric_core.node import Node
 from hric_core.robot_time import stamps
 from hric_human.hand import Hand
+from hric_perception.replayed import START_TOPIC
 
 RATE = 100.0
 """Rate of the hand's true pose [Hz of robot time]."""
 
 
 class Truth:
-    """Publisher of the hand's true pose at RATE, and of the phase of its motion on change; called from one thread.
+    """Publisher of the hand at RATE, its phase on change, and the start, below `hric/human`; called from one thread.
 
     Args:
         node: node that publishes.
         hand: hand of the human.
         frame: frame of the poses: the robot's base.
+        announced: True: publish the start, for sensors that replay a trial in step.
     """
 
-    def __init__(self, node: Node, hand: Hand, frame: str) -> None:
+    def __init__(self, node: Node, hand: Hand, frame: str, announced: bool = True) -> None:
         self._hand, self._frame, self._published = hand, frame, ""
         self._poses = node.advertise(node.beside("hric/human/hand"), PoseStamped, queue_size=100)
         self._phases = node.advertise(node.beside("hric/human/phase"), String, queue_size=10, latch=True)
+        self._starts = node.advertise(node.beside(START_TOPIC), Header, latch=True) if announced else None
         self._next: int | None = None
+
+    def started(self, time: float) -> None:
+        """Publish the start of the motion, time of the run [s]; from any thread."""
+        if self._starts is not None:
+            self._starts.publish(stamped.header(stamps.to_time(time), ""))
 
     @property
     def next(self) -> float:

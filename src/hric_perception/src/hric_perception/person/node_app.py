@@ -15,7 +15,6 @@ from hric_core.robot_time.follower import RobotTime
 from hric_core.ros import RosNode
 from hric_core.ros.process import NodeApp
 from hric_human.body import Body
-from hric_human.muscles import BUILT_IN, load
 from hric_human.muscles.live_load import LiveLoad
 from hric_human.tracking import LOST, PersonEstimate, PersonTracker, StillPose, calibrate
 from hric_msgs.msg import MocapData, PersonTracking
@@ -46,7 +45,7 @@ class _Known(NamedTuple):
 
     @classmethod
     def of(cls, body: Body, calibrated: bool, settings: PersonSettings) -> "_Known":
-        live = LiveLoad(body, load(BUILT_IN), settings.side)
+        live = LiveLoad(body, None, settings.side)
         return cls(PersonTracker(body, settings.worn), BodyMessages(body, calibrated), live)
 
 

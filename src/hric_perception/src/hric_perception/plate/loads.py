@@ -11,7 +11,6 @@ from hric_core.geometry import Pose, Vector
 from hric_core.geometry.quaternions import rotated
 from hric_core.geometry.transforms import rotation_from_quaternion
 from hric_core.parameters import Settings, number, numbers, text, variant
-from hric_human.body import describe
 from hric_human.control.whole_body import WholeBody, floor_wrench
 from hric_human.participant.settings import HumanSettings
 from hric_perception import simulated
@@ -141,7 +140,7 @@ class FloorLoad:
     """
 
     def __init__(self, person: HumanSettings, T_world_plate: Pose) -> None:
-        body = describe(person.person)
+        body = person.body()
         self._dynamics, self._T_world_root = WholeBody(body), person.root(body)
         self._R = rotation_from_quaternion(T_world_plate.orientation)
         self._p = np.array(T_world_plate.position)

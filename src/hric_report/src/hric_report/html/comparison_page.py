@@ -9,8 +9,7 @@ import numpy as np
 from hric_analysis import comparison
 from hric_analysis.comparison import Comparison
 from hric_analysis.recordings import RunEvent
-from hric_analysis.values import RunMetrics, joint_orders
-from hric_core.json_values import from_json
+from hric_analysis.values import joint_orders
 from hric_report import comparison_figures, headline, sections
 from hric_report.figure import Curve, Figure, FloatArray, per_joint
 from hric_report.figures import marker, robot
@@ -92,7 +91,7 @@ def _problems(runs: Sequence[OverlaidRun]) -> list[headline.KeyFigure]:
     """Return the key figures of all runs that report problems, and each run's tracking lag and error."""
     figures = []
     for run in runs:
-        metrics = replace(from_json(RunMetrics, run.data.values), setpoints=(), sources=None)
+        metrics = replace(run.data.run_metrics, setpoints=(), sources=None)
         for finding in headline.of_run(run.data.run, metrics):
             if finding.kind == headline.BAD or finding.name in ("Lag", "Error after the lag"):
                 figures.append(replace(finding, name=f"{run.label}: {finding.name}"))

@@ -6,7 +6,7 @@ from hric_bags.records.human_record import GripRecord
 from hric_bags.records.muscle_record import MuscleRecord
 from hric_bags.records.region_contacts import ContactRecord
 from hric_core.errors import HricError
-from hric_human.body import Body, describe
+from hric_human.body import Body
 from hric_human.body.segments import SIDES, link_name
 from hric_human.muscles.choose import find
 from hric_human.muscles.lines import ACTIVATION_COLOURS, muscle_lines
@@ -42,7 +42,7 @@ def human(data: RunData, rate: float, *, role: str = "", shift: float = 0.0) -> 
         return []
     record = data.person.record
     settings = HumanSettings.of(data.run["definition"]["human"], "human")
-    body = describe(settings.person)
+    body = settings.body()
     shown = instants(record.time, rate)
     arrows = [_grip(grip, rate, shift) for grip in record.grips.values()]
     arrows += [_contact(person, rate, shift) for person in record.contacts.values()]

@@ -8,7 +8,7 @@ from hric_analysis import tracking_run as tracking_analysis
 from hric_analysis.human import SimulatedPerson
 from hric_analysis.recordings import Recordings
 from hric_analysis.tracking_run import MarkerTracking
-from hric_analysis.values import joint_orders
+from hric_analysis.values import RunMetrics, joint_orders
 from hric_assessment.typed_json import Content
 from hric_bags import reader as bag_reader
 from hric_bags.reader import RunRecord
@@ -17,6 +17,7 @@ from hric_bags.records.object_record import ObjectRecord
 from hric_bags.records.safety_record import SafetyRecord
 from hric_bags.run_file import RunFile
 from hric_bags.run_folder import RunFolder
+from hric_core.json_values import from_json
 from hric_report.html.verdict_file import VerdictFile
 
 
@@ -54,6 +55,11 @@ class RunData:
     def moves(self) -> list[metrics.Move]:
         """Setpoints of the run, each with the range of control cycles until the next setpoint."""
         return metrics.moves(self.record, joint_orders(self.run))
+
+    @property
+    def run_metrics(self) -> RunMetrics:
+        """Contents of metrics.json, with their types."""
+        return from_json(RunMetrics, self.values)
 
 
 def load(folder: RunFolder, values: Content, *, progress: bool = False) -> RunData:

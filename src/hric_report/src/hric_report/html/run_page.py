@@ -4,9 +4,7 @@ from markupsafe import Markup
 
 from hric_analysis import stability
 from hric_analysis.recordings import RunEvent
-from hric_analysis.values import RunMetrics
 from hric_bags.run_folder import COMPLETED
-from hric_core.json_values import from_json
 from hric_report import figures, headline
 from hric_report.figures import FigureData
 from hric_report.html import human_and_objects, moving, supervisor, verdict
@@ -26,7 +24,7 @@ def build(data: RunData) -> Page:
         title=f"{run.get('experiment', 'run')}",
         subtitle=f"{data.folder.path.name}: {run.get('description', '')}",
         verdicts=verdicts(data),
-        findings=headline.of_run(run, from_json(RunMetrics, values), data.verdict),
+        findings=headline.of_run(run, data.run_metrics, data.verdict),
         figures=figures.of_run(
             FigureData(
                 data.record,

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from hric_assessment.ergonomics.fatigue import Fatigue
 from hric_bags import text
 from hric_bags.arguments import run_arguments
 from hric_bags.export.opensim_text import GROUND, write_storage
@@ -16,7 +17,6 @@ from hric_core.geometry import FloatArray
 from hric_core.geometry.transforms import R_YUP_ZUP
 from hric_human.muscles.after_run import CUTOFF, MuscleLoad
 from hric_human.muscles.choose import NAME
-from hric_human.muscles.fatigue import Fatigue
 from hric_human.muscles.static_optimization import MINIMUM
 from hric_report.muscle_load.c3d import of_c3d
 from hric_report.muscle_load.motions import AS_SHIPPED, MuscleLoadResult, of_run, of_tracked

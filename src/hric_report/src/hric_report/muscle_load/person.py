@@ -13,7 +13,7 @@ from hric_bags.run_folder import RunFolder
 from hric_control.plants import WindowlessConfig
 from hric_core.errors import HricError
 from hric_core.geometry import FloatArray, Vector
-from hric_human.body import Body, describe
+from hric_human.body import Body
 from hric_human.control.whole_body import ExternalLoad
 from hric_human.participant.settings import HumanSettings, MuscleSettings
 from hric_run.definition import experiment
@@ -96,4 +96,4 @@ def _described(
         raise MuscleLoadError(f"{source} has no human; valid: an experiment with a section human")
     settings = HumanSettings.of(section, "human")
     x, y, z = map(float, gravity)
-    return DescribedPerson(settings, describe(settings.person), (x, y, z), record, source)
+    return DescribedPerson(settings, settings.body(), (x, y, z), record, source)

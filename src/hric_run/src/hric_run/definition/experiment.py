@@ -14,6 +14,7 @@ from hric_bags.run_file import Definition, NodeParameters
 from hric_core import plugins, resources
 from hric_core.errors import HricError, ParameterError, UnknownNameError, message_about
 from hric_core.geometry import ORIGIN, Vector
+from hric_core.magnitudes import likely_unit
 from hric_core.node import REQUIRED
 from hric_core.parameters import (
     Mistakes,
@@ -81,6 +82,28 @@ class Setpoint(Settings):
     positions: tuple[float, ...] = listing(
         ANGLE, range(1, 100), text="joint positions, one per joint of the controller"
     )
+
+    def check_reachable(self, joints: Sequence[str], limits: Mapping[str, Mapping[str, float]]) -> None:
+        """Check a setpoint as the controller will check it, but before the run begins.
+
+        Args:
+            joints: names of the controller's joints.
+            limits: position limits {"lower": ..., "upper": ...} [rad] by joint, for joints that have limits.
+
+        Raises:
+            ExperimentError: the setpoint has the wrong length, or is outside the range of a joint.
+        """
+        where = f"setpoint at {self.time:g} s for {self.controller}"
+        if len(self.positions) != len(joints):
+            raise ExperimentError(
+                f"{where} has {len(self.positions)} positions; valid: {len(joints)}, for {', '.join(joints)}"
+            )
+        for joint, position in zip(joints, self.positions, strict=True):
+            bounds = limits.get(joint, {})
+            low, high = bounds.get("lower", -math.inf), bounds.get("upper", math.inf)
+            if not low <= position <= high:
+                likely = likely_unit(position, "rad", low, high)
+                raise ExperimentError(f"{where}: {joint} {position:g} rad is outside {low:g} to {high:g}{likely}")
 
 
 LARGEST_PAYLOAD = 50.0

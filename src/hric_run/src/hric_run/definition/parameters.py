@@ -1,8 +1,7 @@
 """Conversion of an experiment to ROS parameters: of the robot, its controllers, the sensors and the supervisor."""
 
 import copy
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -14,10 +13,9 @@ from hric_control.sim.robot_hw_sim import RobotHWSim
 from hric_core import plugins, resources, yaml_text
 from hric_core.errors import HricError, check_known
 from hric_core.geometry import quaternion_from_rotation, transform_from_rpy
-from hric_core.magnitudes import likely_unit
 from hric_core.trial.c3d import located
 from hric_core.urdf import read
-from hric_run.definition.experiment import Experiment, ExperimentError, RobotSpec, Setpoint, package_path
+from hric_run.definition.experiment import Experiment, ExperimentError, RobotSpec, package_path
 
 ROBOT = "robot"
 """Private namespace of the robot node, relative to the robot's namespace."""
@@ -58,10 +56,9 @@ def human_description(experiment: Experiment) -> str:
     if experiment.human is None:
         raise ExperimentError(f"experiment {experiment.name}: there is no human; valid: a section {HUMAN!r}")
     # Imported only for runs with a human.
-    from hric_human.body import describe
     from hric_human.participant.settings import HumanSettings
 
-    return describe(HumanSettings.of(experiment.human, HUMAN).person).urdf
+    return HumanSettings.of(experiment.human, HUMAN).body().urdf
 
 
 def human_muscles(experiment: Experiment) -> dict[str, list[list[Any]]]:
@@ -73,17 +70,14 @@ def human_muscles(experiment: Experiment) -> dict[str, list[list[Any]]]:
     Raises:
         HricError: one of the human's parameters is not valid.
     """
-    from hric_human.body import describe
-    from hric_human.muscles.choose import find
-    from hric_human.muscles.lines import muscle_lines
+    from hric_human.participant.muscles import muscle_paths
     from hric_human.participant.settings import MUSCLE, HumanSettings
 
     settings = None if experiment.human is None else HumanSettings.of(experiment.human, HUMAN)
     if settings is None or settings.drive != MUSCLE:
         return {}
-    anatomy = find(settings.muscles.anatomy, f"{HUMAN}.muscles.anatomy")
-    lines = muscle_lines(describe(settings.person), anatomy)
-    return {name: [[link, *p_link] for link, p_link in points] for name, points in lines.items()}
+    paths = muscle_paths(settings, f"{HUMAN}.muscles.")
+    return {name: [[link, *p_link] for link, p_link in points] for name, points in paths.items()}
 
 
 def _description_of(address: str) -> str:
@@ -325,30 +319,6 @@ def _joints(experiment: Experiment) -> list[str]:
         if isinstance(joints, list) and joints:
             return [str(joint) for joint in joints]
     return [f"{experiment.robot.arm_id}_joint{number}" for number in range(1, 8)]
-
-
-def check_setpoint(setpoint: Setpoint, joints: Sequence[str], limits: Mapping[str, Mapping[str, float]]) -> None:
-    """Check a setpoint as the controller will check it, but before the run begins.
-
-    Args:
-        setpoint: setpoint to be sent.
-        joints: names of the controller's joints.
-        limits: position limits {"lower": ..., "upper": ...} [rad] by joint, for joints that have limits.
-
-    Raises:
-        ExperimentError: the setpoint has the wrong length, or is outside the range of a joint.
-    """
-    where = f"setpoint at {setpoint.time:g} s for {setpoint.controller}"
-    if len(setpoint.positions) != len(joints):
-        raise ExperimentError(
-            f"{where} has {len(setpoint.positions)} positions; valid: {len(joints)}, for {', '.join(joints)}"
-        )
-    for joint, position in zip(joints, setpoint.positions, strict=True):
-        bounds = limits.get(joint, {})
-        low, high = bounds.get("lower", -math.inf), bounds.get("upper", math.inf)
-        if not low <= position <= high:
-            likely = likely_unit(position, "rad", low, high)
-            raise ExperimentError(f"{where}: {joint} {position:g} rad is outside {low:g} to {high:g}{likely}")
 
 
 def overlay(base: Mapping[str, object], changes: Mapping[str, object]) -> dict[str, object]:

@@ -7,8 +7,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from hric_bags import files
-from hric_bags.run_folder import RunFolder, iso_now
+from hric_bags.run_folder import iso_now
 from hric_core.command import Argument, Command
 from hric_core.errors import NOT_GOOD, HricError
 from hric_core.parameters import read_yaml, whole
@@ -16,7 +15,7 @@ from hric_sweep.benchmark import definition, results, scoring, text
 from hric_sweep.benchmark.definition import Benchmark, BenchmarkController
 from hric_sweep.engines.make import engine_arguments, engine_session, resume_command
 from hric_sweep.execution import execute
-from hric_sweep.folder import provenance_of
+from hric_sweep.folder import begin
 from hric_sweep.journal import Journal
 from hric_sweep.records import PlainData
 from hric_sweep.task import code_version
@@ -120,10 +119,8 @@ def _begin(options: argparse.Namespace, content: PlainData, code: str) -> Path:
     chosen = {key: getattr(options, key) for key in CHOICES}
     chosen["definition"] = options.definition and _absolute(options.definition)
     chosen["controllers"] = list(map(_absolute, options.controllers))
-    folder = RunFolder.create(options.runs, "benchmark").path
     head = {"started": iso_now(), "given": chosen, "definition": content}
-    files.write_yaml(folder / FILE, {**head, **provenance_of(code)})
-    return folder
+    return begin(options.runs, "benchmark", FILE, head, code)
 
 
 def _absolute(name: str) -> str:
@@ -153,7 +150,7 @@ def _run(
     by_run = dict(zip(runs, responses, strict=True))
     made = results.make(benchmark, content, controllers, scoring.cells(benchmark, by_run), code)
     ours = {**made, "runs": results.run_rows(by_run)}
-    files.write_json(folder / results.NAME, results.finite(ours))
+    results.write(folder, ours)
     page.write(folder, ours)
     return folder, ours
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from hric_assessment.findings import DISCLAIMER
+from hric_bags import files
 from hric_core.errors import HricError
 from hric_sweep.benchmark.definition import (
     ERGONOMICS,
@@ -101,6 +102,11 @@ def run_rows(responses: Mapping[BenchmarkRun, RunResponse]) -> list[PlainData]:
     """Return one row per run as plain data: controller, collaboration, body, seed, outputs, failure, state hash."""
     about = ("outputs", "failure", "state_sha256")
     return [{**vars(run), **{key: getattr(response, key) for key in about}} for run, response in responses.items()]
+
+
+def write(folder: Path, results: PlainData) -> None:
+    """Write the results file."""
+    files.write_json(folder / NAME, finite(results))
 
 
 def read(path: Path) -> PlainData:

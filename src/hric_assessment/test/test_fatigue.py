@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from hric_assessment.ergonomics.fatigue import RATES, REST, RISE, STEP, Fatigue
 from hric_core.errors import HricError
-from hric_human.muscles.fatigue import RATES, REST, RISE, STEP, Fatigue
 
 F, R = RATES["shoulder"]
 

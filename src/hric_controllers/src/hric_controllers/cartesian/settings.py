@@ -1,0 +1,78 @@
+"""Parameters of the Cartesian impedance controller."""
+
+from dataclasses import asdict, dataclass
+
+from hric_controllers.parameters import ArmSettings, LawSettings, initial_setpoint, position_ranges, state_rate
+from hric_core.live import live_parameters
+from hric_core.node import Node, OnChange
+from hric_core.parameters import Settings, names, number, per_joint, refused
+
+
+@dataclass(frozen=True)
+class CartesianImpedanceSettings(LawSettings, ArmSettings):
+    """Parameters of the Cartesian impedance controller, except for its gains and its equilibrium's input."""
+
+    joints: tuple[str, ...] = names(7, name="joint_names", text="`<arm_id>_joint1` to 7, in order")
+    nullspace_posture: tuple[float, ...] | None = per_joint(
+        number(unit="rad"),
+        None,
+        default_text="where the arm is at the start",
+        text="posture that the null space controls",
+    )
+    filter_time: float = number(
+        0.2, minimum=0.0, unit="s", text="time constant with which equilibrium and live gains take over; 0: at once"
+    )
+    rotatum_limit: float = number(1000.0, minimum=0.0, unit="N m/s", text="largest rate of torque; 0: no limit")
+    state_publish_rate: float = state_rate(100.0)
+
+    def check(self, where: str) -> None:
+        """Raise an error if the joints are not in the order of the Jacobian's columns."""
+        expected = tuple(f"{self.arm_id}_joint{i}" for i in range(1, 8))
+        if self.joints != expected:
+            raise refused(f"{where}joint_names", list(self.joints), f"the arm's joints in order, {', '.join(expected)}")
+
+    def posture(self, root_node: Node, node: Node) -> list[float] | None:
+        """Return the posture of the null space, 7 floats [rad]; None: the one at the start. Raises ParameterError."""
+        ranges = position_ranges(root_node, self.joints)
+        return initial_setpoint(self.nullspace_posture, self.joints, ranges, node.resolve("nullspace_posture"))
+
+
+@dataclass(frozen=True)
+class ComplianceSettings(Settings):
+    """Live parameters of the Cartesian impedance controller: stiffnesses and damping ratios, as in `Compliance`.
+
+    Sources: the defaults and the maximum null-space stiffness are those of franka_ros's
+    CartesianImpedanceExampleController; the maximum Cartesian stiffnesses are those that libfranka allows for the arm's
+    internal impedance (setCartesianImpedance); the maximum damping ratio of 2 is a project default, unconfirmed.
+    """
+
+    translational_stiffness: float = number(
+        200.0, minimum=0.0, maximum=3000.0, live=True, unit="N/m", text="stiffness of the end effector's position"
+    )
+    rotational_stiffness: float = number(
+        10.0, minimum=0.0, maximum=300.0, live=True, unit="N m/rad", text="stiffness of the end effector's orientation"
+    )
+    translational_damping_ratio: float = number(
+        1.0, minimum=0.0, maximum=2.0, live=True, text="times 2 sqrt(translational_stiffness) gives the damping [N s/m]"
+    )
+    rotational_damping_ratio: float = number(
+        1.0,
+        minimum=0.0,
+        maximum=2.0,
+        live=True,
+        text="times 2 sqrt(rotational_stiffness) gives the damping [N m s/rad]",
+    )
+    nullspace_stiffness: float = number(
+        0.5,
+        minimum=0.0,
+        maximum=100.0,
+        live=True,
+        unit="N m/rad",
+        text="stiffness of the posture in the null space, damped by 2 sqrt(it)",
+    )
+
+    def offer(self, node: Node, on_change: OnChange) -> None:
+        """Offer the live parameters; values that an earlier run left on the server do not override the YAML."""
+        for name, value in asdict(self).items():
+            node.set_param(name, value)
+        node.live_parameters(live_parameters(self), on_change)
