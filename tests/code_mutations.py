@@ -36,7 +36,7 @@ PARTS = {
 """Folder of each part that is mutated, as PACKAGE/FOLDER."""
 TESTS = {
     "hric_assessment": ("test_",),
-    "hric_experiments": (
+    "hric_sweep": (
         "test_sweep_rare_events",
         "test_sweep_samplers",
         "test_sweep_sensitivity",

@@ -122,7 +122,7 @@ MUTATIONS = {
         "a contact peak between two messages is ignored",
         "hric_assessment",
         "force = np.concatenate([series.force, series.reached[rose], [touch]])",
-        "force = np.concatenate([course.force, 0.0 * series.reached[rose], [touch]])",
+        "force = np.concatenate([series.force, 0.0 * series.reached[rose], [touch]])",
         "peak_between_two_messages",
     ),
     "guided_speed": Mutation(
@@ -161,7 +161,7 @@ MUTATIONS = {
         "position_drive",
     ),
     "ball_of_water": Mutation(
-        "the inertia of a body that the repair adds is 1.5 times too large",
+        "the inertia that the repair gives to a body without one is 1.5 times too large",
         "urdf_to_osim",
         "0.4 * body.mass * radius**2",
         "0.6 * body.mass * radius**2",

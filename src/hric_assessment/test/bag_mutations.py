@@ -356,7 +356,7 @@ SIGN: dict[str, Callable[[Any], None]] = {
 
 def clip(topic: str, level: float) -> Mutation:
     """Cut the force of each blow at a share of its peak, as a sensor at the end of its range does. What is held longer
-    is left: a constant force that was higher looks like one that was not."""
+    is left: a force clipped to a constant looks like a constant force."""
 
     def apply(bag: RawBag) -> RawBag:
         peaks: dict[tuple[str, str, float], float] = {}

@@ -2,10 +2,12 @@
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
 from hric_assessment.contact.impact import Clamping, ClosedFormImpact, ExpectedContact, expected_contacts
 from hric_bags.reader import ControlRecord, RunRecord
@@ -203,6 +205,17 @@ def test_what_damps_the_surfaces_has_no_closed_form_and_a_spring_of_the_robot_is
     assert beside(met(), alike).impact == beside(met(), with_surface({"contact": "penalty", "stiffness": 1e4})).impact
     form = beside(met(), with_surface({"contact": "penalty", "stiffness": 1e4})).impact
     assert form is not None and form.stiffness == pytest.approx(1.0 / (1.0 / 1e4 + 1.0 / PELVIS))
+
+
+def test_a_surface_of_the_world_file_counts_like_one_of_the_plants_parameters(tmp_path: Path) -> None:
+    def with_plant(changes: dict[str, Any]) -> dict[str, Any]:
+        return RUN | {"parameters": {"robot": {"plant": RUN["parameters"]["robot"]["plant"] | changes}}}
+
+    surfaces = {"surfaces": [{"link": "panda::*", "contact": "penalty", "stiffness": 1e4}]}
+    world = tmp_path / "world.yaml"
+    world.write_text(yaml.safe_dump(surfaces))
+    form = beside(met(), with_plant({"world": str(world)})).impact
+    assert form == beside(met(), with_plant(surfaces)).impact and form != beside(met()).impact
 
 
 def test_a_press_is_balanced_by_the_part_of_the_command_along_the_normal() -> None:

@@ -152,7 +152,10 @@ def test_a_listener_that_takes_nothing_for_long_is_closed_with_a_word(
     connection = PromptConnection(wire)
     overfill(connection)
     until(lambda: wire.done)
-    assert not connection.open and "/listener on /topic read nothing for 0.5 s: its connection is closed" in caplog.text
+    assert (
+        not connection.open
+        and "/listener on /topic read nothing for 0.5 s; closing the connection to it" in caplog.text
+    )
 
 
 LISTENER = """

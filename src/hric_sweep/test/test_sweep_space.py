@@ -129,7 +129,7 @@ def test_a_correlation_that_cannot_be_is_refused(correlation: list[Any], words: 
 @pytest.mark.parametrize(
     "given, words",
     [
-        ({"kind": "uniform", "low": 1.0, "high": 1.0}, "high is 1.0; valid: a finite number above low, 1"),
+        ({"kind": "uniform", "low": 1.0, "high": 1.0}, r"high is 1.0; valid: a finite number above low \(1\)"),
         ({"kind": "triangular", "low": 0.0, "mode": 2.0, "high": 1.0}, "mode is 2.0"),
         ({"kind": "normal", "mean": 0.0, "std": 1.0, "low": 9.0}, "low, high"),
         ({"kind": "log_normal", "median": 1.0, "log_std": 0.1, "high": -1.0}, "low, high"),

@@ -231,4 +231,4 @@ def _fix(findings: Sequence[WorkstationFinding]) -> None:
         try:
             print(f"fixed: {fix()}")
         except OSError as error:
-            print(f"not fixed: {error}")
+            print(f"could not correct this setting: {error}; --fix needs root")

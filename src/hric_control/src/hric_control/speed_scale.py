@@ -224,7 +224,7 @@ class ScaledTime:
         self.scale, self.lag, self._last = scale, 0.0, 0.0
 
     def restart(self, time: float) -> None:
-        """Begin a new motion at robot time `time` [s], without lag."""
+        """Begin a new motion at robot time `time` [s]; the time of the motion then equals robot time again."""
         self.lag, self._last = 0.0, time
 
     def along(self, time: float, period: float) -> float:

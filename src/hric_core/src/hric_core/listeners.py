@@ -261,7 +261,7 @@ class Dispatcher:
                     LIMIT >> 20,
                 )
         for listener in dead:
-            LOG.warning("%s read nothing for %g s: its connection is closed", listener.name, DEAD)
+            LOG.warning("%s read nothing for %g s; closing the connection to it", listener.name, DEAD)
             listener.close()
 
 

@@ -115,7 +115,7 @@ class SensorSection(Settings):
 
     @property
     def follows(self) -> str:
-        """Name of the key by which an emulated device measures the body of the simulated human; "": none does."""
+        """Full name of the key that makes the emulated device measure the simulated human's body; "": it does not."""
         return ""
 
     def record(self) -> dict[str, object]:

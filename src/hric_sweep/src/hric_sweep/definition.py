@@ -107,9 +107,9 @@ class Keep(FileSettings):
     """Selection of runs that are repeated at the end of the sweep, to store their signals."""
 
     worst: int = whole(
-        10, minimum=0, text="number of runs with the most extreme objective, or exceedance if there is no objective"
+        10, minimum=0, text="number of worst runs, by objective or else by exceedance, whose signals are stored"
     )
-    failed: bool = flag(True, text="also keep failed runs, at most `worst` of them")
+    failed: bool = flag(True, text="also store the signals of failed runs, of at most `worst` of them")
 
 
 @dataclass(frozen=True)

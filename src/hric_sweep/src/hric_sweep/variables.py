@@ -77,7 +77,7 @@ class Uniform(Continuous):
     def check(self, where: str) -> None:
         """Raise an error for an empty interval."""
         if not self.low < self.high:
-            raise refused(f"{where}high", self.high, f"a finite number above low, {self.low:g}")
+            raise refused(f"{where}high", self.high, f"a finite number above low ({self.low:g})")
 
     @property
     def frozen(self) -> Any:

@@ -65,17 +65,16 @@ class Arguments(Settings):
     hand: bool = flag(True, text="with the Franka hand")
     inertials: str = choice(
         *INERTIAL_SETS,
-        text="inertial set; `thesis` is not physical and for reproducing its figures only: loading it warns link "
-        "by link "
-        "(logger `hric.panda_description`)",
+        text="inertial set. `barycentric`: identified and published values, with tensors about the centres of mass "
+        "(Gaz et al., RA-L 2019). `thesis`: not physical, only for reproducing the figures of the thesis; loading it "
+        "warns link by link (logger `hric.panda_description`)",
     )
     damping: float = number(0.0, minimum=0.0, unit="N m s/rad", text="viscous damping, the same on each joint")
     friction: str = choice(
         "none",
         "identified",
-        text="`identified` writes the published Coulomb part into `<dynamics friction>`; a plant that knows the "
-        "identified "
-        "sigmoid, `friction_parameters()`, puts that in its place",
+        text="`identified` writes the published Coulomb friction into `<dynamics friction>`; a plant with the "
+        "identified sigmoid friction law, `friction_parameters()`, uses this law instead",
     )
     fingers: str = choice("fixed", "prismatic", text="type of the finger joints; they have no transmission")
     xyz: str = _vector("m", "position of the base in `world`")

@@ -55,7 +55,7 @@ class SpeedLimit:
 
     Attributes:
         region, area: region, and its specific area with the lowest speed; area "": the whole region.
-        mass: reduced mass mu, of the shape of the robot's mass [kg].
+        mass: reduced mass mu of robot and region [kg]; an array if several masses of the robot were given.
         force_transient, force_quasi_static: forces that determine the speeds [N]; transient None: contact is not
             permitted.
         transient: speed at which the transient force is reached [m/s]; 0 if contact is not permitted.

@@ -24,7 +24,7 @@ class SupervisorSettings(Settings):
 
     separator = "."
     active: bool = flag(True, text="false: the supervisor only observes and reports, and does not slow the robot")
-    mode: str = choice(*MODES, text="collaborative mode: Supervisor, below")
+    mode: str = choice(*MODES, text='kind of collaborative operation: see hric_assessment, "How it decides"')
     source: tuple[str, ...] = listing(
         choice(HUMAN, MARKER, PERSON),
         range(1, 4),
@@ -64,8 +64,9 @@ class SupervisorSettings(Settings):
     )
     stops: str = text(
         "",
-        text="file of stops (Stops, above) used instead of `settling_time`: T_s and S_s at its largest load, measured "
-        "on this robot while it stops by its speed scale; at least the time of the scale's ramp counts; empty: none",
+        text='file of stops (see hric_assessment, "Stops") used instead of `settling_time`: T_s and S_s at its largest '
+        "load, measured on this robot while it stops by its speed scale; at least the time of the scale's ramp counts; "
+        "empty: none",
     )
     intrusion: float = number(0.1, minimum=0.0, unit="m", text="intrusion distance C")
     person_uncertainty: float = number(0.05, minimum=0.0, unit="m", text="uncertainty Z_d of the person's position")
@@ -81,8 +82,8 @@ class SupervisorSettings(Settings):
         above=0.0,
         maximum=5.0,
         unit="s",
-        text="maximum age of data about person and arm; older data stops the arm. With two decision periods it must "
-        "fit into `reaction_time`, so that the arm stops in time if the person is no longer seen",
+        text="maximum age of data about person and arm; older data stops the arm. Choose it so that `max_age` + 2 / "
+        "`rate` is at most `reaction_time`; then the arm stops in time if the person is no longer seen",
     )
     person_max_speed: float = number(
         10.0,
@@ -114,7 +115,9 @@ class SupervisorSettings(Settings):
         0.15, above=0.0, unit="m", text="with `hand_guided`: maximum distance of the guiding hand from the arm"
     )
     guided_stiffness: float = number(100.0, above=0.0, unit="N/m", text="with `hand_guided`: maximum stiffness")
-    guided_force: float = number(60.0, above=0.0, unit="N", text="with `hand_guided`: maximum force of a spring")
+    guided_force: float = number(
+        60.0, above=0.0, unit="N", text="with `hand_guided`: maximum spring force of Cartesian controllers"
+    )
     rate: float = number(100.0, minimum=10.0, maximum=500.0, unit="Hz", text="rate of decisions")
 
     acknowledge_no_safety_function: bool = flag(
@@ -153,5 +156,6 @@ class SupervisorNodeSettings(SupervisorSettings):
     person: Any = anything(
         None,
         default_text="none",
-        text="with `person`: section `person` of the experiment; without `human`, used instead for one more release",
+        text="with `person`: section `person` of the experiment. With source human, deprecated: used as `human` if "
+        "that is not set; ends with the next release",
     )

@@ -2,7 +2,7 @@
 
 contact   Did every contact stay within the limits of the body?
 distance  Was the arm never nearer than the protective separation distance?
-posture   Is the score of every known arm within limits?
+posture   Is the posture score of every arm whose joint angles are known within limits?
 effort    How much effort does the run cost the person? Only lifts have a limit.
 task      Was the run completed?
 """

@@ -107,7 +107,10 @@ def moment(
 def _decisive(
     conclusions: Sequence[Conclusion], findings: Sequence[Finding]
 ) -> tuple[Conclusion, Sequence[str], tuple[float, float]] | None:
-    """Return the worst conclusion with a place and a time, the regions of its contact, and its window; None: none."""
+    """Return the worst of the conclusions that have a place and a time; None: there is no such conclusion.
+
+    With it, return the regions of its contact (empty for other questions), and its time window [s].
+    """
     pairs = [(item, findings[item.finding]) for item in conclusions if item.finding is not None]
     placed = [
         (conclusion, finding.regions if conclusion.question == CONTACT else (), window)

@@ -40,7 +40,10 @@ def posture_of(person: AssessedPerson, side: str) -> tuple[Posture, bool]:
 
 
 def _inclined(person: AssessedPerson, angles: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-    """Return the trunk's angles to the vertical [rad], NaN where the root link is not known; empty: never known."""
+    """Return the trunk's angles to the vertical [rad], by name.
+
+    They are NaN at times when the orientation of the root link is unknown; empty if it is always unknown.
+    """
     root, max_gap = person.attitude, verdict_table()["max_gap"]
     if root is None or not {"trunk_flexion", "trunk_bend"} <= set(angles):
         return {}

@@ -1,4 +1,7 @@
-"""Anonymisation of messages without decoding them, if texts and lengths equal those of a message decoded before."""
+"""Anonymisation of messages without decoding them, by the example of a message of the same type that was decoded.
+
+If all strings and array lengths of a message equal those of the example, its fields are at the same bytes.
+"""
 
 import re
 from collections.abc import Callable
@@ -53,7 +56,10 @@ class Template:
         self._pattern = re.compile(b"".join(self._parts), re.DOTALL)
 
     def cleaned(self, raw: bytes, time: Callable[[int], int], first_second: int) -> bytes | None:
-        """Return a serialised message anonymised; None: it does not match this template, or may have other dates.
+        """Return a serialised message anonymised; None: this template does not apply to it.
+
+        A template does not apply if a text or length differs, or if a number that is no stamp may be a date (a time of
+        the calendar).
 
         Args:
             raw: serialised message.

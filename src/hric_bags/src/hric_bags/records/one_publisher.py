@@ -98,7 +98,7 @@ class RecordedJointStates:
         else:
             arms = [set(body.names) for body in bodies if len(body.names) >= ARM_JOINTS]
             if any(not arms[0] & other for other in arms[1:]):
-                raise BagError(f"{self._topic}: messages of {min(arms[0])} and of other joints; {ARMS}")
+                raise BagError(f"{self._topic}: some messages have {min(arms[0])}, others no joint of this arm; {ARMS}")
 
     def _check(self, body: "_Body") -> None:
         persons = any(other.person for other in self._bodies.values())

@@ -116,7 +116,9 @@ class SimulatedRobot(RobotHW):
 
     def _settle(self, q: Sequence[float]) -> None:
         """Read the state after the joints were set to q at rest, and set the commands that keep them there."""
-        raise NotImplementedError(f"{type(self).__name__} has no _settle")
+        raise NotImplementedError(
+            f"{type(self).__name__} must implement _settle, which keeps the joints where they were set"
+        )
 
     def shutdown(self) -> None:
         """Release the plant and its participants."""

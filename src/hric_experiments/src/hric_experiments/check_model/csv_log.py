@@ -52,7 +52,8 @@ def read_csv(path: Path, joint_names: Sequence[str], chosen: Mapping[str, str]) 
     Args:
         path: CSV file.
         joint_names: names of joints 1 to 7.
-        chosen: result of `parse_columns`.
+        chosen: column names in the file by key (t, q, dq, tau), as `parse_columns` returns them; for other keys the
+            usual names are looked up.
 
     Raises:
         LogError: the file cannot be read, columns are missing, or a cell is not a number.

@@ -78,7 +78,10 @@ class LiveExperiment:
             rospy.loginfo("%s", lacking)
         self._wait_ready()
         rospy.loginfo(
-            "experiment %s: %d setpoints, %g s", self.experiment.name, len(self._publishers), self.experiment.duration
+            "experiment %s: %d setpoints, %g s",
+            self.experiment.name,
+            len(self.experiment.setpoints),
+            self.experiment.duration,
         )
         interval, factor = self._send()
         if self._recording is None:

@@ -223,12 +223,13 @@ class LiveLoad:
 
 
 class _Instant(NamedTuple):
-    """Fitted values of the tracker frames at an instant.
+    """Values at an instant of the cubics that were fitted to the tracker frames in a window around it.
 
     Attributes:
         time: time of the instant [s].
-        derivatives: values of a frame, their first and their second derivatives, shape (3, values).
-        states: worst tracking state in the window, of each joint and of the root, as indices of _ORDER.
+        derivatives: joint positions and root pose (order of `_Frame`), their first and second time derivatives, shape
+            (3, values).
+        states: worst tracking state within the window (0 measured, 1 bridged, 2 lost) of each joint, then of the root.
     """
 
     time: float

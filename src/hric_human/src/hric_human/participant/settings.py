@@ -108,10 +108,14 @@ class GripSettings(Settings):
     palm: Vector = numbers(
         3, ORIGIN, unit="m", text="point of the holder, in axes of its link; for a hand from its centre of mass"
     )
-    stiffness: float = number(1e4, above=0.0, maximum=1e6, unit="N/m", text="of the distance")
-    damping: float = number(100.0, minimum=0.0, unit="N s/m", text="of the distance")
-    rotational_stiffness: float = number(50.0, minimum=0.0, unit="N m/rad", text="of the rotation")
-    rotational_damping: float = number(0.25, minimum=0.0, unit="N m s/rad", text="of the rotation")
+    stiffness: float = number(
+        1e4, above=0.0, maximum=1e6, unit="N/m", text="stiffness of the spring between palm and handle"
+    )
+    damping: float = number(100.0, minimum=0.0, unit="N s/m", text="damping between palm and handle")
+    rotational_stiffness: float = number(
+        50.0, minimum=0.0, unit="N m/rad", text="stiffness against rotation in the hand"
+    )
+    rotational_damping: float = number(0.25, minimum=0.0, unit="N m s/rad", text="damping of rotation in the hand")
     force_limit: float | None = number(None, above=0.0, unit="N", text="force at which the grip slips; none: never")
     torque_limit: float | None = number(
         None, above=0.0, unit="N m", text="torque at which the grip slips in rotation; none: never"
@@ -128,7 +132,8 @@ class MuscleSettings(Settings):
     anatomy: str = text(
         "delft",
         empty=False,
-        text="muscles of an arm: `delft`, which comes with the package, or address of a fitted file or of an arm model",
+        text="muscles of an arm: `delft`, which comes with the package, or path or package:// address of a fitted file "
+        "or of an arm model",
     )
     rate: float = number(
         100.0,
@@ -137,7 +142,7 @@ class MuscleSettings(Settings):
         unit="Hz",
         text="of decisions about activations; a divisor of the control loop's rate",
     )
-    co_contraction: float = number(0.0, minimum=0.0, maximum=0.5, text="activation of all muscles above the minimum")
+    co_contraction: float = number(0.0, minimum=0.0, maximum=0.5, text="increase of all muscles' minimum activation")
     strength: float = number(1.0, above=0.0, maximum=5.0, text="factor on the strength of all muscles of the subject")
 
 
@@ -157,7 +162,7 @@ class HumanSettings(Settings):
     )
     heading: float = number(math.pi, minimum=-7.0, maximum=7.0, unit="rad", text="viewing direction, from x towards y")
     floor: float = number(-0.75, unit="m", text="height of the floor below the person, in the world")
-    control: Any = anything({}, default_text="`{}`", text="controller of the person's joints: Control, below")
+    control: Any = anything({}, default_text="`{}`", text='controller of the joints: see hric_human, "Control"')
     drive: str = choice(
         TORQUE, MUSCLE, text="torque: the torque computed by `control` acts on the joints; muscle: muscles produce it"
     )

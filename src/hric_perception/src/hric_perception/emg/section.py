@@ -34,7 +34,7 @@ class EmgSection(SensorSection):
     driver_keys = ("envelope", "lsl", "trigno")
     transport: str = choice("lsl", "trigno", text="transport of the EMG")
     channels: tuple[str, ...] = muscle_names(
-        "number of default muscles, or names of muscles, which a real stream needs"
+        "number of muscles of the default list, or names of muscles; a real stream needs the names"
     )
     rate: float = number(2000.0, minimum=100.0, maximum=20_000.0, unit="Hz", text="sample rate of the emulated device")
     envelope: Mapping[str, object] | None = for_node(

@@ -176,7 +176,9 @@ class PlateStream(Settings):
     up_axis: str = choice(*UP_AXES)
     latency: float = number(0.0055, minimum=0.0, maximum=1.0, unit="s")
     loss: float = number(0.0, minimum=0.0, maximum=1.0)
-    centre: Vector | None = numbers(3, None, unit="m")
+    centre: Vector | None = numbers(
+        3, None, unit="m", text="centre of the plate's surface in the stream, z up; none: `emulated_plate/pose/xyz`"
+    )
 
 
 class PlateMotive:

@@ -87,7 +87,7 @@ class PlateSection(SensorSection):
 
     @property
     def follows(self) -> str:
-        """Name of the key of the load if an emulated plate measures the simulated human; else ""."""
+        """Full name of the key `load` if it makes the emulated plate measure the simulated human; else ""."""
         measured = self.device == EMULATED and measures_person(self.emulated.get("load"))
         return f"{self.name}.emulated.load" if measured else ""
 

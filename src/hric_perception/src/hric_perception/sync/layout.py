@@ -29,7 +29,7 @@ class SyncColumn:
     """One value of a synchronised sample.
 
     Attributes:
-        leaf: number in the source's message.
+        leaf: numeric field of the source's message, such as `pose.position.x`.
         interpolation: method that gives the value at an instant.
         unit: unit of the value; empty: that of the message, if it has one.
     """

@@ -92,7 +92,7 @@ class MocapSection(Settings):
 
     @property
     def follows(self) -> str:
-        """Key of the mapping that makes the motion capture track the human in the robot's plant; empty: none does."""
+        """Full name of the key that makes motion capture track the human in the robot's plant; empty: it does not."""
         return "mocap.human" if self.measures_person else ""
 
     @property

@@ -157,7 +157,10 @@ def _chosen(kind: str, names: Sequence[str], known: Mapping[str, T]) -> dict[str
 class Prediction(FileSettings):
     """Rank of a controller that its author predicts from its design."""
 
-    rank: int = whole(minimum=1, text="predicted rank among the reference controllers")
+    rank: int = whole(
+        minimum=1,
+        text="rank that you expect among the controllers with a prediction; results show it beside the rank found",
+    )
     text: str = text(empty=False, text="reason for the prediction")
 
 
