@@ -59,7 +59,7 @@ def test_a_run_over_three_robots_tells_what_passed_what_needed_an_option_and_wha
         "one/flat.urdf": "passes, `--inertia repair`",
         "one/torn.urdf": "refused",
     }
-    assert "**2 of 3 pass**, 1 of them with the defaults" in page
+    assert "**2 of 3 pass**, 1 of them with the default options" in page
     assert re.search(r"^- one/torn\.urdf: .*'leg'", page, flags=re.MULTILINE)
     assert re.search(r"^- one/flat\.urdf: .*arm", page, flags=re.MULTILINE)
     assert str(tmp_path) not in page

@@ -416,8 +416,8 @@ def test_a_new_bushing_has_no_load(hands):
 @pytest.mark.parametrize(
     ("name", "bushing", "error", "message"),
     [
-        ("grip", Bushing("link1", "model::bar", np.eye(4), np.eye(4)), HricError, "connection 'grip' exists"),
-        ("", Bushing("link1", "model::bar", np.eye(4), np.eye(4)), HricError, "has no name"),
+        ("grip", Bushing("link1", "model::bar", np.eye(4), np.eye(4)), HricError, "name 'grip' is empty or taken"),
+        ("", Bushing("link1", "model::bar", np.eye(4), np.eye(4)), HricError, "name '' is empty or taken"),
         ("new", Bushing("hand", "model::bar", np.eye(4), np.eye(4)), UnknownNameError, "no link 'hand'"),
         ("new", Bushing("link1", "ball::bar", np.eye(4), np.eye(4)), UnknownNameError, "no model 'ball'"),
         ("new", Bushing("link1", "planar::link1", np.eye(4), np.eye(4)), HricError, "both bodies are planar::link1"),

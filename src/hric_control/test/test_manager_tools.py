@@ -268,7 +268,7 @@ def test_a_spawner_ended_in_the_middle_of_a_load_leaves_nothing_loaded() -> None
     spawner = Spawner(client)  # type: ignore[arg-type]
 
     def up() -> None:
-        with pytest.raises(HricError, match="ended before"):
+        with pytest.raises(HricError, match="interrupted before all controllers were loaded"):
             spawner.up(["more"], start=True)
 
     in_the_middle(client, up, spawner.down)

@@ -283,9 +283,9 @@ def test_without_dask_the_error_names_the_command_that_installs_it() -> None:
 @pytest.mark.parametrize(
     ("given", "told"),
     [
-        ((), "nothing is not an address or a known host"),
-        (("10.0.0.1",), "10.0.0.1 is not an address or a known host"),
-        (("tcp://10.0.0.1:8786", "--workers", "0"), "--workers 0; valid: 1 or more"),
+        ((), "nothing is not the address of a scheduler"),
+        (("10.0.0.1",), "10.0.0.1 is not the address of a scheduler"),
+        (("tcp://10.0.0.1:8786", "--workers", "0"), "--workers 0 is not possible; valid: 1 or more"),
     ],
 )
 def test_the_command_for_workers_tells_what_is_wrong(given: tuple[str, ...], told: str) -> None:

@@ -75,5 +75,5 @@ def test_a_killed_server_a_new_one_and_another_bitstream_are_reported(
     figure(f"natnet_client: a killed server is told (limit {limit:g} s) after", killed, "s")
     figure(f"natnet_client: one in its place is told (limit {limit:g} s) after", replaced, "s")
     assert max(killed, replaced) <= limit
-    assert any("does not respond; is that Motive's address" in line for line in node.log)
+    assert any("does not respond; check that this is Motive's address" in line for line in node.log)
     assert any("bitstream 3.1" in line for line in node.log)
