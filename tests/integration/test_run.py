@@ -156,7 +156,7 @@ def test_a_second_robot_in_a_namespace_is_refused(start: Start) -> None:
     assert "left_arm_joint1" in joints.stdout
     again = system.run("scripts/bringup", "ns:=left")
     assert again.returncode == 1
-    assert "already runs" in again.stderr and "/left/robot" in again.stderr
+    assert "is already running on the master" in again.stderr and "/left/robot" in again.stderr
     assert not (system.runs / "latest").exists()
 
 
