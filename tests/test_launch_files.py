@@ -319,6 +319,12 @@ def test_viewers_start_and_are_not_recorded() -> None:
     )
 
 
+@pytest.mark.parametrize("words", [("env:=sim",), ("env:=real", "robot_ip:=127.0.0.2")])
+def test_the_window_starts_on_request_only(words: tuple[str, ...]) -> None:
+    assert nodes(loaded(*words, "rviz:=false", "view:=web"))["/view"] == "hric_view/view"
+    assert "/view" not in nodes(loaded(*words, "rviz:=false", "view:=true"))
+
+
 def test_a_human_has_description_and_frames() -> None:
     config = loaded("experiment:=hand_guidance", "rviz:=true")
     values = parameters(config)
