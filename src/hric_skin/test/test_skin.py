@@ -60,7 +60,7 @@ def transforms(body: Body, angles: dict[str, float]) -> dict[str, FloatArray]:
 
 
 def winding_number(triangles: FloatArray) -> float:
-    """How often a closed surface of triangles, shape (m, 3, 3), goes around the origin: the sum of their solid angles.
+    """Return how often a closed surface, shape (m, 3, 3), goes around the origin: the sum of solid angles by 4 pi.
 
     Van Oosterom & Strackee, IEEE Trans. Biomed. Eng. 30(2):125-126, 1983.
     """

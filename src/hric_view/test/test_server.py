@@ -157,6 +157,15 @@ def test_a_taken_port_is_an_error_with_the_way_out(server: ViewServer) -> None:
         ViewServer(lambda socket: "", lambda: "", port=int(urlsplit(server.address).port or 0))
 
 
+@pytest.mark.parametrize(
+    ("host", "text"), [("0.0.0.0", "valid: one address"), ("nowhere.invalid", "valid: an address")]
+)
+def test_another_host_is_an_error_with_the_way_out(host: str, text: str) -> None:
+    with pytest.raises(FailureError, match=text) as refused:
+        ViewServer(lambda socket: "", lambda: "", host)
+    assert "Unknown error" not in str(refused.value)
+
+
 def test_closing_ends_the_connections(server: ViewServer) -> None:
     made = ViewServer(lambda socket: "", lambda: SCENE)
     with viewer(made) as client:

@@ -121,6 +121,19 @@ def test_viewers_get_the_scene_and_what_the_topics_say(address: str, robot: Robo
     came.close()
 
 
+def test_numbers_that_are_not_finite_are_unknown_and_stop_nothing(address: str, robot: Robot) -> None:
+    came = frames(address, robot)
+    next(came)
+    bad = JointState(name=["arm_joint2"], position=[float("inf")])
+    root = PoseStamped()
+    root.pose.position.x = float("nan")
+    for _ in range(20):
+        robot.joints.publish(bad)
+        robot.root.publish(root)
+    assert next(frame for frame in came if frame["robots"][0]["q"][1] == 0.25)["robots"][1]["root"][0] == 0.9
+    came.close()
+
+
 def test_a_taken_port_ends_the_node_with_one_line(address: str) -> None:
     port = address.partition("/?")[0].rpartition(":")[2]
     node = start(f"_port:={port}", "__name:=second")
@@ -152,6 +165,9 @@ class TestInABrowser:
             at = page.evaluate(f"{robots}[1].root.getWorldPosition(new THREE.Vector3()).toArray()")
             assert at == pytest.approx([0.9, 0.0, 0.0], abs=1e-6)
             assert page.evaluate(f"{robots}[1].skin.object.visible")
+            page.wait(
+                "document.getElementById('link').textContent.startsWith('Nothing new from the arm and the person')"
+            )
             assert page.problems == [] and page.requests == []
 
     def test_a_lost_connection_is_told_and_comes_back(self, ros: str, robot: Robot, tmp_path: Path) -> None:  # noqa: F811

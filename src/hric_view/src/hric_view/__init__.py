@@ -5,9 +5,10 @@ JSON without NaN by a WebSocket:
 
 - first the scene, `{"data": {"scene": ..., "notes": [...]}, "numbers": ...}`: robots, persons and meshes in the form
   that `report.html` has them in (`hric_report.html.scene`), and all arrays of numbers in base64;
-- then frames, `{"t": time [s], "robots": [{"q": [...], "root": [...]}, ...], "forces": [...]}`: the newest joint
-  positions [rad, m] of each robot in the order of the scene, null where none was received; the pose of a root link that
-  moves, as x, y, z [m] and quaternion x, y, z, w; and the forces on the person, with name, point [m] and force [N].
+- then frames, `{"t": time [s], "robots": [{"t": ..., "q": [...], "root": [...]}, ...], "forces": [...]}`: the newest
+  joint positions [rad, m] of each robot in the order of the scene, with their time, null where none was received; the
+  pose of a root link that moves, as x, y, z [m] and quaternion x, y, z, w; and the forces on the person, with name,
+  point [m] and force [N].
 
 A viewer sends nothing.
 """

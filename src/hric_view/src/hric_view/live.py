@@ -42,14 +42,16 @@ class LiveJoints:
         with self._lock:
             for name, position in zip(message.name, message.position, strict=False):
                 if (index := self._index.get(name)) is not None:
-                    self._positions[index] = round(position, DIGITS)
+                    self._positions[index] = round(position, DIGITS) if math.isfinite(position) else math.nan
             self.time = message.header.stamp.to_sec()
 
     def push_root(self, message: Any) -> None:
         """Store the pose of the root link from a geometry_msgs/PoseStamped."""
         p, q = message.pose.position, message.pose.orientation
-        with self._lock:
-            self._root = [round(value, DIGITS) for value in (p.x, p.y, p.z, q.x, q.y, q.z, q.w)]
+        pose = p.x, p.y, p.z, q.x, q.y, q.z, q.w
+        if all(map(math.isfinite, pose)):
+            with self._lock:
+                self._root = [round(value, DIGITS) for value in pose]
 
     def state(self) -> dict[str, Any]:
         """Return positions [rad, m] and, if it moves, the pose of the root: x, y, z [m], quaternion x, y, z, w.
@@ -58,7 +60,8 @@ class LiveJoints:
         """
         with self._lock:
             positions = [None if math.isnan(position) else position for position in self._positions]
-            return {"q": positions} | ({} if self._root is None else {"root": self._root})
+            time = None if math.isnan(self.time) else self.time
+            return {"t": time, "q": positions} | ({} if self._root is None else {"root": self._root})
 
 
 class LiveForces:
@@ -77,11 +80,11 @@ class LiveForces:
 
     def _note(self, contact: Any, size: float) -> None:
         point = contact.point.x, contact.point.y, contact.point.z
-        if not math.isfinite(size) or not all(map(math.isfinite, point)):
+        normal = contact.normal.x, contact.normal.y, contact.normal.z
+        if not all(map(math.isfinite, (size, *point, *normal))):
             return  # a rigid contact has no force, and one without a point no place
         before = self._largest.get(contact.link)
         if before is None or size > math.hypot(*before.force):
-            normal = contact.normal.x, contact.normal.y, contact.normal.z
             x, y, z = (size * value for value in normal)
             self._largest[contact.link] = Force(", ".join(contact.regions) or contact.link, point, (x, y, z))
 

@@ -86,7 +86,7 @@ class BrowserWindow(NodeApp):
         """Add the simulated person, with their skin and the forces on them."""
         robot = self._add(str(self._root.param(f"hric/{HUMAN}/robot_description")), f"hric/{HUMAN}/joint_states")
         section = dict(self._root.param(f"robot/participants/{HUMAN}"))
-        section.pop("type")
+        section.pop("type", None)
         settings = HumanSettings.of(section, HUMAN)
         body = describe(settings.person)
         robot.pose, robot.skin = settings.root(body), SceneSkin.of(fitted(body))

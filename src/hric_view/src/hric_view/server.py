@@ -54,12 +54,18 @@ class ViewServer:
     def __init__(
         self, page: Callable[[str], str], scene: Callable[[], str], host: str = LOOPBACK, port: int = 0
     ) -> None:
+        if host in ("", "0.0.0.0", "::"):
+            raise FailureError(
+                f"the window cannot listen on {host!r}, all addresses; valid: one address of this machine"
+            )
         try:
             self._socket = socket.create_server((host, port))
         except OSError as error:
+            code = error.errno or 0
+            why = os.strerror(code) if code > 0 else error.strerror  # no address of that name: below 0
             raise FailureError(
-                f"the window cannot listen on {host}, port {port}: {os.strerror(error.errno or 0)}; valid: an address "
-                "of this machine and a free port, or port 0 for any"
+                f"the window cannot listen on {host}, port {port}: {why}; valid: an address of this machine and a free "
+                "port, or port 0 for any"
             ) from error
         self._token, self._scene = secrets.token_urlsafe(16), scene
         name = f"{host}:{self._socket.getsockname()[1]}"

@@ -5,7 +5,8 @@
   const AGAIN = 1000; // wait until the next try to connect [ms]
   const dark = matchMedia("(prefers-color-scheme: dark)");
   const FRAMED = 1; // time after which the view is chosen again, once [s]
-  let live = true, framed = Infinity;
+  const OLD = 1000; // age from which on what is shown counts as old [ms]
+  let live = true, framed = Infinity, lost = true, seen = [];
 
   report.begin = report.end = report.time = 0;
 
@@ -36,6 +37,7 @@
   };
 
   const showFrame = ({ t, robots, forces }) => {
+    seen = robots.map((robot, k) => (seen[k] && seen[k].t === robot.t ? seen[k] : { t: robot.t, at: performance.now() }));
     if (t === null || !report.replay || t === report.end) return;
     if (!report.started || t < report.end) { // the first instant, or a run that began anew
       report.begin = t;
@@ -52,14 +54,23 @@
     report.started = true;
   };
 
+  // Say what is old: a robot or person that sends nothing looks like one that stands still.
+  const tellOld = () => {
+    if (!report.started || lost) return;
+    const names = ["the arm", "the person"], old = names.filter((_, k) => k < seen.length && performance.now() - seen[k].at > OLD);
+    find("link").textContent = old.length ? `Nothing new from ${old.join(" and ")}: paused, or the connection is lost. What is shown is old.` : "";
+  };
+
   const connect = () => {
     const socket = new WebSocket(`ws://${location.host}/socket${location.search}`);
     socket.addEventListener("message", (event) => {
       const message = JSON.parse(event.data);
       if ("data" in message) showScene(message); else showFrame(message);
-      find("link").textContent = report.started ? "" : "connected; nothing has been received from the robot";
+      lost = false;
+      if (!report.started) find("link").textContent = "connected; nothing has been received from the robot";
     });
     socket.addEventListener("close", () => {
+      lost = true;
       find("link").textContent = "The connection is lost: what is shown is old. Trying again.";
       setTimeout(connect, AGAIN);
     });
@@ -78,5 +89,6 @@
   find("home").addEventListener("click", () => report.replay?.home());
   dark.addEventListener("change", paint);
   paint();
+  setInterval(tellOld, OLD / 2);
   connect();
 }
