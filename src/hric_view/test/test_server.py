@@ -1,7 +1,8 @@
 """Only who has the address of the window sees it, and nobody who sees it can disturb it or the others."""
 
 import http.client
-from collections.abc import Iterator
+import json
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from urllib.parse import urlsplit
 
@@ -9,15 +10,46 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
-from hric_core.errors import FailureError
-from hric_view.server import MAX_MESSAGE, MAX_VIEWERS, ViewServer
+from hric_core.errors import FailureError, HricError
+from hric_view.server import MAX_MESSAGE, MAX_VIEWERS, BadMessageError, Page, Viewer, ViewServer, Visit
 
 SCENE = '{"data":{}}'
 
 
+class Shown:
+    """Window with one page, which says the address of its socket."""
+
+    def page(self, visit: Visit) -> Page | None:
+        return Page("text/html", f"<p>{visit.socket}".encode()) if visit.path == "/" else None
+
+    def scene(self, visit: Visit) -> str:
+        if "run" in visit.query:
+            raise HricError(f"no run {visit.query['run']!r}")
+        return SCENE
+
+
+class Obeying:
+    """Receiver that keeps what it gets."""
+
+    def __init__(self) -> None:
+        self.received: list[object] = []
+        self.left: list[str] = []
+
+    def receive(self, viewer: Viewer, message: Mapping[str, object]) -> None:
+        if "do" not in message:
+            raise BadMessageError("nothing to do")
+        if message["do"] == "forbidden":
+            raise HricError("not now")
+        self.received.append(message)
+        viewer.tell({"type": "done"})
+
+    def leave(self, viewer: Viewer) -> None:
+        self.left.append(viewer.name)
+
+
 @pytest.fixture
 def server() -> Iterator[ViewServer]:
-    made = ViewServer(lambda socket: f"<p>{socket}", lambda: SCENE)
+    made = ViewServer(Shown())
     yield made
     made.close()
 
@@ -94,7 +126,7 @@ def test_a_socket_without_the_token_is_refused(server: ViewServer, token: str) -
 
 
 def test_the_token_of_a_server_before_is_refused(server: ViewServer) -> None:
-    before = ViewServer(lambda socket: "", lambda: SCENE)
+    before = ViewServer(Shown())
     token = urlsplit(before.address).query.removeprefix("token=")
     before.close()
     with pytest.raises(InvalidStatus):
@@ -154,7 +186,7 @@ def test_who_has_left_is_no_viewer(server: ViewServer) -> None:
 
 def test_a_taken_port_is_an_error_with_the_way_out(server: ViewServer) -> None:
     with pytest.raises(FailureError, match="in use; valid: an address of this machine and a free port, or port 0"):
-        ViewServer(lambda socket: "", lambda: "", port=int(urlsplit(server.address).port or 0))
+        ViewServer(Shown(), port=int(urlsplit(server.address).port or 0))
 
 
 @pytest.mark.parametrize(
@@ -162,14 +194,67 @@ def test_a_taken_port_is_an_error_with_the_way_out(server: ViewServer) -> None:
 )
 def test_another_host_is_an_error_with_the_way_out(host: str, text: str) -> None:
     with pytest.raises(FailureError, match=text) as refused:
-        ViewServer(lambda socket: "", lambda: "", host)
+        ViewServer(Shown(), host)
     assert "Unknown error" not in str(refused.value)
 
 
 def test_closing_ends_the_connections(server: ViewServer) -> None:
-    made = ViewServer(lambda socket: "", lambda: SCENE)
+    made = ViewServer(Shown())
     with viewer(made) as client:
         client.recv(10)
         made.close()
         with pytest.raises(ConnectionClosed):
             client.recv(10)
+
+
+@pytest.fixture
+def receiver() -> Obeying:
+    return Obeying()
+
+
+@pytest.fixture
+def controlled(receiver: Obeying) -> Iterator[ViewServer]:
+    made = ViewServer(Shown(), receiver=receiver)
+    yield made
+    made.close()
+
+
+def test_messages_reach_the_receiver_until_viewer_leaves(controlled: ViewServer, receiver: Obeying) -> None:
+    with viewer(controlled) as client:
+        client.recv(10)
+        client.send('{"do":"pause","a":[1.5]}')
+        assert json.loads(client.recv(10)) == {"type": "done"}
+        name = ":".join(map(str, client.local_address[:2]))
+    controlled.close()
+    assert receiver.received == [{"do": "pause", "a": [1.5]}] and receiver.left == [name]
+
+
+def test_a_refused_message_is_told_with_its_reason(controlled: ViewServer) -> None:
+    with viewer(controlled) as client:
+        client.recv(10)
+        client.send('{"do":"forbidden"}')
+        assert json.loads(client.recv(10)) == {"type": "refused", "text": "not now"}
+        client.send('{"do":"pause"}')
+        assert json.loads(client.recv(10)) == {"type": "done"}
+
+
+BAD = [text for text in MESSAGES if text not in ('{"do":"pause"}', '{"do":["rm"]}')]
+
+
+@pytest.mark.parametrize("message", BAD, ids=[f"bad{number}" for number in range(len(BAD))])
+def test_a_message_of_no_page_closes_the_connection(controlled: ViewServer, message: str | bytes) -> None:
+    with viewer(controlled) as bad, pytest.raises(ConnectionClosed) as closed:
+        bad.send(message)
+        for _ in range(100):
+            bad.recv(10)
+    assert closed.value.rcvd is not None and closed.value.rcvd.code in (1008, 1009)
+    with viewer(controlled) as good:
+        good.recv(10)
+        good.send('{"do":"pause"}')
+        assert json.loads(good.recv(10)) == {"type": "done"}
+
+
+def test_a_scene_that_does_not_exist_is_told(server: ViewServer) -> None:
+    address = urlsplit(server.address)
+    with connect(f"ws://{address.netloc}/socket?{address.query}&run=x", origin=f"http://{address.netloc}") as client:  # type: ignore[arg-type]
+        assert json.loads(client.recv(10)) == {"type": "refused", "text": "no run 'x'"}

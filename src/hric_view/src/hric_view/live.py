@@ -88,8 +88,17 @@ class LiveForces:
             x, y, z = (size * value for value in normal)
             self._largest[contact.link] = Force(", ".join(contact.regions) or contact.link, point, (x, y, z))
 
-    def take(self) -> list[Force]:
+    def scene(self) -> dict[str, object]:
+        """Return nothing: the forces are in the frames alone."""
+        return {}
+
+    def frame(self) -> dict[str, object]:
         """Return the forces since the last call."""
         with self._lock:
             forces, self._largest = list(self._largest.values()), {}
-        return forces
+        return {
+            "forces": [
+                {"name": name, "point": [round(v, 4) for v in point], "force": [round(v, 2) for v in force]}
+                for name, point, force in forces
+            ]
+        }

@@ -19,7 +19,8 @@ from hric_report.html.scene import SceneRobot, SceneSkin
 from hric_skin import fitted
 from hric_view import page
 from hric_view.live import LiveForces, LiveJoints
-from hric_view.server import LOOPBACK, ViewServer
+from hric_view.page import Part
+from hric_view.server import LOOPBACK, Page, ViewServer, Visit
 
 PORT = 8090
 """TCP port of the window; project default."""
@@ -54,11 +55,9 @@ class BrowserWindow(NodeApp):
         self._add(str(self._root.param(settings.robot_description)), "joint_states")
         if self._root.has_param(f"hric/{HUMAN}/robot_description"):
             self._add_human()
-        message = page.scene_message(self._robots)
-        title = f"{self._root.namespace.strip('/') or 'robot'}, live"
-        self._server = ViewServer(
-            lambda socket: page.render(title, socket), lambda: message, settings.host, settings.port
-        )
+        self._parts: list[Part] = [self._forces]
+        self._title = f"{self._root.namespace.strip('/') or 'robot'}, live"
+        self._server = ViewServer(self, settings.host, settings.port)
         rospy.loginfo("The window is open at %s", self._server.address)
         self._stop, self._period = threading.Event(), 1.0 / settings.rate
         self._thread = threading.Thread(target=self._run, name="frames", daemon=True)
@@ -69,6 +68,14 @@ class BrowserWindow(NodeApp):
         self._stop.set()
         self._thread.join()
         self._server.close()
+
+    def page(self, visit: Visit) -> Page | None:
+        """Return the page of the window."""
+        return page.render(self._title, visit) if visit.path == "/" else None
+
+    def scene(self, visit: Visit) -> str:
+        """Return the first message of a viewer."""
+        return page.scene_message(self._robots, self._parts, live=True)
 
     def _add(self, description: str, topic: str) -> SceneRobot:
         """Add a robot or person whose joint states are on a topic."""
@@ -96,4 +103,4 @@ class BrowserWindow(NodeApp):
     def _run(self) -> None:
         while not self._stop.wait(self._period):
             if self._server.viewers:
-                self._server.send(page.frame(self._joints, self._forces.take()))
+                self._server.send(page.frame_message(self._joints, self._parts))

@@ -2,33 +2,55 @@
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from hric_report.html import libraries, templates
 from hric_report.html.scene import Blob, PageScene, SceneRobot
-from hric_view.live import Force, LiveJoints
+from hric_view.live import LiveJoints
+from hric_view.server import HTML, Page, Visit
 
 ASSETS = Path(__file__).parent / "assets"
 
 
-def render(title: str, socket: str) -> str:
+class Part(Protocol):
+    """Part of the window besides the robots, e.g. forces or curves; a script of the page draws it.
+
+    The part contributes keys of its own to the scene and to each frame. Both methods are called in other threads than
+    those that receive the data.
+    """
+
+    def scene(self) -> Mapping[str, object]:
+        """Return what a new viewer needs to know, once: plain values without NaN."""
+
+    def frame(self) -> Mapping[str, object]:
+        """Return the newest data: plain values without NaN."""
+
+
+def render(title: str, visit: Visit, *, control: bool = False) -> Page:
     """Return the page.
 
     Args:
-        title: what is seen.
-        socket: address of the WebSocket, without its path.
+        title: name of what is shown.
+        visit: request of the viewer.
+        control: True: the page has the controls.
 
     Raises:
         HricError: a library of the page is not installed.
     """
     template = templates.environment(ASSETS).get_template("view.html")
-    return template.render(title=title, connect=socket, libraries=(libraries.three(),))
+    text = template.render(title=title, connect=visit.socket, control=control, libraries=(libraries.three(),))
+    return Page(HTML, text.encode())
 
 
-def scene_message(robots: Sequence[SceneRobot]) -> str:
-    """Return the first message of a viewer: the robots and persons, with their meshes.
+def scene_message(robots: Sequence[SceneRobot], parts: Sequence[Part] = (), *, live: bool) -> str:
+    """Return the first message of a viewer: the robots and persons, with their meshes and motions.
+
+    Args:
+        robots: robots and persons.
+        parts: other parts of the window.
+        live: True if frames follow; False: the motions of the robots are those of a recorded run.
 
     Raises:
         DescriptionError: a description cannot be read.
@@ -37,17 +59,26 @@ def scene_message(robots: Sequence[SceneRobot]) -> str:
     scene = PageScene(blob)
     for robot in robots:
         scene.add(robot)
-    data = {"scene": scene.data(), "notes": scene.notes}
-    return json.dumps({"data": data, "numbers": blob.text()}, allow_nan=False, separators=(",", ":"))
+    others = {name: value for part in parts for name, value in part.scene().items()}
+    return _text(
+        {
+            "type": "scene",
+            "live": live,
+            "data": {"scene": scene.data(), "notes": list(dict.fromkeys(scene.notes))},
+            "numbers": blob.text(),
+            **others,
+        }
+    )
 
 
-def frame(robots: Sequence[LiveJoints], forces: Sequence[Force]) -> str:
-    """Return the frame of the newest states: JSON without NaN."""
+def frame_message(robots: Sequence[LiveJoints], parts: Sequence[Part] = ()) -> str:
+    """Return the frame of the newest states."""
     times = [robot.time for robot in robots if not math.isnan(robot.time)]
-    content: dict[str, Any] = {"t": max(times, default=None), "robots": [robot.state() for robot in robots]}
-    if forces:
-        content["forces"] = [
-            {"name": name, "point": [round(v, 4) for v in point], "force": [round(v, 2) for v in force]}
-            for name, point, force in forces
-        ]
-    return json.dumps(content, allow_nan=False, separators=(",", ":"))
+    others = {name: value for part in parts for name, value in part.frame().items()}
+    return _text(
+        {"type": "frame", "t": max(times, default=None), "robots": [robot.state() for robot in robots], **others}
+    )
+
+
+def _text(message: Mapping[str, Any]) -> str:
+    return json.dumps(message, allow_nan=False, separators=(",", ":"))

@@ -1,18 +1,23 @@
-"""Server of the window: one page by HTTP, and a WebSocket that carries the scene and its frames to each viewer.
+"""Server of the windows: pages by HTTP, and a WebSocket that carries the scene and its frames to each viewer.
 
 Both require the token in the address that the server prints; the WebSocket also refuses pages of other origins, and
 both refuse other names of this host, which guards against DNS rebinding. A viewer gets the newest frame whenever the
-one before has left; a slow one gets fewer, and delays nobody.
+one before has left; a slow one gets fewer, and delays nobody. Messages of a viewer are accepted only by a window with a
+receiver; the connection of a viewer that sends anything else is closed.
 """
 
 import hmac
 import http
+import json
+import math
 import os
 import secrets
 import socket
 import threading
-from collections.abc import Callable
-from urllib.parse import parse_qs, urlsplit
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple, Protocol
+from urllib.parse import parse_qs, urlencode, urlsplit
 
 from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed
@@ -20,7 +25,7 @@ from websockets.http11 import Request, Response
 from websockets.sync.server import Server, ServerConnection, serve
 from websockets.typing import Origin
 
-from hric_core.errors import FailureError
+from hric_core.errors import FailureError, HricError
 
 LOOPBACK = "127.0.0.1"
 MAX_MESSAGE = 4096
@@ -35,25 +40,109 @@ IDLE = 0.5
 """Longest wait for a frame until a viewer is looked after again [s]."""
 
 
-class ViewServer:
-    """Server of one window, which listens from its construction on.
+HTML = "text/html"
 
-    Args:
-        page: returns the page, for the address of the WebSocket.
-        scene: returns the first message of each viewer.
-        host: address of this machine on which it listens.
-        port: TCP port; 0: a free one.
+
+class Page(NamedTuple):
+    """Response to a request by HTTP: the media type and the content."""
+
+    kind: str
+    body: bytes
+
+
+@dataclass(frozen=True)
+class Visit:
+    """Request of a viewer with the right token.
 
     Attributes:
-        address: address of the page, with the token.
+        path: path of the address.
+        query: values of the query by name, without the token; of a name that is repeated the last value.
+        socket: address of the WebSocket, without path and query.
+    """
+
+    path: str
+    query: Mapping[str, str]
+    socket: str
+    _token: str = field(repr=False)
+
+    def link(self, path: str, **query: str) -> str:
+        """Return a relative address on this server, with the token."""
+        return f"{path}?{urlencode({**query, 'token': self._token})}"
+
+
+class BadMessageError(HricError):
+    """Message that no page of this project sends; the connection of its sender is closed."""
+
+
+class Viewer:
+    """Connected viewer.
+
+    Attributes:
+        name: address and port of the viewer.
+    """
+
+    def __init__(self, connection: ServerConnection) -> None:
+        self._connection = connection
+        self.name = ":".join(map(str, connection.remote_address[:2]))
+
+    def tell(self, message: Mapping[str, object]) -> None:
+        """Send a message to this viewer; do nothing if it has left."""
+        try:
+            self._connection.send(json.dumps(message, allow_nan=False))
+        except ConnectionClosed:
+            pass
+
+
+class Window(Protocol):
+    """Contents of a window."""
+
+    def page(self, visit: Visit) -> Page | None:
+        """Return the page at an address; None: there is none.
+
+        Raises:
+            HricError: there is no such page; the message becomes the response.
+        """
+
+    def scene(self, visit: Visit) -> str:
+        """Return the first message of a viewer who connects to the WebSocket.
+
+        Raises:
+            HricError: there is no such scene; the viewer gets the message.
+        """
+
+
+class Receiver(Protocol):
+    """Receiver of the messages of viewers; both methods are called in the thread of the viewer."""
+
+    def receive(self, viewer: Viewer, message: Mapping[str, Any]) -> None:
+        """Execute a message.
+
+        Raises:
+            BadMessageError: the message is none that a page sends; the connection is closed.
+            HricError: the request is refused; the viewer gets the reason.
+        """
+
+    def leave(self, viewer: Viewer) -> None:
+        """End what a viewer has begun: they have left."""
+
+
+class ViewServer:
+    """Server of a window, which listens from its construction on.
+
+    Args:
+        window: pages and scenes.
+        host: address of this machine on which it listens.
+        port: TCP port; 0: a free one.
+        receiver: receiver of the messages of viewers; None: the window takes none.
+
+    Attributes:
+        address: address of the first page, with the token.
 
     Raises:
         FailureError: the port is taken, or the host is no address of this machine.
     """
 
-    def __init__(
-        self, page: Callable[[str], str], scene: Callable[[], str], host: str = LOOPBACK, port: int = 0
-    ) -> None:
+    def __init__(self, window: Window, host: str = LOOPBACK, port: int = 0, receiver: Receiver | None = None) -> None:
         if host in ("", "0.0.0.0", "::"):
             raise FailureError(
                 f"the window cannot listen on {host!r}, all addresses; valid: one address of this machine"
@@ -67,11 +156,10 @@ class ViewServer:
                 f"the window cannot listen on {host}, port {port}: {why}; valid: an address of this machine and a free "
                 "port, or port 0 for any"
             ) from error
-        self._token, self._scene = secrets.token_urlsafe(16), scene
+        self._token, self._window, self._receiver = secrets.token_urlsafe(16), window, receiver
         name = f"{host}:{self._socket.getsockname()[1]}"
         self._names = {name, name.replace(LOOPBACK, "localhost")}
         self.address = f"http://{name}/?token={self._token}"
-        self._page = page(f"ws://{name}").encode()
         self._frame, self._number, self._new = "", 0, threading.Condition()
         self._viewers: set[ServerConnection] = set()
         self._ended = False
@@ -121,16 +209,26 @@ class ViewServer:
             return (
                 _text(http.HTTPStatus.SERVICE_UNAVAILABLE, f"{MAX_VIEWERS} viewers are connected\n") if full else None
             )
-        if address.path == "/":
-            return _response(http.HTTPStatus.OK, "text/html", self._page)
-        return _text(http.HTTPStatus.NOT_FOUND, "nothing here; valid: the address that was printed\n")
+        try:
+            page = self._window.page(self._visit(request))
+        except HricError as error:
+            return _text(http.HTTPStatus.NOT_FOUND, f"{error}\n")
+        if page is None:
+            return _text(http.HTTPStatus.NOT_FOUND, "nothing here; valid: the address that was printed\n")
+        return _response(http.HTTPStatus.OK, *page)
+
+    def _visit(self, request: Request) -> Visit:
+        address = urlsplit(request.path)
+        query = {name: values[-1] for name, values in parse_qs(address.query).items() if name != "token"}
+        return Visit(address.path, query, f"ws://{request.headers['Host']}", self._token)
 
     def _serve(self, connection: ServerConnection) -> None:
         """Send scene and frames to one viewer until it leaves."""
+        assert connection.request is not None
         self._viewers.add(connection)
         threading.Thread(target=self._listen, args=(connection,), daemon=True).start()
         try:
-            connection.send(self._scene())
+            connection.send(self._window.scene(self._visit(connection.request)))
             number = 0
             while not self._ended and not connection.protocol.close_expected():
                 before, (frame, number) = number, self._after(number)
@@ -138,6 +236,8 @@ class ViewServer:
                     connection.send(frame)
         except ConnectionClosed:
             pass
+        except HricError as error:
+            Viewer(connection).tell({"type": "refused", "text": str(error)})
         finally:
             self._viewers.discard(connection)
 
@@ -148,12 +248,56 @@ class ViewServer:
             return self._frame, self._number
 
     def _listen(self, connection: ServerConnection) -> None:
-        """Close the connection of a viewer that sends anything: this window cannot be used for control."""
+        """Hand the messages of a viewer to the receiver; close the connection at one that no page sends."""
+        viewer = Viewer(connection)
         try:
-            connection.recv()
-            connection.close(CLOSED_BY_POLICY, "this window takes no commands")
+            while self._obeyed(viewer, connection.recv()):
+                pass
+            connection.close(CLOSED_BY_POLICY, "not a message of this window")
         except ConnectionClosed:
             pass
+        finally:
+            if self._receiver is not None:
+                self._receiver.leave(viewer)
+
+    def _obeyed(self, viewer: Viewer, text: str | bytes) -> bool:
+        """Execute a message of a viewer; return False if no page sends it."""
+        if self._receiver is None:
+            return False
+        try:
+            message = from_text(text)
+            self._receiver.receive(viewer, message)
+        except BadMessageError:
+            return False
+        except HricError as error:
+            viewer.tell({"type": "refused", "text": str(error)})
+        return True
+
+
+def from_text(text: str | bytes) -> dict[str, Any]:
+    """Return a message of a viewer: a JSON object without NaN, infinities and repeated keys.
+
+    Raises:
+        BadMessageError: the text is none.
+    """
+
+    def pairs(items: list[tuple[str, Any]]) -> dict[str, Any]:
+        if len(dict(items)) < len(items):
+            raise ValueError("repeated key")
+        return dict(items)
+
+    def number(text: str) -> float:
+        if not math.isfinite(value := float(text)):
+            raise ValueError(text)
+        return value
+
+    try:
+        message = json.loads(text, object_pairs_hook=pairs, parse_constant=number, parse_float=number)
+    except (ValueError, RecursionError) as error:  # RecursionError: nested too deeply
+        raise BadMessageError(str(error)) from error
+    if not isinstance(message, dict):
+        raise BadMessageError("not an object")
+    return message
 
 
 def _text(status: http.HTTPStatus, text: str) -> Response:

@@ -1,42 +1,70 @@
 "use strict";
-// Window: the scene of a running system, whose instants arrive by a WebSocket and are kept for a look back.
+// Window: the scene of a running system or of a recorded run, and the time that is shown. Other scripts add parts to it
+// by report.on() and report.timed.
 {
   const find = (id) => document.getElementById(id);
-  const AGAIN = 1000; // wait until the next try to connect [ms]
   const dark = matchMedia("(prefers-color-scheme: dark)");
   const FRAMED = 1; // time after which the view is chosen again, once [s]
   const OLD = 1000; // age from which on what is shown counts as old [ms]
-  let live = true, framed = Infinity, lost = true, seen = [];
+  let live = true, playing = false, before = 0, framed = Infinity, lost = true, seen = [];
 
   report.begin = report.end = report.time = 0;
+  report.timed ||= []; // called with the time after each change of it
 
   const setLive = (desired) => {
     live = desired;
     find("live").setAttribute("aria-pressed", desired);
-    if (desired) setTime(report.end);
+    if (desired) { setPlaying(false); report.setTime(report.end); }
   };
 
-  const setTime = (t) => {
-    report.time = t;
-    Object.assign(find("time"), { min: report.begin, max: report.end, value: t });
-    find("now").textContent = t.toFixed(2) + " s";
-    report.forces?.show(t);
-    report.replay?.pose(t);
+  report.setTime = (t) => {
+    report.time = Math.min(Math.max(t, report.begin), report.end);
+    Object.assign(find("time"), { min: report.begin, max: report.end, value: report.time });
+    find("now").textContent = report.time.toFixed(2) + " s";
+    report.forces?.show(report.time);
+    report.replay?.pose(report.time);
+    for (const part of report.timed) part(report.time);
   };
 
-  const showScene = ({ data, numbers }) => {
-    report.load(data, numbers);
-    report.begin = report.end = report.time = 0;
+  const play = (now) => {
+    if (!playing) return;
+    const next = report.time + ((now - before) / 1000) * Number(find("speed").value);
+    before = now;
+    report.setTime(next);
+    if (next >= report.end) setPlaying(false); else requestAnimationFrame(play);
+  };
+
+  const setPlaying = (desired) => {
+    playing = desired;
+    find("play").textContent = desired ? "pause" : "play";
+    if (!desired) return;
+    if (report.time >= report.end) report.setTime(report.begin);
+    before = performance.now();
+    requestAnimationFrame(play);
+  };
+
+  report.on("scene", (message) => {
+    report.load(message.data, message.numbers);
+    report.live = message.live;
     report.started = false;
+    const times = message.live ? [] : report.data.scene.robots.map((robot) => report.read(robot.time)).filter((time) => time.length);
+    report.begin = report.time = Math.min(...times.map((time) => time[0]), ...(times.length ? [] : [0]));
+    report.end = Math.max(...times.map((time) => time[time.length - 1]), ...(times.length ? [] : [0]));
     const canvas = find("view").querySelector("canvas"), fresh = canvas.cloneNode();
     canvas.replaceWith(fresh); // a canvas has one renderer for good
     report.replay?.renderer.dispose();
     report.replay = report.makeReplay(fresh);
     report.forces = report.replay && new report.Forces(report.replay.scene);
-    if (data.notes.length) find("view-note").textContent = data.notes.join("; ");
-  };
+    lost = false;
+    find("live").hidden = !message.live;
+    find("link").textContent = message.live ? "connected; nothing has been received from the robot" : "";
+    if (report.data.notes.length) find("view-note").textContent = report.data.notes.join("; ");
+    live = message.live;
+    report.setTime(report.begin);
+    report.started = !message.live;
+  });
 
-  const showFrame = ({ t, robots, forces }) => {
+  report.on("frame", ({ t, robots, forces }) => {
     seen = robots.map((robot, k) => (seen[k] && seen[k].t === robot.t ? seen[k] : { t: robot.t, at: performance.now() }));
     if (t === null || !report.replay || t === report.end) return;
     if (!report.started || t < report.end) { // the first instant, or a run that began anew
@@ -46,34 +74,27 @@
     report.end = t;
     report.replay.robots.forEach((robot, k) => robot.append(t, robots[k]));
     report.forces.append(t, forces || []);
-    if (live) setTime(t); else Object.assign(find("time"), { max: t });
-    if (!report.started || t > framed + FRAMED) { // by then all have been heard of
+    if (live) report.setTime(t); else Object.assign(find("time"), { max: t });
+    if (!report.started || t > framed + FRAMED) { // by then all have sent something
       report.replay.home();
       framed = report.started ? Infinity : t;
     }
     report.started = true;
-  };
+  });
+
+  report.on("refused", ({ text }) => { find("link").textContent = "Refused: " + text; });
+
+  report.on("lost", () => {
+    lost = true;
+    find("link").textContent = "The connection is lost: what is shown is old. Trying again.";
+  });
 
   // Say what is old: a robot or person that sends nothing looks like one that stands still.
   const tellOld = () => {
-    if (!report.started || lost) return;
+    if (!report.live || !report.started || lost) return;
     const names = ["the arm", "the person"], old = names.filter((_, k) => k < seen.length && performance.now() - seen[k].at > OLD);
-    find("link").textContent = old.length ? `Nothing new from ${old.join(" and ")}: paused, or the connection is lost. What is shown is old.` : "";
-  };
-
-  const connect = () => {
-    const socket = new WebSocket(`ws://${location.host}/socket${location.search}`);
-    socket.addEventListener("message", (event) => {
-      const message = JSON.parse(event.data);
-      if ("data" in message) showScene(message); else showFrame(message);
-      lost = false;
-      if (!report.started) find("link").textContent = "connected; nothing has been received from the robot";
-    });
-    socket.addEventListener("close", () => {
-      lost = true;
-      find("link").textContent = "The connection is lost: what is shown is old. Trying again.";
-      setTimeout(connect, AGAIN);
-    });
+    if (old.length) find("link").textContent = `Nothing new from ${old.join(" and ")}: paused, or the connection is lost. What is shown is old.`;
+    else if (!find("link").textContent.startsWith("Refused")) find("link").textContent = "";
   };
 
   const paint = () => {
@@ -83,12 +104,18 @@
 
   find("theme").hidden = true;
   find("live").addEventListener("click", () => setLive(!live));
-  find("time").addEventListener("input", (event) => { setLive(false); setTime(Number(event.target.value)); });
+  find("play").addEventListener("click", () => { if (!playing) setLive(false); setPlaying(!playing); });
+  find("time").addEventListener("input", (event) => { setLive(false); setPlaying(false); report.setTime(Number(event.target.value)); });
   find("show-frames").addEventListener("change", (event) => report.replay?.showFrames(event.target.checked));
+  find("show-tracks").addEventListener("change", () => report.replay?.pose(report.time));
+  find("show-trails").addEventListener("change", () => report.replay?.pose(report.time));
   find("show-shapes").addEventListener("change", (event) => report.replay?.showShapes(event.target.checked));
   find("home").addEventListener("click", () => report.replay?.home());
+  document.addEventListener("keydown", (event) => {
+    if (event.key === " " && event.target === document.body) { event.preventDefault(); find("play").click(); }
+  });
   dark.addEventListener("change", paint);
   paint();
   setInterval(tellOld, OLD / 2);
-  connect();
+  report.connect();
 }

@@ -1,0 +1,28 @@
+"use strict";
+// Connection of the window: messages of the server by their type, and messages to it.
+{
+  const AGAIN = 1000; // wait until the next attempt to connect [ms]
+  const handlers = new Map();
+  let socket;
+
+  // Call handler(message) for each message of a type: "scene", "frame", "refused" and those of the parts; "lost" when the connection is lost.
+  report.on = (type, handler) => handlers.set(type, [...(handlers.get(type) || []), handler]);
+
+  // Send a message; return false without a connection.
+  report.send = (message) => {
+    if (socket?.readyState !== WebSocket.OPEN) return false;
+    socket.send(JSON.stringify(message));
+    return true;
+  };
+
+  const dispatch = (message) => { for (const handler of handlers.get(message.type) || []) handler(message); };
+
+  report.connect = () => {
+    socket = new WebSocket(`ws://${location.host}/socket${location.search}`);
+    socket.addEventListener("message", (event) => dispatch(JSON.parse(event.data)));
+    socket.addEventListener("close", () => {
+      dispatch({ type: "lost" });
+      setTimeout(report.connect, AGAIN);
+    });
+  };
+}
