@@ -81,7 +81,7 @@ def no_display(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_default_nodes() -> None:
-    config = loaded()
+    config = loaded("rviz:=false")
     assert nodes(config) == {
         "/robot": "hric_control/robot",
         "/spawner": "hric_experiments/spawn",
@@ -320,9 +320,15 @@ def test_viewers_start_and_are_not_recorded() -> None:
 
 
 @pytest.mark.parametrize("words", [("env:=sim",), ("env:=real", "robot_ip:=127.0.0.2")])
-def test_the_window_starts_on_request_only(words: tuple[str, ...]) -> None:
+def test_the_window_starts_on_request_or_without_display(
+    words: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
     assert nodes(loaded(*words, "rviz:=false", "view:=web"))["/view"] == "hric_view/view"
-    assert "/view" not in nodes(loaded(*words, "rviz:=false", "view:=true"))
+    assert nodes(loaded(*words))["/view"] == "hric_view/view"
+    assert not any("/view" in nodes(loaded(*words, argument)) for argument in ("rviz:=false", "view:=true"))
+    monkeypatch.setenv("DISPLAY", ":77")
+    assert "/view" not in nodes(loaded(*words, "view:=auto"))  # other words, since the result is cached
 
 
 def test_a_human_has_description_and_frames() -> None:

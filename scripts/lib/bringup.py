@@ -230,6 +230,9 @@ def main(argv: list[str]) -> int:
             import franka_real.probe
 
             franka_real.probe.check(arguments["robot_ip"], PROBE_TIMEOUT)
+        blind = arguments["rviz"] == "auto" and resolve_rviz("auto") == "false"
+        if arguments["view"] == "auto" and blind:
+            arguments["view"] = "web"
         arguments["rviz"] = resolve_rviz(arguments["rviz"])
         arguments["mocap"] = given.device("mocap", arguments, known)
         shown = arguments | {name: given.device(name, arguments, known) for name in given.DEVICES}

@@ -30,6 +30,7 @@ def block(arguments: Mapping[str, str], master: str, parameter: Parameter) -> st
     terminal = f"source {WORKSPACE}/scripts/env" + ("" if master == DEFAULT else f" && export ROS_MASTER_URI={master}")
     rows = {
         "ready": f"{_robot(arguments)}; controllers {', '.join(started)}",
+        **({"see it": _window(space, parameter)} if arguments["view"] == "web" else {}),
         "terminal": f"{terminal}      # first command in another terminal",
         "move it": _move(arguments, space),
         "record": _recording(arguments, space, folder),
@@ -62,6 +63,11 @@ def _robot(arguments: Mapping[str, str]) -> str:
     factor = float(arguments["real_time_factor"])
     pace = "as fast as possible" if factor == 0.0 else "real time" if factor == 1.0 else f"{factor:g} times real time"
     return f"simulated Panda ({arguments['simulator']}, {pace})"
+
+
+def _window(space: str, parameter: Parameter) -> str:
+    """Return the address of the window in the browser; it has none yet if its node starts slowly."""
+    return parameter(f"{space}/hric/view/address") or "in a browser, at the address that the node view will print"
 
 
 def _move(arguments: Mapping[str, str], space: str) -> str:

@@ -11,7 +11,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
 from hric_core.errors import FailureError, HricError
-from hric_view.server import MAX_MESSAGE, MAX_VIEWERS, BadMessageError, Page, Viewer, ViewServer, Visit
+from hric_view.server import MAX_MESSAGE, MAX_VIEWERS, PORT, BadMessageError, Page, Viewer, ViewServer, Visit
 
 SCENE = '{"data":{}}'
 
@@ -182,6 +182,14 @@ def test_who_has_left_is_no_viewer(server: ViewServer) -> None:
             if server.viewers == 1:
                 break
         assert server.viewers == 1
+
+
+def test_without_a_port_the_usual_one_or_a_free_one() -> None:
+    first, second = ViewServer(Shown()), ViewServer(Shown())
+    assert {urlsplit(made.address).port for made in (first, second)} != {PORT}
+    for made in (first, second):
+        assert get(made, f"/?{urlsplit(made.address).query}")[0] == 200
+        made.close()
 
 
 def test_a_taken_port_is_an_error_with_the_way_out(server: ViewServer) -> None:

@@ -22,8 +22,6 @@ from hric_view.live import LiveForces, LiveJoints
 from hric_view.page import Part
 from hric_view.server import LOOPBACK, Page, ViewServer, Visit
 
-PORT = 8090
-"""TCP port of the window; project default."""
 HUMAN = "human"
 """Name of the simulated person: of their topics below `hric/`, and of their section among the robot's participants."""
 
@@ -33,7 +31,9 @@ class WindowSettings(Settings):
     """Parameters of the node."""
 
     host: str = text(LOOPBACK, empty=False, text="address of this machine on which the window listens")
-    port: int = whole(PORT, minimum=0, maximum=65535, text="TCP port of the window; 0: a free one")
+    port: int = whole(
+        0, minimum=0, maximum=65535, text="TCP port of the window; 0: 8090, or a free one if another program listens there"
+    )
     rate: float = number(30.0, minimum=1.0, maximum=120.0, unit="Hz", text="of the frames, in wall time")
     robot_description: str = text("robot_description", empty=False, text="parameter with the URDF of the arm")
 
@@ -58,6 +58,7 @@ class BrowserWindow(NodeApp):
         self._parts: list[Part] = [self._forces]
         self._title = f"{self._root.namespace.strip('/') or 'robot'}, live"
         self._server = ViewServer(self, settings.host, settings.port)
+        self._root.set_param("hric/view/address", self._server.address)
         rospy.loginfo("The window is open at %s", self._server.address)
         self._stop, self._period = threading.Event(), 1.0 / settings.rate
         self._thread = threading.Thread(target=self._run, name="frames", daemon=True)

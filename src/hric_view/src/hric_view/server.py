@@ -6,6 +6,7 @@ one before has left; a slow one gets fewer, and delays nobody. Messages of a vie
 receiver; the connection of a viewer that sends anything else is closed.
 """
 
+import contextlib
 import hmac
 import http
 import json
@@ -28,6 +29,8 @@ from websockets.typing import Origin
 from hric_core.errors import FailureError, HricError
 
 LOOPBACK = "127.0.0.1"
+PORT = 8090
+"""TCP port of the window if it is free; project default."""
 MAX_MESSAGE = 4096
 """Largest message that a viewer may send [bytes]."""
 MAX_VIEWERS = 20
@@ -87,10 +90,8 @@ class Viewer:
 
     def tell(self, message: Mapping[str, object]) -> None:
         """Send a message to this viewer; do nothing if it has left."""
-        try:
+        with contextlib.suppress(ConnectionClosed):
             self._connection.send(json.dumps(message, allow_nan=False))
-        except ConnectionClosed:
-            pass
 
 
 class Window(Protocol):
@@ -132,7 +133,7 @@ class ViewServer:
     Args:
         window: pages and scenes.
         host: address of this machine on which it listens.
-        port: TCP port; 0: a free one.
+        port: TCP port; 0: PORT, or a free one if another program listens there.
         receiver: receiver of the messages of viewers; None: the window takes none.
 
     Attributes:
@@ -147,15 +148,7 @@ class ViewServer:
             raise FailureError(
                 f"the window cannot listen on {host!r}, all addresses; valid: one address of this machine"
             )
-        try:
-            self._socket = socket.create_server((host, port))
-        except OSError as error:
-            code = error.errno or 0
-            why = os.strerror(code) if code > 0 else error.strerror  # no address of that name: below 0
-            raise FailureError(
-                f"the window cannot listen on {host}, port {port}: {why}; valid: an address of this machine and a free "
-                "port, or port 0 for any"
-            ) from error
+        self._socket = _listening(host, port)
         self._token, self._window, self._receiver = secrets.token_urlsafe(16), window, receiver
         name = f"{host}:{self._socket.getsockname()[1]}"
         self._names = {name, name.replace(LOOPBACK, "localhost")}
@@ -298,6 +291,22 @@ def from_text(text: str | bytes) -> dict[str, Any]:
     if not isinstance(message, dict):
         raise BadMessageError("not an object")
     return message
+
+
+def _listening(host: str, port: int) -> socket.socket:
+    """Return a listening socket; see ViewServer for port 0 and for the errors."""
+    if port == 0:
+        with contextlib.suppress(OSError):
+            return socket.create_server((host, PORT))
+    try:
+        return socket.create_server((host, port))
+    except OSError as error:
+        code = error.errno or 0
+        why = os.strerror(code) if code > 0 else error.strerror  # no address of that name: below 0
+        raise FailureError(
+            f"the window cannot listen on {host}, port {port}: {why}; valid: an address of this machine and a free "
+            "port, or port 0 for any"
+        ) from error
 
 
 def _text(status: http.HTTPStatus, text: str) -> Response:
