@@ -82,6 +82,9 @@ class Viewer:
 
     Attributes:
         name: address and port of the viewer.
+
+    Raises:
+        OSError: the viewer has left.
     """
 
     def __init__(self, connection: ServerConnection) -> None:
@@ -218,8 +221,12 @@ class ViewServer:
     def _serve(self, connection: ServerConnection) -> None:
         """Send scene and frames to one viewer until it leaves."""
         assert connection.request is not None
+        try:
+            viewer = Viewer(connection)
+        except OSError:  # they have left already
+            return
         self._viewers.add(connection)
-        threading.Thread(target=self._listen, args=(connection,), daemon=True).start()
+        threading.Thread(target=self._listen, args=(connection, viewer), daemon=True).start()
         try:
             connection.send(self._window.scene(self._visit(connection.request)))
             number = 0
@@ -230,7 +237,7 @@ class ViewServer:
         except ConnectionClosed:
             pass
         except HricError as error:
-            Viewer(connection).tell({"type": "refused", "text": str(error)})
+            viewer.tell({"type": "refused", "text": str(error)})
         finally:
             self._viewers.discard(connection)
 
@@ -240,9 +247,8 @@ class ViewServer:
             self._new.wait_for(lambda: self._number != number or self._ended, IDLE)
             return self._frame, self._number
 
-    def _listen(self, connection: ServerConnection) -> None:
+    def _listen(self, connection: ServerConnection, viewer: Viewer) -> None:
         """Hand the messages of a viewer to the receiver; close the connection at one that no page sends."""
-        viewer = Viewer(connection)
         try:
             while self._obeyed(viewer, connection.recv()):
                 pass
