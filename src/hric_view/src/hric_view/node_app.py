@@ -32,7 +32,7 @@ class WindowSettings(Settings):
 
     host: str = text(LOOPBACK, empty=False, text="address of this machine on which the window listens")
     port: int = whole(
-        0, minimum=0, maximum=65535, text="TCP port of the window; 0: 8090, or a free one if another program listens there"
+        0, minimum=0, maximum=65535, text="TCP port of the window; 0: 8090, or a free one if 8090 is taken"
     )
     rate: float = number(30.0, minimum=1.0, maximum=120.0, unit="Hz", text="of the frames, in wall time")
     robot_description: str = text("robot_description", empty=False, text="parameter with the URDF of the arm")
