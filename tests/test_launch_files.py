@@ -324,11 +324,11 @@ def test_the_window_starts_on_request_or_without_display(
     words: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delenv("DISPLAY", raising=False)
-    assert nodes(loaded(*words, "rviz:=false", "view:=web"))["/view"] == "hric_view/view"
-    assert nodes(loaded(*words))["/view"] == "hric_view/view"
-    assert not any("/view" in nodes(loaded(*words, argument)) for argument in ("rviz:=false", "view:=true"))
+    assert nodes(loaded(*words, "rviz:=false", "view:=web"))["/window"] == "hric_view/window"
+    assert nodes(loaded(*words))["/window"] == "hric_view/window"
+    assert not any("/window" in nodes(loaded(*words, argument)) for argument in ("rviz:=false", "view:=true"))
     monkeypatch.setenv("DISPLAY", ":77")
-    assert "/view" not in nodes(loaded(*words, "view:=auto"))  # other words, since the result is cached
+    assert "/window" not in nodes(loaded(*words, "view:=auto"))  # other words, since the result is cached
 
 
 def test_a_human_has_description_and_frames() -> None:

@@ -67,7 +67,7 @@ def _robot(arguments: Mapping[str, str]) -> str:
 
 def _window(space: str, parameter: Parameter) -> str:
     """Return the address of the window in the browser; it has none yet if its node starts slowly."""
-    return parameter(f"{space}/hric/view/address") or "in a browser, at the address that the node view will print"
+    return parameter(f"{space}/hric/view/address") or "in a browser, at the address that the node window will print"
 
 
 def _move(arguments: Mapping[str, str], space: str) -> str:

@@ -23,7 +23,7 @@ from hric_msgs.msg import RegionContact, RegionContacts
 
 pytestmark = pytest.mark.alone
 
-NODE = Path(__file__).parents[1] / "nodes" / "view"
+NODE = Path(__file__).parents[1] / "nodes" / "window"
 ARM = """<robot name="arm"><link name="base"/><link name="two"/>
 <link name="one"><visual><geometry><box size="0.1 0.1 0.4"/></geometry></visual></link>
 <joint name="arm_joint1" type="revolute"><parent link="base"/><child link="one"/><axis xyz="0 0 1"/>
@@ -146,7 +146,7 @@ def test_without_a_description_the_node_ends_with_a_word(ros: str) -> None:  # n
     node = start("_port:=0", "_robot_description:=nowhere")
     said, _ = node.communicate(timeout=30)
     assert node.returncode != 0 and "Traceback" not in said and "nowhere" in said
-    rospy.delete_param("/view/robot_description")
+    rospy.delete_param("/window/robot_description")
 
 
 @pytest.mark.slow

@@ -167,8 +167,8 @@ WIRES = (
         address_argument=True,
     ),
     Wire(
-        "`view`, the window in a browser",
-        ("view",),
+        "`window`, and `hric view`: windows in a browser",
+        ("window", "view"),
         "HTTP and WebSocket",
         "tcp",
         ANY,

@@ -1,4 +1,4 @@
-"""Node `view`: the window of a running system in a browser."""
+"""Node `window`: the window of a running system in a browser."""
 
 import threading
 from dataclasses import dataclass

@@ -28,28 +28,47 @@ class Part(Protocol):
         """Return the newest data: plain values without NaN."""
 
 
-def render(title: str, visit: Visit, *, control: bool = False) -> Page:
+def render(
+    title: str,
+    visit: Visit,
+    *,
+    control: bool = False,
+    links: Sequence[tuple[str, str]] = (),
+    waiting: str = "connecting",
+) -> Page:
     """Return the page.
 
     Args:
         title: name of what is shown.
         visit: request of the viewer.
         control: True: the page has the controls.
+        links: texts and addresses of links to other pages.
+        waiting: text until the scene is there.
 
     Raises:
         HricError: a library of the page is not installed.
     """
     template = templates.environment(ASSETS).get_template("view.html")
-    text = template.render(title=title, connect=visit.socket, control=control, libraries=(libraries.three(),))
+    text = template.render(
+        title=title,
+        connect=visit.socket,
+        control=control,
+        links=links,
+        waiting=waiting,
+        libraries=(libraries.three(),),
+    )
     return Page(HTML, text.encode())
 
 
-def scene_message(robots: Sequence[SceneRobot], parts: Sequence[Part] = (), *, live: bool) -> str:
+def scene_message(
+    robots: Sequence[SceneRobot], parts: Sequence[Part] = (), *, notes: Sequence[str] = (), live: bool
+) -> str:
     """Return the first message of a viewer: the robots and persons, with their meshes and motions.
 
     Args:
         robots: robots and persons.
         parts: other parts of the window.
+        notes: remarks for the viewer.
         live: True if frames follow; False: the motions of the robots are those of a recorded run.
 
     Raises:
@@ -64,7 +83,7 @@ def scene_message(robots: Sequence[SceneRobot], parts: Sequence[Part] = (), *, l
         {
             "type": "scene",
             "live": live,
-            "data": {"scene": scene.data(), "notes": list(dict.fromkeys(scene.notes))},
+            "data": {"scene": scene.data(), "notes": list(dict.fromkeys([*notes, *scene.notes]))},
             "numbers": blob.text(),
             **others,
         }

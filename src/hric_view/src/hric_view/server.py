@@ -61,16 +61,17 @@ class Visit:
         path: path of the address.
         query: values of the query by name, without the token; of a name that is repeated the last value.
         socket: address of the WebSocket, without path and query.
+        token: token of the server.
     """
 
     path: str
     query: Mapping[str, str]
     socket: str
-    _token: str = field(repr=False)
+    token: str = field(repr=False)
 
     def link(self, path: str, **query: str) -> str:
         """Return a relative address on this server, with the token."""
-        return f"{path}?{urlencode({**query, 'token': self._token})}"
+        return f"{path}?{urlencode({**query, 'token': self.token})}"
 
 
 class BadMessageError(HricError):
@@ -177,6 +178,11 @@ class ViewServer:
     def viewers(self) -> int:
         """Number of viewers."""
         return len(self._viewers)
+
+    def link(self, path: str, query: str = "") -> str:
+        """Return the address of a page, with the token; query: "NAME=VALUE" pairs joined by "&"."""
+        begin, _, token = self.address.partition("/?")
+        return f"{begin}{path}?{query}{'&' * bool(query)}{token}"
 
     def send(self, frame: str) -> None:
         """Hand a frame to all viewers; never blocks on one."""

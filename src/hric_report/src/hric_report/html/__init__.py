@@ -31,11 +31,16 @@ def write(folder: RunFolder, *, progress: bool = False) -> Path:
     Raises:
         HricError: the bag or the robot description cannot be read, or a library for the page is not installed.
     """
+    return _write(folder.path, page_of(folder, progress=progress))
+
+
+def page_of(folder: RunFolder, *, progress: bool = False) -> Page:
+    """Return the contents of the page of a run; see `write`."""
     from hric_report.html import run_data, run_page
     from hric_report.html.verdict import verdict_of
 
     data = run_data.load(folder, metrics_of(folder), progress=progress)
-    return _write(folder.path, run_page.build(replace(data, verdict=verdict_of(folder))))
+    return run_page.build(replace(data, verdict=verdict_of(folder)))
 
 
 def write_comparison(
@@ -53,14 +58,19 @@ def write_comparison(
     Raises:
         HricError: a bag or robot description cannot be read, a library is not installed, or the runs do not match.
     """
+    return _write(target, comparison_of(runs, labels, fit=fit, progress=progress))
+
+
+def comparison_of(
+    runs: Sequence[RunFolder], labels: Sequence[str] = (), *, fit: bool = False, progress: bool = False
+) -> Page:
+    """Return the contents of the page that compares runs; see `write_comparison`. labels: none: the folders' names."""
     from hric_report.compare import settings_of
     from hric_report.html import comparison_page, run_data
 
     data = [run_data.load(folder, metrics_of(folder), progress=progress) for folder in runs]
-    overlaid = comparison_page.lay(data, labels, fit=fit)
-    return _write(
-        target, comparison_page.build(overlaid, comparison_page.differing([settings_of(item.run) for item in data]))
-    )
+    overlaid = comparison_page.lay(data, labels or [folder.path.name for folder in runs], fit=fit)
+    return comparison_page.build(overlaid, comparison_page.differing([settings_of(item.run) for item in data]))
 
 
 def metrics_of(folder: RunFolder) -> JsonObject:

@@ -55,13 +55,17 @@ def verdict_of(folder: RunFolder) -> VerdictFile | None:
     Raises:
         HricError: the bag cannot be read.
     """
-    path = folder.path / FILE
-    if (written := _read(path, folder.path.name, "run")) is not None:
-        return written
+    if (known := written(folder)) is not None:
+        return known
     definition = folder.read().get("definition") or {}
     if not (definition.get("human") or definition.get("person")):
         return None
-    return _judge(opened(str(folder.path)), path)
+    return _judge(opened(str(folder.path)), folder.path / FILE)
+
+
+def written(folder: RunFolder) -> VerdictFile | None:
+    """Return the contents of a run's verdict.json; None: it is missing, invalid or outdated."""
+    return _read(folder.path / FILE, folder.path.name, "run")
 
 
 def _judge(source: AssessmentInput, path: Path) -> VerdictFile:
@@ -85,9 +89,9 @@ def _read(path: Path, name: str, kind: str) -> VerdictFile | None:
 def verdict_of_recording(source: AssessmentInput) -> VerdictFile:
     """Return the verdict on a bag or c3d file from verdict.json next to it; assess it if that file does not fit."""
     path, recording = source.folder / FILE, source.recording
-    written = _read(path, source.name, source.kind)
-    if written is not None and (written["input"]["begin"], written["input"]["end"]) == (recording.begin, recording.end):
-        return written
+    known = _read(path, source.name, source.kind)
+    if known is not None and (known["input"]["begin"], known["input"]["end"]) == (recording.begin, recording.end):
+        return known
     return _judge(source, path)
 
 

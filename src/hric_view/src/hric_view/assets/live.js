@@ -3,7 +3,7 @@
 {
   const AGAIN = 1000; // wait until the next attempt to connect [ms]
   const handlers = new Map();
-  let socket;
+  let socket, wanted = true;
 
   // Call handler(message) for each message of a type: "scene", "frame", "refused" and those of the parts; "lost" when the connection is lost.
   report.on = (type, handler) => handlers.set(type, [...(handlers.get(type) || []), handler]);
@@ -15,12 +15,17 @@
     return true;
   };
 
-  const dispatch = (message) => { for (const handler of handlers.get(message.type) || []) handler(message); };
+  const dispatch = (message) => {
+    if (message.type === "scene") wanted = message.live; // a recorded scene is complete
+    if (message.type === "refused" && !report.data) wanted = false; // there is no such scene
+    for (const handler of handlers.get(message.type) || []) handler(message);
+  };
 
   report.connect = () => {
     socket = new WebSocket(`ws://${location.host}/socket${location.search}`);
     socket.addEventListener("message", (event) => dispatch(JSON.parse(event.data)));
     socket.addEventListener("close", () => {
+      if (!wanted) return;
       dispatch({ type: "lost" });
       setTimeout(report.connect, AGAIN);
     });

@@ -1,0 +1,75 @@
+"""Command `hric view`: recorded runs in the browser."""
+
+import argparse
+import threading
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from hric_bags.arguments import LATEST, RUNS, run_names
+from hric_bags.run_folder import RunFolder
+from hric_core.command import Argument, Command
+from hric_core.parameters import whole
+
+if TYPE_CHECKING:
+    from hric_view.server import Window
+
+ADDRESS = (
+    Argument(
+        "--host", default="127.0.0.1", help="address of this machine on which the window listens (default: 127.0.0.1)"
+    ),
+    Argument("--port", type=int, default=0, help="TCP port (default: 8090, or a free one if 8090 is taken)"),
+)
+"""Options of commands that serve a window."""
+
+
+class ViewCommand(Command):
+    """Show recorded runs in the browser: a list, replays, two runs together, and reports.
+
+    Prints the address to open, and runs until Ctrl-C. Runs without a ROS master are recorded runs, too.
+    """
+
+    def arguments(self) -> list[Argument]:
+        """Return the arguments."""
+        return [
+            Argument(
+                "run",
+                nargs="?",
+                metavar="RUN",
+                help=f"run folder, its name, or {LATEST}; without it the list of all runs",
+                complete=run_names,
+            ),
+            RUNS,
+            *ADDRESS,
+        ]
+
+    def run(self, arguments: argparse.Namespace) -> None:
+        """Serve the window until Ctrl-C."""
+        from hric_view.recordings import RecordedWindow
+
+        root, query = Path(arguments.runs), ""
+        if arguments.run is not None:
+            folder = RunFolder.open(arguments.run, root)
+            root, query = folder.path.parent, f"run={folder.path.name}"
+        serve(RecordedWindow(root), arguments, "/run" if query else "/", query)
+
+
+def serve(window: "Window", arguments: argparse.Namespace, path: str = "/", query: str = "") -> None:
+    """Serve a window until Ctrl-C.
+
+    Args:
+        window: pages and scenes.
+        arguments: values of the options ADDRESS.
+        path: path of the page whose address is printed.
+        query: query of that address, without the token.
+
+    Raises:
+        FailureError: the port is taken, or the host is no address of this machine.
+    """
+    from hric_view.server import ViewServer
+
+    server = ViewServer(window, arguments.host, whole(minimum=0, maximum=65535).checked(arguments.port, "--port"))
+    print(f"The window is open at {server.link(path, query)}\nend: Ctrl-C", flush=True)
+    try:
+        threading.Event().wait()
+    finally:
+        server.close()

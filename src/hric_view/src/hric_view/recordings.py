@@ -1,0 +1,141 @@
+"""Recorded runs in the window: a list, the replay of one run or of two together, and the reports."""
+
+import threading
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from hric_bags.run_file import RunFile
+from hric_bags.run_folder import RunFolder
+from hric_core.errors import HricError
+from hric_report import html
+from hric_report.html import templates, verdict
+from hric_view import page
+from hric_view.server import HTML, Page, Visit
+
+KEPT = 3
+"""Scenes of runs that are kept in memory; project default, unconfirmed."""
+NAMED = 5
+"""Runs that an error message names."""
+
+
+@dataclass(frozen=True)
+class RunEntry:
+    """Row of the list of runs.
+
+    Attributes:
+        name: name of the run folder.
+        experiment, started, status: values of run.yaml; "": not known.
+        verdict: outcome of the assessment, or why there is none.
+        fault: why the run cannot be shown; "": it can.
+    """
+
+    name: str
+    experiment: str = ""
+    started: str = ""
+    status: str = ""
+    verdict: str = ""
+    fault: str = ""
+
+
+def run_names(root: Path) -> list[str]:
+    """Return the names of all run folders in a folder, the newest first; links such as `latest` are left out."""
+    found = [path.parent for path in root.glob("*/run.yaml") if not path.parent.is_symlink()]
+    return [path.name for path in sorted(found, key=lambda path: (path / "run.yaml").stat().st_mtime, reverse=True)]
+
+
+def entry(folder: RunFolder) -> RunEntry:
+    """Return the row of a run; a run that cannot be read has its fault in it."""
+    try:
+        run = folder.read()
+        answer = _verdict(folder, run)
+    except HricError as error:
+        return RunEntry(folder.path.name, fault=str(error))
+    values = {name: str(run.get(name) or "") for name in ("experiment", "started", "status")}
+    fault = "" if folder.bag_of(run).is_file() else "no bag: nothing was recorded, or the bag was removed"
+    return RunEntry(folder.path.name, **values, verdict=answer, fault=fault)
+
+
+def _verdict(folder: RunFolder, run: RunFile) -> str:
+    written = verdict.written(folder)
+    if written is not None:
+        return written["outcome"]
+    definition = run.get("definition") or {}
+    return "not known: not assessed yet" if definition.get("human") or definition.get("person") else "no person"
+
+
+class RecordedWindow:
+    """Window on the runs of a folder.
+
+    Args:
+        root: folder of the runs.
+    """
+
+    def __init__(self, root: Path) -> None:
+        self._root, self._reading = root, threading.Lock()
+        self._scene = lru_cache(maxsize=KEPT)(_scene)
+
+    def page(self, visit: Visit) -> Page | None:
+        """Return the list of runs, the page that replays one or two runs, or the report of a run.
+
+        Raises:
+            HricError: there is no such run, or its report cannot be made.
+        """
+        if visit.path == "/":
+            return self._list(visit)
+        if visit.path == "/report":
+            return self._report(self._folder(visit.query, "run"))
+        if visit.path != "/run":
+            return None
+        names = self._names(visit.query)
+        links = [
+            ("all runs", visit.link("/")),
+            *((f"report of {name}", visit.link("/report", run=name)) for name in names),
+        ]
+        return page.render(" and ".join(names), visit, links=links, waiting="reading the recording")
+
+    def scene(self, visit: Visit) -> str:
+        """Return the scene with the motions of one or two runs.
+
+        Raises:
+            HricError: there is no such run, it cannot be read, or the motions of two runs do not match.
+        """
+        folders = [RunFolder.open(self._root / name) for name in self._names(visit.query)]
+        changed = tuple((str(folder.path), (folder.path / "run.yaml").stat().st_mtime_ns) for folder in folders)
+        with self._reading:  # two at a time would only take each other's processor
+            return self._scene(changed)
+
+    def _names(self, query: Mapping[str, str]) -> list[str]:
+        """Return the names of the runs that an address names."""
+        return [self._folder(query, key).path.name for key in ("run", "other") if key == "run" or key in query]
+
+    def _folder(self, query: Mapping[str, str], key: str) -> RunFolder:
+        names, name = run_names(self._root), query.get(key, "")
+        if name not in names:
+            newest = ", ".join(names[:NAMED]) or "none"
+            raise HricError(f"no run {name!r} in {self._root}; the newest: {newest}")
+        return RunFolder(self._root / name)
+
+    def _list(self, visit: Visit) -> Page:
+        entries = [entry(RunFolder(self._root / name)) for name in run_names(self._root)]
+        template = templates.environment(page.ASSETS).get_template("runs.html")
+        text = template.render(
+            title="Recorded runs", subtitle=str(self._root), entries=entries, link=visit.link, token=visit.token
+        )
+        return Page(HTML, text.encode())
+
+    def _report(self, folder: RunFolder) -> Page:
+        path = folder.path / html.NAME
+        with self._reading:
+            if not path.is_file():
+                html.write(folder)
+        return Page(HTML, path.read_bytes())
+
+
+def _scene(changed: Sequence[tuple[str, int]]) -> str:
+    """Return the scene of runs; changed: path and time of the last change of each."""
+    folders = [RunFolder(Path(path)) for path, _ in changed]
+    contents: Any = html.page_of(*folders) if len(folders) == 1 else html.comparison_of(folders)
+    return page.scene_message(contents.robots, notes=contents.notes, live=False)
