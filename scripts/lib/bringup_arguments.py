@@ -279,6 +279,7 @@ WORDS: dict[str, tuple[str, ...]] = {
     "robot": ("panda", "fr3"),
     "rviz": (*BOOL, "auto"),
     "view": (*BOOL, "auto", "plot", "web"),
+    "control": BOOL,
     "record": (*BOOL, "auto", "on_trigger"),
     "html": BOOL,
     "mocap": ("auto", "none", "emulated", "motive"),

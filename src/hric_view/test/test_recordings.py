@@ -148,7 +148,9 @@ def picture(browser: Browser) -> np.ndarray:
         "report.replay.orbit.target.set(0.2, 0, 0.5); "
         "Object.assign(report.replay.orbit, { distance: 1.6, azimuth: 0.9, elevation: 0.3 })"
     )
-    browser.evaluate("report.replay.robots.forEach((r) => r.arrows.forEach(({ object }) => { object.visible = false; }))")
+    browser.evaluate(
+        "for (const { arrows } of report.replay.robots) for (const { object } of arrows) object.visible = false"
+    )
     data = browser.evaluate("(report.replay.draw(), document.querySelector('#view canvas').toDataURL())")
     return np.asarray(Image.open(io.BytesIO(base64.b64decode(data.partition(",")[2]))).convert("RGB"), dtype=float)
 
@@ -242,8 +244,10 @@ def key(browser: Browser, name: str) -> None:
     number = {" ": 32, "End": 35, "Home": 36}[name]
     for kind in ("keyDown", "keyUp"):
         browser.call(
-            "Input.dispatchKeyEvent", type=kind, key=name, code=code, windowsVirtualKeyCode=number,
+            "Input.dispatchKeyEvent",
+            type=kind,
+            key=name,
+            code=code,
+            windowsVirtualKeyCode=number,
             **(text if kind == "keyDown" else {}),
         )
-
-

@@ -87,6 +87,16 @@ class Tree:
         q: joint positions, n floats [rad or m]."""
         return np.array(self.bodies.mass_matrix(q)).reshape(self.n, self.n)
 
+    def jacobian(self, q: Sequence[float], link: str, point: Sequence[float]) -> FloatArray:
+        """Return the Jacobian of a point on a link, shape (6, n): velocity and angular velocity per joint velocity.
+
+        See `point_jacobian` for the arguments.
+        """
+        self._robot.check_link(link)
+        if self.index[link] < 0:
+            return np.zeros((6, self.n))
+        return np.array(self.bodies.jacobian(q, self.index[link], point)).reshape(6, self.n)
+
     def point_jacobian(self, q: Sequence[float], link: str, point: Sequence[float]) -> FloatArray:
         """Return the translational Jacobian of a point on a link, shape (3, n): its velocity per joint velocity.
 
@@ -98,10 +108,7 @@ class Tree:
         Raises:
             UnknownNameError: there is no such link.
         """
-        self._robot.check_link(link)
-        if self.index[link] < 0:
-            return np.zeros((3, self.n))
-        return np.array(self.bodies.jacobian(q, self.index[link], point)).reshape(6, self.n)[:3]
+        return self.jacobian(q, link, point)[:3]
 
 
 def _motions(joint: Joint) -> list[tuple[bool, Sequence[float]]]:

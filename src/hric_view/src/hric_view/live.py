@@ -28,9 +28,13 @@ class LiveJoints:
 
     Args:
         names: joints in the order of the frame.
+
+    Attributes:
+        names: the same.
     """
 
     def __init__(self, names: Sequence[str]) -> None:
+        self.names = tuple(names)
         self._index = {name: k for k, name in enumerate(names)}
         self._lock = threading.Lock()
         self._positions = [math.nan] * len(names)

@@ -8,7 +8,7 @@ import rospy
 from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import JointState
 
-from hric_core.parameters import Settings, number, text, whole
+from hric_core.parameters import Settings, flag, number, text, whole
 from hric_core.ros import RosNode
 from hric_core.ros.process import NodeApp
 from hric_core.urdf import mimic_laws, read
@@ -18,6 +18,8 @@ from hric_msgs.msg import RegionContacts
 from hric_report.html.scene import SceneRobot, SceneSkin
 from hric_skin import fitted
 from hric_view import page
+from hric_view.control import PERIOD, Controls
+from hric_view.control_node import SystemActions
 from hric_view.live import LiveForces, LiveJoints
 from hric_view.page import Part
 from hric_view.server import LOOPBACK, Page, ViewServer, Visit
@@ -35,6 +37,7 @@ class WindowSettings(Settings):
         0, minimum=0, maximum=65535, text="TCP port of the window; 0: 8090, or a free one if 8090 is taken"
     )
     rate: float = number(30.0, minimum=1.0, maximum=120.0, unit="Hz", text="of the frames, in wall time")
+    control: bool = flag(False, text="take commands from the page; it is no safety stop")
     robot_description: str = text("robot_description", empty=False, text="parameter with the URDF of the arm")
 
 
@@ -55,12 +58,15 @@ class BrowserWindow(NodeApp):
         self._add(str(self._root.param(settings.robot_description)), "joint_states")
         if self._root.has_param(f"hric/{HUMAN}/robot_description"):
             self._add_human()
+        self._stop, self._period = threading.Event(), 1.0 / settings.rate
         self._parts: list[Part] = [self._forces]
         self._title = f"{self._root.namespace.strip('/') or 'robot'}, live"
-        self._server = ViewServer(self, settings.host, settings.port)
+        self._controls = (
+            self._controlled(str(self._root.param(settings.robot_description))) if settings.control else None
+        )
+        self._server = ViewServer(self, settings.host, settings.port, self._controls)
         self._root.set_param("hric/view/address", self._server.address)
         rospy.loginfo("The window is open at %s", self._server.address)
-        self._stop, self._period = threading.Event(), 1.0 / settings.rate
         self._thread = threading.Thread(target=self._run, name="frames", daemon=True)
         self._thread.start()
 
@@ -69,14 +75,35 @@ class BrowserWindow(NodeApp):
         self._stop.set()
         self._thread.join()
         self._server.close()
+        if self._controls is not None:
+            self._actions.close()
 
     def page(self, visit: Visit) -> Page | None:
         """Return the page of the window."""
-        return page.render(self._title, visit) if visit.path == "/" else None
+        return page.render(self._title, visit, control=self._controls is not None) if visit.path == "/" else None
 
     def scene(self, visit: Visit) -> str:
         """Return the first message of a viewer."""
         return page.scene_message(self._robots, self._parts, live=True)
+
+    def _controlled(self, description: str) -> Controls:
+        """Return the receiver of commands for the arm, and begin to look at what can be commanded."""
+        robot = read(description)
+        moved = {
+            name: (joint.limit.lower, joint.limit.upper)
+            for name, joint in robot.joints.items()
+            if joint.type == "revolute" and joint.limit is not None
+        }
+        self._actions = SystemActions(self._root, robot, self._joints[0], list(moved))
+        controls = Controls(self._actions, moved, list(robot.links))
+        self._parts.append(controls)
+        threading.Thread(target=self._look, name="controls", daemon=True).start()
+        return controls
+
+    def _look(self) -> None:
+        while not self._stop.wait(PERIOD):
+            if self._server.viewers:
+                self._actions.look()
 
     def _add(self, description: str, topic: str) -> SceneRobot:
         """Add a robot or person whose joint states are on a topic."""

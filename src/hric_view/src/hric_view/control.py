@@ -1,0 +1,210 @@
+"""Commands of a window: who controls, which messages are commands, and whether their values are possible. No node."""
+
+import math
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Protocol
+
+from hric_core.errors import HricError, UnknownNameError
+from hric_view.server import BadMessageError, Viewer
+
+MAX_PUSH = 50.0
+"""Largest force with which the mouse pushes [N]; project default, unconfirmed."""
+MAX_STEP = 1000
+"""Largest number of cycles of one step."""
+MAX_JOG = (0.05, 0.2)
+"""Largest displacement of the end effector by one command: translation [m], rotation [rad]; project default."""
+MAX_WIDTH = 0.08
+"""Largest opening of the Franka hand [m]; Franka's data sheet of the hand."""
+PERIOD = 0.5
+"""Time after which the viewers learn again what can be commanded [s]."""
+MAX_NAME = 40
+"""Largest number of characters of a viewer's name."""
+
+
+class Actions(Protocol):
+    """What the commands do. Each method raises HricError if the system refuses or does not respond."""
+
+    def pause(self) -> None:
+        """Pause the simulation."""
+
+    def proceed(self) -> None:
+        """Continue the simulation."""
+
+    def step(self, cycles: int) -> None:
+        """Simulate a number of cycles of a paused simulation."""
+
+    def reset(self) -> None:
+        """Reset the simulation to its start."""
+
+    def switch(self, start: str, stop: Sequence[str]) -> None:
+        """Stop controllers and start one; start: "": none."""
+
+    def move_joints(self, positions: Mapping[str, float]) -> None:
+        """Move joints to positions [rad] by the controller that runs."""
+
+    def jog(self, displacement: Sequence[float]) -> None:
+        """Move the end effector: translation [m] and rotation [rad] about the axes of the base."""
+
+    def push(self, link: str, point: Sequence[float], force: Sequence[float]) -> None:
+        """Push a link for a moment: point in its frame [m], force in the world [N]."""
+
+    def grip(self, width: float) -> None:
+        """Move the fingers to an opening [m]."""
+
+    def recover(self) -> None:
+        """Recover from an error of the arm."""
+
+    def summary(self) -> Mapping[str, object]:
+        """Return what can be commanded at present: plain values for the page."""
+
+
+class Controls:
+    """Receiver of commands: one viewer at a time controls, after they have taken control.
+
+    Args:
+        actions: execute the commands.
+        limits: lowest and highest position of each joint that can be moved [rad].
+        links: links that can be pushed.
+    """
+
+    def __init__(self, actions: Actions, limits: Mapping[str, tuple[float, float]], links: Sequence[str]) -> None:
+        self._actions, self._limits, self._links = actions, limits, frozenset(links)
+        self._lock = threading.Lock()
+        self._holder: Viewer | None = None
+        self._told = 0.0
+        self._name = ""
+        self._commands: dict[str, Callable[[Mapping[str, Any]], None]] = {
+            "pause": lambda message: actions.pause(),
+            "proceed": lambda message: actions.proceed(),
+            "reset": lambda message: actions.reset(),
+            "recover": lambda message: actions.recover(),
+            "step": lambda message: actions.step(_whole(message, "cycles", MAX_STEP)),
+            "grip": lambda message: actions.grip(_number(message, "width", 0.0, MAX_WIDTH)),
+            "switch": self._switch,
+            "joints": self._joints,
+            "jog": self._jog,
+            "push": self._push,
+        }
+        self._keys = {
+            "step": {"cycles"},
+            "grip": {"width"},
+            "switch": {"start", "stop"},
+            "joints": {"positions"},
+            "jog": {"displacement"},
+            "push": {"link", "point", "force"},
+        }
+
+    def scene(self) -> dict[str, object]:
+        """Return the limits of the page's controls; see page.Part."""
+        limits = {name: list(bounds) for name, bounds in self._limits.items()}
+        return {"control": {"limits": limits, "push": MAX_PUSH, "jog": MAX_JOG, "width": MAX_WIDTH}}
+
+    def frame(self) -> dict[str, object]:
+        """Return who controls and what can be commanded, every PERIOD; see page.Part."""
+        now = time.monotonic()
+        if now - self._told < PERIOD:
+            return {}
+        self._told = now
+        return {"control": {"holder": self.holder, **self._actions.summary()}}
+
+    @property
+    def holder(self) -> str:
+        """Name and address of the viewer who controls; "": nobody does."""
+        with self._lock:
+            return "" if self._holder is None else f"{self._name} ({self._holder.name})"
+
+    def receive(self, viewer: Viewer, message: Mapping[str, Any]) -> None:
+        """Execute a message; see server.Receiver."""
+        kind = message.get("command")
+        if kind == "take" and set(message) == {"command", "name"}:
+            return self._take(viewer, _text(message, "name"))
+        if kind == "release" and set(message) == {"command"}:
+            return self.leave(viewer)
+        if not isinstance(kind, str) or kind not in self._commands:
+            raise BadMessageError(f"no command {kind!r}")
+        if set(message) != {"command"} | self._keys.get(kind, set()):
+            raise BadMessageError(f"keys of {kind}: {', '.join(message)}")
+        with self._lock:
+            holder = self._holder
+        if holder is not viewer:
+            raise HricError(f'{self.holder or "nobody"} controls this robot; press "take control" first')
+        self._commands[kind](message)
+
+    def leave(self, viewer: Viewer) -> None:
+        """Release control if this viewer has it."""
+        with self._lock:
+            if self._holder is viewer:
+                self._holder, self._name = None, ""
+                viewer.tell({"type": "control", "held": False})
+
+    def _take(self, viewer: Viewer, name: str) -> None:
+        with self._lock:
+            free = self._holder is None or self._holder is viewer
+            if free:
+                self._holder, self._name = viewer, "".join(filter(str.isprintable, name))[:MAX_NAME] or "somebody"
+        if free:
+            viewer.tell({"type": "control", "held": True})
+        else:
+            raise HricError(f"{self.holder} controls this robot; one viewer at a time can")
+
+    def _switch(self, message: Mapping[str, Any]) -> None:
+        stop = message["stop"]
+        if not isinstance(stop, list) or not all(isinstance(name, str) for name in stop):
+            raise BadMessageError("stop is not a list of names")
+        self._actions.switch(_text(message, "start"), stop)
+
+    def _joints(self, message: Mapping[str, Any]) -> None:
+        positions = message["positions"]
+        if not isinstance(positions, dict) or not positions:
+            raise BadMessageError("positions is not a mapping")
+        for name in positions:
+            if name not in self._limits:
+                raise UnknownNameError("joint", name, self._limits)
+            lower, upper = self._limits[name]
+            if not lower <= (value := _number(positions, name)) <= upper:
+                raise HricError(f"{name} at {value:.3f} rad is outside its range; valid: {lower:.3f} to {upper:.3f}")
+        self._actions.move_joints(positions)
+
+    def _jog(self, message: Mapping[str, Any]) -> None:
+        displacement = _vector(message, "displacement", 6)
+        if any(abs(value) > MAX_JOG[k // 3] for k, value in enumerate(displacement)):
+            raise HricError(f"one step of the end effector is at most {MAX_JOG[0]} m and {MAX_JOG[1]} rad")
+        self._actions.jog(displacement)
+
+    def _push(self, message: Mapping[str, Any]) -> None:
+        link, force = _text(message, "link"), _vector(message, "force", 3)
+        if link not in self._links:
+            raise UnknownNameError("link", link, self._links)
+        if math.hypot(*force) > MAX_PUSH * (1.0 + 1e-9):
+            raise HricError(f"a push of {math.hypot(*force):.1f} N is too large; valid: up to {MAX_PUSH:g} N")
+        self._actions.push(link, _vector(message, "point", 3), force)
+
+
+def _number(message: Mapping[str, Any], key: str, lower: float = -math.inf, upper: float = math.inf) -> float:
+    value = message[key]
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise BadMessageError(f"{key} is not a number")
+    if not lower <= value <= upper:
+        raise HricError(f"{key} {value:g} is outside its range; valid: {lower:g} to {upper:g}")
+    return float(value)
+
+
+def _whole(message: Mapping[str, Any], key: str, upper: int) -> int:
+    if not isinstance(message[key], int):
+        raise BadMessageError(f"{key} is not a whole number")
+    return int(_number(message, key, 1, upper))
+
+
+def _text(message: Mapping[str, Any], key: str) -> str:
+    if not isinstance(message[key], str):
+        raise BadMessageError(f"{key} is not a text")
+    return str(message[key])
+
+
+def _vector(message: Mapping[str, Any], key: str, size: int) -> list[float]:
+    values = message[key]
+    if not isinstance(values, list) or len(values) != size:
+        raise BadMessageError(f"{key} is not a list of {size} numbers")
+    return [_number({key: value}, key) for value in values]

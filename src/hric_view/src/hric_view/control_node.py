@@ -1,0 +1,250 @@
+"""Commands of a window on a running system: services, topics and actions; and what can be commanded at present."""
+
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+import rospy
+from actionlib_msgs.msg import GoalID
+from geometry_msgs.msg import Point, PoseStamped, Vector3, Wrench
+from scipy.spatial.transform import Rotation
+from std_msgs.msg import Float64MultiArray, Header
+from std_srvs.srv import Empty
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from franka_gripper.msg import MoveActionGoal, MoveGoal
+from franka_msgs.msg import ErrorRecoveryActionGoal, FrankaState
+from gazebo_msgs.srv import ApplyBodyWrench
+from hric_control.manager.client import ManagerClient
+from hric_core.errors import FailureError, HricError
+from hric_core.geometry import FloatArray, quaternion_from_rotation
+from hric_core.ros import RosNode
+from hric_core.urdf import Robot
+from hric_dynamics.tree import Tree
+from hric_msgs.srv import StepSimulation
+from hric_view.live import LiveJoints
+
+PATIENCE = 2.0
+"""Longest wait for a service [s]; project default."""
+PUSH = 0.15
+"""Duration of one push [s]; the page renews it while the button is held, so it ends soon after the page does."""
+SPEED = 0.5
+"""Joint speed of trajectories that the window sends [rad/s]; project default."""
+DAMPING = 0.05
+"""Damping of the inverse of the Jacobian [m or rad per rad], which keeps steps short near singular poses."""
+GRIP_SPEED = 0.1
+"""Speed of the fingers [m/s]."""
+PD, CARTESIAN = "hric_controllers/JointPDController", "hric_controllers/CartesianImpedanceController"
+TRAJECTORIES = "JointTrajectoryController"
+MODES = {
+    getattr(FrankaState, name): name.removeprefix("ROBOT_MODE_").replace("_", " ").lower()
+    for name in dir(FrankaState)
+    if name.startswith("ROBOT_MODE_")
+}
+"""Names of the modes of the arm."""
+
+
+class SystemActions:
+    """Commands to the running system, each with a limited wait; see control.Actions.
+
+    Args:
+        root: node in the namespace of the robot.
+        robot: description of the robot.
+        joints: present positions of its joints.
+        moved: joints that can be moved, in the order of the arm.
+    """
+
+    def __init__(self, root: RosNode, robot: Robot, joints: LiveJoints, moved: Sequence[str]) -> None:
+        self._root, self._joints, self._moved = root, joints, moved
+        self._tree = Tree(robot, moved)
+        self._tip = max(self._tree.index, key=lambda link: self._tree.index[link])
+        self._manager = ManagerClient(root.namespace)
+        self._pool = ThreadPoolExecutor(1, "commands")
+        self._lock = threading.Lock()
+        self._controllers: list[Any] = []
+        self._state: Any = None
+        self._seen, self._stood = 0.0, False
+        self._simulated = root.has_param("/use_sim_time") and bool(root.param("/use_sim_time"))
+        self._gripper = root.advertise("franka_gripper/move/goal", MoveActionGoal)
+        self._recovery = root.advertise("franka_control/error_recovery/goal", ErrorRecoveryActionGoal)
+        self._publishers: dict[str, Any] = {}
+        self._commanded: tuple[str, dict[str, float]] = ("", {})
+        """Controller that got the last positions of the window, and these: a joint that sags keeps its setpoint."""
+        root.subscribe("franka_state_controller/franka_states", FrankaState, self._note, queue_size=1)
+
+    def close(self) -> None:
+        """Wait for no service any longer."""
+        self._pool.shutdown(wait=False, cancel_futures=True)
+
+    def look(self) -> None:
+        """Read what can be commanded at present; called regularly by a thread of its own."""
+        now = rospy.get_time()
+        stood, self._seen = now == self._seen, now
+        try:
+            controllers = list(self._wait(self._manager.list))
+        except HricError:
+            controllers = []  # nothing can be switched; the page shows that
+        with self._lock:
+            self._controllers, self._stood = controllers, stood
+
+    def summary(self) -> dict[str, object]:
+        """Return what can be commanded at present, for the page."""
+        with self._lock:
+            state, controllers = self._state, self._controllers
+            return {
+                "simulated": self._simulated,
+                "stands": self._stood,
+                "mode": "not known" if state is None else MODES.get(state.robot_mode, "not known"),
+                "controllers": [
+                    {"name": one.name, "state": one.state, "moves": bool(_resources(one))} for one in controllers
+                ],
+            }
+
+    def pause(self) -> None:
+        """See control.Actions."""
+        self._call("sim/pause_physics", Empty)
+
+    def proceed(self) -> None:
+        """See control.Actions."""
+        self._call("sim/unpause_physics", Empty)
+
+    def step(self, cycles: int) -> None:
+        """See control.Actions."""
+        self._call("sim/step", StepSimulation, cycles)
+
+    def reset(self) -> None:
+        """See control.Actions."""
+        self._call("sim/reset_simulation", Empty)
+        self._commanded = "", {}
+
+    def switch(self, start: str, stop: Sequence[str]) -> None:
+        """See control.Actions."""
+        self._wait(lambda: self._manager.switch([start] if start else [], stop))
+        self._commanded = "", {}
+
+    def move_joints(self, positions: Mapping[str, float]) -> None:
+        """See control.Actions."""
+        one = self._mover()
+        names = list(self._root.param(f"{one.name}/joints"))
+        if unknown := sorted(set(positions) - set(names)):
+            raise HricError(f"{one.name} does not move {', '.join(unknown)}; it moves {', '.join(names)}")
+        present = self._setpoint(one.name)
+        target = [positions.get(name, present.get(name, 0.0)) for name in names]
+        self._commanded = one.name, dict(zip(names, target, strict=True))
+        if one.type == PD:
+            return self._publish(f"{one.name}/command", Float64MultiArray(data=target))
+        if TRAJECTORIES not in one.type:
+            raise HricError(f"{one.name} takes no joint positions; start joint_pd_controller, or move the end effector")
+        far = max(abs(value - present.get(name, value)) for name, value in zip(names, target, strict=True))
+        point = JointTrajectoryPoint(positions=target, time_from_start=rospy.Duration(max(far / SPEED, 0.5)))
+        self._publish(f"{one.name}/command", JointTrajectory(joint_names=names, points=[point]))
+
+    def jog(self, displacement: Sequence[float]) -> None:
+        """See control.Actions."""
+        with self._lock:
+            state = self._state
+        if state is None:
+            raise HricError("the pose of the end effector is not known: no FrankaState has been received")
+        one, T_base_ee = self._mover(), np.reshape(state.O_T_EE, (4, 4)).T
+        if one.type == CARTESIAN:
+            return self._publish(f"{one.name}/equilibrium_pose", _moved(T_base_ee, displacement))
+        present = self._setpoint(one.name)
+        q = [present.get(name, 0.0) for name in self._tree.joints]
+        J = self._tree.jacobian(q, self._tip, T_base_ee[:3, 3].tolist())
+        dq = J.T @ np.linalg.solve(J @ J.T + DAMPING**2 * np.eye(6), np.asarray(displacement))
+        self.move_joints({name: float(value + d) for name, value, d in zip(self._tree.joints, q, dq, strict=True)})
+
+    def push(self, link: str, point: Sequence[float], force: Sequence[float]) -> None:
+        """See control.Actions."""
+        wrench = Wrench(force=Vector3(*force))
+        now, duration = rospy.Time(0), rospy.Duration.from_sec(PUSH)
+        response = self._call("sim/apply_body_wrench", ApplyBodyWrench, link, "", Point(*point), wrench, now, duration)
+        if not response.success:
+            raise HricError(response.status_message)
+
+    def grip(self, width: float) -> None:
+        """See control.Actions."""
+        goal = MoveActionGoal(Header(stamp=rospy.Time.now()), _goal_id(), MoveGoal(width=width, speed=GRIP_SPEED))
+        self._send(self._gripper, goal, "franka_gripper/move")
+
+    def recover(self) -> None:
+        """See control.Actions."""
+        goal = ErrorRecoveryActionGoal(header=Header(stamp=rospy.Time.now()), goal_id=_goal_id())
+        self._send(self._recovery, goal, "franka_control/error_recovery")
+
+    def _note(self, message: Any) -> None:
+        with self._lock:
+            self._state = message
+
+    def _setpoint(self, controller: str) -> dict[str, float]:
+        """Return what the window has commanded the controller; before that, the present positions."""
+        return self._commanded[1] if self._commanded[0] == controller else self._present()
+
+    def _present(self) -> dict[str, float]:
+        known = dict(zip(self._joints.names, self._joints.state()["q"], strict=True))
+        if missing := [name for name in self._moved if known[name] is None]:
+            raise HricError(f"the position of {', '.join(missing)} is not known: no joint states have been received")
+        return {name: value for name, value in known.items() if value is not None}
+
+    def _mover(self) -> Any:
+        """Return the running controller that moves the arm."""
+        with self._lock:
+            running = [one for one in self._controllers if one.state == "running" and _resources(one)]
+        if not running:
+            raise HricError("no controller that moves the arm is running; start one first")
+        return running[0]
+
+    def _publish(self, topic: str, message: Any) -> None:
+        if topic not in self._publishers:
+            self._publishers[topic] = self._root.advertise(topic, type(message))
+        self._send(self._publishers[topic], message, topic)
+
+    def _send(self, publisher: Any, message: Any, name: str) -> None:
+        """Publish a message once somebody subscribes."""
+        deadline = time.monotonic() + PATIENCE
+        while not publisher.subscribers():
+            if time.monotonic() > deadline:
+                raise FailureError(f"nobody takes {self._root.resolve(name)}: is its node or controller running?")
+            time.sleep(0.02)
+        publisher.publish(message)
+
+    def _call(self, name: str, service: Any, *values: Any) -> Any:
+        full = self._root.resolve(name)
+
+        def call() -> Any:
+            try:
+                rospy.wait_for_service(full, 0.5 * PATIENCE)
+                return rospy.ServiceProxy(full, service)(*values)
+            except (rospy.ROSException, rospy.ServiceException) as error:
+                raise FailureError(f"{full}: {error}") from error
+
+        return self._wait(call)
+
+    def _wait(self, call: Callable[[], Any]) -> Any:
+        try:
+            return self._pool.submit(call).result(PATIENCE)
+        except TimeoutError:
+            raise FailureError(f"the robot's node has not responded within {PATIENCE:g} s") from None
+
+
+def _resources(controller: Any) -> list[str]:
+    """Return what a controller claims: joints, or the arm."""
+    return [name for claimed in controller.claimed_resources for name in claimed.resources]
+
+
+def _moved(T_base_ee: FloatArray, displacement: Sequence[float]) -> PoseStamped:
+    """Return a pose after a displacement: translation [m], rotation vector [rad], both in the axes of the base."""
+    pose = PoseStamped(header=Header(stamp=rospy.Time.now()))
+    place = pose.pose.position
+    place.x, place.y, place.z = T_base_ee[:3, 3] + np.asarray(displacement[:3])
+    R = Rotation.from_rotvec(displacement[3:]).as_matrix() @ T_base_ee[:3, :3]
+    turn = pose.pose.orientation
+    turn.x, turn.y, turn.z, turn.w = quaternion_from_rotation(R)
+    return pose
+
+
+def _goal_id() -> GoalID:
+    return GoalID(stamp=rospy.Time.now(), id=f"hric_view_{time.time_ns()}")

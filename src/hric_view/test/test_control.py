@@ -1,0 +1,155 @@
+"""Who controls a window, and which commands reach the system."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import pytest
+
+from hric_core.errors import HricError
+from hric_view.control import MAX_PUSH, Controls
+from hric_view.server import BadMessageError
+
+LIMITS = {"joint1": (-1.0, 2.0), "joint2": (0.0, 1.0)}
+
+
+class Noted:
+    """Actions that note what they are asked to do."""
+
+    def __init__(self) -> None:
+        self.done: list[object] = []
+
+    def __getattr__(self, name: str) -> Any:
+        return lambda *values: self.done.append((name, *values))
+
+    def summary(self) -> Mapping[str, object]:
+        """Return nothing."""
+        return {}
+
+
+class Person:
+    """Viewer with a name who keeps what they are told."""
+
+    def __init__(self, name: str) -> None:
+        self.name, self.told = name, list[object]()
+
+    def tell(self, message: Mapping[str, object]) -> None:
+        """Keep a message."""
+        self.told.append(message)
+
+
+@pytest.fixture
+def actions() -> Noted:
+    return Noted()
+
+
+@pytest.fixture
+def controls(actions: Noted) -> Controls:
+    return Controls(actions, LIMITS, ["link0", "hand"])
+
+
+@pytest.fixture
+def anna(controls: Controls) -> Person:
+    """Viewer who has taken control."""
+    person = Person("127.0.0.1:1")
+    controls.receive(person, {"command": "take", "name": "Anna"})  # type: ignore[arg-type]
+    return person
+
+
+VALID: Sequence[tuple[dict[str, Any], tuple[object, ...]]] = [
+    ({"command": "pause"}, ("pause",)),
+    ({"command": "proceed"}, ("proceed",)),
+    ({"command": "step", "cycles": 100}, ("step", 100)),
+    ({"command": "reset"}, ("reset",)),
+    ({"command": "recover"}, ("recover",)),
+    ({"command": "grip", "width": 0.04}, ("grip", 0.04)),
+    ({"command": "switch", "start": "a", "stop": ["b"]}, ("switch", "a", ["b"])),
+    ({"command": "joints", "positions": {"joint1": 2}}, ("move_joints", {"joint1": 2})),
+    ({"command": "jog", "displacement": [0.02, 0, 0, 0, 0, -0.1]}, ("jog", [0.02, 0, 0, 0, 0, -0.1])),
+    (
+        {"command": "push", "link": "hand", "point": [0, 0, 0.1], "force": [0, 30.0, -40.0]},
+        ("push", "hand", [0, 0, 0.1], [0, 30.0, -40.0]),
+    ),
+]
+IDS = [str(message["command"]) for message, _ in VALID]
+
+
+@pytest.mark.parametrize(("message", "expected"), VALID, ids=IDS)
+def test_a_command_reaches_the_system(
+    controls: Controls, actions: Noted, anna: Person, message: dict[str, Any], expected: tuple[object, ...]
+) -> None:
+    controls.receive(anna, message)  # type: ignore[arg-type]
+    assert actions.done == [expected]
+
+
+@pytest.mark.parametrize("message", [message for message, _ in VALID], ids=IDS)
+def test_a_second_controller_is_refused_by_name(
+    controls: Controls, actions: Noted, anna: Person, message: dict[str, Any]
+) -> None:
+    second = Person("127.0.0.1:2")
+    for refused in (message, {"command": "take", "name": "Bob"}):
+        with pytest.raises(HricError, match=r"Anna \(127.0.0.1:1\) controls this robot") as error:
+            controls.receive(second, refused)  # type: ignore[arg-type]
+        assert not isinstance(error.value, BadMessageError)
+    assert actions.done == []
+
+
+@pytest.mark.parametrize("leave", ["leave", "release"])
+def test_after_the_first_left_another_controls(controls: Controls, actions: Noted, anna: Person, leave: str) -> None:
+    second = Person("127.0.0.1:2")
+    if leave == "leave":
+        controls.leave(anna)  # type: ignore[arg-type]
+    else:
+        controls.receive(anna, {"command": "release"})  # type: ignore[arg-type]
+    controls.receive(second, {"command": "take", "name": ""})  # type: ignore[arg-type]
+    controls.receive(second, {"command": "pause"})  # type: ignore[arg-type]
+    assert actions.done == [("pause",)] and "127.0.0.1:2" in controls.holder
+    assert second.told == [{"type": "control", "held": True}] and anna.told[-1] == {"type": "control", "held": False}
+
+
+@pytest.mark.parametrize(
+    ("message", "text"),
+    [
+        ({"command": "joints", "positions": {"joint1": 2.1}}, "valid: -1.000 to 2.000"),
+        ({"command": "joints", "positions": {"joint9": 0}}, "valid: joint1, joint2"),
+        ({"command": "jog", "displacement": [0.06, 0, 0, 0, 0, 0]}, "at most 0.05 m"),
+        ({"command": "push", "link": "hand", "point": [0, 0, 0], "force": [MAX_PUSH, 1, 0]}, "valid: up to 50 N"),
+        ({"command": "push", "link": "world", "point": [0, 0, 0], "force": [1, 1, 0]}, "valid: hand, link0"),
+        ({"command": "grip", "width": 0.2}, "valid: 0 to 0.08"),
+        ({"command": "step", "cycles": 100000}, "valid: 1 to 1000"),
+    ],
+)
+def test_what_is_impossible_is_refused_with_the_valid_values(
+    controls: Controls, actions: Noted, anna: Person, message: dict[str, Any], text: str
+) -> None:
+    with pytest.raises(HricError, match=text) as error:
+        controls.receive(anna, message)  # type: ignore[arg-type]
+    assert not isinstance(error.value, BadMessageError) and actions.done == []
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        {},
+        {"command": "rm"},
+        {"command": ["pause"]},
+        {"command": "pause", "more": 1},
+        {"command": "step"},
+        {"command": "step", "cycles": 1.5},
+        {"command": "step", "cycles": True},
+        {"command": "grip", "width": "0.02"},
+        {"command": "switch", "start": "a", "stop": "b"},
+        {"command": "switch", "start": None, "stop": []},
+        {"command": "joints", "positions": {}},
+        {"command": "joints", "positions": [0, 0]},
+        {"command": "joints", "positions": {"joint1": None}},
+        {"command": "jog", "displacement": [0, 0, 0]},
+        {"command": "push", "link": "hand", "point": [0, 0, 0], "force": [0, 0, "1"]},
+        {"command": "take"},
+        {"command": "take", "name": 3},
+    ],
+    ids=str,
+)
+def test_a_message_of_no_page_is_bad(controls: Controls, actions: Noted, anna: Person, message: dict[str, Any]) -> None:
+    with pytest.raises(BadMessageError):
+        controls.receive(anna, message)  # type: ignore[arg-type]
+    assert actions.done == []

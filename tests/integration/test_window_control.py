@@ -1,0 +1,185 @@
+"""Control of a running simulation from the window in a browser."""
+
+import json
+import re
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+from browser import Browser, installed
+from live_system import LiveSystem
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import ClientConnection, connect
+from websockets.typing import Origin
+
+pytestmark = [
+    pytest.mark.alone,
+    pytest.mark.skipif(not installed(), reason="no chromium; scripts/setup --with checks installs it"),
+]
+JOINT1 = "report.replay.robots[0].position.at(-report.replay.robots[0].columns)"
+"""Last position of the first joint [rad]."""
+ON_THE_ARM = """
+const canvas = document.querySelector("#view canvas").getBoundingClientRect(), { robots, camera } = report.replay;
+const at = robots[0].links.get("panda_link5").localToWorld(new THREE.Vector3(0, 0.05, -0.1)).project(camera);
+return [canvas.left + (canvas.width * (at.x + 1)) / 2, canvas.top + (canvas.height * (1 - at.y)) / 2];
+"""
+"""Returns a place of the screen at which the forearm is drawn."""
+BAD = ["", "[]", "{", '{"command":"rm"}', '{"command":"pause","x":1}', "NaN", '{"command":"step","cycles":1e9}x', b"\0"]
+
+
+@pytest.fixture(scope="module")
+def system(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveSystem]:
+    """Bring-up of the arm whose window takes commands."""
+    folder = tmp_path_factory.mktemp("controlled")
+    made = LiveSystem(folder, "env:=sim", "rviz:=false", "view:=web", "control:=true", "record:=false")
+    made.wait_output("  see it ")
+    yield made
+    made.close()
+
+
+@pytest.fixture(scope="module")
+def address(system: LiveSystem) -> str:
+    match = re.search(r"see it +(\S+)", system.output)
+    assert match is not None
+    return match[1]
+
+
+@pytest.fixture
+def page(address: str, tmp_path: Path) -> Iterator[Browser]:
+    """Page that has control, on the screen of a phone."""
+    with Browser(tmp_path) as browser:
+        browser.call("Emulation.setDeviceMetricsOverride", width=390, height=844, deviceScaleFactor=1, mobile=True)
+        browser.open_address(address)
+        browser.wait("report.started === true")
+        click(browser, "take")
+        browser.wait("!document.getElementById('commands').disabled")
+        browser.wait("document.querySelector('#controllers li') !== null")
+        yield browser
+        assert browser.problems == [] and browser.requests == []
+
+
+def click(browser: Browser, name: str) -> None:
+    """Press a button by its id with the keyboard."""
+    browser.evaluate(f"document.getElementById('{name}').focus()")
+    for kind in ("keyDown", "keyUp"):
+        browser.call(
+            "Input.dispatchKeyEvent",
+            type=kind,
+            key="Enter",
+            code="Enter",
+            windowsVirtualKeyCode=13,
+            **({"text": "\r"} if kind == "keyDown" else {}),
+        )
+
+
+def move_slider(browser: Browser, position: float) -> None:
+    """Move the slider of the first joint [rad]."""
+    browser.evaluate(
+        f"(() => {{ const slider = document.querySelector('#joints input'); slider.value = {position}; "
+        "slider.dispatchEvent(new Event('input')); slider.dispatchEvent(new Event('change')); })()"
+    )
+
+
+def viewer(address: str) -> ClientConnection:
+    origin, _, query = address.partition("/?")
+    return connect(f"{origin.replace('http', 'ws')}/socket?{query}", origin=Origin(origin), close_timeout=0.1)
+
+
+def told(client: ClientConnection, kind: str) -> dict[str, object]:
+    """Return the next message of a kind."""
+    while True:
+        message: dict[str, object] = json.loads(client.recv(20))
+        if message["type"] == kind:
+            return message
+
+
+def test_a_slider_moves_the_arm(page: Browser) -> None:
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    for position in (0.4, 0.0):
+        move_slider(page, position)
+        page.wait(f"Math.abs({JOINT1} - {position}) < 0.01", 30.0)
+
+
+def test_a_button_moves_the_end_effector_upwards(page: Browser) -> None:
+    height = (
+        "(report.replay.scene.updateMatrixWorld(true), "
+        "report.replay.robots[0].links.get('panda_hand').getWorldPosition(new THREE.Vector3()).z)"
+    )
+    before = page.evaluate(height)
+    page.evaluate("document.querySelector('[aria-label=\"end effector plus z\"]').id = 'up'")
+    click(page, "up")
+    page.wait(f"Math.abs({height} - {before} - 0.02) < 0.004", 30.0)
+
+
+def test_time_stands_still_until_it_is_stepped(page: Browser) -> None:
+    click(page, "pause")
+    page.wait("document.getElementById('pause').textContent === 'continue'")
+    before = page.evaluate("report.end")
+    click(page, "step")
+    page.wait(f"Math.abs(report.end - {before} - 0.1) < 0.02")
+    time.sleep(0.5)
+    assert page.evaluate("report.end") == pytest.approx(before + 0.1, abs=0.02)
+    click(page, "pause")
+    page.wait("document.getElementById('pause').textContent === 'pause'")
+
+
+def test_a_pull_with_the_mouse_pushes_the_link(page: Browser) -> None:
+    page.evaluate("document.getElementById('pushing').click()")
+    page.evaluate("document.getElementById('view').scrollIntoView()")
+    place = page.evaluate(f"(() => {{ {ON_THE_ARM} }})()")
+    before = page.evaluate(JOINT1)
+    mouse(page, "mousePressed", *place)
+    for step in range(1, 16):
+        mouse(page, "mouseMoved", place[0] + 8 * step, place[1])
+        time.sleep(0.1)
+    assert 5.0 < float(page.evaluate("document.getElementById('push-text').textContent").split()[0]) <= 50.0
+    page.wait(f"Math.abs({JOINT1} - {before}) > 0.01", 30.0)
+    mouse(page, "mouseReleased", place[0] + 120, place[1])
+    page.wait(f"Math.abs({JOINT1} - {before}) < 0.01", 30.0)  # the controller brings it back
+
+
+def mouse(browser: Browser, kind: str, x: float, y: float) -> None:
+    pressed = 0 if kind == "mouseReleased" else 1
+    browser.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", buttons=pressed, clickCount=1)
+
+
+def test_a_second_viewer_sees_and_is_refused(page: Browser, address: str) -> None:
+    with viewer(address) as second:
+        assert json.loads(second.recv(20))["type"] == "scene"
+        second.send('{"command":"take","name":"Bob"}')
+        assert "somebody (127.0.0.1:" in str(told(second, "refused")["text"])
+        second.send('{"command":"reset"}')
+        assert "controls this robot" in str(told(second, "refused")["text"])
+        assert told(second, "frame")["t"] is not None
+    move_slider(page, 0.1)
+    page.wait(f"Math.abs({JOINT1} - 0.1) < 0.01", 30.0)
+
+
+def test_bad_messages_end_their_connection_only(page: Browser, address: str) -> None:
+    for number in range(20):
+        with viewer(address) as bad, pytest.raises(ConnectionClosed):
+            bad.recv(20)
+            bad.send(BAD[number % len(BAD)])
+            for _ in range(200):
+                bad.recv(20)
+    move_slider(page, 0.2)
+    page.wait(f"Math.abs({JOINT1} - 0.2) < 0.01", 30.0)
+
+
+def test_without_control_a_window_takes_no_command(tmp_path: Path) -> None:
+    system = LiveSystem(tmp_path, "env:=sim", "rviz:=false", "view:=web", "record:=false")
+    try:
+        system.wait_output("  see it ")
+        match = re.search(r"see it +(\S+)", system.output)
+        assert match is not None
+        with viewer(match[1]) as client:
+            client.recv(20)
+            with pytest.raises(ConnectionClosed):
+                for _ in range(200):
+                    with suppress(TimeoutError):
+                        client.send('{"command":"take","name":"Eve"}')
+                    client.recv(20)
+    finally:
+        system.close()
