@@ -81,7 +81,7 @@
     ray.setFromCamera(pointer(event), report.replay.camera);
     const [hit] = ray.intersectObjects(robot.meshes(), false);
     if (!hit) return;
-    event.stopImmediatePropagation();
+    event.stopPropagation(); // the view does not turn
     event.target.setPointerCapture(event.pointerId);
     const link = hit.object.parent, point = link.worldToLocal(hit.point.clone());
     push = { link, point, force: new THREE.Vector3(), arrow: new THREE.ArrowHelper(new THREE.Vector3(1, 0, 0), hit.point, 0.1, report.colour("limit")) };
@@ -91,7 +91,7 @@
 
   const pull = (event) => {
     if (!push) return;
-    event.stopImmediatePropagation();
+    event.stopPropagation();
     const { camera } = report.replay, at = push.link.localToWorld(push.point.clone()), ray = new THREE.Raycaster();
     ray.setFromCamera(pointer(event), camera);
     const plane = new THREE.Plane().setFromNormalAndCoplanarPoint(camera.getWorldDirection(new THREE.Vector3()), at);
@@ -128,8 +128,6 @@
     makeJogs();
     letGo();
     find("width").max = limits.width;
-    const canvas = find("view").querySelector("canvas");
-    for (const [name, act] of [["pointerdown", grab], ["pointermove", pull], ["pointerup", letGo], ["pointercancel", letGo]]) canvas.addEventListener(name, act, true);
   });
 
   report.on("frame", (frame) => {
@@ -138,9 +136,7 @@
     const { holder, mode, stands, simulated, controllers } = frame.control;
     find("holder").textContent = holder ? `${holder} controls.` : "Nobody controls.";
     find("mode").textContent = mode;
-    find("pause").textContent = stands ? "continue" : "pause";
-    find("pause").dataset.stands = stands;
-    find("step").disabled = !stands;
+    find("stands").textContent = stands ? ", time stands still" : "";
     document.querySelectorAll(".of-sim").forEach((element) => { element.hidden = !simulated; });
     showControllers(controllers);
   });
@@ -159,8 +155,10 @@
     letGo();
   });
 
+  for (const [name, act] of [["pointerdown", grab], ["pointermove", pull], ["pointerup", letGo], ["pointercancel", letGo]]) find("view").addEventListener(name, act, true);
   find("take").addEventListener("click", () => (mine ? send("release") : send("take", { name: find("who").value })));
-  find("pause").addEventListener("click", () => send(find("pause").dataset.stands === "true" ? "proceed" : "pause"));
+  find("pause").addEventListener("click", () => send("pause"));
+  find("proceed").addEventListener("click", () => send("proceed"));
   find("step").addEventListener("click", () => send("step", { cycles: Math.round(Number(find("cycles").value)) }));
   find("reset").addEventListener("click", () => send("reset"));
   find("recover").addEventListener("click", () => send("recover"));
