@@ -122,6 +122,7 @@ TOOLS = [
     ),
     ("hric_experiments speed_map --region face", r"permits no contact with face at any speed; valid: neck; "),
     ("hric_experiments inverse_dynamics nowhere", r"no run folder 'nowhere'"),
+    ("hric_experiments film nowhere", r"no run folder 'nowhere'"),
     ("hric_experiments muscle_load nowhere.c3d", r"person of nowhere\.c3d is not known; add --person RUN\|EXP"),
     ("hric_experiments spawn pd_step", r"usage: .*\[_PARAMETER:=VALUE \.\.\.\]\n.*unrecognized arguments: pd_step"),
     ("hric_control robot here", r"\[_robot_hw:=TYPE\].*\n.*unrecognized arguments: here"),

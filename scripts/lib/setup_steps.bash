@@ -133,7 +133,7 @@ missing_packages() {
   local wanted
   mapfile -t wanted < <(awk -v sections=" $* " '
     /^# \[/ { split($0, name, /[][]/); left_out = !index(sections, " " name[2] " ") }
-    !/^#/ && !left_out' scripts/apt-packages.txt | sort)
+    !/^#/ && !left_out' scripts/apt-packages.txt | sort -u)
   comm -23 <(printf '%s\n' "${wanted[@]}") \
     <(dpkg-query -W -f '${db:Status-Status} ${Package}\n' "${wanted[@]}" 2>/dev/null | sed -n 's/^installed //p' | sort)
 }
@@ -226,7 +226,7 @@ about_part() {
   case $1 in
     run) echo " (1.3 GB)" ;;
     checks) echo " for tests and lint (0.6 GB)" ;;
-    pictures) echo " for pictures of OpenSim models (0.6 GB)" ;;
+    pictures) echo " for pictures of OpenSim models and films of runs (0.7 GB)" ;;
     search) echo " for the search of worst cases (40 MB)" ;;
     cluster) echo " for sweeps on a cluster (45 MB)" ;;
     mutation) echo " for scripts/mutate (45 MB)" ;;

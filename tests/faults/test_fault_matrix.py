@@ -70,10 +70,11 @@ RECIPES: dict[str, list[str]] = {
     "urdf": [],
     "inertials": [],
     "picture": ["nobody.osim", "nobody.png"],
+    "film": ["run", "--output", "film.gif"],
     "urdf_to_osim": ["run/robot.urdf", "-o", "model.osim"],
 }  # fmt: skip
 """Arguments of each command, or variant of a command, in a folder with the files made by `given`."""
-REFUSED = {"fit_muscles", "picture", "inverse_kinematics"}
+REFUSED = {"fit_muscles", "film", "picture", "inverse_kinematics"}
 """Commands that take seconds with a valid input; they are tested with an input that they refuse."""
 COSTLY = {"sweep", "benchmark", "approaches", "measure_stops", "speed_map", "report figures", "run study"}
 """Commands that are tested in the default run with a single fault, which hits each of them."""

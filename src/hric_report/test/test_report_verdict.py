@@ -369,3 +369,23 @@ def test_the_regions_that_were_touched_have_the_colour_of_their_share(opened: Br
         path = f"document.querySelector('svg.body g[data-region=\"{region}\"] path')"
         red, green, blue = (int(colour(one.share or 0.0)[k : k + 2], 16) for k in (1, 3, 5))
         assert opened.evaluate(f"getComputedStyle({path}).fill") == f"rgb({red}, {green}, {blue})"
+
+
+@in_a_browser
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_first_screen_of_a_phone_has_every_reply(run: RunFolder, tmp_path: Path, scheme: str) -> None:
+    with Browser(tmp_path) as browser:
+        browser.call("Emulation.setDeviceMetricsOverride", width=390, height=844, deviceScaleFactor=1, mobile=True)
+        browser.emulate(scheme=scheme)
+        browser.open(run.path / report_html.NAME)
+        browser.wait("report.ready === true")
+        bottoms = "[...document.querySelectorAll('.reply')].map((one) => one.getBoundingClientRect().bottom)"
+        assert len(found := browser.evaluate(bottoms)) == 5 and max(found) < 844
+        assert browser.evaluate("document.documentElement.scrollWidth") <= 390
+
+
+def test_first_label_of_a_page_is_the_outcome(run: RunFolder) -> None:
+    text = (run.path / report_html.NAME).read_text()
+    labels = re.findall(r'<span class="verdict (\w+)">([^<]*)</span>', text)
+    outcome = json.loads((run.path / "verdict.json").read_text())["outcome"]
+    assert labels[0] == (verdict.KINDS[outcome], f"safety and ergonomics: {outcome}")

@@ -82,6 +82,14 @@ def test_table_and_page_show_every_controller_collaboration_and_score(
     assert "<script" not in shown and "http" not in shown.replace("http-equiv", "")
 
 
+def test_page_answers_before_its_first_table(quick: tuple[dict[str, Any], Path, dict[BenchmarkRun, RunTask]]) -> None:
+    found = quick[0]
+    first = [standing["name"] for standing in found["standings"] if standing["rank"] == 1]
+    head = page.build(found).partition("<table>")[0]
+    assert f"First of {len(found['standings'])} controllers: {' and '.join(first)}" in head
+    assert "@media (prefers-color-scheme: dark)" in head
+
+
 def test_an_infinite_share_is_drawn_at_the_far_end_of_its_chart(
     quick: tuple[dict[str, Any], Path, dict[BenchmarkRun, RunTask]],
 ) -> None:

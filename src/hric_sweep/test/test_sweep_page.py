@@ -47,7 +47,7 @@ def ranks(folder: Path) -> sensitivity.Ranks:
 
 
 def estimate(text: str) -> str:
-    found = re.search(r"<div class=estimate>(.*?)</div>", text)
+    found = re.search(r"<div class=answer>(.*?)</div>", text)
     assert found is not None
     return re.sub("<[^>]*>", " ", found[1]).replace("&gt;", ">").replace("&lt;", "<")
 

@@ -113,7 +113,7 @@ def judge(source: AssessmentInput, choices: AssessmentChoices | None = None) -> 
         TableTitle(table.title, table.edition),
         None if first is None else first.summary(),
         (*dict.fromkeys(assumptions), *silence_assumed(source), *choices.assumptions),
-        ranked([with_remedy(finding) for finding in findings]),
+        ranked([with_remedy(finding, source.name, source.run.get("experiment", "EXPERIMENT")) for finding in findings]),
         (*interaction(source), *productivity(nearest, signals.safety)),
         tuple(missing(source, first)),
         Timelines(scores, None if nearest is None else nearest.timeline()),

@@ -162,18 +162,25 @@ def _number(finding: Finding) -> tuple[float | None, float | None, str]:
     return None, None, ""
 
 
-def with_remedy(finding: Finding) -> Finding:
-    """Add a remedy for the missing data to a finding that is not assessable and has none."""
-    if finding.outcome != Outcome.NOT_ASSESSABLE or finding.remedy:
-        return finding
-    remedy = SEE
-    if AREA in finding.missing:
-        remedy = AREA_REMEDY
-    elif PENALTY in finding.missing:
-        remedy = PENALTY_REMEDY
-    elif any("angle" in name for name in finding.missing) and any("human/" in topic for topic in finding.signals):
-        remedy = PARTS_REMEDY + getattr(method_of(finding.subject), "parts", "upper_body")
-    return replace(finding, remedy=remedy)
+def with_remedy(finding: Finding, recording: str = "RUN", experiment: str = "EXPERIMENT") -> Finding:
+    """Return a finding with complete commands in its remedy; one that is not assessable always has a remedy.
+
+    Args:
+        finding: finding, with or without remedy.
+        recording: name of the assessed recording.
+        experiment: name of its experiment with a simulated person.
+    """
+    remedy = finding.remedy
+    if finding.outcome == Outcome.NOT_ASSESSABLE and not remedy:
+        remedy = SEE
+        if AREA in finding.missing:
+            remedy = AREA_REMEDY
+        elif PENALTY in finding.missing:
+            remedy = PENALTY_REMEDY
+        elif any("angle" in name for name in finding.missing) and any("human/" in topic for topic in finding.signals):
+            remedy = PARTS_REMEDY + getattr(method_of(finding.subject), "parts", "upper_body")
+    remedy = remedy.replace("--contact-area", f"hric assess {recording} --contact-area")
+    return replace(finding, remedy=remedy.replace("human.parts:=", f"hric run {experiment} human.parts:="))
 
 
 def _lacking(question: str, missing: Sequence[Missing]) -> str:

@@ -26,7 +26,7 @@ UNSEEN = ("shoulder_elevation",)
 CURVES = ("score", "stricter", "looser")
 INCLINATION = ("trunk_flexion", "trunk_bend")
 """Angles that are relative to the pelvis if the orientation of the root link is not known."""
-RECORD_JOINTS = "record the joints of neck, trunk and legs (parts: whole_body)"
+RECORD_JOINTS = "record the joints of neck, trunk and legs; of a simulated person: human.parts:=whole_body"
 RECORD_ROOT = (
     "record the pose of the body's root link (human/root, person/tracking, or a static transform from world to "
     "human_base), or assess the run folder"

@@ -31,7 +31,7 @@ class Page:
     Attributes:
         title: title of the run.
         subtitle: line below the title.
-        verdicts: short labels below the title, as (kind, text) with kind good, bad or plain.
+        verdicts: short labels below the title, as (kind, text); kind: good, bad, plain, or of `verdict.KINDS`.
         findings: key figures.
         figures: figures, shown in their sections in this order; a figure without panels is skipped.
         robots: robots, persons and objects of the replay.

@@ -32,7 +32,8 @@ def build(source: AssessmentInput, judged: VerdictFile) -> Page:
     if not robots:
         notes.append("There is no replay: the recording has neither an arm with its description nor a person.")
     kind = f"a {source.kind} without a run folder"
-    return Page(source.name, kind, robots=robots, notes=notes, verdict=verdict.part(judged), name=source.name)
+    labels = [verdict.label(judged)]
+    return Page(source.name, kind, labels, robots=robots, notes=notes, verdict=verdict.part(judged), name=source.name)
 
 
 def _person(source: AssessmentInput, person: AssessedPerson, rate: float, notes: list[str]) -> SceneRobot:

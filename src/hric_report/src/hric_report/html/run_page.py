@@ -10,6 +10,7 @@ from hric_report.figures import FigureData
 from hric_report.html import human_and_objects, moving, supervisor, verdict
 from hric_report.html.page import Page, replay_rate
 from hric_report.html.run_data import RunData
+from hric_report.html.scene import SceneRobot
 from hric_report.html.table import number
 
 
@@ -17,9 +18,6 @@ def build(data: RunData) -> Page:
     """Return the contents of the page of a run."""
     run, values = data.run, data.values
     notes: list[str] = []
-    rate = replay_rate(
-        data.record.log.time[-1] - data.record.log.time[0], moving.width(data) + human_and_objects.width(data)
-    )
     return Page(
         title=f"{run.get('experiment', 'run')}",
         subtitle=f"{data.folder.path.name}: {run.get('description', '')}",
@@ -39,20 +37,29 @@ def build(data: RunData) -> Page:
         ),
         run=data,
         events=events(data),
-        robots=[moving.robot(data, rate, notes), *human_and_objects.human(data, rate), *human_and_objects.objects(data)]
-        if data.description
-        else [],
-        notes=notes if data.description else ["There is no replay: the run folder has no robot.urdf."],
+        robots=robots(data, notes),
+        notes=notes,
         verdict=Markup() if data.verdict is None else verdict.part(data.verdict),
         supervisor=supervisor.strip(data.safety),
         name=data.folder.path.name,
     )
 
 
+def robots(data: RunData, notes: list[str]) -> list[SceneRobot]:
+    """Return robot, person and objects of a run for the replay; append notes for the page's reader."""
+    if not data.description:
+        notes.append("There is no replay: the run folder has no robot.urdf.")
+        return []
+    span = data.record.log.time[-1] - data.record.log.time[0]
+    rate = replay_rate(span, moving.width(data) + human_and_objects.width(data))
+    return [moving.robot(data, rate, notes), *human_and_objects.human(data, rate), *human_and_objects.objects(data)]
+
+
 def verdicts(data: RunData) -> list[tuple[str, str]]:
-    """Return the labels below the title, as (kind, text): status, stability, reflexes, limits, missing cycles."""
+    """Return the labels below the title, as (kind, text): verdict on the person, then status, stability and others."""
     status, values = str(data.run.get("status", "")), data.values
-    labels = [("good" if status == COMPLETED else "bad", status)]
+    labels = [] if data.verdict is None else [verdict.label(data.verdict)]
+    labels.append(("good" if status == COMPLETED else "bad", status))
     stable = values["stability"]
     if stable["verdict"] is not None:
         labels.append(
@@ -62,7 +69,7 @@ def verdicts(data: RunData) -> list[tuple[str, str]]:
             )
         )
     if values.get("reflexes"):
-        labels.append(("bad", f"the arm protected itself {len(values['reflexes'])} times"))
+        labels.append(("bad", f"reflexes of the arm: {len(values['reflexes'])}"))
     touched = values.get("limits_touched")
     if touched is not None:
         labels.append(("bad", "limits acted") if any(touched.values()) else ("good", "no limit acted"))

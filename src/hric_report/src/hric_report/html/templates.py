@@ -16,6 +16,7 @@ from hric_report import style
 from hric_report.html.table import PageTable, number
 
 ASSETS = Path(__file__).parent / "assets"
+DARK = re.compile(r":root\[data-theme=dark\] (\{[^}]*\})")
 SECTION = re.compile(r'<section id="([^"]*)"><h2>(.*?)</h2>')
 
 
@@ -34,7 +35,7 @@ def environment(folder: Path = ASSETS, **filters: Any) -> Environment:
         lstrip_blocks=True,
     )
     made.policies["json.dumps_kwargs"] = {"allow_nan": False, "separators": (",", ":")}
-    made.filters |= {"links": _links, "number": number, "scaled": _scaled, **filters}
+    made.filters |= {"in_the_dark": _in_the_dark, "links": _links, "number": number, "scaled": _scaled, **filters}
     made.globals |= {"asset": lambda name: Markup(_text(folder, name)), "style": style, "Table": PageTable}
     return made
 
@@ -42,6 +43,12 @@ def environment(folder: Path = ASSETS, **filters: Any) -> Environment:
 def _text(folder: Path, name: str) -> str:
     """Return the text of an asset from the folder, or from the shared assets if the folder lacks it."""
     return (folder / name if (folder / name).is_file() else ASSETS / name).read_text()
+
+
+def _in_the_dark(css: str) -> Markup:
+    """Return the rules of the dark theme again, for a system with a dark theme and pages without scripts."""
+    rules = "".join(f":root:not([data-theme]) {rule}" for rule in DARK.findall(css))
+    return Markup(f"@media (prefers-color-scheme: dark) {{ {rules} }}")
 
 
 def _links(main: str) -> Markup:

@@ -100,6 +100,11 @@ def conclusions_of(verdict: VerdictFile) -> list[Conclusion]:
     return [Conclusion(**entry) for entry in verdict["answers"]]
 
 
+def label(verdict: VerdictFile) -> tuple[str, str]:
+    """Return the label with the outcome for the top of a page, as (kind, text)."""
+    return KINDS[verdict["outcome"]], f"safety and ergonomics: {verdict['outcome']}"
+
+
 def summary(verdict: VerdictFile) -> str:
     """Return outcome, conclusions and disclaimer of a verdict as text for the terminal."""
     lines = [f"verdict: {verdict['outcome']} (verdict.json)", *map(str, conclusions_of(verdict)), verdict["disclaimer"]]

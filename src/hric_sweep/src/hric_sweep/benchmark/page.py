@@ -44,7 +44,7 @@ def build(results: PlainData) -> str:
 
 def _overview(results: PlainData) -> Iterator[PageTable]:
     """Yield the table of controllers in order, then one table of mean ranks for each category."""
-    yield PageTable("", text.HEAD, tuple(text.rows(results)), results["rule"])
+    yield PageTable("", text.HEAD, tuple(text.rows(results)))
     order = [standing["name"] for standing in results["standings"]]
     for category in ("ergonomics", "task", "robustness"):
         rows = tuple(

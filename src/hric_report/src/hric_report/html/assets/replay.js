@@ -1,12 +1,13 @@
 "use strict";
 // 3D replay of the run: camera, lights, ground, and redrawing after changes.
 {
-  const NEAR = 0.02, FAR = 60;
+  const NEAR = 0.02, FAR = 60, FIELD = 40; // near and far end of the view [m], and its vertical angle [deg]
+  const AZIMUTH = 0.9, ELEVATION = 0.3, MARGIN = 1.04; // first direction of the view [rad], and distance over the smallest one that shows all
 
   // Camera that orbits a point, z up: drag rotates, shift-drag or the right button pans, the wheel zooms.
   class Orbit {
     constructor(camera, canvas, changed) {
-      Object.assign(this, { camera, target: new THREE.Vector3(), distance: 2.5, azimuth: 0.9, elevation: 0.35 });
+      Object.assign(this, { camera, target: new THREE.Vector3(), distance: 2.5, azimuth: AZIMUTH, elevation: ELEVATION });
       canvas.addEventListener("pointerdown", (event) => canvas.setPointerCapture(event.pointerId));
       canvas.addEventListener("contextmenu", (event) => event.preventDefault());
       canvas.addEventListener("pointermove", (event) => {
@@ -45,7 +46,7 @@
       this.canvas = canvas;
       this.renderer = new THREE.WebGLRenderer({ canvas, context, antialias: true });
       this.scene = new THREE.Scene();
-      this.camera = new THREE.PerspectiveCamera(40, 1, NEAR, FAR);
+      this.camera = new THREE.PerspectiveCamera(FIELD, 1, NEAR, FAR);
       this.camera.up.set(0, 0, 1);
       this.orbit = new Orbit(this.camera, canvas, () => this.ask());
       this.light = new THREE.DirectionalLight(0xffffff, 0.55);
@@ -58,26 +59,58 @@
       if (this.robots.some(({ skin }) => skin)) document.querySelectorAll(".of-skin").forEach((element) => { element.hidden = false; });
     }
 
-    // Reset the view so that it shows all positions of the robots during the run.
-    home() {
-      const box = new THREE.Box3();
+    // Reset the view: it shows all positions of the robots between two times, by default of the whole run.
+    home(begin = report.begin, end = report.end, azimuth = AZIMUTH, elevation = ELEVATION) {
+      Object.assign(this.orbit, { azimuth, elevation });
+      const points = [], add = (object) => points.push(new THREE.Vector3().setFromMatrixPosition(object.matrixWorld));
+      const enclose = (mesh) => {
+        mesh.geometry.boundingBox || mesh.geometry.computeBoundingBox();
+        const { min, max } = mesh.geometry.boundingBox;
+        for (const x of [min.x, max.x]) for (const y of [min.y, max.y]) for (const z of [min.z, max.z]) points.push(mesh.localToWorld(new THREE.Vector3(x, y, z)));
+      };
       for (let k = 0; k <= 8; k++) {
-        this.pose(report.begin + ((report.end - report.begin) * k) / 8);
+        this.pose(begin + ((end - begin) * k) / 8);
         this.scene.updateMatrixWorld(true);
-        for (const robot of this.robots) for (const { object } of robot.tracks) {
-          if (object.visible) box.expandByPoint(object.getWorldPosition(new THREE.Vector3()));
-        }
-        for (const robot of this.robots) for (const plate of robot.plates) box.expandByObject(plate.box);
-        for (const robot of this.robots) for (const link of robot.links.values()) {
-          box.expandByPoint(new THREE.Vector3().setFromMatrixPosition(link.matrixWorld));
-          for (const mesh of link.children) if (mesh.isMesh && mesh.visible) box.expandByObject(mesh);
+        for (const robot of this.robots) {
+          robot.tracks.filter(({ object }) => object.visible).forEach(({ object }) => add(object));
+          robot.plates.forEach((plate) => enclose(plate.box));
+          robot.links.forEach(add);
+          robot.meshes().forEach(enclose);
         }
       }
-      const size = box.getSize(new THREE.Vector3()).length();
-      box.getCenter(this.orbit.target);
-      const { clientWidth, clientHeight } = this.canvas.parentElement, narrow = Math.min(1, clientWidth / Math.max(clientHeight, 1));
-      Object.assign(this.orbit, { distance: (1.25 * size) / narrow, azimuth: 0.9, elevation: 0.3 });
+      if (points.length) this.fit(points);
       this.pose(report.time);
+    }
+
+    // Look at points from the present direction, so that they fill the picture.
+    fit(points) {
+      const { orbit, camera } = this, { clientWidth, clientHeight } = this.canvas.parentElement;
+      const tall = Math.tan((0.5 * FIELD * Math.PI) / 180), wide = (tall * clientWidth) / Math.max(clientHeight, 1);
+      new THREE.Box3().setFromPoints(points).getCenter(orbit.target);
+      for (let round = 0; round < 3; round++) {
+        orbit.apply();
+        camera.updateMatrixWorld();
+        const seen = points.map((point) => point.clone().applyMatrix4(camera.matrixWorldInverse));
+        orbit.distance = MARGIN * Math.max(...seen.map(({ x, y, z }) => z + orbit.distance + Math.max(Math.abs(x) / wide, Math.abs(y) / tall)));
+        const { min, max } = new THREE.Box3().setFromPoints(seen.map(({ x, y, z }) => new THREE.Vector3(x / -z, y / -z, 0)));
+        for (const [k, middle] of [(min.x + max.x) / 2, (min.y + max.y) / 2].entries()) {
+          if (round < 2 && seen.every(({ z }) => z < -NEAR)) orbit.target.addScaledVector(new THREE.Vector3().setFromMatrixColumn(camera.matrixWorld, k), middle * orbit.distance);
+        }
+      }
+    }
+
+    // Prepare pictures of this size [px], seen from a direction [rad], of all positions between two times.
+    film({ width, height, azimuth, elevation, begin, end }) {
+      Object.assign(this.canvas.parentElement.style, { position: "fixed", inset: "0", border: "0", borderRadius: "0", zIndex: "20", width: width + "px", height: height + "px" });
+      this.home(begin, end, azimuth, elevation);
+    }
+
+    // Return the picture at time t as a PNG in base64.
+    picture(t) {
+      this.asked = true; // drawn here, not at the next screen refresh
+      this.pose(t);
+      this.draw();
+      return this.canvas.toDataURL("image/png").split(",")[1];
     }
 
     pose(t) {
