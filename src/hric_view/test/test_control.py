@@ -7,7 +7,7 @@ import pytest
 
 from hric_core.errors import HricError
 from hric_view.control import MAX_PUSH, Controls
-from hric_view.server import BadMessageError
+from hric_view.server import ForeignMessageError
 
 LIMITS = {"joint1": (-1.0, 2.0), "joint2": (0.0, 1.0)}
 
@@ -89,7 +89,7 @@ def test_a_second_controller_is_refused_by_name(
     for refused in (message, {"command": "take", "name": "Bob"}):
         with pytest.raises(HricError, match=r"Anna \(127.0.0.1:1\) controls this robot") as error:
             controls.receive(second, refused)  # type: ignore[arg-type]
-        assert not isinstance(error.value, BadMessageError)
+        assert not isinstance(error.value, ForeignMessageError)
     assert actions.done == []
 
 
@@ -123,7 +123,7 @@ def test_what_is_impossible_is_refused_with_the_valid_values(
 ) -> None:
     with pytest.raises(HricError, match=text) as error:
         controls.receive(anna, message)  # type: ignore[arg-type]
-    assert not isinstance(error.value, BadMessageError) and actions.done == []
+    assert not isinstance(error.value, ForeignMessageError) and actions.done == []
 
 
 @pytest.mark.parametrize(
@@ -150,6 +150,6 @@ def test_what_is_impossible_is_refused_with_the_valid_values(
     ids=str,
 )
 def test_a_message_of_no_page_is_bad(controls: Controls, actions: Noted, anna: Person, message: dict[str, Any]) -> None:
-    with pytest.raises(BadMessageError):
+    with pytest.raises(ForeignMessageError):
         controls.receive(anna, message)  # type: ignore[arg-type]
     assert actions.done == []

@@ -24,7 +24,7 @@ from hric_report.html.scene import SceneRobot
 from hric_view import page
 from hric_view.live import LiveJoints
 from hric_view.recordings import RecordedWindow, entry, run_names
-from hric_view.server import Page, ViewServer, Visit
+from hric_view.server import ViewServer, Visit, WebPage
 
 INSTANT = 1.0
 """Instant at which the pictures are compared [s]."""
@@ -132,7 +132,7 @@ class LiveCopy:
             empty = (np.zeros(1), np.zeros((1, len(names))))
             self.robots.append(SceneRobot("", robot.description, names, *empty, pose=robot.pose, skin=robot.skin))
 
-    def page(self, visit: Visit) -> Page | None:
+    def page(self, visit: Visit) -> WebPage | None:
         """Return the page."""
         return page.render("live", visit)
 

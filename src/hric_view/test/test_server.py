@@ -11,7 +11,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
 from hric_core.errors import FailureError, HricError
-from hric_view.server import MAX_MESSAGE, MAX_VIEWERS, PORT, BadMessageError, Page, Viewer, ViewServer, Visit
+from hric_view.server import MAX_MESSAGE, MAX_VIEWERS, PORT, ForeignMessageError, Viewer, ViewServer, Visit, WebPage
 
 SCENE = '{"data":{}}'
 
@@ -19,8 +19,8 @@ SCENE = '{"data":{}}'
 class Shown:
     """Window with one page, which says the address of its socket."""
 
-    def page(self, visit: Visit) -> Page | None:
-        return Page("text/html", f"<p>{visit.socket}".encode()) if visit.path == "/" else None
+    def page(self, visit: Visit) -> WebPage | None:
+        return WebPage("text/html", f"<p>{visit.socket}".encode()) if visit.path == "/" else None
 
     def scene(self, visit: Visit) -> str:
         if "run" in visit.query:
@@ -37,7 +37,7 @@ class Obeying:
 
     def receive(self, viewer: Viewer, message: Mapping[str, object]) -> None:
         if "do" not in message:
-            raise BadMessageError("nothing to do")
+            raise ForeignMessageError("nothing to do")
         if message["do"] == "forbidden":
             raise HricError("not now")
         self.received.append(message)

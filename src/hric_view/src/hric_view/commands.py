@@ -11,7 +11,7 @@ from hric_core.command import Argument, Command
 from hric_core.parameters import whole
 
 if TYPE_CHECKING:
-    from hric_view.server import Window
+    from hric_view.server import WindowContents
 
 ADDRESS = (
     Argument(
@@ -53,7 +53,7 @@ class ViewCommand(Command):
         serve(RecordedWindow(root), arguments, "/run" if query else "/", query)
 
 
-def serve(window: "Window", arguments: argparse.Namespace, path: str = "/", query: str = "") -> None:
+def serve(window: "WindowContents", arguments: argparse.Namespace, path: str = "/", query: str = "") -> None:
     """Serve a window until Ctrl-C.
 
     Args:

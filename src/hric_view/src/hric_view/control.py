@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol
 
 from hric_core.errors import HricError, UnknownNameError
-from hric_view.server import BadMessageError, Viewer
+from hric_view.server import ForeignMessageError, Viewer
 
 MAX_PUSH = 50.0
 """Largest force with which the mouse pushes [N]; project default, unconfirmed."""
@@ -24,7 +24,7 @@ MAX_NAME = 40
 
 
 class Actions(Protocol):
-    """What the commands do. Each method raises HricError if the system refuses or does not respond."""
+    """Implementation of the commands. Each method raises HricError if the system refuses or does not respond."""
 
     def pause(self) -> None:
         """Pause the simulation."""
@@ -73,7 +73,7 @@ class Controls:
         self._actions, self._limits, self._links = actions, limits, frozenset(links)
         self._lock = threading.Lock()
         self._holder: Viewer | None = None
-        self._told = 0.0
+        self._reported = 0.0
         self._name = ""
         self._commands: dict[str, Callable[[Mapping[str, Any]], None]] = {
             "pause": lambda message: actions.pause(),
@@ -104,9 +104,9 @@ class Controls:
     def frame(self) -> dict[str, object]:
         """Return who controls and what can be commanded, every PERIOD; see page.Part."""
         now = time.monotonic()
-        if now - self._told < PERIOD:
+        if now - self._reported < PERIOD:
             return {}
-        self._told = now
+        self._reported = now
         return {"control": {"holder": self.holder, **self._actions.summary()}}
 
     @property
@@ -123,9 +123,9 @@ class Controls:
         if kind == "release" and set(message) == {"command"}:
             return self.leave(viewer)
         if not isinstance(kind, str) or kind not in self._commands:
-            raise BadMessageError(f"no command {kind!r}")
+            raise ForeignMessageError(f"no command {kind!r}")
         if set(message) != {"command"} | self._keys.get(kind, set()):
-            raise BadMessageError(f"keys of {kind}: {', '.join(message)}")
+            raise ForeignMessageError(f"keys of {kind}: {', '.join(message)}")
         with self._lock:
             holder = self._holder
         if holder is not viewer:
@@ -152,13 +152,13 @@ class Controls:
     def _switch(self, message: Mapping[str, Any]) -> None:
         stop = message["stop"]
         if not isinstance(stop, list) or not all(isinstance(name, str) for name in stop):
-            raise BadMessageError("stop is not a list of names")
+            raise ForeignMessageError("stop is not a list of names")
         self._actions.switch(_text(message, "start"), stop)
 
     def _joints(self, message: Mapping[str, Any]) -> None:
         positions = message["positions"]
         if not isinstance(positions, dict) or not positions:
-            raise BadMessageError("positions is not a mapping")
+            raise ForeignMessageError("positions is not a mapping")
         for name in positions:
             if name not in self._limits:
                 raise UnknownNameError("joint", name, self._limits)
@@ -185,7 +185,7 @@ class Controls:
 def _number(message: Mapping[str, Any], key: str, lower: float = -math.inf, upper: float = math.inf) -> float:
     value = message[key]
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise BadMessageError(f"{key} is not a number")
+        raise ForeignMessageError(f"{key} is not a number")
     if not lower <= value <= upper:
         raise HricError(f"{key} {value:g} is outside its range; valid: {lower:g} to {upper:g}")
     return float(value)
@@ -193,18 +193,18 @@ def _number(message: Mapping[str, Any], key: str, lower: float = -math.inf, uppe
 
 def _whole(message: Mapping[str, Any], key: str, upper: int) -> int:
     if not isinstance(message[key], int):
-        raise BadMessageError(f"{key} is not a whole number")
+        raise ForeignMessageError(f"{key} is not a whole number")
     return int(_number(message, key, 1, upper))
 
 
 def _text(message: Mapping[str, Any], key: str) -> str:
     if not isinstance(message[key], str):
-        raise BadMessageError(f"{key} is not a text")
+        raise ForeignMessageError(f"{key} is not a text")
     return str(message[key])
 
 
 def _vector(message: Mapping[str, Any], key: str, size: int) -> list[float]:
     values = message[key]
     if not isinstance(values, list) or len(values) != size:
-        raise BadMessageError(f"{key} is not a list of {size} numbers")
+        raise ForeignMessageError(f"{key} is not a list of {size} numbers")
     return [_number({key: value}, key) for value in values]

@@ -238,11 +238,11 @@ def _resources(controller: Any) -> list[str]:
 def _moved(T_base_ee: FloatArray, displacement: Sequence[float]) -> PoseStamped:
     """Return a pose after a displacement: translation [m], rotation vector [rad], both in the axes of the base."""
     pose = PoseStamped(header=Header(stamp=rospy.Time.now()))
-    place = pose.pose.position
-    place.x, place.y, place.z = T_base_ee[:3, 3] + np.asarray(displacement[:3])
+    position = pose.pose.position
+    position.x, position.y, position.z = T_base_ee[:3, 3] + np.asarray(displacement[:3])
     R = Rotation.from_rotvec(displacement[3:]).as_matrix() @ T_base_ee[:3, :3]
-    turn = pose.pose.orientation
-    turn.x, turn.y, turn.z, turn.w = quaternion_from_rotation(R)
+    quaternion = pose.pose.orientation
+    quaternion.x, quaternion.y, quaternion.z, quaternion.w = quaternion_from_rotation(R)
     return pose
 
 

@@ -22,7 +22,7 @@ from hric_view.control import PERIOD, Controls
 from hric_view.control_node import SystemActions
 from hric_view.live import LiveForces, LiveJoints
 from hric_view.page import Part
-from hric_view.server import LOOPBACK, Page, ViewServer, Visit
+from hric_view.server import LOOPBACK, ViewServer, Visit, WebPage
 
 HUMAN = "human"
 """Name of the simulated person: of their topics below `hric/`, and of their section among the robot's participants."""
@@ -78,7 +78,7 @@ class BrowserWindow(NodeApp):
         if self._controls is not None:
             self._actions.close()
 
-    def page(self, visit: Visit) -> Page | None:
+    def page(self, visit: Visit) -> WebPage | None:
         """Return the page of the window."""
         return page.render(self._title, visit, control=self._controls is not None) if visit.path == "/" else None
 

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 from hric_report.html import libraries, templates
 from hric_report.html.scene import Blob, PageScene, SceneRobot
 from hric_view.live import LiveJoints
-from hric_view.server import HTML, Page, Visit
+from hric_view.server import HTML, Visit, WebPage
 
 ASSETS = Path(__file__).parent / "assets"
 
@@ -35,7 +35,7 @@ def render(
     control: bool = False,
     links: Sequence[tuple[str, str]] = (),
     waiting: str = "connecting",
-) -> Page:
+) -> WebPage:
     """Return the page.
 
     Args:
@@ -57,7 +57,7 @@ def render(
         waiting=waiting,
         libraries=(libraries.three(),),
     )
-    return Page(HTML, text.encode())
+    return WebPage(HTML, text.encode())
 
 
 def scene_message(

@@ -13,7 +13,7 @@ from hric_core.errors import HricError
 from hric_report import html
 from hric_report.html import templates, verdict
 from hric_view import page
-from hric_view.server import HTML, Page, Visit
+from hric_view.server import HTML, Visit, WebPage
 
 KEPT = 3
 """Scenes of runs that are kept in memory; project default, unconfirmed."""
@@ -50,12 +50,12 @@ def entry(folder: RunFolder) -> RunEntry:
     """Return the row of a run; a run that cannot be read has its fault in it."""
     try:
         run = folder.read()
-        answer = _verdict(folder, run)
+        outcome = _verdict(folder, run)
     except HricError as error:
         return RunEntry(folder.path.name, fault=str(error))
     values = {name: str(run.get(name) or "") for name in ("experiment", "started", "status")}
     fault = "" if folder.bag_of(run).is_file() else "no bag: nothing was recorded, or the bag was removed"
-    return RunEntry(folder.path.name, **values, verdict=answer, fault=fault)
+    return RunEntry(folder.path.name, **values, verdict=outcome, fault=fault)
 
 
 def _verdict(folder: RunFolder, run: RunFile) -> str:
@@ -77,7 +77,7 @@ class RecordedWindow:
         self._root, self._reading = root, threading.Lock()
         self._scene = lru_cache(maxsize=KEPT)(_scene)
 
-    def page(self, visit: Visit) -> Page | None:
+    def page(self, visit: Visit) -> WebPage | None:
         """Return the list of runs, the page that replays one or two runs, or the report of a run.
 
         Raises:
@@ -118,20 +118,20 @@ class RecordedWindow:
             raise HricError(f"no run {name!r} in {self._root}; the newest: {newest}")
         return RunFolder(self._root / name)
 
-    def _list(self, visit: Visit) -> Page:
+    def _list(self, visit: Visit) -> WebPage:
         entries = [entry(RunFolder(self._root / name)) for name in run_names(self._root)]
         template = templates.environment(page.ASSETS).get_template("runs.html")
         text = template.render(
             title="Recorded runs", subtitle=str(self._root), entries=entries, link=visit.link, token=visit.token
         )
-        return Page(HTML, text.encode())
+        return WebPage(HTML, text.encode())
 
-    def _report(self, folder: RunFolder) -> Page:
+    def _report(self, folder: RunFolder) -> WebPage:
         path = folder.path / html.NAME
         with self._reading:
             if not path.is_file():
                 html.write(folder)
-        return Page(HTML, path.read_bytes())
+        return WebPage(HTML, path.read_bytes())
 
 
 def _scene(changed: Sequence[tuple[str, int]]) -> str:

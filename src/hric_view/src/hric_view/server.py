@@ -46,7 +46,7 @@ IDLE = 0.5
 HTML = "text/html"
 
 
-class Page(NamedTuple):
+class WebPage(NamedTuple):
     """Response to a request by HTTP: the media type and the content."""
 
     kind: str
@@ -74,7 +74,7 @@ class Visit:
         return f"{path}?{urlencode({**query, 'token': self.token})}"
 
 
-class BadMessageError(HricError):
+class ForeignMessageError(HricError):
     """Message that no page of this project sends; the connection of its sender is closed."""
 
 
@@ -98,10 +98,10 @@ class Viewer:
             self._connection.send(json.dumps(message, allow_nan=False))
 
 
-class Window(Protocol):
+class WindowContents(Protocol):
     """Contents of a window."""
 
-    def page(self, visit: Visit) -> Page | None:
+    def page(self, visit: Visit) -> WebPage | None:
         """Return the page at an address; None: there is none.
 
         Raises:
@@ -123,7 +123,7 @@ class Receiver(Protocol):
         """Execute a message.
 
         Raises:
-            BadMessageError: the message is none that a page sends; the connection is closed.
+            ForeignMessageError: the message is none that a page sends; the connection is closed.
             HricError: the request is refused; the viewer gets the reason.
         """
 
@@ -147,7 +147,9 @@ class ViewServer:
         FailureError: the port is taken, or the host is no address of this machine.
     """
 
-    def __init__(self, window: Window, host: str = LOOPBACK, port: int = 0, receiver: Receiver | None = None) -> None:
+    def __init__(
+        self, window: WindowContents, host: str = LOOPBACK, port: int = 0, receiver: Receiver | None = None
+    ) -> None:
         if host in ("", "0.0.0.0", "::"):
             raise FailureError(
                 f"the window cannot listen on {host!r}, all addresses; valid: one address of this machine"
@@ -272,7 +274,7 @@ class ViewServer:
         try:
             message = from_text(text)
             self._receiver.receive(viewer, message)
-        except BadMessageError:
+        except ForeignMessageError:
             return False
         except HricError as error:
             viewer.tell({"type": "refused", "text": str(error)})
@@ -283,7 +285,7 @@ def from_text(text: str | bytes) -> dict[str, Any]:
     """Return a message of a viewer: a JSON object without NaN, infinities and repeated keys.
 
     Raises:
-        BadMessageError: the text is none.
+        ForeignMessageError: the text is none.
     """
 
     def pairs(items: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -299,9 +301,9 @@ def from_text(text: str | bytes) -> dict[str, Any]:
     try:
         message = json.loads(text, object_pairs_hook=pairs, parse_constant=number, parse_float=number)
     except (ValueError, RecursionError) as error:  # RecursionError: nested too deeply
-        raise BadMessageError(str(error)) from error
+        raise ForeignMessageError(str(error)) from error
     if not isinstance(message, dict):
-        raise BadMessageError("not an object")
+        raise ForeignMessageError("not an object")
     return message
 
 
