@@ -88,7 +88,7 @@ def test_a_run_that_was_not_assessed_is_not_known(root: Path, names: dict[str, l
 def test_only_runs_of_the_folder_are_shown(root: Path, name: str) -> None:
     window = RecordedWindow(root)
     for path in ("/run", "/report"):
-        with pytest.raises(HricError, match="the newest: .*contact"):
+        with pytest.raises(HricError, match=r"the newest: .*contact"):
             window.page(visit(path, run=name))
     with pytest.raises(HricError, match="no run"):
         window.scene(visit("/socket", run=name))

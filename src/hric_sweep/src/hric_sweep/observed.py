@@ -7,6 +7,7 @@ from typing import Any
 import roslib.message
 
 from hric_analysis import collaboration, contacts
+from hric_analysis.human import SimulatedPerson
 from hric_analysis.values import MOTION, Values
 from hric_assessment.verdict.inputs import AssessmentInput
 from hric_bags.memory import MemoryBag, nanoseconds
@@ -120,10 +121,13 @@ class Observations(Mapping[str, object]):
         bag: recorded messages.
         record: control log of the run with its accompanying data.
         description: URDF of the robot.
+
+    Attributes:
+        description: the same.
     """
 
     def __init__(self, run: RunFile, bag: MemoryBag, record: RunRecord, description: str) -> None:
-        self._run, self._bag, self._record, self._description = run, bag, record, description
+        self._run, self._bag, self._record, self.description = run, bag, record, description
 
     @property
     def log(self) -> ControlRecord:
@@ -132,20 +136,26 @@ class Observations(Mapping[str, object]):
 
     @cached_property
     def _metrics(self) -> Values:
-        return Values(self._run, self._bag, self._record, self._description)
+        return Values(self._run, self._bag, self._record, self.description)
 
     def _messages(self, kind: str) -> list[Any]:
         chosen = self._bag.chosen(lambda connection: connection.msgtype == kind)
         return [self._bag.deserialize(raw, kind) for _, _, raw in chosen]
 
+    @property
+    def person(self) -> SimulatedPerson | None:
+        """Data of the simulated person; None: there was none."""
+        return self._metrics.person
+
     @cached_property
-    def _verdict_input(self) -> AssessmentInput:
-        return contacts.given_of(self._run, self._bag, self._description)
+    def verdict_input(self) -> AssessmentInput:
+        """Recording, as the verdict reads it."""
+        return contacts.given_of(self._run, self._bag, self.description)
 
     @cached_property
     def contacts(self) -> list[ContactEvent]:
         """Contacts between person and robot, assessed as in the verdict of a report."""
-        return contact_events(contacts.findings(self._verdict_input), self._record.log, self._description)
+        return contact_events(contacts.findings(self.verdict_input), self._record.log, self.description)
 
     @cached_property
     def _impact(self) -> Mapping[str, Sequence[PlainData]]:
@@ -157,7 +167,7 @@ class Observations(Mapping[str, object]):
 
     @cached_property
     def _collaboration(self) -> PlainData | None:
-        return collaboration.values(self._verdict_input, self._metrics.person)
+        return collaboration.values(self.verdict_input, self._metrics.person)
 
     def __getitem__(self, key: str) -> Any:
         return getattr(self, f"_{key}") if key in SWEEP_GROUPS else self._metrics[key]

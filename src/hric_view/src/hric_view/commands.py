@@ -11,7 +11,7 @@ from hric_core.command import Argument, Command
 from hric_core.parameters import whole
 
 if TYPE_CHECKING:
-    from hric_view.server import WindowContents
+    from hric_view.server import Receiver, WindowContents
 
 ADDRESS = (
     Argument(
@@ -53,7 +53,37 @@ class ViewCommand(Command):
         serve(RecordedWindow(root), arguments, "/run" if query else "/", query)
 
 
-def serve(window: "WindowContents", arguments: argparse.Namespace, path: str = "/", query: str = "") -> None:
+class TryCommand(Command):
+    """Try a contact of the arm with a person in the browser: sliders, and the figures of each run.
+
+    Each change runs the experiment try_contact anew, without a ROS master. Prints the address to open, and runs until
+    Ctrl-C.
+    """
+
+    def arguments(self) -> list[Argument]:
+        """Return the arguments."""
+        return [*ADDRESS]
+
+    def run(self, arguments: argparse.Namespace) -> None:
+        """Serve the window until Ctrl-C."""
+        from hric_view.tryout import Tryout
+        from hric_view.tryout_window import TryoutWindow
+
+        tryout = Tryout()
+        try:
+            window = TryoutWindow(tryout)
+            serve(window, arguments, receiver=window)
+        finally:
+            tryout.close()
+
+
+def serve(
+    window: "WindowContents",
+    arguments: argparse.Namespace,
+    path: str = "/",
+    query: str = "",
+    receiver: "Receiver | None" = None,
+) -> None:
     """Serve a window until Ctrl-C.
 
     Args:
@@ -61,13 +91,16 @@ def serve(window: "WindowContents", arguments: argparse.Namespace, path: str = "
         arguments: values of the options ADDRESS.
         path: path of the page whose address is printed.
         query: query of that address, without the token.
+        receiver: receiver of the messages of viewers; None: the window takes none.
 
     Raises:
         FailureError: the port is taken, or the host is no address of this machine.
     """
     from hric_view.server import ViewServer
 
-    server = ViewServer(window, arguments.host, whole(minimum=0, maximum=65535).checked(arguments.port, "--port"))
+    server = ViewServer(
+        window, arguments.host, whole(minimum=0, maximum=65535).checked(arguments.port, "--port"), receiver
+    )
     print(f"The window is open at {server.link(path, query)}\nend: Ctrl-C", flush=True)
     try:
         threading.Event().wait()

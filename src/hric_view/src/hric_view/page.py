@@ -35,6 +35,7 @@ def render(
     control: bool = False,
     links: Sequence[tuple[str, str]] = (),
     waiting: str = "connecting",
+    sliders: Sequence[Mapping[str, object]] = (),
 ) -> WebPage:
     """Return the page.
 
@@ -44,6 +45,7 @@ def render(
         control: True: the page has the controls.
         links: texts and addresses of links to other pages.
         waiting: text until the scene is there.
+        sliders: conditions of a run that can be chosen; empty: none.
 
     Raises:
         HricError: a library of the page is not installed.
@@ -55,6 +57,7 @@ def render(
         control=control,
         links=links,
         waiting=waiting,
+        sliders=sliders,
         libraries=(libraries.three(),),
     )
     return WebPage(HTML, text.encode())

@@ -94,8 +94,12 @@ class Viewer:
 
     def tell(self, message: Mapping[str, object]) -> None:
         """Send a message to this viewer; do nothing if it has left."""
+        self.send(json.dumps(message, allow_nan=False))
+
+    def send(self, text: str) -> None:
+        """Send a message, as JSON, to this viewer; do nothing if it has left."""
         with contextlib.suppress(ConnectionClosed):
-            self._connection.send(json.dumps(message, allow_nan=False))
+            self._connection.send(text)
 
 
 class WindowContents(Protocol):

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from hric_analysis.human import SimulatedPerson
 from hric_bags.records.human_record import GripRecord
 from hric_bags.records.muscle_record import MuscleRecord
 from hric_bags.records.region_contacts import ContactRecord
@@ -40,9 +41,23 @@ def human(data: RunData, rate: float, *, role: str = "", shift: float = 0.0) -> 
     """
     if data.person is None:
         return []
-    record = data.person.record
     settings = HumanSettings.of(data.run["definition"]["human"], "human")
-    body = settings.body()
+    return [simulated_person(data.person, settings, rate, role=role, shift=shift)]
+
+
+def simulated_person(
+    simulated: SimulatedPerson, settings: HumanSettings, rate: float, *, role: str = "", shift: float = 0.0
+) -> SceneRobot:
+    """Return a simulated person as a robot of the replay; see `human`.
+
+    Args:
+        simulated: data of the person.
+        settings: settings of the person, with their body and place.
+        rate: maximum number of replayed instants per second [Hz].
+        role: colour role of the run; "": work clothes.
+        shift: offset added to all times [s].
+    """
+    record, body = simulated.record, settings.body()
     shown = instants(record.time, rate)
     arrows = [_grip(grip, rate, shift) for grip in record.grips.values()]
     arrows += [_contact(person, rate, shift) for person in record.contacts.values()]
@@ -63,7 +78,7 @@ def human(data: RunData, rate: float, *, role: str = "", shift: float = 0.0) -> 
     if record.root is not None:
         seen = instants(record.root.time, rate)
         person.motion = SceneTrack("frame", "person", "world", record.root.time[seen] + shift, record.root.pose[seen])
-    return [person]
+    return person
 
 
 def _muscles(record: MuscleRecord, body: Body, settings: HumanSettings, rate: float, shift: float) -> SceneLines | None:

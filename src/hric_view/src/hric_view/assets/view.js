@@ -52,8 +52,10 @@
     report.end = Math.max(...times.map((time) => time[time.length - 1]), ...(times.length ? [] : [0]));
     const canvas = find("view").querySelector("canvas"), fresh = canvas.cloneNode();
     canvas.replaceWith(fresh); // a canvas has one renderer for good
+    const seenFrom = message.live ? null : report.replay?.orbit;
     report.replay?.renderer.dispose();
     report.replay = report.makeReplay(fresh);
+    if (seenFrom) for (const key of ["target", "distance", "azimuth", "elevation"]) report.replay.orbit[key] = seenFrom[key];
     report.forces = report.replay && new report.Forces(report.replay.scene);
     lost = false;
     find("live").hidden = !message.live;
@@ -117,5 +119,4 @@
   dark.addEventListener("change", paint);
   paint();
   setInterval(tellOld, OLD / 2);
-  report.connect();
 }

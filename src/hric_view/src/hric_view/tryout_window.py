@@ -1,0 +1,46 @@
+"""Window of `hric try`: sliders, the run that they ask for, and its figures beside those of the run before."""
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+from hric_view import page
+from hric_view.server import ForeignMessageError, Viewer, Visit, WebPage
+from hric_view.tryout import SLIDERS, Tryout, checked
+
+
+class TryoutWindow:
+    """Contents of the window, and receiver of the conditions that its viewers choose.
+
+    Args:
+        tryout: runs the experiment.
+    """
+
+    def __init__(self, tryout: Tryout) -> None:
+        self._tryout = tryout
+
+    def page(self, visit: Visit) -> WebPage | None:
+        """Return the page with the sliders."""
+        if visit.path != "/":
+            return None
+        sliders = [asdict(slider) for slider in SLIDERS]
+        return page.render("Try a contact", visit, sliders=sliders, waiting="running the experiment for the first time")
+
+    def scene(self, visit: Visit) -> str:
+        """Return the run with the default conditions.
+
+        Raises:
+            HricError: the run failed.
+        """
+        return self._tryout.result({})
+
+    def receive(self, viewer: Viewer, message: Mapping[str, Any]) -> None:
+        """Run the experiment with the conditions of a viewer, and send them the result; see server.Receiver."""
+        if set(message) != {"command", "values"} or message["command"] != "run":
+            raise ForeignMessageError(f"keys {', '.join(message)}")
+        if not isinstance(message["values"], dict):
+            raise ForeignMessageError("values is not a mapping")
+        viewer.send(self._tryout.result(checked(message["values"])))
+
+    def leave(self, viewer: Viewer) -> None:
+        """Do nothing: a viewer who has left gets no result."""

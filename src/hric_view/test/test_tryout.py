@@ -1,0 +1,116 @@
+"""`hric try`: each change runs the experiment anew, and its figures stand beside those before."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from browser import Browser, installed
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import connect
+from websockets.typing import Origin
+
+from hric_assessment.verdict import opened
+from hric_assessment.verdict.assess import assess
+from hric_core.command import main
+from hric_core.errors import HricError
+from hric_view.server import ViewServer
+from hric_view.tryout import SLIDERS, Tryout, checked, figures_of, overrides
+from hric_view.tryout_window import TryoutWindow
+
+
+@pytest.fixture(scope="module")
+def tryout() -> Iterator[Tryout]:
+    made = Tryout()
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def server(tryout: Tryout) -> Iterator[ViewServer]:
+    window = TryoutWindow(tryout)
+    made = ViewServer(window, receiver=window)
+    yield made
+    made.close()
+
+
+def figures(message: str) -> dict[str, dict[str, Any]]:
+    return {one["name"]: one for one in json.loads(message)["figures"]}
+
+
+def test_figures_are_those_of_the_recorded_run(tryout: Tryout, tmp_path: Path) -> None:
+    values = checked({"speed": 1.5, "mass": 60, "female": 1})
+    assert main(["run", "try_contact", *overrides(values), "--quiet", "--no-figures", "--runs", str(tmp_path)]) == 0
+    (folder,) = (path.parent for path in tmp_path.glob("*_*/run.yaml"))
+    expected = {one.name: (one.value, one.limit, one.reply) for one in figures_of(assess(opened(str(folder))))}
+    shown = figures(tryout.result(values))
+    assert {name: (one["value"], one["limit"], one["reply"]) for name, one in shown.items()} == expected
+    assert shown["largest contact force"]["value"] > 20.0
+
+
+def test_a_faster_arm_hits_harder(tryout: Tryout) -> None:
+    slow, fast = (figures(tryout.result({"speed": speed})) for speed in (0.8, 1.6))
+    for name in ("largest contact force", "speed at which they met"):
+        assert fast[name]["value"] > 1.2 * slow[name]["value"]
+
+
+def test_without_a_contact_the_force_is_not_known(tryout: Tryout) -> None:
+    force = figures(tryout.result({"speed": 0.2}))["largest contact force"]
+    assert force["value"] is None and "nothing touched the person" in force["reason"]
+
+
+@pytest.mark.parametrize(
+    ("values", "text"),
+    [
+        ({"speed": 3.0}, "largest joint speed is 3.0; valid: 0.2 to 2 rad/s"),
+        ({"speed": "fast"}, "valid: 0.2 to 2"),
+        ({"speed": True}, "valid: 0.2 to 2"),
+        ({"spede": 1.0}, "did you mean speed"),
+    ],
+)
+def test_conditions_outside_their_range_are_refused(tryout: Tryout, values: dict[str, Any], text: str) -> None:
+    with pytest.raises(HricError, match=text):
+        tryout.result(values)
+
+
+def test_every_condition_changes_the_experiment() -> None:
+    default = overrides(checked({}))
+    assert all(
+        overrides(checked({one.name: one.upper if one.default < one.upper else one.lower})) != default
+        for one in SLIDERS
+    )
+
+
+@pytest.mark.parametrize("message", ['{"command":"rm"}', '{"command":"run"}', '{"command":"run","values":[]}', "1"])
+def test_a_message_of_no_page_closes_the_connection(server: ViewServer, message: str) -> None:
+    with client(server) as viewer, pytest.raises(ConnectionClosed):
+        viewer.send(message)
+        for _ in range(3):
+            viewer.recv(60)
+
+
+def client(server: ViewServer) -> Any:
+    origin, _, query = server.address.partition("/?")
+    address = f"{origin.replace('http', 'ws')}/socket?{query}"
+    return connect(address, origin=Origin(origin), max_size=None, close_timeout=0.1)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not installed(), reason="no chromium; scripts/setup --with checks installs it")
+def test_a_slider_shows_the_run_beside_the_one_before(server: ViewServer, tmp_path: Path) -> None:
+    with Browser(tmp_path) as page:
+        page.call("Emulation.setDeviceMetricsOverride", width=390, height=844, deviceScaleFactor=1, mobile=True)
+        page.open_address(server.address)
+        page.wait("report.started === true")
+        assert page.evaluate("document.documentElement.scrollWidth") <= 390
+        force = "document.querySelector('#figures tbody tr').cells"
+        before = page.evaluate(f"{force}[1].textContent")
+        page.evaluate(
+            "(() => { const slider = document.querySelector('[name=speed]'); slider.value = 1.4; "
+            "slider.dispatchEvent(new Event('change', { bubbles: true })); })()"
+        )
+        page.wait(f"{force}[2].textContent === '{before}'")
+        assert page.evaluate(f"{force}[1].textContent") != before
+        assert page.evaluate("report.replay.robots.length") == 2
+        assert page.problems == [] and page.requests == []
