@@ -20,8 +20,8 @@ CLOTHES = {
     "shoes": (0.17, 0.16, 0.16),
 }
 """Colours of plain work clothes: red, green, blue."""
-CUT = 0.5
-"""Share of the present links at the edge of a part of the skin [1]."""
+LEAST = 0.3
+"""Smallest share of an arm's links in the vertices of an arm without trunk [1]."""
 
 
 @dataclass(frozen=True)
@@ -109,21 +109,45 @@ class Skin:
         kept = np.array([name in present for name in self.links])
         if kept.all():
             return self
-        share = self.weights[:, kept].sum(axis=1)
-        mixing, likeness, triangles = _cut(self.triangles, share - CUT)
+        level, weights = self._above_cut(kept)
+        mixing, likeness, triangles = _cut(self.triangles, level)
         used, flat = np.unique(triangles, return_inverse=True)
         mixing, likeness = mixing[used], likeness[used]
-        weights = mixing @ self.weights[:, kept]
         return replace(
             self,
             links=tuple(name for name in self.links if name in present),
             vertices=mixing @ self.vertices,
             triangles=flat.reshape(-1, 3).astype(np.int32),
-            weights=weights / weights.sum(axis=1, keepdims=True),
+            weights=mixing @ weights[:, kept],
             T_base_link=self.T_base_link[kept],
             zones=self.zones[likeness],
             regions=self.regions[likeness],
         )
+
+    def _above_cut(self, kept: npt.NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
+        """Return where a part of the skin ends, and its weights.
+
+        The cut is flat: level through the hip joints, or upright through the shoulder of an arm alone.
+
+        Args:
+            kept: True for links of the part, shape (k,).
+
+        Returns:
+            Distance of each vertex from the cut, below zero outside of the part, shape (n,) [m]; and weights that
+            sum up to 1 in these links, shape (n, k).
+        """
+        of_part, weights = self.weights[:, kept].sum(axis=1), self.weights * kept
+        if kept[self.links.index("waist")]:
+            arms = self.weights[:, [name[2:].startswith(("sh", "el", "wr")) for name in self.links]].sum(axis=1)
+            level = np.where(arms > 0.0, 1.0, self.vertices[:, 2])  # the origin is between the hip joints
+            weights[:, self.links.index("waist")] += 1.0 - of_part
+            return level, weights
+        level = of_part - LEAST
+        for side, sign in (("r", -1.0), ("l", 1.0)):
+            root, own = self.links.index(f"{side}_shoulder_abd"), sign * self.vertices[:, 1] > 0.0
+            level[own] = np.minimum(level, sign * (self.vertices[:, 1] - self.T_base_link[root, 1, 3]))[own]
+            weights[own, root] += 1.0 - of_part[own]
+        return level, weights
 
 
 def _cut(
@@ -148,13 +172,13 @@ def _cut(
     p, q = n + index.reshape(2, -1)
     begin, end = np.where(one, p, q), np.where(one, q, p)  # the loop runs against its direction in the kept triangles
     loops, of_edge = connected_components(csr_matrix((np.ones(len(p)), (p - n, q - n)), shape=(edges.shape[1],) * 2))
-    centres = n + edges.shape[1] + of_edge
+    rim = edges.shape[1]  # the fans have vertices of their own there, so that the edge is drawn sharp
     parts = [triangles[count == 3], np.array([a, p, q]).T[one], np.array([p, b, c]).T[~one], np.array([p, c, q]).T[~one]]
-    fans = np.array([end, begin, centres[p - n]]).T
+    fans = np.array([end + rim, begin + rim, n + 2 * rim + of_edge[p - n]]).T
     share = level[edges[0]] / (level[edges[0]] - level[edges[1]])
     on_edges = csr_matrix((np.ravel([1.0 - share, share]), (np.tile(np.arange(len(share)), 2), edges.ravel())), (len(share), n))
     means = csr_matrix((1.0 / np.bincount(of_edge)[of_edge], (of_edge, np.arange(len(of_edge)))), (loops, len(of_edge)))
     nearest = np.where(inside[edges[0]], *edges)
-    mixing = vstack((identity(n), on_edges, means @ on_edges), format="csr")
-    likeness = np.concatenate((np.arange(n), nearest, nearest[[np.argmax(of_edge == k) for k in range(loops)]]))
+    mixing = vstack((identity(n), on_edges, on_edges, means @ on_edges), format="csr")
+    likeness = np.concatenate((np.arange(n), nearest, nearest, nearest[[np.argmax(of_edge == k) for k in range(loops)]]))
     return mixing, likeness, np.concatenate((*parts, fans))
