@@ -47,8 +47,8 @@ class Touched:
 
     @property
     def fill(self) -> str:
-        """Fill colour of the region; for a value above its limit by an unknown share, the colour of 100 %."""
-        return colour(1.0 if self.share is None and self.outcome == "above limits" else self.share)
+        """Fill colour of the region."""
+        return colour(shown_share(self.share, self.outcome))
 
     @property
     def text(self) -> str:
@@ -92,6 +92,11 @@ def region_keys(region: str, side: str) -> tuple[str, ...]:
 def colour(share: float | None) -> str:
     """Return the colour of a share of the limit [1] as hex code; None: not known."""
     return "#" + "".join(f"{round(255.0 * x):02x}" for x in shade(share))
+
+
+def shown_share(share: float | None, outcome: str) -> float | None:
+    """Return the share of the limit whose colour a contact gets [1]: 1 if it is above its limit by an unknown share."""
+    return 1.0 if share is None and outcome == "above limits" else share
 
 
 @cache
