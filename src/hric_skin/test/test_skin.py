@@ -7,10 +7,12 @@ import pytest
 import trimesh
 from postures import POSTURES, SUBJECTS, person, transforms
 
+from hric_core.errors import HricError
 from hric_core.geometry import FloatArray
 from hric_human.body import Body, describe
-from hric_skin import Skin, fitted
+from hric_skin import REGION_KEYS, Skin, fitted, shade
 from hric_skin.fit import DENSITY
+from hric_skin.outlines import outlines
 from hric_skin.template import REGIONS
 
 def winding_number(triangles: FloatArray) -> float:
@@ -117,3 +119,40 @@ def test_colours_are_those_of_the_zones(skin: Skin) -> None:
 def test_a_subject_of_other_parts_has_the_same_skin_on_them(man: Body, skin: Skin) -> None:
     arm = fitted(describe(replace(man.subject, parts="right_arm")))
     assert arm.T_base_link[arm.links.index("r_elbow")] == pytest.approx(skin.T_base_link[skin.links.index("r_elbow")])
+
+
+def test_the_sides_of_a_pair_have_regions_of_their_own(skin: Skin) -> None:
+    assert {REGION_KEYS[index] for index in skin.region_keys} == set(REGION_KEYS)
+    for side, sign in (("right", -1.0), ("left", 1.0)):
+        own = skin.region_keys == REGION_KEYS.index(f"{side} lower arm, wrist")
+        assert np.all(sign * skin.vertices[own, 1] > 0.0)
+
+
+def test_a_region_has_the_colour_of_its_share(skin: Skin) -> None:
+    colours = skin.region_colours({"chest": 1.0, "left lower leg": None})
+    chest, shank = skin.region("chest"), skin.region_keys == REGION_KEYS.index("left lower leg")
+    assert np.all(colours[chest] == shade(1.0)) and np.all(colours[shank] == shade(None))
+    assert np.all(colours[~(chest | shank)] == skin.colours[~(chest | shank)])
+
+
+def test_an_unknown_region_is_refused_with_the_known_ones(skin: Skin) -> None:
+    with pytest.raises(HricError, match="lower arm, wrist.*right lower arm, wrist"):
+        skin.region_colours({"lower arm, wrist": 0.5})
+
+
+def test_a_part_is_closed_by_flat_faces(man: Body) -> None:
+    part = fitted(person("male", 79.0, 1.75, "upper_body"))
+    points, merged = np.unique(np.round(part.vertices, 9), axis=0, return_inverse=True)
+    assert trimesh.Trimesh(points, merged.reshape(-1)[part.triangles], process=False).is_watertight
+    arms = part.weights[:, [name[:1] in "rl" for name in part.links]].sum(axis=1)
+    assert part.vertices[arms == 0.0, 2].min() == pytest.approx(0.0, abs=1e-9)  # the height of the hips
+
+
+def test_outlines_enclose_the_projected_surface(skin: Skin) -> None:
+    front = outlines(skin, skin.vertices, back=False)
+    back = outlines(skin, skin.vertices, back=True)
+    x, y = np.concatenate([np.concatenate(loops) for loops in front.values()]).T
+    low, high = skin.vertices.min(axis=0), skin.vertices.max(axis=0)
+    assert [x.min(), x.max(), y.min(), y.max()] == pytest.approx([low[1], high[1], low[2], high[2]], abs=6e-3)
+    assert np.mean(np.concatenate(front["left hand, fingers"]), axis=0)[0] > 0.0
+    assert np.mean(np.concatenate(back["left hand, fingers"]), axis=0)[0] < 0.0

@@ -36,8 +36,9 @@ def outlines(skin: Skin, vertices: FloatArray, *, back: bool) -> dict[str, list[
     """
     sign = -1.0 if back else 1.0
     seen = np.column_stack((sign * vertices[:, 1], vertices[:, 2]))
-    a, b, c = (seen[skin.triangles[:, corner]] for corner in range(3))
-    towards = skin.triangles[np.cross(b - a, c - a) > 0.0]
+    a, b, c = (seen[skin.triangles[:, corner]].T for corner in range(3))
+    (x, y), (u, v) = b - a, c - a
+    towards = skin.triangles[x * v > y * u]
     likeness = _likeness(skin)
     keys = np.argmax(likeness, axis=1)
     points, cells = _cells(towards, seen, likeness)

@@ -8,6 +8,7 @@ import numpy.typing as npt
 from scipy.sparse import csr_matrix, identity, vstack
 from scipy.sparse.csgraph import connected_components
 
+from hric_core.errors import check_known
 from hric_core.geometry import FloatArray
 from hric_skin.regions import REGION_KEYS, keys_of, shade
 from hric_skin.template import REGIONS, ZONES
@@ -89,7 +90,11 @@ class Skin:
         Args:
             shares: shares of the limit [1] by region (see `REGION_KEYS`); None or NaN: not known, drawn grey. All other
                 regions keep the colours of the clothes.
+
+        Raises:
+            UnknownNameError: there is no such region.
         """
+        check_known("region", shares, REGION_KEYS, "the skin")
         colours, keys = self.colours, self.region_keys
         for name, share in shares.items():
             colours[keys == REGION_KEYS.index(name)] = shade(share)
