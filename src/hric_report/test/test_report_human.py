@@ -170,11 +170,12 @@ class TestInABrowser:
         )
         np.testing.assert_allclose(drawn, skin.posed(transforms(data, 0.9)), atol=1e-3)
 
-    def test_a_region_is_coloured_while_it_is_touched(self, page: Browser, data: run_data.RunData) -> None:
-        assert data.verdict is not None
+    def test_a_region_is_coloured_while_it_is_touched(
+        self, page: Browser, data: run_data.RunData, run: RunFolder
+    ) -> None:
         settings = HumanSettings.of(data.run["definition"]["human"], "human")
         skin = fitted(describe(settings.person), gripping=("right",))
-        (share,) = {one["share"] for one in data.verdict["findings"] if one["window"] and one["window"][0] >= PRESSED[0]}
+        (share,) = {one["share"] for one in json.loads((run.path / "verdict.json").read_text())["findings"] if one["window"] and one["window"][0] >= PRESSED[0]}
         colours = "Array.from(report.replay.robots[1].skin.object.geometry.attributes.color.array)"
         for time, shares in ((PRESSED[1], {"right lower arm, wrist": share}), (0.4, {})):
             page.evaluate(f"report.setTime({time})")
