@@ -155,7 +155,7 @@ class _Skin:
 
     def send(self) -> None:
         """Publish the skin, if somebody looks at it."""
-        if self._publisher.subscribers and (marker := self._marker.take()) is not None:
+        if self._publisher.subscribers() and (marker := self._marker.take()) is not None:
             self._publisher.publish(marker)
 
 

@@ -34,8 +34,8 @@ class Triangles(Marker):  # type: ignore[misc]
         whole = io.BytesIO()
         super().serialize(whole)
         count, empty = struct.pack("<I", len(self.corners)), bytes(8)
-        # Both lists are empty, and follow header and namespace, with their lengths, and 121 bytes of numbers.
-        at = 12 + 4 + len(self.header.frame_id.encode()) + 4 + len(self.ns.encode()) + 121
+        # Both lists are empty, and follow header and namespace, with their lengths, and 117 bytes of numbers.
+        at = 12 + 4 + len(self.header.frame_id.encode()) + 4 + len(self.ns.encode()) + 117
         before, after = whole.getvalue()[:at], whole.getvalue()[at + len(empty) :]
         corners, colours = self.corners.astype("<f8").tobytes(), self.colours.astype("<f4").tobytes()
         buff.write(b"".join((before, count, corners, count, colours, after)))
