@@ -122,7 +122,7 @@ def drawn(findings: Any, arms: Any = ()) -> dict[tuple[str, str], str]:
 def test_every_region_is_seen_in_a_view() -> None:
     assert {region for view in views() for region in view} == set(REGION_KEYS)
     front, back = views()
-    assert "back, shoulders" in back and "chest" not in back and "chest" in front
+    assert {"back, shoulders", "pelvis"} <= set(back) and {"face", "chest", "abdomen"} <= set(front)
 
 
 def test_a_region_has_the_largest_share_of_its_contacts_and_the_worst_outcome() -> None:
@@ -212,13 +212,6 @@ def test_a_low_score_of_an_arm_whose_angles_are_not_all_known_is_not_green() -> 
         "level3",
         "level4",
     ]
-
-
-def test_an_arm_that_the_body_does_not_have_has_no_colour() -> None:
-    text = picture(MADE["findings"], ["right"])
-    right, left = f'<path d="{PAIRS[ARM]}"/>', f'<path d="{PAIRS[ARM]}" transform="translate(200 0) scale(-1 1)"/>'
-    assert f'<g fill="{colour(0.5)}">{right}</g>' in text
-    assert text.count(left) == 1 and f'<g class="lacks" fill="none">{left}</g>' in text
 
 
 def test_stretches_of_scores_begin_where_their_level_does() -> None:
