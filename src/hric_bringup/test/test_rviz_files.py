@@ -21,4 +21,4 @@ def test_the_view_with_a_human_differs_from_the_other_by_them_and_by_where_one_l
         view = both["Visualization Manager"]["Views"]["Current"]
         del view["Distance"], view["Focal Point"]
     assert alone == beside
-    assert [display["Class"] for display in human["Displays"]] == ["rviz/RobotModel", "rviz/MarkerArray"]
+    assert [display["Class"] for display in human["Displays"]] == ["rviz/RobotModel", "rviz/Marker", "rviz/MarkerArray"]

@@ -54,6 +54,13 @@ def test_joints_go_from_the_root_outwards_and_links_stand_as_in_the_document() -
     assert groups == {"base": "base", "upper": "upper", "lower": "lower", "tool": "lower", "box": "upper"}
 
 
+def test_poses_follow_revolute_and_prismatic_joints() -> None:
+    slides = read(robot(link("a"), link("b"), joint("j", "a", "b", "prismatic", f'{LIMIT}<axis xyz="0 1 0"/>')))
+    assert slides.poses({"j": 0.4})["b"][:3, 3].tolist() == [0.0, 0.4, 0.0]
+    turned = read(ARM).poses({"shoulder": np.pi / 2})  # about x of its frame, whose y is -x of the base
+    assert turned["box"][:3, 3] == pytest.approx([0.3, 0.0, 0.2]) and turned["base"] == pytest.approx(np.eye(4))
+
+
 def test_a_path_that_is_none_is_refused() -> None:
     arm = read(ARM)
     with pytest.raises(DescriptionError, match="link base is not a descendant of link tool"):

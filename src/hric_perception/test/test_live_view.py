@@ -1,5 +1,6 @@
 """Live view: nearness to limits, markers, mean values, and the node that publishes them."""
 
+import io
 import math
 import os
 import subprocess
@@ -20,6 +21,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from franka_msgs.msg import FrankaState
 from hric_control.limits import JointLimits
 from hric_core.robot_time import stamps
+from hric_core.urdf import read
 from hric_human.body import Subject, describe
 from hric_human.muscles import BUILT_IN, load
 from hric_human.muscles.lines import colour, muscle_lines
@@ -38,6 +40,8 @@ from hric_perception.view.decimation import MeanChunk, NewestJoints, ReactionWre
 from hric_perception.view.human_markers import CONTACT, HumanMarkers
 from hric_perception.view.limit_markers import Level, of_joint, walls
 from hric_perception.view.muscle_markers import MuscleMarkers
+from hric_perception.view.skin_marker import SkinMarker
+from hric_skin import fitted
 
 pytestmark = pytest.mark.alone
 
@@ -168,6 +172,22 @@ def test_muscles_are_lines_on_the_links_in_the_colours_of_their_activation() -> 
         assert [own.r, own.g, own.b] == pytest.approx(colour([0.25])[0].tolist())
 
 
+def test_the_skin_is_a_triangle_list_that_rviz_can_read() -> None:
+    body = describe(Subject(code="P50M", mass=78.2, height=1.759, sex="male", parts="upper_body"))
+    marker, angles = SkinMarker(body, ("right",), "human"), {"right_sh_flex": 1.2, "trunk_bend": 0.2}
+    assert marker.take() is None, "nobody knows the posture"
+    marker.push(JointState(name=list(angles), position=list(angles.values())))
+    written, message = io.BytesIO(), Marker()
+    marker.take().serialize(written)
+    message.deserialize(written.getvalue())
+    skin = fitted(body, ("right",))
+    corners, colours = (values[skin.triangles.ravel()] for values in (skin.posed(read(body.urdf).poses(angles)), skin.colours))
+    assert (message.type, message.header.frame_id, message.ns) == (Marker.TRIANGLE_LIST, "human/human_base", "human/skin")
+    assert np.array([[p.x, p.y, p.z] for p in message.points]) == pytest.approx(corners)
+    assert np.array([[c.r, c.g, c.b, c.a] for c in message.colors]) == pytest.approx(np.insert(colours, 3, 1.0, axis=1))
+    assert marker.take() is None, "each posture is shown once"
+
+
 def test_a_mean_of_chunks_is_one_sample_with_the_channels_and_units_of_the_source() -> None:
     layout = Layout("made up", ("a", "b"), ("V", "s"), 100.0)
     mean = MeanChunk(30.0)
@@ -278,6 +298,7 @@ def test_the_node_sends_what_viewers_take_and_marks_what_is_near_and_a_picture_o
 
     rospy.set_param("/robot_description", URDF)
     rospy.set_param("/hric/human/robot_description", URDF)
+    rospy.set_param("/robot/participants/human", {"type": "hric_human/Human", "subject": "P50_male"})
     rospy.set_param("/hric/human/muscle_lines", {"muscle": [["base", 0.1, 0.0, 0.0], ["one", 0.0, 0.0, 0.2]]})
     rospy.set_param(
         "/cartesian_pose_controller",
@@ -292,6 +313,7 @@ def test_the_node_sends_what_viewers_take_and_marks_what_is_near_and_a_picture_o
         "force_plate/left/wrench": WrenchStamped,
         "limits": MarkerArray,
         "human": MarkerArray,
+        "human/skin": Marker,
     }
     subscribers = [
         rospy.Subscriber(

@@ -1,5 +1,6 @@
 """Human on the page of a run: position, grips and contacts."""
 
+import json
 from collections.abc import Iterator
 from dataclasses import replace
 from math import nan
@@ -168,6 +169,30 @@ class TestInABrowser:
             f"(new THREE.Vector3())))({mesh})"
         )
         np.testing.assert_allclose(drawn, skin.posed(transforms(data, 0.9)), atol=1e-3)
+
+    def test_a_region_is_coloured_while_it_is_touched(
+        self, page: Browser, data: run_data.RunData, run: RunFolder
+    ) -> None:
+        settings = HumanSettings.of(data.run["definition"]["human"], "human")
+        skin = fitted(describe(settings.person), gripping=("right",))
+        (share,) = {
+            one["share"]
+            for one in json.loads((run.path / "verdict.json").read_text())["findings"]
+            if one["window"] and one["window"][0] >= PRESSED[0]
+        }
+        colours = "Array.from(report.replay.robots[1].skin.object.geometry.attributes.color.array)"
+        for time, shares in ((PRESSED[1], {"right lower arm, wrist": share}), (0.4, {})):
+            page.evaluate(f"report.setTime({time})")
+            drawn = np.reshape(page.evaluate(colours), (-1, 3))
+            np.testing.assert_allclose(drawn, skin.region_colours(shares), atol=1e-6)
+
+    def test_skin_and_region_colours_agree(self, page: Browser, data: run_data.RunData) -> None:
+        settings = HumanSettings.of(data.run["definition"]["human"], "human")
+        shares = {"right upper arm, elbow": 0.9, "right hand, fingers": None, "right lower arm, wrist": 1.7}
+        page.evaluate(f"report.replay.robots[1].skin.colour({json.dumps(shares)})")
+        colours = "Array.from(report.replay.robots[1].skin.object.geometry.attributes.color.array)"
+        expected = fitted(describe(settings.person), gripping=("right",)).region_colours(shares)
+        np.testing.assert_allclose(np.reshape(page.evaluate(colours), (-1, 3)), expected, atol=1e-6)
 
     def test_contact_shapes_are_drawn_on_request(self, page: Browser) -> None:
         robot = "report.replay.robots[1]"

@@ -19,14 +19,15 @@ from hric_bags.run_folder import RunFolder
 from hric_core.command import main, perform
 from hric_core.errors import HricError
 from hric_human.body import Body, describe
-from hric_human.body.regions import REGION_MODELS
 from hric_human.participant.settings import HumanSettings
 from hric_report import html as report_html
 from hric_report.html import body_picture, strip, verdict
-from hric_report.html.body_picture import PAIRS, SHAPES, colour, picture, touched
+from hric_report.html.body_picture import colour, picture, touched, views
 from hric_report.html.strip import time_axis
+from hric_skin import REGION_KEYS, SCALE
 
 HAND, FACE, CHEST, ARM = "hand, fingers", "face", "chest", "lower arm, wrist"
+RIGHT_HAND, RIGHT_ARM, LEFT_ARM = f"right {HAND}", f"right {ARM}", f"left {ARM}"
 
 
 def finding(group: str, outcome: str, share: float | None = None, **more: Any) -> dict[str, Any]:
@@ -43,6 +44,7 @@ def finding(group: str, outcome: str, share: float | None = None, **more: Any) -
         "missing": [],
         "notes": ["a note"],
         "regions": [],
+        "side": "",
         "evidence": None,
         "remedy": "",
         "person": "",
@@ -76,11 +78,11 @@ MADE: dict[str, Any] = {
     "person": None,
     "assumptions": ["a body of the middle"],
     "findings": [
-        finding("contact", "above limits", 1.25, regions=[HAND], window=[1.2, 1.3]),
+        finding("contact", "above limits", 1.25, regions=[HAND], side="right", window=[1.2, 1.3]),
         finding("contact", "above limits", None, regions=[FACE], window=[0.2, 0.3]),
         finding("contact", "not assessable", None, regions=[CHEST]),
-        finding("contact", "not assessable", 0.3, regions=[ARM]),
-        finding("contact", "within limits", 0.5, regions=[HAND, ARM]),
+        finding("contact", "not assessable", 0.3, regions=[ARM], side="right"),
+        finding("contact", "within limits", 0.5, regions=[HAND, ARM], side="right"),
         finding("posture", "warning", None, window=[0.0, 2.0]),
     ],
     "figures": [{"group": "muscles", "name": "largest activation", "value": 0.7, "unit": "1", "note": "estimate"}],
@@ -106,35 +108,63 @@ MADE: dict[str, Any] = {
 }
 
 
-def test_every_region_of_the_body_model_is_drawn_once() -> None:
-    assert set(REGION_MODELS) <= {*SHAPES, *PAIRS} and not set(SHAPES) & set(PAIRS)
-    drawn = ElementTree.fromstring(picture([]))
-    regions = [one.get("data-region") for one in drawn.iter("g") if one.get("data-region")]
-    assert sorted(filter(None, regions)) == sorted({*SHAPES, *PAIRS})
+def drawn(findings: Any, arms: Any = ()) -> dict[tuple[str, str], str]:
+    """Return the SVG of each region by view and region."""
+    views = [one for one in ElementTree.fromstring(picture(findings, arms)).iter("g") if one.get("data-view")]
+    return {
+        (view.get("data-view", ""), one.get("data-region", "")): ElementTree.tostring(one).decode()
+        for view in views
+        for one in view.iter("g")
+        if one.get("data-region")
+    }
+
+
+def test_every_region_is_seen_in_a_view() -> None:
+    assert {region for view in views() for region in view} == set(REGION_KEYS)
+    front, back = views()
+    assert {"back, shoulders", "pelvis"} <= set(back) and {"face", "chest", "abdomen"} <= set(front)
 
 
 def test_a_region_has_the_largest_share_of_its_contacts_and_the_worst_outcome() -> None:
     met = touched(MADE["findings"])
-    assert met[HAND].share == 1.25 and met[HAND].outcome == "above limits" and met[HAND].time == 1.2
-    assert met[ARM].share == 0.5 and not met[ARM].assessable
+    assert met[RIGHT_HAND].share == 1.25 and met[RIGHT_HAND].outcome == "above limits" and met[RIGHT_HAND].time == 1.2
+    assert met[RIGHT_ARM].share == 0.5 and not met[RIGHT_ARM].assessable
     assert met[FACE].share is None and met[FACE].outcome == "above limits"
-    assert set(met) == {HAND, FACE, CHEST, ARM}
+    assert set(met) == {RIGHT_HAND, FACE, CHEST, RIGHT_ARM}
 
 
 def test_the_colour_of_a_share_goes_through_the_points_of_the_scale() -> None:
-    for share, rgb in body_picture.SCALE:
+    for share, rgb in SCALE:
         assert colour(share) == "#" + "".join(f"{x:02x}" for x in rgb)
-    assert colour(3.0) == colour(1.0) and len({colour(0.1 * k) for k in range(11)}) == 11
+    assert colour(3.0) == colour(1.0) and len({colour(0.1 * k) for k in range(11)} | {colour(None)}) == 12
 
 
 def test_what_is_above_assessable_and_not_touched_differ_in_the_picture() -> None:
-    drawn = {one.get("data-region"): one for one in ElementTree.fromstring(picture(MADE["findings"])).iter("g")}
-    text = {name: ElementTree.tostring(one).decode() for name, one in drawn.items() if name}
-    assert colour(1.25) in text[HAND] and 'class="above"' in text[HAND] and "hatched" not in text[HAND]
+    text = {region: svg for (view, region), svg in drawn(MADE["findings"]).items() if view == "front"}
+    assert colour(1.25) in text[RIGHT_HAND] and 'class="above"' in text[RIGHT_HAND]
+    assert "hatched" not in text[RIGHT_HAND] and "125 % of the limit" in text[RIGHT_HAND]
     assert colour(1.0) in text[FACE] and 'class="above"' in text[FACE]  # above, whatever its force
-    assert "hatched" in text[CHEST] and "hatched" in text[ARM] and colour(0.5) in text[ARM]
-    assert 'fill="none"' in text["neck"] and "not touched" in text["neck"]
-    assert "125 % of the limit" in text[HAND]
+    assert "hatched" in text[CHEST] and "hatched" in text[RIGHT_ARM] and colour(0.5) in text[RIGHT_ARM]
+    assert colour(None) in text[CHEST] and 'class="free"' in text["neck"] and "not touched" in text["neck"]
+
+
+def test_only_the_touched_forearm_is_coloured() -> None:
+    text = drawn([finding("contact", "warning", 0.9, regions=[ARM], side="left")])
+    for view in ("front", "back"):
+        assert colour(0.9) in text[view, LEFT_ARM] and "hatched" not in text[view, LEFT_ARM]
+        assert 'class="free"' in text[view, RIGHT_ARM] and "not touched" in text[view, RIGHT_ARM]
+
+
+def test_a_contact_on_an_unknown_side_is_hatched_on_both() -> None:
+    text = drawn([finding("contact", "within limits", 0.2, regions=[ARM])])
+    for side in (LEFT_ARM, RIGHT_ARM):
+        assert "hatched" in text["front", side] and "it is not known on which side" in text["front", side]
+
+
+def test_an_arm_that_the_body_lacks_is_drawn_faintly() -> None:
+    text = drawn([finding("contact", "within limits", 0.2, regions=[ARM])], ["right"])
+    assert "lacks" in text["front", LEFT_ARM] and "not part of the body model" in text["front", LEFT_ARM]
+    assert "lacks" not in text["front", RIGHT_ARM]
 
 
 def test_the_part_opens_with_five_answers_and_a_picture_and_folds_the_rest_away() -> None:
@@ -182,13 +212,6 @@ def test_a_low_score_of_an_arm_whose_angles_are_not_all_known_is_not_green() -> 
         "level3",
         "level4",
     ]
-
-
-def test_an_arm_that_the_body_does_not_have_has_no_colour() -> None:
-    text = picture(MADE["findings"], ["right"])
-    right, left = f'<path d="{PAIRS[ARM]}"/>', f'<path d="{PAIRS[ARM]}" transform="translate(200 0) scale(-1 1)"/>'
-    assert f'<g fill="{colour(0.5)}">{right}</g>' in text
-    assert text.count(left) == 1 and f'<g class="lacks" fill="none">{left}</g>' in text
 
 
 def test_stretches_of_scores_begin_where_their_level_does() -> None:

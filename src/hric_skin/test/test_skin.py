@@ -5,59 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
-from trimesh.transformations import rotation_matrix
+from postures import POSTURES, SUBJECTS, person, transforms
 
-from hric_core.geometry import FloatArray, homogeneous
-from hric_human.body import Body, Subject, describe
-from hric_human.body.segments import ROOT
-from hric_skin import Skin, fitted
+from hric_core.errors import HricError
+from hric_core.geometry import FloatArray
+from hric_human.body import Body, describe
+from hric_skin import REGION_KEYS, Skin, fitted, shade
 from hric_skin.fit import DENSITY
+from hric_skin.outlines import outlines
 from hric_skin.template import REGIONS
-
-SUBJECTS = [
-    ("female", 50.0, 1.55),
-    ("female", 62.0, 1.63),
-    ("male", 79.0, 1.75),
-    ("male", 95.0, 1.86),
-    ("male", 115.0, 1.95),
-]
-
-
-def both(**angles: float) -> dict[str, float]:
-    """Angles of joints that are on two sides [deg]."""
-    return {f"{side}_{name}": angle for name, angle in angles.items() for side in ("right", "left")}
-
-
-POSTURES = {
-    "standing": {},
-    "reaching": {**both(sh_flex=80, el_flex=20), "right_el_flex": 60.0},
-    "deep squat": {**both(hip_flex=100, knee_flex=100, ankle_flex=15, sh_flex=40, el_flex=140), "trunk_flex": 60.0},
-    "overhead": both(sh_flex=160, el_flex=20),
-    "arms sideward": both(sh_abd=90),
-    "turned": {**both(el_flex=90, pro_sup=70), "trunk_rot": 29.0, "neck_rot": 50.0},
-    "lifting": {**both(hip_flex=60, knee_flex=40, sh_flex=60, el_flex=30), "trunk_flex": 60.0},
-    "sitting": both(hip_flex=90, knee_flex=90, sh_flex=45, el_flex=45),
-    "bent sideward": {**both(sh_abd=40, sh_rot=-40, el_flex=90), "trunk_bend": 25.0},
-}
-"""Joint angles that are not zero [deg], by name of the posture."""
-
-
-def person(sex: str, mass: float, height: float, parts: str = "whole_body") -> Body:
-    subject = {"code": "S1", "sex": sex, "mass": mass, "height": height, "parts": parts}
-    return describe(Subject.of(subject, "subject:"))
-
-
-def transforms(body: Body, angles: dict[str, float]) -> dict[str, FloatArray]:
-    """Poses of all links in axes of the root link; angles [deg]."""
-    T = {ROOT: np.eye(4)}
-    for segment in body.segments.values():
-        at = T[segment.parent] @ homogeneous(np.eye(3), segment.p_parent_link)
-        for joint in (joint for joint in body.joints.values() if joint.link == segment.link):
-            at = at @ rotation_matrix(np.radians(angles.get(joint.name, 0.0)), joint.axis)
-            T[joint.child] = at
-        T[segment.link] = at
-    return T
-
 
 def winding_number(triangles: FloatArray) -> float:
     """Return how often a closed surface, shape (m, 3, 3), goes around the origin: the sum of solid angles by 4 pi.
@@ -119,8 +75,9 @@ def test_in_the_bind_pose_vertices_stay(skin: Skin) -> None:
 def test_regions_are_those_of_the_links(skin: Skin, man: Body) -> None:
     for link, regions in man.regions.items():
         own = skin.weights[:, skin.links.index(link)] > 0.6
-        assert own.any() and {REGIONS[index] for index in skin.regions[own]} <= {region.name for region in regions} | {
-            ""
+        assert own.any() and {REGIONS[index] for index in skin.regions[own]} <= {
+            *(region.name for region in regions),
+            "foot, toes, ankle",
         }
     assert {REGIONS[index] for index in skin.regions} == set(REGIONS)
 
@@ -162,3 +119,40 @@ def test_colours_are_those_of_the_zones(skin: Skin) -> None:
 def test_a_subject_of_other_parts_has_the_same_skin_on_them(man: Body, skin: Skin) -> None:
     arm = fitted(describe(replace(man.subject, parts="right_arm")))
     assert arm.T_base_link[arm.links.index("r_elbow")] == pytest.approx(skin.T_base_link[skin.links.index("r_elbow")])
+
+
+def test_the_sides_of_a_pair_have_regions_of_their_own(skin: Skin) -> None:
+    assert {REGION_KEYS[index] for index in skin.region_keys} == set(REGION_KEYS)
+    for side, sign in (("right", -1.0), ("left", 1.0)):
+        own = skin.region_keys == REGION_KEYS.index(f"{side} lower arm, wrist")
+        assert np.all(sign * skin.vertices[own, 1] > 0.0)
+
+
+def test_a_region_has_the_colour_of_its_share(skin: Skin) -> None:
+    colours = skin.region_colours({"chest": 1.0, "left lower leg": None})
+    chest, shank = skin.region("chest"), skin.region_keys == REGION_KEYS.index("left lower leg")
+    assert np.all(colours[chest] == shade(1.0)) and np.all(colours[shank] == shade(None))
+    assert np.all(colours[~(chest | shank)] == skin.colours[~(chest | shank)])
+
+
+def test_an_unknown_region_is_refused_with_the_known_ones(skin: Skin) -> None:
+    with pytest.raises(HricError, match="lower arm, wrist.*right lower arm, wrist"):
+        skin.region_colours({"lower arm, wrist": 0.5})
+
+
+def test_a_part_is_closed_by_flat_faces(man: Body) -> None:
+    part = fitted(person("male", 79.0, 1.75, "upper_body"))
+    points, merged = np.unique(np.round(part.vertices, 9), axis=0, return_inverse=True)
+    assert trimesh.Trimesh(points, merged.reshape(-1)[part.triangles], process=False).is_watertight
+    arms = part.weights[:, [name[:1] in "rl" for name in part.links]].sum(axis=1)
+    assert part.vertices[arms == 0.0, 2].min() == pytest.approx(0.0, abs=1e-9)  # the height of the hips
+
+
+def test_outlines_enclose_the_projected_surface(skin: Skin) -> None:
+    front = outlines(skin, skin.vertices, back=False)
+    back = outlines(skin, skin.vertices, back=True)
+    x, y = np.concatenate([np.concatenate(loops) for loops in front.values()]).T
+    low, high = skin.vertices.min(axis=0), skin.vertices.max(axis=0)
+    assert [x.min(), x.max(), y.min(), y.max()] == pytest.approx([low[1], high[1], low[2], high[2]], abs=6e-3)
+    assert np.mean(np.concatenate(front["left hand, fingers"]), axis=0)[0] > 0.0
+    assert np.mean(np.concatenate(back["left hand, fingers"]), axis=0)[0] < 0.0

@@ -2,12 +2,17 @@
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image, ImageDraw
 
 from hric_core.errors import HricError
 from hric_core.geometry import FloatArray, homogeneous
+from hric_core.urdf import read
+from hric_human.participant.settings import HumanSettings
+from hric_skin import fitted
 from mujoco_ros_control.pictures import BACKGROUND, Camera, CameraSettings, camera_matrix, optical_frame
 
 RADIUS = 0.1
@@ -107,3 +112,50 @@ def test_a_camera_on_a_link_moves_with_the_arm(make_camera: Make, q1: float) -> 
 def test_a_parent_that_is_not_there_is_refused_with_those_that_are(make_camera: Make) -> None:
     with pytest.raises(HricError, match=r"panda::nowhere.*panda::panda_link0"):
         make_camera(CameraSettings(parent="nowhere"))
+
+
+PERSON = HumanSettings.of({"subject": "P50_male", "parts": "whole_body", "position": [0.6, 0.9]}, "human")
+"""Beside the arm, in front of the camera that looks along y; they look towards -x."""
+ANGLES = {"right_sh_abd": 1.4, "left_el_flex": 0.8, "trunk_flex": 0.3}
+
+
+def silhouette(points: FloatArray, triangles: Any, settings: CameraSettings) -> Any:
+    """Return the mask of the pixels that triangles cover, from vertices in the world, shape (n, 3)."""
+    T_optical = np.linalg.inv(optical_frame(settings.T_parent_camera))
+    x = points @ T_optical[:3, :3].T + T_optical[:3, 3]
+    pixels = (x / x[:, 2:]) @ np.reshape(camera_matrix(settings), (3, 3)).T
+    image = Image.new("1", (settings.width, settings.height))
+    for corners in pixels[triangles][:, :, :2]:
+        ImageDraw.Draw(image).polygon([tuple(corner) for corner in corners], fill=1)
+    return np.array(image)
+
+
+@pytest.mark.parametrize("root", [None, homogeneous(rotation_z(1.0), np.array([0.7, 1.2, 0.2]))])
+def test_the_person_is_drawn_where_their_skin_is(root: FloatArray | None) -> None:
+    camera = Camera(LIFT, "", AHEAD, PERSON)
+    try:
+        picture, distances = camera.take({}, {} if root is None else {"human": root}, ANGLES, depth=True)
+    finally:
+        camera.close()
+    body = PERSON.body()
+    start = PERSON.root(body)
+    T_world_root = homogeneous(rotation_z(PERSON.heading), np.array(start.position)) if root is None else root
+    skin = fitted(body)
+    vertices = skin.posed(read(body.urdf).poses(ANGLES)) @ T_world_root[:3, :3].T + T_world_root[:3, 3]
+    expected = silhouette(vertices, skin.triangles, AHEAD)
+    assert distances is not None
+    ball = seen(AHEAD, BALL)[0]
+    rows, columns = np.indices(distances.shape)
+    away = np.hypot(columns - ball[0], rows - ball[1]) > 60.0  # the lift's cage
+    drawn = np.isfinite(distances) & away
+    assert np.mean(drawn[away] != expected[away]) < 0.01 and drawn.any()
+    assert len(np.unique(picture[drawn] // 64, axis=0)) > 3  # clothes of several colours
+
+
+def test_without_a_person_nobody_is_drawn() -> None:
+    camera = Camera('<robot name="r"><link name="base"/></robot>', "", AHEAD)
+    try:
+        _, distances = camera.take({}, {}, {"right_sh_abd": 1.0}, depth=True)
+    finally:
+        camera.close()
+    assert distances is not None and np.isinf(distances).all()

@@ -152,6 +152,7 @@ class Finding:
         missing: data that a better finding would need.
         notes: remarks on the computation of the values, and marks of the limits (how well they are confirmed).
         regions: body regions of ISO/TS 15066 that the finding is about.
+        side: side of the person's body; "": the middle, or not known.
         evidence: covered part of the window; None: the finding does not use a signal over time.
         remedy: command, option or topic that would make the finding assessable; empty: it is, or there is none.
         person: namespace of the person; empty: there is one person only.
@@ -169,6 +170,7 @@ class Finding:
     missing: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     regions: Annotated[tuple[str, ...], ("description", "of ISO/TS 15066")] = ()
+    side: Annotated[str, ("enum", ("", "right", "left"))] = ""
     evidence: Annotated[Evidence | None, "how much of the window is known"] = None
     remedy: Annotated[str, "what would make the finding assessable; empty: it is, or that is not known"] = ""
     person: Annotated[str, "namespace; empty: there is one person only"] = ""

@@ -72,6 +72,8 @@ UPPER_TRUNK = 0.529
 """Share of the upper trunk in both upper parts of the trunk (de Leva 1996, men) [1]."""
 CHIN, FOREHEAD, HAIRLINE, EAR, NAPE, SHOULDER, BELT, PALM = 0.005, 0.03, 0.065, 0.085, 0.03, 0.03, 0.09, 0.03
 """Borders of regions and zones, from joints of the average man [m]; project defaults, by looking."""
+JAW = 1.1
+"""Slope of the border between face and neck, from the ear down to the chin [1]."""
 Arrays = Mapping[str, npt.NDArray[Any]]
 
 
@@ -175,7 +177,7 @@ def _labels(
     by_link = np.array([LINKS[index].removeprefix("r_").removeprefix("l_") for index in np.argmax(weights, axis=1)])
     x, _, z = vertices.T
     eye, neck, front = joints["l-eye"], joints["neck"], joints["l-shoulder"][0]
-    chin = joints["head"][2] - CHIN
+    chin = joints["head"][2] - CHIN - JAW * np.maximum(x - joints["head"][0], 0.0)
     xiphion = neck[2] - UPPER_TRUNK * (neck[2] - joints["spine-3"][2])
     head, torso = by_link == "head", by_link == "torso"
     behind = x < eye[0] - EAR
@@ -194,7 +196,7 @@ def _labels(
         "lower leg": by_link == "knee",
     }
     regions = np.select(list(conditions.values()), [REGIONS.index(name) for name in conditions], 0)
-    hair = head & ((z > eye[2] + HAIRLINE) | (behind & (z > chin + NAPE)))
+    hair = head & ((z > eye[2] + HAIRLINE) | (behind & (z > joints["head"][2] - CHIN + NAPE)))
     legs = np.isin(by_link, ("waist", "hip", "hip_abd", "knee")) | (torso & (z < joints["pelvis"][2] + BELT))
     legs &= z < joints["pelvis"][2] + BELT
     zones = np.select(

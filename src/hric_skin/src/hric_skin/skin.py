@@ -2,11 +2,16 @@
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
+from scipy.sparse import csr_matrix, identity, vstack
+from scipy.sparse.csgraph import connected_components
 
+from hric_core.errors import check_known
 from hric_core.geometry import FloatArray
+from hric_skin.regions import REGION_KEYS, keys_of, shade
 from hric_skin.template import REGIONS, ZONES
 
 CLOTHES = {
@@ -17,6 +22,8 @@ CLOTHES = {
     "shoes": (0.17, 0.16, 0.16),
 }
 """Colours of plain work clothes: red, green, blue."""
+LEAST = 0.3
+"""Smallest share of an arm's links in the vertices of an arm without trunk [1]."""
 
 
 @dataclass(frozen=True)
@@ -51,9 +58,14 @@ class Skin:
         """
         T_frame_link = np.array([transforms[name] for name in self.links])
         T_frame_base = (T_frame_link @ np.linalg.inv(self.T_base_link))[:, :3]
-        blended = (self.weights @ T_frame_base.reshape(-1, 12)).reshape(-1, 3, 4)
+        blended = (self._few_weights @ T_frame_base.reshape(-1, 12)).reshape(-1, 3, 4)
         moved: FloatArray = np.einsum("nij,nj->ni", blended[:, :, :3], self.vertices) + blended[:, :, 3]
         return moved
+
+    @cached_property
+    def _few_weights(self) -> csr_matrix:
+        """Weights that are not zero: with all of them, the product would be spread over threads, which takes longer."""
+        return csr_matrix(self.weights)
 
     @property
     def influences(self) -> tuple[npt.NDArray[np.int64], FloatArray]:
@@ -66,10 +78,33 @@ class Skin:
         """Colour of each vertex in work clothes: red, green, blue, shape (n, 3)."""
         return np.array([CLOTHES[name] for name in ZONES])[self.zones]
 
+    @property
+    def region_keys(self) -> npt.NDArray[np.int64]:
+        """Index into `REGION_KEYS` of each vertex, shape (n,)."""
+        left = np.array([name.startswith("l_") for name in self.links])
+        right = np.array([name.startswith("r_") for name in self.links])
+        return keys_of(self.regions, self.weights @ left > self.weights @ right)
+
     def region(self, name: str) -> npt.NDArray[np.bool_]:
         """Return True for each vertex of a body region of ISO/TS 15066, shape (n,)."""
         own: npt.NDArray[np.bool_] = self.regions == REGIONS.index(name)
         return own
+
+    def region_colours(self, shares: Mapping[str, float | None]) -> FloatArray:
+        """Return the colour of each vertex: red, green, blue, shape (n, 3).
+
+        Args:
+            shares: shares of the limit [1] by region (see `REGION_KEYS`); None or NaN: not known, drawn grey. All other
+                regions keep the colours of the clothes.
+
+        Raises:
+            UnknownNameError: there is no such region.
+        """
+        check_known("region", shares, REGION_KEYS, "the skin")
+        colours, keys = self.colours, self.region_keys
+        for name, share in shares.items():
+            colours[keys == REGION_KEYS.index(name)] = shade(share)
+        return colours
 
     def volume(self, vertices: FloatArray) -> float:
         """Return the volume that the surface encloses at given vertices, shape (n, 3) [m^3]."""
@@ -77,24 +112,84 @@ class Skin:
         return float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6.0
 
     def of_links(self, present: Collection[str]) -> "Skin":
-        """Return the part of the skin that some links move; it is open where the others began.
+        """Return the part of the skin that some links move, closed where the others began.
 
         Args:
             present: names of links; those that do not move the skin are ignored.
         """
         kept = np.array([name in present for name in self.links])
-        share = self.weights[:, kept].sum(axis=1)
-        triangles = self.triangles[np.all(share[self.triangles] > 0.5, axis=1)]
+        if kept.all():
+            return self
+        level, weights = self._above_cut(kept)
+        mixing, likeness, triangles = _cut(self.triangles, level)
         used, flat = np.unique(triangles, return_inverse=True)
-        weights = self.weights[used][:, kept] / share[used, None]
-        links = tuple(name for name in self.links if name in present)
+        mixing, likeness = mixing[used], likeness[used]
         return replace(
             self,
-            links=links,
-            vertices=self.vertices[used],
+            links=tuple(name for name in self.links if name in present),
+            vertices=mixing @ self.vertices,
             triangles=flat.reshape(-1, 3).astype(np.int32),
-            weights=weights,
+            weights=mixing @ weights[:, kept],
             T_base_link=self.T_base_link[kept],
-            zones=self.zones[used],
-            regions=self.regions[used],
+            zones=self.zones[likeness],
+            regions=self.regions[likeness],
         )
+
+    def _above_cut(self, kept: npt.NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
+        """Return where a part of the skin ends, and its weights.
+
+        The cut is flat: level through the hip joints, or upright through the shoulder of an arm alone.
+
+        Args:
+            kept: True for links of the part, shape (k,).
+
+        Returns:
+            Distance of each vertex from the cut, below zero outside of the part, shape (n,) [m]; and weights that
+            sum up to 1 in these links, shape (n, k).
+        """
+        of_part, weights = self.weights[:, kept].sum(axis=1), self.weights * kept
+        if kept[self.links.index("waist")]:
+            arms = self.weights[:, [name[2:].startswith(("sh", "el", "wr")) for name in self.links]].sum(axis=1)
+            level = np.where(arms > 0.0, 1.0, self.vertices[:, 2])  # the origin is between the hip joints
+            weights[:, self.links.index("waist")] += 1.0 - of_part
+            return level, weights
+        level = of_part - LEAST
+        for side, sign in (("r", -1.0), ("l", 1.0)):
+            root, own = self.links.index(f"{side}_shoulder_abd"), sign * self.vertices[:, 1] > 0.0
+            level[own] = np.minimum(level, sign * (self.vertices[:, 1] - self.T_base_link[root, 1, 3]))[own]
+            weights[own, root] += 1.0 - of_part[own]
+        return level, weights
+
+
+def _cut(
+    triangles: npt.NDArray[np.int32], level: FloatArray
+) -> tuple[csr_matrix, npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Cut a closed surface of n vertices where a level is zero, and close it there by a fan around each loop.
+
+    Args:
+        triangles: indices of vertices, shape (m, 3).
+        level: value at each vertex, shape (n,); the part above zero is kept.
+
+    Returns:
+        Shares of the old vertices in each new one, shape (k, n); the old vertex whose zone and region each new one has,
+        shape (k,); the new triangles. The first n vertices are the old ones.
+    """
+    n, inside = len(level), level > 0.0
+    count = inside[triangles].sum(axis=1)
+    mixed, one = triangles[(count == 1) | (count == 2)], count[(count == 1) | (count == 2)] == 1
+    odd = np.argmax(inside[mixed] == one[:, None], axis=1)  # the corner on the other side than both others
+    a, b, c = np.take_along_axis(mixed, (odd[:, None] + np.arange(3)) % 3, axis=1).T
+    edges, index = np.unique(np.sort([[*a, *a], [*b, *c]], axis=0), axis=1, return_inverse=True)
+    p, q = n + index.reshape(2, -1)
+    begin, end = np.where(one, p, q), np.where(one, q, p)  # the loop runs against its direction in the kept triangles
+    loops, of_edge = connected_components(csr_matrix((np.ones(len(p)), (p - n, q - n)), shape=(edges.shape[1],) * 2))
+    rim = edges.shape[1]  # the fans have vertices of their own there, so that the edge is drawn sharp
+    parts = [triangles[count == 3], np.array([a, p, q]).T[one], np.array([p, b, c]).T[~one], np.array([p, c, q]).T[~one]]
+    fans = np.array([end + rim, begin + rim, n + 2 * rim + of_edge[p - n]]).T
+    share = level[edges[0]] / (level[edges[0]] - level[edges[1]])
+    on_edges = csr_matrix((np.ravel([1.0 - share, share]), (np.tile(np.arange(len(share)), 2), edges.ravel())), (len(share), n))
+    means = csr_matrix((1.0 / np.bincount(of_edge)[of_edge], (of_edge, np.arange(len(of_edge)))), (loops, len(of_edge)))
+    nearest = np.where(inside[edges[0]], *edges)
+    mixing = vstack((identity(n), on_edges, on_edges, means @ on_edges), format="csr")
+    likeness = np.concatenate((np.arange(n), nearest, nearest, nearest[[np.argmax(of_edge == k) for k in range(loops)]]))
+    return mixing, likeness, np.concatenate((*parts, fans))

@@ -39,10 +39,10 @@ JOINTS = (
 ZONES = ("skin", "hair", "shirt", "trousers", "shoes")
 """Parts of the surface that differ in colour."""
 REGIONS = (
-    *("", "skull, forehead", "face", "neck", "back, shoulders", "chest", "abdomen", "pelvis"),
+    *("foot, toes, ankle", "skull, forehead", "face", "neck", "back, shoulders", "chest", "abdomen", "pelvis"),
     *("upper arm, elbow", "lower arm, wrist", "hand, fingers", "thigh, knee", "lower leg"),
 )
-"""Body regions of ISO/TS 15066; "" is the foot, which the standard does not list."""
+"""Body regions of ISO/TS 15066, and the foot, which the standard does not list."""
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,7 @@ from hric_core.parameters import Settings, flag, number, text, whole
 from hric_core.ros import RosNode
 from hric_core.ros.process import NodeApp
 from hric_core.urdf import mimic_laws, read
-from hric_human.body import describe
-from hric_human.participant.settings import HumanSettings
+from hric_human.participant.settings import HUMAN, HumanSettings
 from hric_msgs.msg import RegionContacts
 from hric_report.html.scene import SceneRobot, SceneSkin
 from hric_skin import fitted
@@ -23,9 +22,6 @@ from hric_view.control_node import SystemActions
 from hric_view.live import LiveForces, LiveJoints
 from hric_view.page import Part
 from hric_view.server import LOOPBACK, ViewServer, Visit, WebPage
-
-HUMAN = "human"
-"""Name of the simulated person: of their topics below `hric/`, and of their section among the robot's participants."""
 
 
 @dataclass(frozen=True)
@@ -120,11 +116,9 @@ class BrowserWindow(NodeApp):
     def _add_human(self) -> None:
         """Add the simulated person, with their skin and the forces on them."""
         robot = self._add(str(self._root.param(f"hric/{HUMAN}/robot_description")), f"hric/{HUMAN}/joint_states")
-        section = dict(self._root.param(f"robot/participants/{HUMAN}"))
-        section.pop("type", None)
-        settings = HumanSettings.of(section, HUMAN)
-        body = describe(settings.person)
-        robot.pose, robot.skin = settings.root(body), SceneSkin.of(fitted(body))
+        if (settings := HumanSettings.beside_robot(self._root)) is not None:
+            body = settings.body()
+            robot.pose, robot.skin = settings.root(body), SceneSkin.of(fitted(body, settings.gripping(body)))
         self._root.subscribe(f"hric/{HUMAN}/root", PoseStamped, self._joints[-1].push_root, queue_size=1)
         self._root.subscribe(f"hric/{HUMAN}/contacts", RegionContacts, self._forces.push, queue_size=100)
 

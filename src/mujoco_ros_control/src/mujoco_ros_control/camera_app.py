@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import rospy
 import tf2_ros
-from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
+from geometry_msgs.msg import PoseStamped, Quaternion, TransformStamped, Vector3
 from sensor_msgs.msg import CameraInfo, Image, JointState
 
 from gazebo_msgs.msg import ModelStates
@@ -17,6 +17,7 @@ from hric_core.geometry import FloatArray, messages, quaternion_from_rotation
 from hric_core.parameters import flag, number, text
 from hric_core.ros import RosNode, run
 from hric_core.ros.process import NodeApp
+from hric_human.participant.settings import HUMAN, HumanSettings
 from mujoco_ros_control.pictures import Camera, CameraSettings, camera_matrix, optical_frame
 
 OPTICAL = "camera_optical_frame"
@@ -47,8 +48,11 @@ class CameraNode(NodeApp):
         self._settings, root = CameraNodeSettings.read(node), RosNode()
         self._description = str(root.param(self._settings.robot_description))
         self._world = str(root.param("robot/plant/world", ""))
+        self._person = HumanSettings.beside_robot(root)
         self._positions: dict[str, float] = {}
+        self._person_positions: dict[str, float] = {}
         self._poses: dict[str, FloatArray] = {}
+        self._person_pose: dict[str, FloatArray] = {}
         self._stamp = rospy.Time()
         self._picture = root.advertise("camera/image_raw", Image)
         self._depth = root.advertise("camera/depth/image_raw", Image)
@@ -56,6 +60,8 @@ class CameraNode(NodeApp):
         self._send_frame()
         root.subscribe("joint_states", JointState, self._on_joints)
         root.subscribe("sim/model_states", ModelStates, self._on_models)
+        root.subscribe(f"hric/{HUMAN}/joint_states", JointState, self._on_person)
+        root.subscribe(f"hric/{HUMAN}/root", PoseStamped, self._on_person_root)
         self._stop = threading.Event()
         self._failure: HricError | None = None
         self._thread = threading.Thread(target=self._run, daemon=True)
@@ -85,13 +91,19 @@ class CameraNode(NodeApp):
         self._stamp = message.header.stamp
         self._positions.update(zip(message.name, message.position, strict=False))
 
+    def _on_person(self, message: Any) -> None:
+        self._person_positions = dict(zip(message.name, message.position, strict=True))
+
+    def _on_person_root(self, message: Any) -> None:
+        self._person_pose = {HUMAN: messages.matrix(message.pose)}
+
     def _on_models(self, message: Any) -> None:
         self._poses = {name: messages.matrix(pose) for name, pose in zip(message.name, message.pose, strict=True)}
 
     def _run(self) -> None:
         """Draw and publish images, in a separate thread that owns the OpenGL context."""
         try:
-            camera = Camera(self._description, self._world, self._settings)
+            camera = Camera(self._description, self._world, self._settings, self._person)
         except HricError as error:
             self._failure = error
             return
@@ -103,7 +115,10 @@ class CameraNode(NodeApp):
 
     def _send(self, camera: Camera) -> None:
         stamp = self._stamp
-        picture, distances = camera.take(self._positions.copy(), self._poses, depth=self._settings.depth)
+        poses = self._poses | self._person_pose
+        picture, distances = camera.take(
+            self._positions.copy(), poses, self._person_positions, depth=self._settings.depth
+        )
         self._picture.publish(_image(stamp, picture, "rgb8"))
         self._infos[0].publish(self._info(stamp))
         if distances is not None:

@@ -19,6 +19,8 @@ from hric_core.meshes.canonical import UnreadableMeshError, find
 from hric_core.meshes.files import read_coloured
 from hric_core.parameters import Settings, number, numbers, text, whole
 from hric_core.urdf import Shape, read
+from hric_human.participant.settings import HUMAN, HumanSettings
+from mujoco_ros_control.person import add_skin, person_model
 from mujoco_ros_control.scene_spec import Building, SceneFrame, quaternion
 
 WORLD = "world"
@@ -58,7 +60,10 @@ class CameraSettings(Settings):
 
 
 class _Drawing(Building):
-    """Builder of a MuJoCo scene for rendering: bodies with the visual shapes of their descriptions."""
+    """Builder of a MuJoCo scene for rendering: bodies with the visual shapes of their descriptions.
+
+    The person has a skin instead.
+    """
 
     def __init__(self) -> None:
         super().__init__({}, {})
@@ -68,7 +73,7 @@ class _Drawing(Building):
     ) -> None:
         body.explicitinertial, body.mass, body.inertia = True, 1.0, [1.0, 1.0, 1.0]  # any value: there is no physics
         for link, T_body_link in cluster.items():
-            for k, shape in enumerate(model.tree.links[link].visuals):
+            for k, shape in enumerate(model.tree.links[link].visuals if model.name != HUMAN else ()):
                 self._draw(body, f"{model.name}::{link}#{k}", shape, T_body_link @ shape.T_link_shape)
             if link in model.planes:
                 self.add_shape(body, f"{model.name}::{link}#plane", Shape(link, "plane", (), np.eye(4)), T_body_link)
@@ -101,21 +106,30 @@ class Camera:
         urdf_xml: description of the robot.
         world: path or package:// address of the world file; "": no world file.
         settings: settings of the camera.
+        person: settings of the person beside the robot; None: there is none.
 
     Raises:
         HricError: a description cannot be drawn, the parent is unknown, or there is no OpenGL.
     """
 
-    def __init__(self, urdf_xml: str, world: str, settings: CameraSettings) -> None:
+    def __init__(
+        self, urdf_xml: str, world: str, settings: CameraSettings, person: HumanSettings | None = None
+    ) -> None:
         tree = read(urdf_xml)
         models = [Model(tree.name, urdf_xml, tree, np.eye(4), fixed=True)]
         models += [model_of_object(item) for item in load_world(world, 1.0)]
+        skin = None
+        if person is not None:
+            model, skin = person_model(person)
+            models.append(model)
         drawing = _Drawing()
         for model in models:
             drawing.add(model)
         self._free = {model.name: model.free_joint for model in models if not model.fixed}
         self._robot = tree.name
         built = drawing.result
+        if skin is not None:
+            add_skin(built.spec, built.frames, skin)
         self._add_camera(built.spec, built.frames, settings)
         _add_light(built.spec)
         try:
@@ -141,7 +155,12 @@ class Camera:
         )
 
     def take(
-        self, positions: Mapping[str, float], poses: Mapping[str, FloatArray], *, depth: bool
+        self,
+        positions: Mapping[str, float],
+        poses: Mapping[str, FloatArray],
+        person: Mapping[str, float] | None = None,
+        *,
+        depth: bool,
     ) -> tuple[Picture, npt.NDArray[np.float32] | None]:
         """Render an image and, if requested, a depth image of the scene in a given state.
 
@@ -149,16 +168,18 @@ class Camera:
             positions: positions of the robot's joints by name [rad or m]; joints that are missing stay, or follow the
                 joint that they mimic.
             poses: poses of models' root links in the world by model name, shape (4, 4) each.
+            person: positions of the person's joints by name [rad]; None: there is nobody, or they stay.
             depth: True to return the depth image.
 
         Returns:
             Image, shape (height, width, 3), and depth along the optical axis, shape (height, width) [m], which is inf
             if nothing is visible (REP 118); None instead of the depth if it is not requested.
         """
-        for name, value in positions.items():
-            joint = mujoco.mj_name2id(self._m, mujoco.mjtObj.mjOBJ_JOINT, f"{self._robot}::{name}")
-            if joint >= 0:
-                self._d.qpos[self._m.jnt_qposadr[joint]] = value
+        for model, values in ((self._robot, positions), (HUMAN, person or {})):
+            for name, value in values.items():
+                joint = mujoco.mj_name2id(self._m, mujoco.mjtObj.mjOBJ_JOINT, f"{model}::{name}")
+                if joint >= 0:
+                    self._d.qpos[self._m.jnt_qposadr[joint]] = value
         laws = zip(self._m.eq_obj1id, self._m.eq_obj2id, self._m.eq_data, strict=True)
         for follower, leader, (offset, multiplier, *_) in laws:
             at, of = self._m.jnt_qposadr[[follower, leader]]
@@ -188,7 +209,7 @@ class _Canvas:
         self._m, self._shape, self._rect = m, (height, width), mujoco.MjrRect(0, 0, width, height)
         self._gl = mujoco.GLContext(width, height)
         self._gl.make_current()
-        self._scene, self._option = mujoco.MjvScene(m, maxgeom=m.ngeom), mujoco.MjvOption()
+        self._scene, self._option = mujoco.MjvScene(m, maxgeom=m.ngeom + m.nskin), mujoco.MjvOption()
         self._view, self._idle = mujoco.MjvCamera(), mujoco.MjvPerturb()
         self._view.type, self._view.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, 0
         self._context = mujoco.MjrContext(m, mujoco.mjtFontScale.mjFONTSCALE_50)

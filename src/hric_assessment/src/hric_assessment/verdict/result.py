@@ -17,7 +17,7 @@ from hric_core.errors import NOT_GOOD, NOT_KNOWN
 from hric_core.geometry import FloatArray
 
 T = TypeVar("T", Finding, UnjudgedValue)
-VERSION = 2
+VERSION = 3
 """Version of verdict.json, whose schema is config/verdict.schema.json."""
 EXIT_CODES = {Outcome.WITHIN: 0, Outcome.WARNING: 0, Outcome.ABOVE: NOT_GOOD, Outcome.NOT_ASSESSABLE: NOT_KNOWN}
 SHOWN_LINES = 15

@@ -10,6 +10,7 @@ import numpy as np
 
 from hric_core.errors import DescriptionError, check_known
 from hric_core.geometry import FloatArray, MassProperties
+from hric_core.geometry.transforms import rotation_about
 from hric_core.urdf.shapes import Shape
 
 ONE_COORDINATE = ("revolute", "continuous", "prismatic")
@@ -212,6 +213,22 @@ class Robot:
             if joint.parent in T_link and joint.name != without:
                 T_link[joint.child] = T_link[joint.parent] @ joint.T_parent_joint
                 yield joint, T_link[joint.child]
+
+    def poses(self, positions: Mapping[str, float]) -> dict[str, FloatArray]:
+        """Return the poses of all links in the root link's frame, shape (4, 4) each.
+
+        Args:
+            positions: joint positions by name [rad or m]; other joints are at 0.
+        """
+        poses = {self.root: np.eye(4)}
+        for joint in self.joints.values():
+            T_joint_child, q = np.eye(4), positions.get(joint.name, 0.0)
+            if joint.type == "prismatic":
+                T_joint_child[:3, 3] = q * joint.axis
+            elif q:
+                T_joint_child[:3, :3] = rotation_about(joint.axis, q)
+            poses[joint.child] = poses[joint.parent] @ joint.T_parent_joint @ T_joint_child
+        return poses
 
     def rigid_groups(self) -> dict[str, tuple[str, FloatArray]]:
         """Return for each link the topmost link to which it is rigidly fixed, and its pose in it, shape (4, 4) [m]."""

@@ -25,14 +25,17 @@ from hric_core.parameters import (
 )
 from hric_human.body import Body, Subject, describe, load
 from hric_human.body.joints import joints
+from hric_human.body.segments import SIDES, link_name
 from hric_human.body.subject import PARTS
-from hric_human.control.human_control import checked
+from hric_human.control.human_control import checked, hand_side
 from hric_human.participant.walk import WalkSettings
 
 SUBJECTS = Path(__file__).resolve().parents[3] / "config" / "subjects"
 """Folder of the subjects that come with the package; the names of its files are the subjects' names."""
 TORQUE, MUSCLE = "torque", "muscle"
 """Values of the parameter `drive`: joint torques act directly, or are produced by muscles."""
+HUMAN = "human"
+"""Name of the simulated person beside the robot: of their topics below `hric/`, and of their parameters."""
 HAND = "hand"
 """Value of a grip's parameter `holder` for the hand that tracks the reference and senses forces."""
 
@@ -202,6 +205,24 @@ class HumanSettings(Settings):
     def body(self) -> Body:
         """Return the body of the person."""
         return describe(self.person)
+
+    @classmethod
+    def beside_robot(cls, root: Any) -> "HumanSettings | None":
+        """Return the settings of the simulated person beside a robot; None: there is none.
+
+        Args:
+            root: ROS node in the robot's namespace.
+        """
+        where = f"robot/participants/{HUMAN}"
+        if not root.has_param(where):
+            return None
+        return cls.of({key: value for key, value in root.param(where).items() if key != "type"}, HUMAN)
+
+    def gripping(self, body: Body) -> tuple[str, ...]:
+        """Return the sides whose hand holds something in one of the grips."""
+        links = {grip.holder.rpartition("::")[2] for grip in self.grips.values()}
+        own = hand_side(body, (self.control or {}).get("side", "dominant"), "") if HAND in links else ""
+        return tuple(side for side in SIDES if side == own or link_name("hand", side) in links)
 
     def root(self, body: Body) -> Pose:
         """Return the pose of the body's root link in the world."""

@@ -10,10 +10,8 @@ from geometry_msgs.msg import Point
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
-from hric_core.geometry import FloatArray
-from hric_core.geometry.transforms import rotation_about
 from hric_core.robot_time import stamps
-from hric_core.urdf import Joint, read
+from hric_core.urdf import read
 from hric_human.muscles.lines import colour
 
 WIDTH = 0.007
@@ -32,9 +30,8 @@ class MuscleMarkers:
     """
 
     def __init__(self, description: str, lines: Mapping[str, Sequence[Sequence[Any]]], prefix: str) -> None:
-        robot = read(description)
-        self._joints: list[Joint] = list(robot.joints.values())
-        self._root, self._frame = robot.root, f"{prefix}/{robot.root}"
+        self._robot = read(description)
+        self._frame = f"{prefix}/{self._robot.root}"
         self._names = list(lines)
         self._points = [[(str(link), np.array(position, float)) for link, *position in of] for of in lines.values()]
         self._lock = threading.Lock()
@@ -62,23 +59,10 @@ class MuscleMarkers:
         marker = Marker(header=Header(frame_id=self._frame), ns="human/muscles", type=Marker.LINE_LIST)
         marker.frame_locked, marker.pose.orientation.w, marker.scale.x = True, 1.0, WIDTH
         marker.color, marker.lifetime = ColorRGBA(1.0, 1.0, 1.0, 1.0), stamps.to_duration(LIFETIME)
-        poses = self._poses(angles)
+        poses = self._robot.poses(angles)
         for points, rgba in zip(self._points, colours, strict=True):
             at = [Point(*(poses[link][:3, :3] @ position + poses[link][:3, 3]).tolist()) for link, position in points]
             for ends in itertools.pairwise(at):
                 marker.points += ends
                 marker.colors += [rgba, rgba]
         return MarkerArray([marker])
-
-    def _poses(self, angles: Mapping[str, float]) -> dict[str, FloatArray]:
-        """Return the poses of all links in the root's frame, shape (4, 4) each; angles: joint positions [rad]."""
-        poses, waiting = {self._root: np.eye(4)}, self._joints
-        while waiting:
-            ready = [joint for joint in waiting if joint.parent in poses]
-            for joint in ready:
-                T_turned = np.eye(4)
-                if joint.name in angles:
-                    T_turned[:3, :3] = rotation_about(joint.axis, angles[joint.name])
-                poses[joint.child] = poses[joint.parent] @ joint.T_parent_joint @ T_turned
-            waiting = [joint for joint in waiting if joint.child not in poses]
-        return poses

@@ -19,20 +19,20 @@ from hric_core.parameters import Settings, listing, number, text
 from hric_core.ros import RosNode
 from hric_core.ros.process import NodeApp
 from hric_core.urdf import read
+from hric_human.participant.settings import HUMAN, HumanSettings
 from hric_msgs.msg import HumanGrip, MuscleActivation, RegionContacts, SampleChunk
 from hric_perception.plate.geometry import PLATE_ID
 from hric_perception.view import limit_markers
 from hric_perception.view.decimation import Keeper, MeanChunk, Newest, NewestJoints, ReactionWrench
 from hric_perception.view.human_markers import HumanMarkers
 from hric_perception.view.muscle_markers import MuscleMarkers
+from hric_perception.view.skin_marker import SkinMarker, Triangles
 
 RINGS_PERIOD = 2.0
 """Period at which the rings of joint ranges are sent again, for an rviz that starts later [s].
 
 Project default, unconfirmed.
 """
-HUMAN = "human"
-"""Name of the simulated human next to the robot in topics `hric/human/...`, and prefix of their frames."""
 FOLLOWERS = ("cartesian_pose_controller", "cartesian_pose_impedance_controller")
 """Names of the controllers that have a workspace limit."""
 RUNNING_TIMEOUT = 1.0
@@ -55,6 +55,13 @@ class ViewSettings(Settings):
     )
     limits_rate: float = number(
         10.0, minimum=0.0, maximum=100.0, unit="Hz", text="rate of the markers of limits; 0: none"
+    )
+    skin_rate: float = number(
+        12.0,
+        minimum=0.0,
+        maximum=60.0,
+        unit="Hz",
+        text="rate of the skin of a simulated human, in wall time, while there is a subscriber; 0: none",
     )
     plates: tuple[str, ...] = listing(
         PLATE_ID, default=("1",), single=True, text="force plates whose wrench is published"
@@ -94,6 +101,8 @@ class LiveView(NodeApp):
         self._limits = _Limits(self._root, description, turning) if limits_rate else None
         self._stop = threading.Event()
         loops = [(rate, self._send)] + ([(limits_rate, self._limits.send)] if self._limits is not None else [])
+        if settings.skin_rate and (human := HumanSettings.beside_robot(self._root)) is not None:
+            loops.append((settings.skin_rate, _Skin(self._root, human).send))
         self._threads = [threading.Thread(target=self._run, args=loop, daemon=True) for loop in loops]
         for thread in self._threads:
             thread.start()
@@ -133,6 +142,21 @@ class LiveView(NodeApp):
         for keeper, publisher in self._relays:
             if (message := keeper.take()) is not None:
                 publisher.publish(message)
+
+
+class _Skin:
+    """Publisher of the skin of the simulated human next to the robot."""
+
+    def __init__(self, root: RosNode, human: HumanSettings) -> None:
+        body = human.body()
+        self._marker = SkinMarker(body, human.gripping(body), HUMAN)
+        self._publisher = root.advertise(f"hric/view/{HUMAN}/skin", Triangles)
+        root.subscribe(f"hric/{HUMAN}/joint_states", JointState, self._marker.push, queue_size=1)
+
+    def send(self) -> None:
+        """Publish the skin, if somebody looks at it."""
+        if self._publisher.subscribers() and (marker := self._marker.take()) is not None:
+            self._publisher.publish(marker)
 
 
 class _Limits:

@@ -1,39 +1,30 @@
-"""Front view of the human body as SVG, with the regions of ISO/TS 15066 coloured by contact load over limit."""
+"""Front and back view of the human body as SVG, with body regions coloured by contact load over limit."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from functools import cache
 
+import numpy as np
 from markupsafe import Markup
 
+from hric_core.geometry import FloatArray
+from hric_core.urdf import read
+from hric_human.body import Subject, describe
+from hric_human.body.segments import SIDES
 from hric_report.html import templates
 from hric_report.html.verdict_file import FindingEntry
+from hric_skin import NOT_KNOWN, PAIRED, SCALE, fitted, region_key, shade
+from hric_skin.outlines import outlines
 
 CONTACT, NOT_ASSESSABLE = "contact", "not assessable"
-SCALE = ((0.0, (246, 234, 196)), (0.8, (224, 138, 44)), (1.0, (179, 38, 30)))
-"""Colour scale: (share of the limit, RGB colour), interpolated linearly; shares above 1 have the last colour."""
-SHAPES: Mapping[str, str] = {
-    "skull, forehead": "M84 34 a16 18 0 0 1 32 0 z",
-    "face": "M84 34 h32 q0 24 -16 26 q-16 -2 -16 -26 z",
-    "neck": "M93 61 h14 v9 h-14 z",
-    "chest": "M93 86 h14 l21 10 v26 q-28 10 -56 0 v-26 z",
-    "abdomen": "M72 124 q28 10 56 0 l-3 36 q-25 8 -50 0 z",
-    "pelvis": "M75 162 q25 8 50 0 l5 26 q-15 14 -30 14 q-15 0 -30 -14 z",
-}
-"""SVG paths of the central body regions, in a picture 200 wide and 380 high; the person faces the reader."""
-PAIRS: Mapping[str, str] = {
-    "back, shoulders": "M92 71 q-26 3 -33 15 l13 10 l20 -10 z",
-    "upper arm, elbow": "M57 89 l11 10 l-1 48 q-8 6 -17 0 q-1 -45 7 -58 z",
-    "lower arm, wrist": "M50 150 q8 5 17 0 l-6 55 h-14 z",
-    "hand, fingers": "M47 208 h14 v16 q-2 14 -8 14 q-8 -2 -9 -16 z",
-    "thigh, knee": "M69 192 q12 12 29 13 l-3 78 h-22 z",
-    "lower leg": "M73 286 h22 l-3 72 h-15 z",
-    "foot, toes, ankle": "M77 361 h15 l2 12 h-28 q0 -8 11 -12 z",
-}
-"""SVG paths of the paired body regions: those of the person's right side, on the left of the picture."""
-OF_ARMS = ("upper arm, elbow", "lower arm, wrist", "hand, fingers")
+PERSON = Subject(code="P50", mass=77.0, height=1.76, sex="male", parts="whole_body")
+"""Subject of the picture, whoever the assessed person is."""
+POSTURE = {f"{side}_sh_abd": 0.5 for side in SIDES}
+"""Posture of the picture, in which no limb hides another: joint angles that are not 0 [rad]."""
+PER_METRE, WIDTH, HEIGHT = 200.0, 216.0, 372.0
+"""Size of a view: units of the picture per metre, and width and height of one view in these units."""
+ARMS = ("upper arm, elbow", "lower arm, wrist", "hand, fingers")
 """Regions of an arm; they are drawn faintly on a side whose arm the body model lacks."""
-SIDES = ("right", "left")
 
 
 @dataclass(frozen=True)
@@ -45,49 +36,94 @@ class Touched:
         assessable: True if all contacts could be compared with limits.
         outcome: worst outcome of the findings.
         time: start of the worst contact [s]; None: unknown.
+        sided: True if it is known for all contacts that they were on this side of the body.
     """
 
     share: float | None
     assessable: bool
     outcome: str
     time: float | None
+    sided: bool = True
 
     @property
     def fill(self) -> str:
-        """Fill colour of the region; for a value above its limit by an unknown share, the colour of 100 %."""
-        return colour(1.0 if self.share is None and self.outcome == "above limits" else self.share or 0.0)
+        """Fill colour of the region."""
+        return colour(shown_share(self.share, self.outcome))
+
+    @property
+    def text(self) -> str:
+        """Outcome, largest share of the limit, and whether the side is known."""
+        share = "share of the limit not known" if self.share is None else f"{100.0 * self.share:.0f} % of the limit"
+        return f"{self.outcome}, {share}" + ("" if self.sided else "; it is not known on which side")
 
 
 def touched(findings: Sequence[FindingEntry]) -> dict[str, Touched]:
-    """Summarise the contact findings of a verdict by body region; `findings`: all findings, the worst first."""
+    """Summarise the contact findings of a verdict by region (see `hric_skin.REGION_KEYS`).
+
+    A contact of which the side is not known counts on both sides.
+
+    Args:
+        findings: all findings, the worst first.
+    """
     regions: dict[str, Touched] = {}
     for finding in findings:
         if finding["group"] != CONTACT:
             continue
-        assessable, share = finding["outcome"] != NOT_ASSESSABLE, finding["share"]
+        assessable, share, side = finding["outcome"] != NOT_ASSESSABLE, finding["share"], finding["side"]
         begin = finding["window"][0] if finding["window"] else None
-        for region in finding["regions"]:
-            if region not in regions:
-                regions[region] = Touched(share, assessable, finding["outcome"], begin)
+        for region, key in ((region, key) for region in finding["regions"] for key in region_keys(region, side)):
+            sided = bool(side) or region not in PAIRED
+            known = regions.get(key)
+            if known is None:
+                regions[key] = Touched(share, assessable, finding["outcome"], begin, sided)
                 continue
-            known = regions[region]
             shares = [value for value in (known.share, share) if value is not None]
-            both = known.assessable and assessable
-            regions[region] = Touched(max(shares, default=None), both, known.outcome, known.time)
+            regions[key] = Touched(
+                max(shares, default=None),
+                known.assessable and assessable,
+                known.outcome,
+                known.time,
+                known.sided and sided,
+            )
     return regions
 
 
-def colour(share: float) -> str:
-    """Return the colour of a share of the limit [1] in SCALE, as hex code."""
-    for (low, a), (high, b) in pairwise(SCALE):
-        if share <= high:
-            part = max(share - low, 0.0) / (high - low)
-            return "#" + "".join(f"{round(x + part * (y - x)):02x}" for x, y in zip(a, b, strict=True))
-    return "#" + "".join(f"{x:02x}" for x in SCALE[-1][1])
+def region_keys(region: str, side: str) -> tuple[str, ...]:
+    """Return the names of a region on a side, or on both if the side is "" and the body has two of them."""
+    return tuple(region_key(region, one) for one in SIDES if side in ("", one)) if region in PAIRED else (region,)
+
+
+def colour(share: float | None) -> str:
+    """Return the colour of a share of the limit [1] as hex code; None: not known."""
+    return "#" + "".join(f"{round(255.0 * x):02x}" for x in shade(share))
+
+
+def shown_share(share: float | None, outcome: str) -> float | None:
+    """Return the share of the limit whose colour a contact gets [1]: 1 if it is above its limit by an unknown share."""
+    return 1.0 if share is None and outcome == "above limits" else share
+
+
+@cache
+def views() -> tuple[dict[str, str], dict[str, str]]:
+    """Return the SVG paths of the regions from the front and from behind, the farthest region first."""
+    body = describe(PERSON)
+    skin = fitted(body)
+    vertices = skin.posed(read(body.urdf).poses(POSTURE))
+    low = vertices[:, 2].min()
+    seen = (outlines(skin, vertices, back=back) for back in (False, True))
+    front, back = ({key: "".join(_paths(loops, low)) for key, loops in view.items() if loops} for view in seen)
+    return front, back
+
+
+def _paths(loops: Sequence[FloatArray], low: float) -> Iterator[str]:
+    """Yield the SVG path of each polygon, shape (k, 2) [m], in a view whose lower edge is at a height [m]."""
+    for loop in loops:
+        xy = np.round((loop - (0.0, low)) * (PER_METRE, -PER_METRE) + (0.5 * WIDTH, HEIGHT - 8.0), 1)
+        yield "M" + " ".join(f"{x:g} {y:g}" for x, y in xy) + "Z"
 
 
 def picture(findings: Sequence[FindingEntry], arms: Sequence[str] = ()) -> Markup:
-    """Return the SVG picture of the body with its legend.
+    """Return the SVG picture of the body from the front and from behind, with its legend.
 
     A region without contact is empty, one with a contact that could not be assessed is hatched, and one above its limit
     has a thick outline.
@@ -96,6 +132,8 @@ def picture(findings: Sequence[FindingEntry], arms: Sequence[str] = ()) -> Marku
         findings: findings of a verdict, the worst first.
         arms: sides of the arms of the body model; empty: both. A missing arm is drawn faintly, without colour.
     """
+    lacking = [region_key(region, side) for side in SIDES for region in ARMS if arms and side not in arms]
+    values = {"views": dict(zip(("front", "back"), views(), strict=True)), "scale": SCALE, "lacking": lacking}
+    values |= {"width": WIDTH, "height": HEIGHT, "not_known": NOT_KNOWN}
     environment = templates.environment(colour=colour)
-    values = {"shapes": SHAPES, "pairs": PAIRS, "of_arms": OF_ARMS, "sides": SIDES, "scale": SCALE, "arms": arms}
     return Markup(environment.get_template("body.html").render(touched=touched(findings), **values))

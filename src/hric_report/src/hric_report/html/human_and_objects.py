@@ -1,5 +1,7 @@
 """Human and objects in the replay of a run, with grip forces, contact forces and muscles."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from hric_analysis.human import SimulatedPerson
@@ -12,8 +14,9 @@ from hric_human.body.segments import SIDES, link_name
 from hric_human.muscles.choose import find
 from hric_human.muscles.lines import ACTIVATION_COLOURS, muscle_lines
 from hric_human.participant.settings import HumanSettings
+from hric_report.html.body_picture import CONTACT, region_keys, shown_share
 from hric_report.html.run_data import RunData
-from hric_report.html.scene import Arrow, SceneLines, SceneRobot, SceneSkin, SceneTrack, instants
+from hric_report.html.scene import Arrow, SceneLines, SceneRobot, SceneSkin, SceneTouch, SceneTrack, instants
 from hric_skin import fitted
 
 PER_NEWTON_GRIP, PER_NEWTON_CONTACT = 0.02, 0.002
@@ -42,7 +45,10 @@ def human(data: RunData, rate: float, *, role: str = "", shift: float = 0.0) -> 
     if data.person is None:
         return []
     settings = HumanSettings.of(data.run["definition"]["human"], "human")
-    return [simulated_person(data.person, settings, rate, role=role, shift=shift)]
+    person = simulated_person(data.person, settings, rate, role=role, shift=shift)
+    if person.skin is not None:
+        person.skin = replace(person.skin, touches=_touches(data, data.person.record.name, shift))
+    return [person]
 
 
 def simulated_person(
@@ -74,11 +80,27 @@ def simulated_person(
         if grip.closed.any()
         for name in (grip.holder, grip.held)
     }
-    person.skin = SceneSkin.of(fitted(body, [side for side in SIDES if link_name("hand", side) in held]))
+    skin = fitted(body, [side for side in SIDES if link_name("hand", side) in held])
+    person.skin = SceneSkin.of(skin)
     if record.root is not None:
         seen = instants(record.root.time, rate)
         person.motion = SceneTrack("frame", "person", "world", record.root.time[seen] + shift, record.root.pose[seen])
     return person
+
+
+def _touches(data: RunData, name: str, shift: float) -> list[SceneTouch]:
+    """Return the contacts of a person in the verdict; above its limit by an unknown share, a contact counts as 100 %."""
+    contacts = [] if data.verdict is None else data.verdict["findings"]
+    return [
+        SceneTouch(
+            *(finding["window"][0] + shift, finding["window"][1] + shift),
+            tuple(key for region in finding["regions"] for key in region_keys(region, finding["side"])),
+            shown_share(finding["share"], finding["outcome"]),
+        )
+        for finding in contacts
+        if finding["group"] == CONTACT and finding["window"] and finding["regions"]
+        if finding["person"] in ("", name)
+    ]
 
 
 def _muscles(record: MuscleRecord, body: Body, settings: HumanSettings, rate: float, shift: float) -> SceneLines | None:

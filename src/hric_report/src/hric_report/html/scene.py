@@ -4,7 +4,7 @@ import base64
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +16,7 @@ from hric_core.geometry import FloatArray, Pose, quaternion_from_rotation
 from hric_core.meshes.canonical import UnreadableMeshError
 from hric_core.urdf import Joint, Mimic, Shape, mimic_laws, read
 from hric_report.style import Stops
-from hric_skin import Skin
+from hric_skin import REGION_KEYS, SCALE, Skin, shade
 
 GREY = (0.86, 0.87, 0.88, 1.0)
 """Colour of links without a material: red, green, blue and opacity, each 0 to 1."""
@@ -110,6 +110,21 @@ class SceneLines:
     title: str
 
 
+class SceneTouch(NamedTuple):
+    """Contact that colours regions of the skin.
+
+    Attributes:
+        begin, end: time of the contact on the time axis of the page [s].
+        regions: regions that may be touched, see `hric_skin.REGION_KEYS`.
+        share: largest share of the limit [1]; None: not known.
+    """
+
+    begin: float
+    end: float
+    regions: tuple[str, ...]
+    share: float | None
+
+
 @dataclass(frozen=True)
 class SceneSkin:
     """Surface that follows the links of a body, drawn in place of their shapes.
@@ -121,6 +136,11 @@ class SceneSkin:
         colours: red, green, blue of each vertex, shape (n, 3).
         indices, weights: four links of each vertex, and their share in its motion, each of shape (n, 4).
         faces: indices of vertices, shape (m, 3).
+        regions: index into `keys` of each vertex, shape (n,).
+        keys: names of the body regions, see `hric_skin.REGION_KEYS`.
+        scale: colours of a region by share of its limit: pairs of share [1] and red, green, blue.
+        unknown: colour of a region whose share of the limit is not known.
+        touches: contacts over time, see `SceneTouch`.
     """
 
     links: tuple[str, ...]
@@ -130,12 +150,20 @@ class SceneSkin:
     indices: npt.NDArray[np.int64]
     weights: FloatArray
     faces: npt.NDArray[np.int32]
+    regions: npt.NDArray[np.int64]
+    keys: tuple[str, ...] = REGION_KEYS
+    scale: tuple[tuple[float, list[float]], ...] = tuple((share, shade(share).tolist()) for share, _ in SCALE)
+    unknown: tuple[float, ...] = tuple(shade(None).tolist())
+    touches: Sequence[SceneTouch] = ()
 
     @classmethod
-    def of(cls, skin: Skin) -> "SceneSkin":
-        """Return the surface of a person."""
+    def of(cls, skin: Skin, touches: Sequence[SceneTouch] = ()) -> "SceneSkin":
+        """Return the surface of a person, whose regions are coloured while they are touched."""
         inverses = np.linalg.inv(skin.T_base_link).astype(np.float64).reshape(-1, 16)
-        return cls(skin.links, inverses, skin.vertices, skin.colours, *skin.influences, skin.triangles)
+        return cls(
+            *(skin.links, inverses, skin.vertices, skin.colours, *skin.influences, skin.triangles, skin.region_keys),
+            touches=touches,
+        )
 
 
 @dataclass

@@ -7,7 +7,10 @@ from hric_assessment.typed_json import Content
 
 
 class FindingEntry(TypedDict):
-    """Assessment result. share: ratio to the limit [1]; window: begin and end, robot time [s]; None: unknown."""
+    """Assessment result. share: ratio to the limit [1]; window: begin and end, robot time [s]; None: unknown.
+
+    side: "right" or "left" side of the person; "": the middle of the body, or not known.
+    """
 
     group: str
     subject: str
@@ -16,6 +19,7 @@ class FindingEntry(TypedDict):
     share: float | None
     window: tuple[float, float] | None
     regions: Sequence[str]
+    side: str
 
 
 class RecordingEntry(TypedDict):

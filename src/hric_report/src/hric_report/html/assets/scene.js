@@ -116,6 +116,7 @@
     }
   }
 
+  const TOUCH = 0.25; // shortest time that a contact is shown [s]
   const BUNDLE = 0.0035; // radius of a line [m]
 
   // Lines (muscle paths) through points fixed to links, coloured by value over time, visible through the body.
@@ -168,11 +169,42 @@
       add("skinWeight", report.read(spec.weights), 4);
       geometry.setIndex(new THREE.BufferAttribute(report.read(spec.faces), 1));
       geometry.computeVertexNormals();
+      Object.assign(this, { spec, clothes: report.read(spec.colours).slice(), regions: report.read(spec.regions), shown: "{}" });
       this.object = new THREE.SkinnedMesh(geometry, new THREE.MeshPhongMaterial({ vertexColors: true, specular: 0x0a0a0a, side: THREE.DoubleSide }));
       this.object.frustumCulled = false;
       const inverses = report.read(spec.inverses), bones = spec.links.map((name) => links.get(name));
       const inverse = (k) => new THREE.Matrix4().fromArray(inverses, 16 * k).transpose(); // rows there, columns here
       this.object.bind(new THREE.Skeleton(bones, bones.map((_, k) => inverse(k))), new THREE.Matrix4());
+    }
+
+    // Colour regions by share of their limit. shares: by name of the region, "right lower arm, wrist"; null: not known.
+    // All other regions have the colours of the clothes.
+    colour(shares) {
+      const wanted = JSON.stringify(shares), { color } = this.object.geometry.attributes;
+      if (wanted === this.shown) return;
+      this.shown = wanted;
+      const colours = this.spec.keys.map((key) => (key in shares ? this.shade(shares[key]) : null));
+      color.array.set(this.clothes);
+      this.regions.forEach((region, k) => { if (colours[region]) color.array.set(colours[region], 3 * k); });
+      color.needsUpdate = true;
+    }
+
+    shade(share) {
+      const { scale, unknown } = this.spec, k = scale.findIndex(([at]) => at >= share);
+      if (share === null) return unknown;
+      if (k < 1) return scale[k < 0 ? scale.length - 1 : 0][1];
+      const [[low, from], [high, to]] = [scale[k - 1], scale[k]];
+      return from.map((value, c) => value + ((share - low) / (high - low)) * (to[c] - value));
+    }
+
+    // Colour the regions that are touched at time t, each by the largest share; an unknown one is shown only if alone.
+    show(t) {
+      const shares = {};
+      for (const [begin, end, regions, share] of this.spec.touches) {
+        if (t < begin || t > Math.max(end, begin + TOUCH)) continue;
+        for (const region of regions) shares[region] = region in shares && shares[region] !== null ? Math.max(shares[region], share) : share;
+      }
+      this.colour(shares);
     }
   }
 
@@ -294,6 +326,7 @@
         this.root.quaternion.copy(this.motion.object.quaternion);
       }
       for (const moved of [...this.tracks, ...(this.plates || []), ...(this.arrows || []), ...(this.trails || [])]) moved.show(t);
+      if (this.skin?.spec.touches.length) this.skin.show(t);
       if (this.lines) {
         this.root.updateWorldMatrix(true, true);
         this.lines.show(t);
