@@ -24,10 +24,8 @@ DESCRIBED = {
     "human_muscles": "human_muscles",
 }
 """Choices of `describe` that are printed as YAML, with the name of the function in `parameters` that returns them."""
-NODES = ("natnet_client", "emulated_human", "synchronizer", "person", "supervisor")
-"""Nodes whose private parameters `describe` prints, in addition to the nodes of sensors."""
-WORDS = ("urdf", "human_urdf", *DESCRIBED, *NODES)
-"""Choices of `describe` apart from the nodes of sensors, whose packages are slow to import."""
+WORDS = ("urdf", "human_urdf", *DESCRIBED, "natnet_client", "emulated_human", "synchronizer", "person", "supervisor")
+"""Choices of `describe` apart from the nodes of sensors, whose packages are slow to import; the last five are nodes."""
 
 
 class SchemaCommand(Command):
