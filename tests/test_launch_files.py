@@ -428,5 +428,5 @@ def test_a_person_section_starts_its_tracker(environment: tuple[str, ...], tmp_p
 
 
 def test_describe_names_its_choices_for_an_unknown_word() -> None:
-    with pytest.raises(HricError, match="no description 'limit'; valid: .*emulated_emg.*natnet_client.*mean limits"):
+    with pytest.raises(HricError, match=r"no description 'limit'; valid: .*emulated_emg.*natnet_client.*mean limits"):
         described("limit", "pd_step")
