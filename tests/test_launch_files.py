@@ -425,3 +425,8 @@ def test_a_person_section_starts_its_tracker(environment: tuple[str, ...], tmp_p
     assert nodes(config)["/person"] == "hric_perception/person" and "/natnet_client" in nodes(config)
     assert parameters(config)["/person"] == {"asset": "body", "force": {"source": "robot", "hand": "left"}}
     assert "/person" not in nodes(loaded(*environment, *STEP))
+
+
+def test_describe_names_its_choices_for_an_unknown_word() -> None:
+    with pytest.raises(HricError, match=r"no description 'limit'; valid: .*emulated_emg.*natnet_client.*mean limits"):
+        described("limit", "pd_step")

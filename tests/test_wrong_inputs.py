@@ -99,7 +99,7 @@ TOOLS = [
     ("hric_experiments run not.yaml", r"not\.yaml is not YAML: .*line 2, column 1"),
     ("hric_experiments run wrong.yaml", r"2 mistakes\n +no parameter 'controlers'; valid: controllers.*\n +duration"),
     ("hric_experiments run study.yaml", r"forms\.a\.compared\[0\]\.runs is 'c'; valid: two of b"),
-    ("hric_experiments describe robott pd_step", r"'robott' \(choose from 'urdf', 'human_urdf', 'robot'"),
+    ("hric_experiments describe robott pd_step", r"no description 'robott'; valid: controllers.*did you mean robot\?"),
     ("hric_experiments report nowhere", r"no run folder 'nowhere' .*newest in .*/runs: none"),
     ("hric_experiments health notes.txt", r"notes\.txt is not a bag of version 2\.0"),
     ("hric_experiments health open", r"no bag in .*/open: neither open\.bag nor open\.bag\.active"),

@@ -361,4 +361,3 @@ def test_the_worst_moment_is_drawn_with_what_decides(bags: Path, tmp_path: Path)
 def test_a_run_says_beforehand_what_its_verdict_will_not_know(settings: dict[str, Any], lacks: tuple[str, ...]) -> None:
     said = unknown_beforehand(settings)
     assert tuple(word for word in ("contact", "posture") if f" {word}" in said) == lacks and bool(said) == bool(lacks)
-    assert unknown_beforehand(None) == ""

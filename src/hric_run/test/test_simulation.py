@@ -5,6 +5,7 @@ import random
 import re
 import signal
 import subprocess
+import sys
 import threading
 from pathlib import Path
 
@@ -111,3 +112,25 @@ def test_a_mistake_is_told_before_anything_runs() -> None:
         Simulation("pd_step", kpp=3)
     with pytest.raises(HricError, match=r"setpoint at .* is outside"):
         Simulation("pd_step", **{"setpoints.0.positions": [9, 0, 0, -2, 0, 2, 0]})
+
+
+def modules_of(name: str, at_end: bool) -> set[str]:
+    """Return the modules that a fresh process has loaded before a run of 20 ms, or those that the run adds to them."""
+    program = (
+        "import sys\nfrom hric_run.simulation import Simulation\n"
+        f"with Simulation({name!r}, duration=0.02) as simulation:\n"
+        "    before = set(sys.modules)\n    simulation.run()\n"
+        f"    print(*(set(sys.modules) - before if {at_end} else before))"
+    )
+    return set(subprocess.check_output([sys.executable, "-c", program], text=True, timeout=120).split())
+
+
+@pytest.mark.parametrize("name", ["pd_step", "marker_tracking", "hand_guidance"])
+def test_the_loop_imports_nothing(name: str) -> None:
+    """An import in a cycle would be a missed deadline."""
+    assert modules_of(name, at_end=True) == set()
+
+
+def test_a_simple_run_starts_without_slow_libraries() -> None:
+    slow = {"scipy.optimize", "scipy.spatial", "matplotlib", "pyarrow", "pandas", "mocap_natnet", "hric_assessment"}
+    assert modules_of("pd_step", at_end=False) & slow == set()

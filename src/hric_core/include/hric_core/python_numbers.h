@@ -90,6 +90,17 @@ static inline int copy_buffer(PyObject *buffer, size_t size, void *out, const ch
     return fits;
 }
 
+/* Return 1 if all n values are from 0 to below a bound, else 0 with a Python error set. */
+static inline int below(const int *values, int n, int bound)
+{
+    for (int i = 0; i < n; i++)
+        if (values[i] < 0 || values[i] >= bound) {
+            PyErr_Format(PyExc_ValueError, "index %d is outside 0 to %d", values[i], bound - 1);
+            return 0;
+        }
+    return 1;
+}
+
 /* Allocate zeroed memory for n elements (at least one); return NULL with a Python error set on failure. */
 static inline void *zeroed(size_t n, size_t each)
 {

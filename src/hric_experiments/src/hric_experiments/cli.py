@@ -68,11 +68,14 @@ class RunCommand(Command):
 
 def _run_experiment(arguments: argparse.Namespace) -> int:
     definition = experiment.load(arguments.experiment, arguments.overrides)
-    from hric_assessment.verdict.conclusions import unknown_beforehand
     from hric_report import headless  # slow to import: errors are reported before
 
-    if not arguments.quiet and (lacking := unknown_beforehand(definition.human)):
-        print(lacking, file=sys.stderr)
+    if not arguments.quiet and definition.human is not None:
+        # Imported only for runs with a person: it is slow to import.
+        from hric_assessment.verdict.conclusions import unknown_beforehand
+
+        if lacking := unknown_beforehand(definition.human):
+            print(lacking, file=sys.stderr)
     result = headless.run(
         definition,
         arguments.overrides,

@@ -10,6 +10,7 @@ import yaml
 
 from hric_core import plugins
 from hric_core.command import Argument, Command
+from hric_core.errors import check_known
 from hric_core.parameters import Settings, json_schema, read_yaml
 from hric_experiments.cli import experiment_arguments, log_to_terminal, sort_words
 from hric_run.definition import experiment, overrides
@@ -23,8 +24,8 @@ DESCRIBED = {
     "human_muscles": "human_muscles",
 }
 """Choices of `describe` that are printed as YAML, with the name of the function in `parameters` that returns them."""
-NODES = ("natnet_client", "emulated_human", "synchronizer", "person", "supervisor")
-"""Nodes whose private parameters `describe` prints, in addition to the nodes of sensors."""
+WORDS = ("urdf", "human_urdf", *DESCRIBED, "natnet_client", "emulated_human", "synchronizer", "person", "supervisor")
+"""Choices of `describe` apart from the nodes of sensors, whose packages are slow to import; the last five are nodes."""
 
 
 class SchemaCommand(Command):
@@ -64,8 +65,8 @@ class DescribeCommand(Command):
         return [
             Argument(
                 "what",
-                choices=["urdf", "human_urdf", *DESCRIBED, *_nodes()],
-                help="a description (URDF), or parameters (YAML)",
+                complete=_words,
+                help=f"a description (URDF), or parameters (YAML): {', '.join(WORDS)}, or a node of a sensor, e.g. emg",
             ),
             *experiment_arguments(
                 f"one of: {', '.join(experiment.names())}; none: the bring-up without experiment; or the path of a "
@@ -83,6 +84,8 @@ class DescribeCommand(Command):
 
     def run(self, arguments: argparse.Namespace) -> None:
         """Print the chosen description or parameters of the experiment."""
+        if arguments.what not in WORDS:
+            check_known("description", [arguments.what], _words())
         sort_words(arguments)
         log_to_terminal(quiet=False)
         definition = experiment.load(arguments.experiment, arguments.overrides)
@@ -100,10 +103,10 @@ class DescribeCommand(Command):
             print(yaml.safe_dump({**values, **_also(arguments.also_file, arguments.also)}, sort_keys=False), end="")
 
 
-def _nodes() -> list[str]:
-    """Return the names of all nodes whose private parameters `describe` prints."""
+def _words() -> list[str]:
+    """Return all choices of `describe`."""
     sensors: list[Any] = [plugins.find(plugins.SENSOR, name) for name in plugins.names(plugins.SENSOR)]
-    return [*NODES, *(name for sensor in sensors for name in (sensor.name, sensor.emulated_name))]
+    return [*WORDS, *(name for sensor in sensors for name in (sensor.name, sensor.emulated_name))]
 
 
 def _also(path: Path | None, words: Sequence[str]) -> dict[str, object]:

@@ -22,7 +22,6 @@ from hric_run import provenance
 from hric_run.definition import experiment, parameters
 from hric_run.definition.experiment import Experiment, Setpoint
 from hric_run.definition.overrides import in_yaml
-from hric_run.headless_human import HeadlessHuman
 
 if TYPE_CHECKING:
     from hric_assessment.supervisor.app import HeadlessSupervisor
@@ -76,6 +75,9 @@ class Simulation:
         person = parameters.person(self.definition) if mocap is not None and mocap.measures_person else {}
         steppers: list[Stepper] = [sensor.headless(node) for sensor in self.definition.sensors]
         if mocap is not None:
+            # Imported only for runs with motion capture.
+            from hric_run.headless_human import HeadlessHuman
+
             steppers.insert(0, HeadlessHuman(node, mocap.build(self.seed, person), announced=bool(steppers)))
         added = [section.headless(node, self.seed) for section in self.definition.added_sections.values()]
         steppers += [stepper for stepper in added if stepper is not None]

@@ -1,8 +1,7 @@
 """Convex hulls of meshes, reduced by the collision margin that PyBullet adds around each hull."""
 
 import numpy as np
-from scipy.optimize import linprog
-from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
+import scipy  # it loads scipy.optimize on first use: half a second that a robot without meshes does not need
 
 from hric_core.geometry import FloatArray
 from hric_core.meshes.canonical import MeshSurface
@@ -22,21 +21,21 @@ def without_skin(hull: MeshSurface) -> MeshSurface:
     Args:
         hull: convex hull of the mesh, which encloses a volume.
     """
-    sides = ConvexHull(hull.vertices).equations  # n x + d <= 0 inside, n of length 1
+    sides = scipy.spatial.ConvexHull(hull.vertices).equations  # n x + d <= 0 inside, n of length 1
     bounds = [*[(None, None)] * 3, (0.0, None)]
     rows = np.hstack([sides[:, :3], np.ones((len(sides), 1))])
-    inner = linprog([0.0, 0.0, 0.0, -1.0], A_ub=rows, b_ub=-sides[:, 3], bounds=bounds)
+    inner = scipy.optimize.linprog([0.0, 0.0, 0.0, -1.0], A_ub=rows, b_ub=-sides[:, 3], bounds=bounds)
     if not inner.success:
         return hull
     sides[:, 3] += min(SKIN, _THINNEST * inner.x[3])
     try:
-        return _surface(HalfspaceIntersection(sides, inner.x[:3]).intersections)
-    except QhullError:
+        return _surface(scipy.spatial.HalfspaceIntersection(sides, inner.x[:3]).intersections)
+    except scipy.spatial.QhullError:
         return hull
 
 
 def _surface(points: FloatArray) -> MeshSurface:
-    hull = ConvexHull(points)
+    hull = scipy.spatial.ConvexHull(points)
     numbers = np.full(len(points), -1)
     numbers[hull.vertices] = np.arange(len(hull.vertices))
     return MeshSurface(points[hull.vertices], numbers[hull.simplices])

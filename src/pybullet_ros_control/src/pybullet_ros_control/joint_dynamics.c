@@ -366,19 +366,10 @@ static PyObject *dynamics_rotor_efforts(Dynamics *self, PyObject *dq)
     return list(effort, n);
 }
 
-static PyObject *dynamics_mass_matrix(Dynamics *self, PyObject *q)
-{
-    if (!take(q, self->n, self->q))
-        return NULL;
-    double M[self->n > 0 ? self->n * self->n : 1]; /* local, since self->M must keep the matrix of the last step */
-    place_tree(&self->tree, self->q);
-    tree_mass_matrix(&self->tree, M);
-    return list(M, (Py_ssize_t)self->n * self->n);
-}
-
 static PyObject *dynamics_mobility(Dynamics *self, PyObject *q)
 {
     const int n = self->n;
+    /* M is local, since self->M must keep the matrix of the last step. */
     double M[n > 0 ? n * n : 1], inverse[n > 0 ? n * n : 1];
     if (!take(q, n, self->q))
         return NULL;
@@ -393,16 +384,6 @@ static PyObject *dynamics_mobility(Dynamics *self, PyObject *q)
         solve_on_laws(self, M, inverse + i * n);
     }
     return list(inverse, (Py_ssize_t)n * n);
-}
-
-static PyObject *dynamics_bias(Dynamics *self, PyObject *const *given, Py_ssize_t count)
-{
-    double u[self->n > 0 ? self->n : 1], result[self->n > 0 ? self->n : 1];
-    if (!expect(count, 2, "bias(q, dq)") || !take(given[0], self->n, self->q) || !take(given[1], self->n, u))
-        return NULL;
-    place_tree(&self->tree, self->q);
-    tree_efforts(&self->tree, self->gravity, u, NULL, result);
-    return list(result, self->n);
 }
 
 /* Index of a joint, or -1 for the base; -2 with a Python error set. */
@@ -531,9 +512,7 @@ static PyMethodDef dynamics_methods[] = {
     {"forget", (PyCFunction)dynamics_forget, METH_NOARGS, "clear the memory of the previous step"},
     {"rotor_efforts", (PyCFunction)dynamics_rotor_efforts, METH_O,
      "(dq at the end of the step) -> efforts that accelerated the rotors in it"},
-    {"mass_matrix", (PyCFunction)dynamics_mass_matrix, METH_O, "(q) -> mass matrix of the links, row-major"},
     {"mobility", (PyCFunction)dynamics_mobility, METH_O, "(q) -> inverse mass matrix of the links, row-major"},
-    {"bias", FAST(dynamics_bias), "(q, dq) -> Coriolis, centrifugal and gravity efforts"},
     {"motion", FAST(dynamics_motion),
      "(q, dq, joint, frame) -> position, quaternion, linear, angular velocity of a frame on the link behind a joint"},
     {"efforts", FAST(dynamics_efforts),

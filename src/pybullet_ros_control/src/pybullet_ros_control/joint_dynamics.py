@@ -88,14 +88,8 @@ class CompiledDynamics(Protocol):
     def forget(self) -> None:
         """Clear the memory of the previous step, after the state was set from outside."""
 
-    def mass_matrix(self, q: Vector, /) -> list[float]:
-        """Return the mass matrix of the links at q without rotors, n x n floats, row-major [kg m^2]."""
-
     def mobility(self, q: Vector, /) -> list[float]:
         """Return the inverse mass matrix of the links at q, with mimic laws, n x n floats, row-major [1/(kg m^2)]."""
-
-    def bias(self, q: Vector, dq: Vector, /) -> list[float]:
-        """Return the Coriolis, centrifugal and gravity efforts h(q, dq) [N m]."""
 
     def motion(self, q: Vector, dq: Vector, joint: int, frame: Vector, /) -> LinkMotion:
         """Return pose and velocity of a frame on a link, in the world frame.

@@ -240,14 +240,12 @@ def headline(conclusions: Sequence[Conclusion], only: Collection[str] = ()) -> s
     return ", ".join([str(outcome(conclusions, limits))] * (not only or bool(limits)) + tasks)
 
 
-def unknown_beforehand(section: Content | None) -> str:
-    """Return a line about questions that a run's verdict cannot decide; empty: there are none, or no person.
+def unknown_beforehand(section: Content) -> str:
+    """Return a line about questions that a run's verdict cannot decide; empty: there are none.
 
     Args:
-        section: section `human` of the experiment; None: there is none.
+        section: section `human` of the experiment.
     """
-    if section is None:
-        return ""
     human, lacks = HumanSettings.of(section, "human"), []
     if human.contact_area is None:
         lacks.append("contacts, if any: the contact area is not stated (human.contact_area:=M2)")

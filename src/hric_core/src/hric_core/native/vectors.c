@@ -37,41 +37,25 @@ static double number(PyObject *object)
     return PyFloat_CheckExact(object) ? PyFloat_AS_DOUBLE(object) : PyFloat_AsDouble(object);
 }
 
-FUNCTION(within)
-{
-    PyObject **row[3];
-    Py_ssize_t n = rows("within(values, low, high)", given, count, 3, row);
-    int all = n >= 0;
-    for (Py_ssize_t i = 0; all && i < n; i++) {
-        double x = number(row[0][i]);
-        all = number(row[1][i]) <= x && x <= number(row[2][i]);
+/* Define a function of `size` lists that returns True if a condition on x, an element of each list, always holds. */
+#define EVERY(name, usage, size, condition)                                                                            \
+    FUNCTION(name)                                                                                                     \
+    {                                                                                                                  \
+        PyObject **row[size];                                                                                          \
+        const Py_ssize_t n = rows(usage, given, count, size, row);                                                     \
+        int all = n >= 0;                                                                                              \
+        for (Py_ssize_t i = 0; all && i < n; i++) {                                                                    \
+            double x[size];                                                                                            \
+            for (int k = 0; k < (size); k++)                                                                           \
+                x[k] = number(row[k][i]);                                                                              \
+            all = (condition);                                                                                         \
+        }                                                                                                              \
+        return PyErr_Occurred() ? NULL : PyBool_FromLong(all);                                                         \
     }
-    return PyErr_Occurred() ? NULL : PyBool_FromLong(all);
-}
 
-FUNCTION(near)
-{
-    PyObject **row[3];
-    Py_ssize_t n = rows("near(a, b, bound)", given, count, 3, row);
-    int all = n >= 0;
-    for (Py_ssize_t i = 0; all && i < n; i++) {
-        double change = number(row[0][i]) - number(row[1][i]), bound = number(row[2][i]);
-        all = -bound <= change && change <= bound;
-    }
-    return PyErr_Occurred() ? NULL : PyBool_FromLong(all);
-}
-
-FUNCTION(smaller)
-{
-    PyObject **row[2];
-    Py_ssize_t n = rows("smaller(values, bound)", given, count, 2, row);
-    int all = n >= 0;
-    for (Py_ssize_t i = 0; all && i < n; i++) {
-        double x = number(row[0][i]), bound = number(row[1][i]);
-        all = -bound <= x && x <= bound;
-    }
-    return PyErr_Occurred() ? NULL : PyBool_FromLong(all);
-}
+EVERY(within, "within(values, low, high)", 3, x[1] <= x[0] && x[0] <= x[2])
+EVERY(near, "near(a, b, bound)", 3, fabs(x[0] - x[1]) <= x[2])
+EVERY(smaller, "smaller(values, bound)", 2, fabs(x[0]) <= x[1])
 
 static PyObject *finished(PyObject *list)
 {

@@ -9,7 +9,6 @@ import rospy
 from std_msgs.msg import Float64MultiArray
 
 from controller_manager_msgs.srv import ListControllers
-from hric_assessment.verdict.conclusions import unknown_beforehand
 from hric_bags.text import Steps
 from hric_core.errors import FailureError, HricError
 from hric_core.parameters import Settings, flag, number, text
@@ -74,8 +73,12 @@ class LiveExperiment:
         Raises:
             HricError: the system is not ready in time, the robot stops responding, or the bag cannot be read.
         """
-        if self._recording is not None and (lacking := unknown_beforehand(self.experiment.human)):
-            rospy.loginfo("%s", lacking)
+        if self._recording is not None and self.experiment.human is not None:
+            # Imported only for runs with a person: it is slow to import.
+            from hric_assessment.verdict.conclusions import unknown_beforehand
+
+            if lacking := unknown_beforehand(self.experiment.human):
+                rospy.loginfo("%s", lacking)
         self._wait_ready()
         rospy.loginfo(
             "experiment %s: %d setpoints, %g s",

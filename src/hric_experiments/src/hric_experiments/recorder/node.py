@@ -154,7 +154,7 @@ class BagRecorder:
                 raise FailureError(
                     f"the recorder did not subscribe to {', '.join(sorted(expected))} within {OPEN_TIMEOUT:g} s"
                 )
-            time.sleep(0.05)
+            time.sleep(0.1)  # each look parses the state of the whole ROS graph
 
     def work(self) -> None:
         """Execute the requests to record until the shutdown of the node.

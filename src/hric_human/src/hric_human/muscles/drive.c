@@ -58,15 +58,10 @@ static int choose(PyObject *sequence, const int *columns, int m, double *out)
     if (n < 0)
         return 0;
     double all[n + 1];
-    if (!take(sequence, n, all))
+    if (!take(sequence, n, all) || !below(columns, m, (int)n))
         return 0;
-    for (int r = 0; r < m; r++) {
-        if (columns[r] < 0 || columns[r] >= n) {
-            PyErr_Format(PyExc_ValueError, "joint index %d is outside 0 to %zd", columns[r], n - 1);
-            return 0;
-        }
+    for (int r = 0; r < m; r++)
         out[r] = all[columns[r]];
-    }
     return 1;
 }
 

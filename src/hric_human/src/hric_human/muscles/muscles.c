@@ -128,17 +128,6 @@ static void *copied(PyObject *buffer, size_t n, size_t each, const char *what)
     return memory;
 }
 
-/* Return 1 if all n values are from 0 to below a bound, else 0 with a Python error set. */
-static int below(const int *values, int n, int bound)
-{
-    for (int i = 0; i < n; i++)
-        if (values[i] < 0 || values[i] >= bound) {
-            PyErr_Format(PyExc_ValueError, "index %d is outside 0 to %d", values[i], bound - 1);
-            return 0;
-        }
-    return 1;
-}
-
 static int valid(const Muscles *self, const Arm *arm, int entries)
 {
     const int rows = arm->muscles * (1 + arm->joints);

@@ -157,12 +157,11 @@ class SceneSkin:
     touches: Sequence[SceneTouch] = ()
 
     @classmethod
-    def of(cls, skin: Skin, touches: Sequence[SceneTouch] = ()) -> "SceneSkin":
-        """Return the surface of a person, whose regions are coloured while they are touched."""
+    def of(cls, skin: Skin) -> "SceneSkin":
+        """Return the surface of a person."""
         inverses = np.linalg.inv(skin.T_base_link).astype(np.float64).reshape(-1, 16)
         return cls(
-            *(skin.links, inverses, skin.vertices, skin.colours, *skin.influences, skin.triangles, skin.region_keys),
-            touches=touches,
+            *(skin.links, inverses, skin.vertices, skin.colours, *skin.influences, skin.triangles, skin.region_keys)
         )
 
 
