@@ -15,6 +15,7 @@ import rosbag
 from browser import Browser, installed
 from PIL import Image
 
+from hric_assessment.verdict.result import VERSION
 from hric_bags.run_folder import RunFolder
 from hric_core.command import main
 from hric_core.errors import HricError
@@ -82,6 +83,22 @@ def test_a_run_that_was_not_assessed_is_not_known(root: Path, names: dict[str, l
     folder = RunFolder(root / names["contact"][0])
     (folder.path / "verdict.json").unlink(missing_ok=True)
     assert entry(folder).verdict == "not known: not assessed yet"
+
+
+@pytest.mark.parametrize(
+    "content", ["[1]", '{"version": %d}', '{"version": %d, "input": {"name": "damaged", "kind": "run"}}']
+)
+def test_a_damaged_verdict_is_not_known(tmp_path: Path, content: str) -> None:
+    folder = tmp_path / "damaged"
+    folder.mkdir()
+    (folder / "run.yaml").write_text("experiment: contact")
+    (folder / "verdict.json").write_text(content.replace("%d", json.dumps(VERSION)))
+    assert entry(RunFolder(folder)).verdict == "not known: verdict.json cannot be read"
+
+
+def test_a_damaged_definition_is_listed_as_fault(tmp_path: Path) -> None:
+    (tmp_path / "run.yaml").write_text("definition: text")
+    assert "definition is not a mapping" in entry(RunFolder(tmp_path)).fault
 
 
 @pytest.mark.parametrize("name", ["", "..", "../recorded", "/etc", "latest", "no_such_run", "broken\0"])
