@@ -126,6 +126,11 @@ def test_time_stands_still_until_it_is_stepped(page: Browser) -> None:
     page.wait(f"report.end > {before} + 0.5")
 
 
+def test_a_step_of_running_time_is_refused(page: Browser) -> None:
+    click(page, "step")
+    page.wait("document.getElementById('link').textContent.startsWith('Refused')")
+
+
 def test_a_pull_with_the_mouse_pushes_the_link(page: Browser) -> None:
     page.evaluate("document.getElementById('pushing').click()")
     page.evaluate("document.getElementById('view').scrollIntoView()")
