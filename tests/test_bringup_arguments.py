@@ -55,6 +55,7 @@ NAMES = (
     "emg",
     "force_plate",
     "view",
+    "control",
 )
 CONTROLLERS = ("joint_state_controller", "joint_pd_controller", "effort_joint_trajectory_controller")
 CHOICES = Choices(
@@ -72,6 +73,7 @@ def checked(*arguments: str) -> dict[str, str]:
 @pytest.mark.parametrize(
     ("argument", "texts"),
     [
+        ("control:=yes", ("control", "true", "false")),
         ("envv:=real", ("envv", "did you mean env", "simulator")),
         ("env:=gazebo", ("gazebo", "sim, real")),
         ("env=sim", ("name:=value", "env:=sim")),

@@ -331,6 +331,12 @@ def test_the_window_starts_on_request_or_without_display(
     assert "/window" not in nodes(loaded(*words, "view:=auto"))  # other words, since the result is cached
 
 
+@pytest.mark.parametrize("words", [("env:=sim",), ("env:=real", "robot_ip:=127.0.0.2")])
+def test_only_control_true_lets_viewers_command(words: tuple[str, ...]) -> None:
+    assert parameters(loaded(*words, "rviz:=false", "view:=web"))["/window/control"] is False
+    assert parameters(loaded(*words, "rviz:=false", "control:=true"))["/window/control"] is True
+
+
 def test_a_human_has_description_and_frames() -> None:
     config = loaded("experiment:=hand_guidance", "rviz:=true")
     values = parameters(config)

@@ -231,7 +231,7 @@ def main(argv: list[str]) -> int:
 
             franka_real.probe.check(arguments["robot_ip"], PROBE_TIMEOUT)
         blind = arguments["rviz"] == "auto" and resolve_rviz("auto") == "false"
-        if arguments["view"] == "auto" and blind:
+        if arguments["view"] == "auto" and (blind or arguments["control"] == "true"):
             arguments["view"] = "web"
         arguments["rviz"] = resolve_rviz(arguments["rviz"])
         arguments["mocap"] = given.device("mocap", arguments, known)

@@ -158,6 +158,8 @@ def check(arguments: Mapping[str, str], valid_names: Iterable[str], known: Choic
     _check_human(checked, known)
     _check_mocap(checked, known)
     _check_sensors(checked, known)
+    if checked.get("control") == "true" and checked.get("view", "auto") not in ("auto", "web"):
+        raise ArgumentError(f"control:=true needs the window; valid: with view:=web, not view:={checked['view']}")
     return checked
 
 

@@ -176,7 +176,7 @@ WIRES = (
         "loopback; `host` opens it",
         "who knows the token of the printed address, from a page of this server, 20 at a time",
         "one frame; a slow viewer gets fewer",
-        "nothing without the token; with it look on, no command is taken",
+        "nothing without the token; with it look on, and with `control:=true` command the robot while nobody else does",
         address_argument=True,
     ),
     Wire(

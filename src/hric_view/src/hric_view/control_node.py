@@ -3,7 +3,7 @@
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future
 from typing import Any
 
 import numpy as np
@@ -29,7 +29,7 @@ from hric_view.live import LiveJoints
 
 PATIENCE = 2.0
 """Longest wait for a service [s]; project default."""
-PUSH = 0.15
+PUSH = 0.1
 """Duration of one push [s]; the page renews it while the button is held, so it ends soon after the page does."""
 SPEED = 0.5
 """Joint speed of trajectories that the window sends [rad/s]; project default."""
@@ -62,11 +62,10 @@ class SystemActions:
         self._tree = Tree(robot, moved)
         self._tip = max(self._tree.index, key=lambda link: self._tree.index[link])
         self._manager = ManagerClient(root.namespace)
-        self._pool = ThreadPoolExecutor(1, "commands")
         self._lock = threading.Lock()
         self._controllers: list[Any] = []
         self._state: Any = None
-        self._seen, self._stood = 0.0, False
+        self._seen, self._stood, self._pushed = 0.0, False, 0.0
         self._simulated = root.has_param("/use_sim_time") and bool(root.param("/use_sim_time"))
         self._gripper = root.advertise("franka_gripper/move/goal", MoveActionGoal)
         self._recovery = root.advertise("franka_control/error_recovery/goal", ErrorRecoveryActionGoal)
@@ -74,10 +73,6 @@ class SystemActions:
         self._commanded: tuple[str, dict[str, float]] = ("", {})
         """Controller that got the last positions of the window, and these: a joint that sags keeps its setpoint."""
         root.subscribe("franka_state_controller/franka_states", FrankaState, self._note, queue_size=1)
-
-    def close(self) -> None:
-        """Wait for no service any longer."""
-        self._pool.shutdown(wait=False, cancel_futures=True)
 
     def look(self) -> None:
         """Read what can be commanded at present; called regularly by a thread of its own."""
@@ -113,7 +108,7 @@ class SystemActions:
 
     def step(self, cycles: int) -> None:
         """See control.Actions."""
-        self._call("sim/step", StepSimulation, cycles)
+        _demand(self._call("sim/step", StepSimulation, cycles))
 
     def reset(self) -> None:
         """See control.Actions."""
@@ -135,6 +130,10 @@ class SystemActions:
         target = [positions.get(name, present.get(name, 0.0)) for name in names]
         self._commanded = one.name, dict(zip(names, target, strict=True))
         if one.type == PD:
+            if self._root.param(f"{one.name}/profile/enabled", True) is not True:
+                raise HricError(
+                    f"{one.name} has no velocity profile, so the arm would jump; valid: profile/enabled: true"
+                )
             return self._publish(f"{one.name}/command", Float64MultiArray(data=target))
         if TRAJECTORIES not in one.type:
             raise HricError(f"{one.name} takes no joint positions; start joint_pd_controller, or move the end effector")
@@ -158,12 +157,14 @@ class SystemActions:
         self.move_joints({name: float(value + d) for name, value, d in zip(self._tree.joints, q, dq, strict=True)})
 
     def push(self, link: str, point: Sequence[float], force: Sequence[float]) -> None:
-        """See control.Actions."""
-        wrench = Wrench(force=Vector3(*force))
-        now, duration = rospy.Time(0), rospy.Duration.from_sec(PUSH)
-        response = self._call("sim/apply_body_wrench", ApplyBodyWrench, link, "", Point(*point), wrench, now, duration)
-        if not response.success:
-            raise HricError(response.status_message)
+        """Push from the end of the last push on, so that two never add up; see control.Actions."""
+        now, wrench = rospy.get_time(), Wrench(force=Vector3(*force))
+        start = self._pushed if now < self._pushed < now + 2.0 * PUSH else now
+        if start > now + PUSH:
+            return  # an earlier push is still to come
+        when, duration = rospy.Time.from_sec(start), rospy.Duration.from_sec(PUSH)
+        _demand(self._call("sim/apply_body_wrench", ApplyBodyWrench, link, "", Point(*point), wrench, when, duration))
+        self._pushed = start + PUSH
 
     def grip(self, width: float) -> None:
         """See control.Actions."""
@@ -224,10 +225,25 @@ class SystemActions:
         return self._wait(call)
 
     def _wait(self, call: Callable[[], Any]) -> Any:
+        """Return the result of a call in a daemon thread, which neither blocks other calls nor the end of the node."""
+        result: Future[Any] = Future()
+
+        def work() -> None:
+            try:
+                result.set_result(call())
+            except Exception as error:
+                result.set_exception(error)
+
+        threading.Thread(target=work, name="command", daemon=True).start()
         try:
-            return self._pool.submit(call).result(PATIENCE)
+            return result.result(PATIENCE)
         except TimeoutError:
             raise FailureError(f"the robot's node has not responded within {PATIENCE:g} s") from None
+
+
+def _demand(response: Any) -> None:
+    if not response.success:
+        raise HricError(response.status_message)
 
 
 def _resources(controller: Any) -> list[str]:

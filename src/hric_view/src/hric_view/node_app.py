@@ -71,8 +71,6 @@ class BrowserWindow(NodeApp):
         self._stop.set()
         self._thread.join()
         self._server.close()
-        if self._controls is not None:
-            self._actions.close()
 
     def page(self, visit: Visit) -> WebPage | None:
         """Return the page of the window."""

@@ -150,6 +150,8 @@
 
   report.on("lost", () => {
     mine = false;
+    find("holder").textContent = find("mode").textContent = "Not known: the connection is lost.";
+    find("stands").textContent = "";
     find("commands").disabled = true;
     find("take").textContent = "take control";
     letGo();
