@@ -181,8 +181,14 @@ def test_the_skin_is_a_triangle_list_that_rviz_can_read() -> None:
     marker.take().serialize(written)
     message.deserialize(written.getvalue())
     skin = fitted(body, ("right",))
-    corners, colours = (values[skin.triangles.ravel()] for values in (skin.posed(read(body.urdf).poses(angles)), skin.colours))
-    assert (message.type, message.header.frame_id, message.ns) == (Marker.TRIANGLE_LIST, "human/human_base", "human/skin")
+    corners, colours = (
+        values[skin.triangles.ravel()] for values in (skin.posed(read(body.urdf).poses(angles)), skin.colours)
+    )
+    assert (message.type, message.header.frame_id, message.ns) == (
+        Marker.TRIANGLE_LIST,
+        "human/human_base",
+        "human/skin",
+    )
     assert np.array([[p.x, p.y, p.z] for p in message.points]) == pytest.approx(corners)
     assert np.array([[c.r, c.g, c.b, c.a] for c in message.colors]) == pytest.approx(np.insert(colours, 3, 1.0, axis=1))
     assert marker.take() is None, "each posture is shown once"

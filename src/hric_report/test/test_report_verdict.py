@@ -21,7 +21,7 @@ from hric_core.errors import HricError
 from hric_human.body import Body, describe
 from hric_human.participant.settings import HumanSettings
 from hric_report import html as report_html
-from hric_report.html import body_picture, strip, verdict
+from hric_report.html import strip, verdict
 from hric_report.html.body_picture import colour, picture, touched, views
 from hric_report.html.strip import time_axis
 from hric_skin import REGION_KEYS, SCALE

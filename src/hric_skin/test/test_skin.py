@@ -15,6 +15,7 @@ from hric_skin.fit import DENSITY
 from hric_skin.outlines import outlines
 from hric_skin.template import REGIONS
 
+
 def winding_number(triangles: FloatArray) -> float:
     """Return how often a closed surface, shape (m, 3, 3), goes around the origin: the sum of solid angles by 4 pi.
 
@@ -136,7 +137,7 @@ def test_a_region_has_the_colour_of_its_share(skin: Skin) -> None:
 
 
 def test_an_unknown_region_is_refused_with_the_known_ones(skin: Skin) -> None:
-    with pytest.raises(HricError, match="lower arm, wrist.*right lower arm, wrist"):
+    with pytest.raises(HricError, match=r"lower arm, wrist.*right lower arm, wrist"):
         skin.region_colours({"lower arm, wrist": 0.5})
 
 

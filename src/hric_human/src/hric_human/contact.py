@@ -12,6 +12,7 @@ import numpy as np
 from hric_control.plant import Contact
 from hric_core.geometry import FloatArray, Vector
 from hric_human.body.description import Body
+from hric_human.body.segments import side_of
 
 Pair = tuple[str, str]
 """Two bodies, "model::link" each."""
@@ -99,6 +100,11 @@ class RegionContact:
     def end(self) -> float:
         """Time of the last update with the contact [s]."""
         return self.begin + self.duration
+
+    @property
+    def side(self) -> str:
+        """Side of the link: "right", "left", or "" (middle)."""
+        return side_of(self.link)
 
     def reach(self, time: float, peak: float) -> None:
         """Store a force [N] and its time [s] if it exceeds the stored peak."""

@@ -5,7 +5,6 @@ from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
-
 from scipy.sparse import csr_matrix
 
 from hric_core.geometry import FloatArray
@@ -13,7 +12,7 @@ from hric_skin.regions import REGION_KEYS
 from hric_skin.skin import Skin
 
 SMOOTHING = 4
-"""How many times the borders between regions are smoothed."""
+"""Number of times that the borders between regions are smoothed."""
 SMALLEST = 0.15
 """Smallest area that is outlined, as a share of the region's largest, so that no fold of a mouth or a finger is [1]."""
 STEP = 6e-3
@@ -45,8 +44,8 @@ def outlines(skin: Skin, vertices: FloatArray, *, back: bool) -> dict[str, list[
     depth = sign * vertices[:, 0]
     regions = sorted(np.unique(keys[towards]), key=lambda key: float(np.mean(depth[towards[keys[towards] == key]])))
     polygons = {REGION_KEYS[key]: [points[loop] for loop in _loops(cells[key])] for key in regions}
-    least = {name: SMALLEST * max(map(_area, loops)) for name, loops in polygons.items()}
-    return {name: [_thinned(one) for one in loops if _area(one) >= least[name]] for name, loops in polygons.items()}
+    smallest = {name: SMALLEST * max(map(_area, loops)) for name, loops in polygons.items()}
+    return {name: [_thinned(one) for one in loops if _area(one) >= smallest[name]] for name, loops in polygons.items()}
 
 
 def _likeness(skin: Skin) -> FloatArray:
@@ -87,7 +86,9 @@ def _cells(
             cells[keys[a]].append(corners)
             continue
         sides = [border(i, j) for i, j in pairwise((*corners, a))]
-        crossed = [more[side] for side, (i, j) in zip(sides, pairwise((*corners, a)), strict=True) if keys[i] != keys[j]]
+        crossed = [
+            more[side] for side, (i, j) in zip(sides, pairwise((*corners, a)), strict=True) if keys[i] != keys[j]
+        ]
         more.append(np.mean(crossed, axis=0))
         for k, corner in enumerate(corners):
             cells[keys[corner]].append((corner, sides[k], len(more) - 1, sides[k - 1]))

@@ -22,7 +22,7 @@ CLOTHES = {
     "shoes": (0.17, 0.16, 0.16),
 }
 """Colours of plain work clothes: red, green, blue."""
-LEAST = 0.3
+ARM_SHARE = 0.3
 """Smallest share of an arm's links in the vertices of an arm without trunk [1]."""
 
 
@@ -153,7 +153,7 @@ class Skin:
             level = np.where(arms > 0.0, 1.0, self.vertices[:, 2])  # the origin is between the hip joints
             weights[:, self.links.index("waist")] += 1.0 - of_part
             return level, weights
-        level = of_part - LEAST
+        level = of_part - ARM_SHARE
         for side, sign in (("r", -1.0), ("l", 1.0)):
             root, own = self.links.index(f"{side}_shoulder_abd"), sign * self.vertices[:, 1] > 0.0
             level[own] = np.minimum(level, sign * (self.vertices[:, 1] - self.T_base_link[root, 1, 3]))[own]
@@ -184,12 +184,21 @@ def _cut(
     begin, end = np.where(one, p, q), np.where(one, q, p)  # the loop runs against its direction in the kept triangles
     loops, of_edge = connected_components(csr_matrix((np.ones(len(p)), (p - n, q - n)), shape=(edges.shape[1],) * 2))
     rim = edges.shape[1]  # the fans have vertices of their own there, so that the edge is drawn sharp
-    parts = [triangles[count == 3], np.array([a, p, q]).T[one], np.array([p, b, c]).T[~one], np.array([p, c, q]).T[~one]]
+    parts = [
+        triangles[count == 3],
+        np.array([a, p, q]).T[one],
+        np.array([p, b, c]).T[~one],
+        np.array([p, c, q]).T[~one],
+    ]
     fans = np.array([end + rim, begin + rim, n + 2 * rim + of_edge[p - n]]).T
     share = level[edges[0]] / (level[edges[0]] - level[edges[1]])
-    on_edges = csr_matrix((np.ravel([1.0 - share, share]), (np.tile(np.arange(len(share)), 2), edges.ravel())), (len(share), n))
+    on_edges = csr_matrix(
+        (np.ravel([1.0 - share, share]), (np.tile(np.arange(len(share)), 2), edges.ravel())), (len(share), n)
+    )
     means = csr_matrix((1.0 / np.bincount(of_edge)[of_edge], (of_edge, np.arange(len(of_edge)))), (loops, len(of_edge)))
     nearest = np.where(inside[edges[0]], *edges)
     mixing = vstack((identity(n), on_edges, on_edges, means @ on_edges), format="csr")
-    likeness = np.concatenate((np.arange(n), nearest, nearest, nearest[[np.argmax(of_edge == k) for k in range(loops)]]))
+    likeness = np.concatenate(
+        (np.arange(n), nearest, nearest, nearest[[np.argmax(of_edge == k) for k in range(loops)]])
+    )
     return mixing, likeness, np.concatenate((*parts, fans))

@@ -7,7 +7,6 @@ from typing import Any
 import roslib.message
 
 from hric_analysis import collaboration, contacts
-from hric_analysis.human import SimulatedPerson
 from hric_analysis.values import MOTION, Values
 from hric_assessment.verdict.inputs import AssessmentInput
 from hric_bags.memory import MemoryBag, nanoseconds
@@ -135,17 +134,13 @@ class Observations(Mapping[str, object]):
         return self._record.log
 
     @cached_property
-    def _metrics(self) -> Values:
+    def metrics(self) -> Values:
+        """Metrics of the run, as in its metrics.json."""
         return Values(self._run, self._bag, self._record, self.description)
 
     def _messages(self, kind: str) -> list[Any]:
         chosen = self._bag.chosen(lambda connection: connection.msgtype == kind)
         return [self._bag.deserialize(raw, kind) for _, _, raw in chosen]
-
-    @property
-    def person(self) -> SimulatedPerson | None:
-        """Data of the simulated person; None: there was none."""
-        return self._metrics.person
 
     @cached_property
     def verdict_input(self) -> AssessmentInput:
@@ -167,13 +162,13 @@ class Observations(Mapping[str, object]):
 
     @cached_property
     def _collaboration(self) -> PlainData | None:
-        return collaboration.values(self.verdict_input, self._metrics.person)
+        return collaboration.values(self.verdict_input, self.metrics.person)
 
     def __getitem__(self, key: str) -> Any:
-        return getattr(self, f"_{key}") if key in SWEEP_GROUPS else self._metrics[key]
+        return getattr(self, f"_{key}") if key in SWEEP_GROUPS else self.metrics[key]
 
     def __iter__(self) -> Iterator[str]:
-        return iter((*self._metrics, *SWEEP_GROUPS))
+        return iter((*self.metrics, *SWEEP_GROUPS))
 
     def __len__(self) -> int:
-        return len(self._metrics) + len(SWEEP_GROUPS)
+        return len(self.metrics) + len(SWEEP_GROUPS)

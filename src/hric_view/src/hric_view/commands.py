@@ -56,7 +56,7 @@ class ViewCommand(Command):
 class TryCommand(Command):
     """Try a contact of the arm with a person in the browser: sliders, and the figures of each run.
 
-    Each change runs the experiment try_contact anew, without a ROS master. Prints the address to open, and runs until
+    Each change runs the experiment try_contact again, without a ROS master. Prints the address to open, and runs until
     Ctrl-C.
     """
 

@@ -1,4 +1,4 @@
-"""Contact of a person with the arm under chosen conditions: each change runs an experiment anew, without a ROS master.
+"""Contact of a person with the arm under chosen conditions: each change runs an experiment again, without a ROS master.
 
 The experiment runs in a process that is kept, so that nothing is loaded again. It is judged as a recorded run is.
 """
@@ -87,10 +87,10 @@ class TryoutFigure:
 
 
 def checked(values: Mapping[str, Any]) -> dict[str, float]:
-    """Return the conditions of a run, with defaults for those that are missing.
+    """Return the conditions of a run, with defaults for missing ones.
 
     Raises:
-        HricError: a condition is unknown, no number, or outside its range.
+        HricError: a condition is unknown, or its value is not a number within its range.
     """
     check_known("condition", values, [slider.name for slider in SLIDERS])
     result = {slider.name: slider.default for slider in SLIDERS} | dict(values)
@@ -137,7 +137,7 @@ def scene_of(observations: Observations, settings: HumanSettings) -> list[SceneR
     """Return the arm and the person of a run."""
     log = observations.log
     arm = SceneRobot("", observations.description, log.joint_names, *joint_track(log, RATE))
-    person = observations.person
+    person = observations.metrics.person
     return [arm] if person is None else [arm, simulated_person(person, settings, RATE)]
 
 

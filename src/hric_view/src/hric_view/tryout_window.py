@@ -1,4 +1,4 @@
-"""Window of `hric try`: sliders, the run that they ask for, and its figures beside those of the run before."""
+"""Window of `hric try`: sliders, the run with their values, and its figures beside those of the run before."""
 
 from collections.abc import Mapping
 from dataclasses import asdict

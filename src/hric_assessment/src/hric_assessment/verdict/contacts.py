@@ -23,7 +23,6 @@ from hric_bags.records.human_record import HumanRecord
 from hric_bags.records.region_contacts import ContactStream
 from hric_core import urdf
 from hric_core.errors import HricError
-from hric_human.body.segments import side_of
 from hric_human.contact import RegionContact
 
 TOPIC = "hric/human/contacts"
@@ -216,7 +215,7 @@ class _Judge:
             finding = assess(episode, site, limits, signals, approach)
         except HricError as error:  # an unknown region affects only this contact
             finding = Finding(site.subject, Outcome.NOT_ASSESSABLE, str(error), limits.table.name, signals=signals)
-        window, person, side = window_of(contacts), self._record.name, side_of(contacts[0].link)
+        window, person, side = window_of(contacts), self._record.name, contacts[0].side
         return replace(finding, group=CONTACT, regions=site.regions, side=side, window=window, person=person)
 
     def _site(self, contacts: Sequence[RegionContact]) -> tuple[ContactSite, list[str]]:

@@ -19,7 +19,7 @@ LIFETIME = 1.0
 """Lifetime of the skin after the last message [s]; project default, unconfirmed."""
 
 
-class Triangles(Marker):  # type: ignore[misc]
+class Triangles(Marker):
     """Marker whose corners and colours are arrays, which takes a hundredth of the time of messages for each.
 
     Attributes:

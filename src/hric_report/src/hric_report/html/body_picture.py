@@ -71,7 +71,7 @@ def touched(findings: Sequence[FindingEntry]) -> dict[str, Touched]:
             continue
         assessable, share, side = finding["outcome"] != NOT_ASSESSABLE, finding["share"], finding["side"]
         begin = finding["window"][0] if finding["window"] else None
-        for region, key in ((region, key) for region in finding["regions"] for key in region_keys(region, side)):
+        for region, key in ((one, key) for one in finding["regions"] for key in region_keys(one, side)):
             sided = bool(side) or region not in PAIRED
             known = regions.get(key)
             if known is None:
@@ -133,7 +133,13 @@ def picture(findings: Sequence[FindingEntry], arms: Sequence[str] = ()) -> Marku
         arms: sides of the arms of the body model; empty: both. A missing arm is drawn faintly, without colour.
     """
     lacking = [region_key(region, side) for side in SIDES for region in ARMS if arms and side not in arms]
-    values = {"views": dict(zip(("front", "back"), views(), strict=True)), "scale": SCALE, "lacking": lacking}
-    values |= {"width": WIDTH, "height": HEIGHT, "not_known": NOT_KNOWN}
+    values: dict[str, object] = {
+        "views": dict(zip(("front", "back"), views(), strict=True)),
+        "scale": SCALE,
+        "lacking": lacking,
+        "width": WIDTH,
+        "height": HEIGHT,
+        "not_known": NOT_KNOWN,
+    }
     environment = templates.environment(colour=colour)
     return Markup(environment.get_template("body.html").render(touched=touched(findings), **values))

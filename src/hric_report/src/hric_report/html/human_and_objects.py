@@ -89,7 +89,7 @@ def simulated_person(
 
 
 def _touches(data: RunData, name: str, shift: float) -> list[SceneTouch]:
-    """Return the contacts of a person in the verdict; above its limit by an unknown share, a contact counts as 100 %."""
+    """Return the contacts of a person in the verdict; a contact above its limit by an unknown share counts as 100 %."""
     contacts = [] if data.verdict is None else data.verdict["findings"]
     return [
         SceneTouch(

@@ -19,6 +19,7 @@ class FindingEntry(TypedDict):
     share: float | None
     window: tuple[float, float] | None
     regions: Sequence[str]
+    person: str
     side: str
 
 
