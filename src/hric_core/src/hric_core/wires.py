@@ -167,8 +167,8 @@ WIRES = (
         address_argument=True,
     ),
     Wire(
-        "`window`, and `hric view`: windows in a browser",
-        ("window", "view"),
+        "`window`, `hric view` and `hric try`: windows in a browser",
+        ("window", "view", "try"),
         "HTTP and WebSocket",
         "tcp",
         ANY,
