@@ -35,8 +35,8 @@ ENOSPC, EIO, EMFILE = "No space left on device", "Input/output error", "Too many
 NODES = {
     *("experiment", "recorder", "spawn", "supervisor", "robot", "spawner", "unspawner", "controller_manager"),
     *("franka_gripper", "control_box", "emulated_arm", "emulated_motive", "natnet_client", "body", "camera", "emg"),
-    *("emulated_emg", "emulated_human", "emulated_plate", "force_plate", "live_plot", "live_view", "person", "view"),
-    *("synchronizer", "synchronizer_cpp", "calibrate", "check_workstation", "xacro", "hric"),
+    *("emulated_emg", "emulated_human", "emulated_plate", "force_plate", "live_plot", "live_view", "person"),
+    *("view", "window", "try", "synchronizer", "synchronizer_cpp", "calibrate", "check_workstation", "xacro", "hric"),
 }
 """Programs that are not tested here.
 
