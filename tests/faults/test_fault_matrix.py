@@ -40,7 +40,7 @@ NODES = {
 }
 """Programs that are not tested here.
 
-They need a ROS master or wait for a peer (their faults are in tests/integration/test_killed.py), check the machine, are
+They need a ROS master, or wait for a peer or viewer (their faults are in tests/integration/test_killed.py), check the machine, are
 ROS's own xacro, or are the program that the others are aliases of.
 """
 NO_FILES = {"schema"}
