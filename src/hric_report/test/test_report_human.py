@@ -175,13 +175,11 @@ class TestInABrowser:
     ) -> None:
         settings = HumanSettings.of(data.run["definition"]["human"], "human")
         skin = fitted(describe(settings.person), gripping=("right",))
-        (share,) = {
-            one["share"]
-            for one in json.loads((run.path / "verdict.json").read_text())["findings"]
-            if one["window"] and one["window"][0] >= PRESSED[0]
-        }
+        (contact,) = [one for one in json.loads((run.path / "verdict.json").read_text())["findings"] if one["regions"]]
         colours = "Array.from(report.replay.robots[1].skin.object.geometry.attributes.color.array)"
-        for time, shares in ((PRESSED[1], {"right lower arm, wrist": share}), (0.4, {})):
+        # The messages do not say when the contact began, so it is not assessable.
+        touching = {f"{contact['side']} {contact['regions'][0]}": None}
+        for time, shares in ((sum(contact["window"]) / 2.0, touching), (contact["window"][1] + 0.2, {})):
             page.evaluate(f"report.setTime({time})")
             drawn = np.reshape(page.evaluate(colours), (-1, 3))
             np.testing.assert_allclose(drawn, skin.region_colours(shares), atol=1e-6)

@@ -18,7 +18,7 @@ from urdf_to_osim.drawing.on_demand import install_vtk
 DOCS = Path(__file__).parents[3] / "docs"
 SIZE = (230, 300)
 """Width and height of one body [px]."""
-SPAN, PITCH, YAW = 2.1, 12.0, 35.0
+SPAN, PITCH, YAW = 2.25, 12.0, 35.0
 """Height of the view [m], and direction of view, from above and from the front towards the person's left [deg]."""
 
 
@@ -38,7 +38,7 @@ def main() -> None:
     poses = [transforms(body, relaxed) for body in bodies]
     write(
         output / "skin_subjects.png",
-        [[draw(one, one.posed(T), standing=True) for one, T in zip(skins, poses, strict=True)]],
+        [[draw(one, one.posed(T)) for one, T in zip(skins, poses, strict=True)]],
     )
 
 
@@ -53,14 +53,12 @@ def write(path: Path, rows: list[list[Image.Image]]) -> None:
     print(f"{path}: {path.stat().st_size / 1e3:.0f} kB")
 
 
-def draw(skin: Skin, vertices: FloatArray, *, colours: FloatArray | None = None, standing: bool = False) -> Image.Image:
-    """Return a picture of a skin.
+def draw(skin: Skin, vertices: FloatArray) -> Image.Image:
+    """Return a picture of a skin, with its lowest point near the lower edge.
 
     Args:
         skin: skin of the person.
         vertices: its vertices at a posture, shape (n, 3) [m].
-        colours: colours of the vertices, shape (n, 3); None: work clothes.
-        standing: True to place the lowest point at the lower edge; False to centre the body.
     """
     from vtkmodules import vtkRenderingCore as rendering
     from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray, vtk_to_numpy
@@ -74,7 +72,7 @@ def draw(skin: Skin, vertices: FloatArray, *, colours: FloatArray | None = None,
     cells.SetData(3, numpy_to_vtkIdTypeArray(skin.triangles.astype(np.int64).ravel(), deep=True))
     surface.SetPoints(points)
     surface.SetPolys(cells)
-    rgb = np.round(255.0 * (skin.colours if colours is None else colours)).astype(np.uint8)
+    rgb = np.round(255.0 * skin.colours).astype(np.uint8)
     surface.GetPointData().SetScalars(numpy_to_vtk(rgb, deep=True))
     smooth, mapper = vtkPolyDataNormals(splitting=False), rendering.vtkPolyDataMapper()
     smooth.SetInputData(surface)
@@ -91,7 +89,7 @@ def draw(skin: Skin, vertices: FloatArray, *, colours: FloatArray | None = None,
     window.AddRenderer(renderer)
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     focus = 0.5 * (low + high)
-    focus[2] = low[2] + 0.47 * SPAN if standing else focus[2]
+    focus[2] = low[2] + 0.47 * SPAN
     pitch, yaw = np.radians((PITCH, YAW))
     towards = np.array([np.cos(pitch) * np.cos(yaw), np.cos(pitch) * np.sin(yaw), np.sin(pitch)])
     camera = renderer.GetActiveCamera()

@@ -7,7 +7,7 @@ It is for looking at: masses, joint centres, distances and contacts are those of
 """
 
 from hric_skin.fit import fitted
-from hric_skin.regions import NOT_KNOWN, PAIRED, REGION_KEYS, SCALE, region_key, shade
+from hric_skin.regions import PAIRED, REGION_KEYS, SCALE, region_key, shade
 from hric_skin.skin import Skin
 
-__all__ = ["NOT_KNOWN", "PAIRED", "REGION_KEYS", "SCALE", "Skin", "fitted", "region_key", "shade"]
+__all__ = ["PAIRED", "REGION_KEYS", "SCALE", "Skin", "fitted", "region_key", "shade"]

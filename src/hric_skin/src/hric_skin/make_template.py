@@ -21,11 +21,15 @@ from vtkmodules.vtkFiltersCore import vtkQuadricDecimation
 
 from hric_core.geometry import FloatArray, homogeneous
 from hric_core.geometry.transforms import rotation_about
+from hric_skin.surface import smoothed
 from hric_skin.template import JOINTS, LINKS, MASSES, REGIONS, UNIT, ZONES, normalised
 
 TRIANGLES = 5990
 SHARPNESS = 2.5
 """Exponent of the weights: bends that lose less volume than the rig's, and still do not fold (chosen by looking)."""
+SOFTENING, SOFT, SOFT_EDGE = 12, 0.2, 0.06
+"""How often weights are smoothed within a distance [m] of the shoulders, and width of the edge of this part [m]: an arm
+that is lifted makes no sharp fold (chosen by looking)."""
 COARSE: Mapping[str, tuple[str, float]] = {
     "head": ("head", 0.7),
     "r_wrist": ("r-hand", 0.85),
@@ -92,6 +96,7 @@ def main(source: Path, target: Path) -> None:
         out[f"{name}_joints"] = _stored(arrays[f"{name}_joints"][rows])
     grip = _grip(arrays, "male_averageweight")[near] / heights["male_averageweight"]
     joints = dict(zip(arrays["joint_names"], arrays["male_averageweight_joints"], strict=True))
+    weights = softened(triangles, shapes["male_averageweight"][near], joints, weights)
     zones, regions = _labels(shapes["male_averageweight"][near], joints, weights)
     out |= {"triangles": triangles.astype(np.uint16), "weights": np.round(255.0 * weights).astype(np.uint8)}
     np.savez_compressed(target, zones=zones, regions=regions, grip=_stored(grip), **out)
@@ -167,6 +172,24 @@ def _weights(arrays: Arrays) -> FloatArray:
     weights = _bone_weights(arrays) @ to_links
     weights[weights < np.sort(weights, axis=1)[:, -4:-3]] = 0.0
     weights = weights**SHARPNESS
+    return normalised(weights)
+
+
+def softened(
+    triangles: npt.NDArray[np.int64], vertices: FloatArray, joints: Mapping[str, FloatArray], weights: FloatArray
+) -> FloatArray:
+    """Return the weights of each vertex, shape (n, links), smoothed around the shoulders, with four links each.
+
+    Args:
+        triangles: indices of vertices, shape (m, 3).
+        vertices: vertices of the average man, shape (n, 3) [m].
+        joints: his joint centres by name [m].
+        weights: shares of the links, shape (n, links).
+    """
+    away = np.min([np.linalg.norm(vertices - joints[f"{side}-shoulder"], axis=1) for side in "rl"], axis=0)
+    share = np.clip((SOFT - away) / SOFT_EDGE, 0.0, 1.0)[:, None]
+    weights = share * smoothed(triangles, weights, SOFTENING) + (1.0 - share) * weights
+    weights[weights < np.sort(weights, axis=1)[:, -4:-3]] = 0.0
     return normalised(weights)
 
 

@@ -5,11 +5,11 @@ from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import csr_matrix
 
 from hric_core.geometry import FloatArray
 from hric_skin.regions import REGION_KEYS
 from hric_skin.skin import Skin
+from hric_skin.surface import smoothed
 
 SMOOTHING = 4
 """Number of times that the borders between regions are smoothed."""
@@ -34,11 +34,13 @@ def outlines(skin: Skin, vertices: FloatArray, *, back: bool) -> dict[str, list[
         Closed polygons by region: to the right and up, as the viewer sees them, shape (k, 2) each [m].
     """
     sign = -1.0 if back else 1.0
+    vertices, first, merged = np.unique(np.round(vertices, 6), axis=0, return_index=True, return_inverse=True)
+    triangles = merged.ravel()[skin.triangles]  # without the seams between zones
+    likeness = smoothed(triangles, np.eye(len(REGION_KEYS))[skin.region_keys[first]], SMOOTHING)
     seen = np.column_stack((sign * vertices[:, 1], vertices[:, 2]))
-    a, b, c = (seen[skin.triangles[:, corner]].T for corner in range(3))
+    a, b, c = (seen[triangles[:, corner]].T for corner in range(3))
     (x, y), (u, v) = b - a, c - a
-    towards = skin.triangles[x * v > y * u]
-    likeness = _likeness(skin)
+    towards = triangles[x * v > y * u]
     keys = np.argmax(likeness, axis=1)
     points, cells = _cells(towards, seen, likeness)
     depth = sign * vertices[:, 0]
@@ -46,17 +48,6 @@ def outlines(skin: Skin, vertices: FloatArray, *, back: bool) -> dict[str, list[
     polygons = {REGION_KEYS[key]: [points[loop] for loop in _loops(cells[key])] for key in regions}
     smallest = {name: SMALLEST * max(map(_area, loops)) for name, loops in polygons.items()}
     return {name: [_thinned(one) for one in loops if _area(one) >= smallest[name]] for name, loops in polygons.items()}
-
-
-def _likeness(skin: Skin) -> FloatArray:
-    """Return how much each of n vertices belongs to each of k regions, smoothed along the surface, shape (n, k)."""
-    i, j = np.concatenate([skin.triangles[:, [k, (k + 1) % 3]] for k in range(3)]).T
-    n = len(skin.vertices)
-    near = csr_matrix((np.ones(2 * len(i)), (np.r_[i, j], np.r_[j, i])), shape=(n, n))
-    likeness: FloatArray = np.eye(len(REGION_KEYS))[skin.region_keys]
-    for _ in range(SMOOTHING):
-        likeness = 0.5 * likeness + 0.5 * (near @ likeness) / near.sum(axis=1).A
-    return likeness
 
 
 def _cells(

@@ -6,12 +6,13 @@ from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import csr_matrix, identity, vstack
+from scipy.sparse import csr_matrix, vstack
 from scipy.sparse.csgraph import connected_components
 
 from hric_core.errors import check_known
 from hric_core.geometry import FloatArray
 from hric_skin.regions import REGION_KEYS, keys_of, shade
+from hric_skin.surface import split
 from hric_skin.template import REGIONS, ZONES
 
 CLOTHES = {
@@ -174,31 +175,14 @@ def _cut(
         Shares of the old vertices in each new one, shape (k, n); the old vertex whose zone and region each new one has,
         shape (k,); the new triangles. The first n vertices are the old ones.
     """
-    n, inside = len(level), level > 0.0
-    count = inside[triangles].sum(axis=1)
-    mixed, one = triangles[(count == 1) | (count == 2)], count[(count == 1) | (count == 2)] == 1
-    odd = np.argmax(inside[mixed] == one[:, None], axis=1)  # the corner on the other side than both others
-    a, b, c = np.take_along_axis(mixed, (odd[:, None] + np.arange(3)) % 3, axis=1).T
-    edges, index = np.unique(np.sort([[*a, *a], [*b, *c]], axis=0), axis=1, return_inverse=True)
-    p, q = n + index.reshape(2, -1)
-    begin, end = np.where(one, p, q), np.where(one, q, p)  # the loop runs against its direction in the kept triangles
-    loops, of_edge = connected_components(csr_matrix((np.ones(len(p)), (p - n, q - n)), shape=(edges.shape[1],) * 2))
-    rim = edges.shape[1]  # the fans have vertices of their own there, so that the edge is drawn sharp
-    parts = [
-        triangles[count == 3],
-        np.array([a, p, q]).T[one],
-        np.array([p, b, c]).T[~one],
-        np.array([p, c, q]).T[~one],
-    ]
-    fans = np.array([end + rim, begin + rim, n + 2 * rim + of_edge[p - n]]).T
-    share = level[edges[0]] / (level[edges[0]] - level[edges[1]])
-    on_edges = csr_matrix(
-        (np.ravel([1.0 - share, share]), (np.tile(np.arange(len(share)), 2), edges.ravel())), (len(share), n)
-    )
-    means = csr_matrix((1.0 / np.bincount(of_edge)[of_edge], (of_edge, np.arange(len(of_edge)))), (loops, len(of_edge)))
-    nearest = np.where(inside[edges[0]], *edges)
-    mixing = vstack((identity(n), on_edges, on_edges, means @ on_edges), format="csr")
-    likeness = np.concatenate(
-        (np.arange(n), nearest, nearest, nearest[[np.argmax(of_edge == k) for k in range(loops)]])
-    )
-    return mixing, likeness, np.concatenate((*parts, fans))
+    parts, n = split(triangles, level), len(level)
+    r = (parts.mixing.shape[0] - n) // 2
+    begin, end = parts.rim.T
+    loops, of_point = connected_components(csr_matrix((np.ones(len(begin)), (begin, end)), shape=(r, r)))
+    mean = csr_matrix((1.0 / np.bincount(of_point)[of_point], (of_point, np.arange(r))), shape=(loops, r))
+    # The fans have the vertices of the other part along the edge, so that it is drawn sharp.
+    fans = np.array([n + r + end, n + r + begin, n + 2 * r + of_point[begin]]).T
+    own = parts.near[n : n + r]
+    mixing = vstack((parts.mixing, mean @ parts.mixing[n : n + r]), format="csr")
+    of_loop = own[[np.argmax(of_point == loop) for loop in range(loops)]]
+    return mixing, np.concatenate((np.arange(n), own, own, of_loop)), np.concatenate((parts.inside, fans))

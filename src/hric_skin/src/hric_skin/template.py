@@ -9,11 +9,15 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from scipy.sparse import csr_matrix, identity
 
 from hric_core.geometry import FloatArray
 from hric_core.resources import package_path
+from hric_skin.surface import smoothed, split
 
 FILE = "data/person.npz"
+HEM = 3
+"""How many times the borders between zones are smoothed."""
 UNIT = 1e-4
 """Resolution of stored lengths [m]."""
 MASSES = ("minweight", "averageweight", "maxweight")
@@ -89,15 +93,37 @@ class SkinTemplate:
 def load() -> SkinTemplate:
     """Read the template's file."""
     with np.load(package_path("hric_skin") / FILE) as data:
-        shapes = {sex: tuple(_shape(data, f"{sex}_{mass}") for mass in MASSES) for sex in ("female", "male")}
+        triangles, zones, mixing = _hemmed(data["triangles"].astype(np.int64), data["zones"])
+        shapes = {sex: tuple(_shape(data, f"{sex}_{mass}", mixing) for mass in MASSES) for sex in ("female", "male")}
         return SkinTemplate(
-            data["triangles"].astype(np.int32),
-            normalised(data["weights"].astype(np.float64)),
-            data["zones"],
-            data["regions"],
+            triangles.astype(np.int32),
+            mixing @ normalised(data["weights"].astype(np.float64)),
+            zones,
+            data["regions"][np.asarray(mixing.argmax(axis=1)).ravel()],  # of the nearer vertex
             shapes,
-            data["grip"] * UNIT,
+            mixing @ data["grip"] * UNIT,
         )
+
+
+def _hemmed(
+    triangles: npt.NDArray[np.int64], zones: npt.NDArray[np.uint8]
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.uint8], csr_matrix]:
+    """Split the surface along smooth borders between its zones.
+
+    Returns:
+        Triangles; zone of each new vertex, shape (k,); and shares of the n old vertices in it, shape (k, n).
+    """
+    likeness = smoothed(triangles, np.eye(len(ZONES))[zones], HEM)
+    mixing, parts = identity(len(zones), format="csr"), list[npt.NDArray[np.int64]]()
+    for zone in range(len(ZONES)):
+        others = np.delete(likeness, zone, axis=1).max(axis=1)
+        one = split(triangles, likeness[:, zone] - others)
+        likeness, mixing, zones = one.mixing @ likeness, one.mixing @ mixing, zones[one.near]
+        likeness[:, zone] = -1.0  # so that no other zone takes up the edge
+        zones[one.inside] = zone
+        parts.append(one.inside)
+        triangles = one.outside
+    return np.concatenate(parts), zones, mixing
 
 
 def normalised(weights: FloatArray) -> FloatArray:
@@ -106,6 +132,6 @@ def normalised(weights: FloatArray) -> FloatArray:
     return shares
 
 
-def _shape(data: Any, name: str) -> SkinShape:
+def _shape(data: Any, name: str, mixing: csr_matrix) -> SkinShape:
     joints = dict(zip(JOINTS, UNIT * data[f"{name}_joints"], strict=True))
-    return SkinShape(UNIT * data[name], joints)
+    return SkinShape(UNIT * (mixing @ data[name]), joints)

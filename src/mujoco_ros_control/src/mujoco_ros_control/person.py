@@ -35,9 +35,7 @@ def add_skin(spec: mujoco.MjSpec, frames: Mapping[str, SceneFrame], skin: Skin) 
     """
     placed = [frames[f"{HUMAN}::{link}"] for link in skin.links]
     T_base_body = [T @ np.linalg.inv(at.T_body_link) for T, at in zip(skin.T_base_link, placed, strict=True)]
-    zones = skin.zones[skin.triangles]
-    # Of three corners the middle value is that of the majority, if there is one.
-    of_triangle = np.sort(zones, axis=1)[:, 1]
+    of_triangle = skin.zones[skin.triangles[:, 0]]  # no triangle has two zones
     for zone in np.unique(of_triangle):
         used, faces = np.unique(skin.triangles[of_triangle == zone], return_inverse=True)
         weights = skin.weights[used]

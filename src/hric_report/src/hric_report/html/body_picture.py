@@ -13,7 +13,7 @@ from hric_human.body import Subject, describe
 from hric_human.body.segments import SIDES
 from hric_report.html import templates
 from hric_report.html.verdict_file import FindingEntry
-from hric_skin import NOT_KNOWN, PAIRED, SCALE, fitted, region_key, shade
+from hric_skin import PAIRED, SCALE, fitted, region_key, shade
 from hric_skin.outlines import outlines
 
 CONTACT, NOT_ASSESSABLE = "contact", "not assessable"
@@ -71,7 +71,7 @@ def touched(findings: Sequence[FindingEntry]) -> dict[str, Touched]:
             continue
         assessable, share, side = finding["outcome"] != NOT_ASSESSABLE, finding["share"], finding["side"]
         begin = finding["window"][0] if finding["window"] else None
-        for region, key in ((one, key) for one in finding["regions"] for key in region_keys(one, side)):
+        for region, key in ((name, key) for name in finding["regions"] for key in region_keys(name, side)):
             sided = bool(side) or region not in PAIRED
             known = regions.get(key)
             if known is None:
@@ -133,13 +133,7 @@ def picture(findings: Sequence[FindingEntry], arms: Sequence[str] = ()) -> Marku
         arms: sides of the arms of the body model; empty: both. A missing arm is drawn faintly, without colour.
     """
     lacking = [region_key(region, side) for side in SIDES for region in ARMS if arms and side not in arms]
-    values: dict[str, object] = {
-        "views": dict(zip(("front", "back"), views(), strict=True)),
-        "scale": SCALE,
-        "lacking": lacking,
-        "width": WIDTH,
-        "height": HEIGHT,
-        "not_known": NOT_KNOWN,
-    }
+    both = dict(zip(("front", "back"), views(), strict=True))
+    values = {"touched": touched(findings), "lacking": lacking, "scale": SCALE, "width": WIDTH, "height": HEIGHT}
     environment = templates.environment(colour=colour)
-    return Markup(environment.get_template("body.html").render(touched=touched(findings), **values))
+    return Markup(environment.get_template("body.html").render(views=both, **values))

@@ -14,7 +14,7 @@ from hric_human.body.segments import SIDES, link_name
 from hric_human.muscles.choose import find
 from hric_human.muscles.lines import ACTIVATION_COLOURS, muscle_lines
 from hric_human.participant.settings import HumanSettings
-from hric_report.html.body_picture import CONTACT, region_keys, shown_share
+from hric_report.html.body_picture import CONTACT, NOT_ASSESSABLE, region_keys, shown_share
 from hric_report.html.run_data import RunData
 from hric_report.html.scene import Arrow, SceneLines, SceneRobot, SceneSkin, SceneTouch, SceneTrack, instants
 from hric_skin import fitted
@@ -89,13 +89,13 @@ def simulated_person(
 
 
 def _touches(data: RunData, name: str, shift: float) -> list[SceneTouch]:
-    """Return the contacts of a person in the verdict; a contact above its limit by an unknown share counts as 100 %."""
+    """Return the contacts of a person in the verdict; the share of one that is not assessable is not known."""
     contacts = [] if data.verdict is None else data.verdict["findings"]
     return [
         SceneTouch(
             *(finding["window"][0] + shift, finding["window"][1] + shift),
             tuple(key for region in finding["regions"] for key in region_keys(region, finding["side"])),
-            shown_share(finding["share"], finding["outcome"]),
+            None if finding["outcome"] == NOT_ASSESSABLE else shown_share(finding["share"], finding["outcome"]),
         )
         for finding in contacts
         if finding["group"] == CONTACT and finding["window"] and finding["regions"]

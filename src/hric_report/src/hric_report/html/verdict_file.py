@@ -9,7 +9,8 @@ from hric_assessment.typed_json import Content
 class FindingEntry(TypedDict):
     """Assessment result. share: ratio to the limit [1]; window: begin and end, robot time [s]; None: unknown.
 
-    side: "right" or "left" side of the person; "": the middle of the body, or not known.
+    side: "right" or "left" side of the person; "": the middle of the body, or not known. person: the person's
+    namespace.
     """
 
     group: str
@@ -21,6 +22,7 @@ class FindingEntry(TypedDict):
     regions: Sequence[str]
     person: str
     side: str
+    person: str
 
 
 class RecordingEntry(TypedDict):

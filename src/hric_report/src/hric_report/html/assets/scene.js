@@ -116,6 +116,9 @@
     }
   }
 
+  // Return the worse of two shares of a limit; null, not known, is worse than any below 1.
+  const worse = (a, b) => (a === null || b === null ? (Math.max(a, b) >= 1 ? Math.max(a, b) : null) : Math.max(a, b));
+
   const TOUCH = 0.25; // shortest time that a contact is shown [s]
   const BUNDLE = 0.0035; // radius of a line [m]
 
@@ -197,12 +200,12 @@
       return from.map((value, c) => value + ((share - low) / (high - low)) * (to[c] - value));
     }
 
-    // Colour the regions that are touched at time t, each by the largest share; an unknown one is shown only if alone.
+    // Colour the regions that are touched at time t, each by the largest share; one of several that is not known hides those below 100 %.
     show(t) {
       const shares = {};
       for (const [begin, end, regions, share] of this.spec.touches) {
         if (t < begin || t > Math.max(end, begin + TOUCH)) continue;
-        for (const region of regions) shares[region] = region in shares && shares[region] !== null ? Math.max(shares[region], share) : share;
+        for (const region of regions) shares[region] = region in shares ? worse(shares[region], share) : share;
       }
       this.colour(shares);
     }
