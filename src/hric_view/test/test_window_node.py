@@ -12,14 +12,15 @@ from typing import Any
 import pytest
 import rospy
 from browser import Browser, installed
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import Point, PoseStamped
 from real_master import end_nodes, ros, roscore  # noqa: F401
 from sensor_msgs.msg import JointState
 from websockets.sync.client import connect
 
+from franka_msgs.msg import FrankaState
 from hric_core.robot_time import stamps
 from hric_human.body import Subject, describe
-from hric_msgs.msg import RegionContact, RegionContacts
+from hric_msgs.msg import MocapData, MuscleActivation, RegionContact, RegionContacts
 
 pytestmark = pytest.mark.alone
 
@@ -30,6 +31,9 @@ ARM = """<robot name="arm"><link name="base"/><link name="two"/>
 <limit lower="-1" upper="2" velocity="2" effort="10"/></joint>
 <joint name="arm_joint2" type="revolute"><parent link="one"/><child link="two"/><axis xyz="0 1 0"/>
 <limit lower="-1" upper="2" velocity="2" effort="10"/></joint></robot>"""
+SHOWN = "report.started === true && report.forces.arrows.size === 1 && report.replay.robots[0].tracks.length === 2"
+IDENTITY = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0]
+MUSCLES = {"right_bic": [["r_shoulder", 0.0, 0.0, 0.0], ["r_elbow", 0.0, 0.0, -0.1]]}
 SUBJECT = {"code": "S1", "mass": 79.0, "height": 1.75, "sex": "male", "parts": "upper_body"}
 
 
@@ -39,11 +43,12 @@ def address(ros: str) -> Iterator[str]:  # noqa: F811
     subject = Subject.of(SUBJECT, "subject:")
     rospy.set_param("/robot_description", ARM)
     rospy.set_param("/hric/human/robot_description", describe(subject).urdf)
+    rospy.set_param("/hric/human/muscle_lines", MUSCLES)
     rospy.set_param("/robot/participants/human", {"type": "hric_human/Human", "subject": SUBJECT})
     node = start("_port:=0")
     yield opened(node)
     (said,) = end_nodes(node)
-    for name in ("/robot_description", "/hric/human/robot_description", "/robot/participants"):
+    for name in ("/robot_description", "/hric/human", "/robot/participants"):
         rospy.delete_param(name)
     assert node.returncode == 0 and "Traceback" not in said, said
 
@@ -70,6 +75,9 @@ class Robot:
         self.person = rospy.Publisher("/hric/human/joint_states", JointState, queue_size=1)
         self.root = rospy.Publisher("/hric/human/root", PoseStamped, queue_size=1)
         self.contacts = rospy.Publisher("/hric/human/contacts", RegionContacts, queue_size=1)
+        self.mocap = rospy.Publisher("/hric/perception/mocap", MocapData, queue_size=1)
+        self.state = rospy.Publisher("/franka_state_controller/franka_states", FrankaState, queue_size=1)
+        self.activation = rospy.Publisher("/hric/human/activation", MuscleActivation, queue_size=1)
 
     def say(self, time: float) -> None:
         """Publish one state, with a contact of 30 N on the forearm."""
@@ -86,13 +94,24 @@ class Robot:
         contact = RegionContact(link="r_elbow", regions=["lower arm, wrist"], force=30.0, peak=30.0)
         contact.point.x, contact.normal.z = 0.4, -1.0
         self.contacts.publish(RegionContacts(touching=[contact]))
+        self.say_sensors()
+
+    def say_sensors(self) -> None:
+        """Publish a marker, the end effector with a force of 40 N on it, and an active muscle."""
+        mocap = MocapData(labelled_marker_names=["hand/1"], labelled_marker_ids=[1])
+        mocap.header.frame_id, mocap.labelled_markers = "base", [Point(0.5, 0.0, 1.0)]
+        self.mocap.publish(mocap)
+        state = FrankaState(O_T_EE=[*IDENTITY[:12], 0.3, 0.0, 0.5, 1.0], EE_T_K=IDENTITY)
+        state.O_F_ext_hat_K = [-40.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+        self.state.publish(state)
+        self.activation.publish(MuscleActivation(name=["right_bic"], activation=[0.5]))
 
 
 @pytest.fixture
 def robot(ros: str) -> Iterator[Robot]:  # noqa: F811
     made = Robot()
     yield made
-    for publisher in (made.joints, made.person, made.root, made.contacts):
+    for publisher in vars(made).values():
         publisher.unregister()
 
 
@@ -157,7 +176,7 @@ class TestInABrowser:
             page.open_address(address)
             for number in range(100):
                 robot.say(2.0 + 0.01 * number)
-                if page.evaluate("report.started === true && report.forces.arrows.size === 1"):
+                if page.evaluate(SHOWN):
                     break
             robots = "report.replay.robots"
             page.evaluate("report.replay.scene.updateMatrixWorld(true)")
@@ -165,6 +184,11 @@ class TestInABrowser:
             at = page.evaluate(f"{robots}[1].root.getWorldPosition(new THREE.Vector3()).toArray()")
             assert at == pytest.approx([0.9, 0.0, 0.0], abs=1e-6)
             assert page.evaluate(f"{robots}[1].skin.object.visible")
+            assert page.evaluate(f"{robots}[0].tracks.map(({{name}}) => name).sort()") == ["end effector", "hand/1"]
+            at = page.evaluate(f"{robots}[0].arrows[0].object.getWorldPosition(new THREE.Vector3()).toArray()")
+            assert at == pytest.approx([0.3, 0.0, 0.5], abs=1e-6)
+            assert page.evaluate(f"{robots}[1].lines.lines[0].material.color.getHexString()") == "b3261e"
+            assert page.evaluate(f"JSON.parse({robots}[1].skin.shown)['right lower arm, wrist']") == pytest.approx(0.09)
             page.wait(
                 "document.getElementById('link').textContent.startsWith('Nothing new from the arm and the person')"
             )
