@@ -5,30 +5,25 @@ from dataclasses import dataclass
 
 import numpy as np
 import rospy
-from geometry_msgs.msg import PoseStamped, WrenchStamped
+from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import JointState
-from tf2_msgs.msg import TFMessage
 
-from control_msgs.msg import JointTrajectoryControllerState
-from franka_msgs.msg import FrankaState
-from hric_assessment.contact.limits import Limits
-from hric_control.limits import load_limits
 from hric_core.parameters import Settings, flag, number, text, whole
 from hric_core.ros import RosNode
 from hric_core.ros.process import NodeApp
-from hric_core.urdf import Robot, mimic_laws, read
+from hric_core.urdf import mimic_laws, read
 from hric_human.participant.settings import HUMAN, HumanSettings
-from hric_msgs.msg import MocapData, MuscleActivation, RegionContacts, SafetyState, SampleChunk
+from hric_msgs.msg import RegionContacts
 from hric_report.html.scene import SceneRobot, SceneSkin
 from hric_skin import fitted
-from hric_view import page
+from hric_view import page, topics
 from hric_view.control import PERIOD, Controls
 from hric_view.control_node import SystemActions
 from hric_view.live import LiveForces, LiveJoints
 from hric_view.page import Part
-from hric_view.parts import LiveHand, LiveMocap, LiveMuscles, LivePlates, LiveStatics, LiveTouches
-from hric_view.readings import SETPOINTS, LiveEmg, LiveLimits, LiveSafety, LiveSetpoint
 from hric_view.server import LOOPBACK, ViewServer, Visit, WebPage
+from hric_view.verdict import PERIOD as VERDICTS
+from hric_view.verdict import LiveVerdict
 
 
 @dataclass(frozen=True)
@@ -59,12 +54,12 @@ class BrowserWindow(NodeApp):
         self._root, self._robots = RosNode(), list[SceneRobot]()
         self._joints, self._forces = list[LiveJoints](), LiveForces()
         self._parts: list[Part] = [self._forces]
+        self._stop, self._period = threading.Event(), 1.0 / settings.rate
+        self._verdict: LiveVerdict | None = None
         self._add(str(self._root.param(settings.robot_description)), "joint_states")
         if self._root.has_param(f"hric/{HUMAN}/robot_description"):
             self._add_human()
-        self._stop, self._period = threading.Event(), 1.0 / settings.rate
-        self._add_sensors(read(self._robots[0].description))
-        self._add_readings(settings.rate)
+        self._parts += topics.of_arm(self._root, self._robots[0], settings.rate)
         self._title = f"{self._root.namespace.strip('/') or 'robot'}, live"
         self._controls = (
             self._controlled(str(self._root.param(settings.robot_description))) if settings.control else None
@@ -74,6 +69,8 @@ class BrowserWindow(NodeApp):
         rospy.loginfo("The window is open at %s", self._server.address)
         self._thread = threading.Thread(target=self._run, name="frames", daemon=True)
         self._thread.start()
+        if self._verdict is not None:
+            threading.Thread(target=self._judge, args=(self._verdict,), name="verdict", daemon=True).start()
 
     def close(self) -> None:
         """Stop sending and listening."""
@@ -129,43 +126,14 @@ class BrowserWindow(NodeApp):
             robot.pose, robot.skin = settings.root(body), SceneSkin.of(fitted(body, settings.gripping(body)))
         self._root.subscribe(f"hric/{HUMAN}/root", PoseStamped, self._joints[-1].push_root, queue_size=1)
         self._root.subscribe(f"hric/{HUMAN}/contacts", RegionContacts, self._forces.push, queue_size=100)
+        self._verdict = topics.verdict(self._root, self._robots[0])
+        self._parts += [*topics.of_person(self._root, robot), self._verdict]
 
-        touches = LiveTouches(Limits.named())
-        self._root.subscribe(f"hric/{HUMAN}/contacts", RegionContacts, touches.push, queue_size=100)
-        self._parts.append(touches)
-        if lines := self._root.param(f"hric/{HUMAN}/muscle_lines", {}):
-            muscles = LiveMuscles(lines)
-            robot.lines = muscles.lines
-            self._root.subscribe(f"hric/{HUMAN}/activation", MuscleActivation, muscles.push, queue_size=1)
-            self._parts.append(muscles)
-
-    def _add_sensors(self, arm: Robot) -> None:
-        """Add the end effector, motion capture, and each force plate whose place is published."""
-        base = next((name for name in arm.links if name.endswith("_link0")), arm.root)
-        hand, statics = LiveHand(base), LiveStatics(list(arm.links), lambda plate: self._add_plate(plates, plate))
-        mocap, plates = LiveMocap(statics), LivePlates(statics)
-        self._parts += [hand, mocap, plates]
-        self._root.subscribe("franka_state_controller/franka_states", FrankaState, hand.push, queue_size=1)
-        self._root.subscribe("/tf_static", TFMessage, statics.push, queue_size=100)
-        self._root.subscribe("hric/perception/mocap", MocapData, mocap.push, queue_size=1)
-
-    def _add_readings(self, rate: float) -> None:
-        """Add efforts and limits of the arm, EMG, the setpoint, and the supervisor's decision."""
-        arm = self._robots[0]
-        turning = [joint.name for joint in read(arm.description).joints.values() if joint.type == "revolute"]
-        limits = {joint.name: joint for joint in load_limits(arm.description, self._root, turning)}
-        efforts, setpoint = LiveLimits(arm.joint_names, limits), LiveSetpoint(arm.joint_names)
-        emg, safety = LiveEmg(rate), LiveSafety()
-        self._parts += [efforts, setpoint, emg, safety]
-        self._root.subscribe("joint_states", JointState, efforts.push, queue_size=10)
-        self._root.subscribe("hric/perception/emg/envelope", SampleChunk, emg.push, queue_size=100)
-        self._root.subscribe("hric/safety/state", SafetyState, safety.push, queue_size=1)
-        for name in SETPOINTS:
-            self._root.subscribe(f"{name}/state", JointTrajectoryControllerState, setpoint.push, queue_size=1)
-
-    def _add_plate(self, plates: LivePlates, plate: str) -> None:
-        topic = f"hric/perception/force_plate/{plate}/wrench"
-        self._root.subscribe(topic, WrenchStamped, plates.add(plate), queue_size=1)
+    def _judge(self, verdict: LiveVerdict) -> None:
+        rest = VERDICTS
+        while not self._stop.wait(rest):
+            if self._server.viewers:
+                rest = verdict.judge()
 
     def _run(self) -> None:
         while not self._stop.wait(self._period):

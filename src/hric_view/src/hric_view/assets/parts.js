@@ -21,8 +21,9 @@
     at(t) { return this.values[report.countUntil(this.times, t) - 1]; }
   };
 
-  const near = new report.History(), safety = new report.History();
-  let ghost = null, line = null, shown = "";
+  const near = new report.History(), safety = new report.History(), verdicts = new report.History();
+  const REPLIES = { yes: "within", warning: "warning", no: "above", unknown: "unknown" }; // colours of replies
+  let ghost = null, line = null, shown = "", told = null;
 
   const makeGhost = (replay) => {
     const bare = { tracks: [], plates: [], arrows: [], tip: null, skin: null, lines: null, motion: null };
@@ -35,10 +36,9 @@
     return made;
   };
 
-  report.restarts.push(() => { near.clear(); safety.clear(); ghost?.restart(); });
+  report.restarts.push(() => { for (const history of [near, safety, verdicts]) history.clear(); ghost?.restart(); });
   report.on("scene", () => {
-    near.clear();
-    safety.clear();
+    for (const history of [near, safety, verdicts]) history.clear();
     ghost = line = null;
     shown = "";
     find("live-state").hidden = find("of-ghost").hidden = !report.live;
@@ -61,6 +61,7 @@
     if (setpoint) ghost.append(t, { q: setpoint.map((value, k) => value ?? frame.robots[0].q[k]) }); // fingers have no setpoint
     near.push(t, frame.near);
     safety.push(t, frame.safety);
+    if (frame.verdict) verdicts.push(t, frame.verdict);
   });
 
   // Tint the link behind each joint that is near a limit.
@@ -73,6 +74,22 @@
     }
   };
 
+  const showVerdict = (verdict) => {
+    find("live-verdict").hidden = !verdict;
+    if (!verdict || verdict === told) return;
+    told = verdict;
+    find("until").textContent = `Until ${verdict.until.toFixed(1)} s. An estimate of a model, no proof of safety.`;
+    find("verdict-lines").replaceChildren(...verdict.lines.map(({ question, reply, number, text }) => {
+      const row = document.createElement("tr"), head = document.createElement("th"), cell = document.createElement("td"), mark = document.createElement("span");
+      head.textContent = question;
+      mark.className = `reply ${REPLIES[reply] || "plain"}`;
+      mark.textContent = reply === "unknown" ? "not known" : reply;
+      cell.append(mark, ` ${number} ${text}`);
+      row.append(head, cell);
+      return row;
+    }));
+  };
+
   const tell = (name, text) => { find(name).textContent = text; };
   const metres = (value) => (value === null ? "not known" : value.toFixed(3) + " m");
 
@@ -80,6 +97,7 @@
     if (!report.live || !ghost) return;
     const joints = near.at(t), decision = safety.at(t), known = decision && decision.separation !== null;
     tint(joints || {});
+    showVerdict(verdicts.at(t));
     tell("near", joints ? Object.entries(joints).map(([name, [, text]]) => `${name}: ${text}`).join("; ") || "no joint is near a limit" : "not known");
     tell("safety", decision ? `${decision.state}, speed ${decision.scale === null ? "not known" : Math.round(100 * decision.scale) + " %"}${decision.reason && `: ${decision.reason}`}` : "no supervisor");
     tell("distance", decision ? `${metres(decision.separation)}, protective distance ${metres(decision.protective)}` : "not known: no supervisor");
