@@ -59,6 +59,9 @@ class BrowserWindow(NodeApp):
         self._add(str(self._root.param(settings.robot_description)), "joint_states")
         if self._root.has_param(f"hric/{HUMAN}/robot_description"):
             self._add_human()
+        for robot, live in topics.objects(self._root):
+            self._robots.append(robot)
+            self._joints.append(live)
         self._parts += topics.of_arm(self._root, self._robots[0], settings.rate)
         self._title = f"{self._root.namespace.strip('/') or 'robot'}, live"
         self._controls = (

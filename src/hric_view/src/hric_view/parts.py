@@ -1,4 +1,4 @@
-"""Parts of the window from the topics of a running system: motion capture, end effector, plates, muscles, skin. No node.
+"""Parts of the window on topics of a running system: motion capture, end effector, plates, muscles, skin. No node.
 
 Each part keeps the newest message, and forgets it when it is older than LOST: what is not known is not drawn.
 """

@@ -1,8 +1,7 @@
-"""Readings beside the scene: efforts, limits that are near, EMG, the setpoint, and the supervisor's decision. No node."""
+"""Readings beside the scene: efforts, limits that are near, EMG, setpoint, and the supervisor's decision. No node."""
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 from hric_control.limits import JointLimits
 from hric_perception.view.decimation import MeanChunk, NewestJoints
@@ -35,7 +34,9 @@ class LiveLimits:
         """Return efforts [N m], null: not known; and by joint near a limit its level, 1 near or 2 at it, and a text."""
         if (message := self._joints.take()) is None:
             return {}
-        states = dict(zip(message.name, zip(message.position, message.velocity, message.effort, strict=True)))
+        states = dict(
+            zip(message.name, zip(message.position, message.velocity, message.effort, strict=True), strict=True)
+        )
         nearness = {name: of_joint(self._limits[name], *states[name]) for name in states if name in self._limits}
         efforts = [states[name][2] if name in states else math.nan for name in self._names]
         return {
@@ -83,7 +84,7 @@ class LiveSetpoint(Held):
         """Return the positions [rad], null: this joint is not commanded."""
         if (message := self.get()) is None:
             return {}
-        desired = dict(zip(message.joint_names, message.desired.positions))
+        desired = dict(zip(message.joint_names, message.desired.positions, strict=False))
         positions = [known(desired.get(name, math.nan), DIGITS) for name in self._names]
         return {} if set(positions) == {None} else {"setpoint": positions}
 

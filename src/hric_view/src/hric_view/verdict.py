@@ -25,7 +25,7 @@ from hric_bags.records.rows import RecordRows
 from hric_bags.run_file import RunFile
 from hric_core.errors import HricError
 
-PERIOD, SHARE = 1.0, 9.0
+PERIOD, SHARE = 1.0, 19.0
 """Shortest time between two verdicts [s], and rest after one as a multiple of its duration [1]; project default."""
 RATE = 50.0
 """Highest rate at which postures, torques and grips are stored [Hz]; contacts are all stored."""
@@ -35,7 +35,13 @@ NOT_YET = {
 }
 """Why a question has no reply while the system runs."""
 STATES_TYPE = "sensor_msgs/msg/JointState"
-KINDS = {"joint_states": STATES_TYPE, "joint_torque": TORQUE_TYPE, "grip": GRIP_TYPE, "contacts": CONTACTS_TYPE}
+KINDS = {
+    "joint_states": STATES_TYPE,
+    "joint_torque": TORQUE_TYPE,
+    "root": "geometry_msgs/msg/PoseStamped",
+    "grip": GRIP_TYPE,
+    "contacts": CONTACTS_TYPE,
+}
 """Types of the topics of the person that are judged, by their last name."""
 
 
@@ -80,7 +86,9 @@ class LiveVerdict:
                 self._add_arm(stamp, message)
 
     def _add_arm(self, stamp: float, message: Any) -> None:
-        rows = dict(zip(message.name, zip(message.position, message.velocity, message.effort, strict=False)))
+        rows = dict(
+            zip(message.name, zip(message.position, message.velocity, message.effort, strict=False), strict=False)
+        )
         if all(name in rows for name in self._joints):
             self._arm.add(stamp, _Row(self._joints, *zip(*(rows[name] for name in self._joints), strict=True)))
 
@@ -97,18 +105,18 @@ class LiveVerdict:
 
     def _source(self) -> AssessmentInput | None:
         """Return what has been received, as a recording; None: nothing of the person or the arm."""
-        person, (at, *arm) = self._person.record(float), self._arm.columns(float)
+        person, (at, q, dq, tau) = self._person.record(float), self._arm.columns(float)
         ends = [times[k] for times in (at, person.time) if len(times) for k in (0, -1)]
         if not ends or not len(person.time):
             return None
-        none = np.full_like(arm[0], np.nan)
-        log = ControlRecord(self._joints, ("none",) * len(self._joints), at, *arm, none, none, 0, (), ())
+        none = np.full_like(q, np.nan)
+        log = ControlRecord(self._joints, ("none",) * len(self._joints), at, q, dq, tau, none, none, 0, (), ())
         recording = Recording(
             dict(self._topics),
             frozenset(KINDS.values()),
             min(ends),
             max(ends),
-            float,  # type: ignore[arg-type]  # stamps are robot time
+            float,  # stamps are robot time
             log if len(at) else None,
             {self._name: person},
             None,

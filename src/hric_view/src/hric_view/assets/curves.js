@@ -96,7 +96,7 @@
     add("joint positions [rad, m]", t, named(robots[0].q, joints));
     if (efforts) add("efforts [N m, N]", t, named(efforts, joints));
     if (hand) add("external force [N]", t, named(hand.force, ["x", "y", "z"]));
-    if (robots.length > 1) add("contact force [N]", t, { largest: Math.max(0, ...(forces || []).map(({ force }) => Math.hypot(...force))) });
+    if (report.replay.robots.some(({ skin }) => skin)) add("contact force [N]", t, { largest: Math.max(0, ...(forces || []).map(({ force }) => Math.hypot(...force))) });
     if (emg) add("EMG envelope", t, emg);
     for (const { name, force } of plates || []) add(`${name} [N]`, t, named(force, ["x", "y", "z"]));
   });
