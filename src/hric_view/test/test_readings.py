@@ -3,9 +3,9 @@
 import math
 
 import pytest
-from control_msgs.msg import JointTrajectoryControllerState
 from sensor_msgs.msg import JointState
 
+from control_msgs.msg import JointTrajectoryControllerState
 from hric_control.limits import JointLimits
 from hric_msgs.msg import SafetyState, SampleChunk
 from hric_view.readings import LiveEmg, LiveLimits, LiveSafety, LiveSetpoint

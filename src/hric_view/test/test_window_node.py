@@ -1,26 +1,35 @@
 """The node of the window shows what the running system says, to viewers alone, and ends with a word."""
 
+import contextlib
 import json
+import math
+import os
 import re
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from xmlrpc.client import ServerProxy
 
 import pytest
+import rosgraph
 import rospy
 from browser import Browser, installed
 from geometry_msgs.msg import Point, PoseStamped
 from real_master import end_nodes, ros, roscore  # noqa: F401
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
 from websockets.sync.client import connect
 
 from franka_msgs.msg import FrankaState
 from hric_core.robot_time import stamps
+from hric_core.urdf import read
 from hric_human.body import Subject, describe
 from hric_msgs.msg import MocapData, MuscleActivation, RegionContact, RegionContacts
+from panda_description import description
 
 pytestmark = pytest.mark.alone
 
@@ -32,16 +41,23 @@ ARM = """<robot name="arm"><link name="base"/><link name="two"/>
 <joint name="arm_joint2" type="revolute"><parent link="one"/><child link="two"/><axis xyz="0 1 0"/>
 <limit lower="-1" upper="2" velocity="2" effort="10"/></joint></robot>"""
 SHOWN = "report.started === true && report.forces.arrows.size === 1 && report.replay.robots[0].tracks.length === 2"
-IDENTITY = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0]
-MUSCLES = {"right_bic": [["r_shoulder", 0.0, 0.0, 0.0], ["r_elbow", 0.0, 0.0, -0.1]]}
 SUBJECT = {"code": "S1", "mass": 79.0, "height": 1.75, "sex": "male", "parts": "upper_body"}
+IDENTITY = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0]
+NAMES = ("right_bic", *(f"right_{number}" for number in range(67)))
+MUSCLES = {name: [["r_shoulder", 0.0, 0.0, 0.0], ["r_elbow", 0.0, 0.0, -0.1]] for name in NAMES}
+PANDA = description.load()
+PANDA_JOINTS = [name for name, joint in read(PANDA).joints.items() if joint.type != "fixed"]
+PERSON = describe(Subject.of(SUBJECT, "subject:")).urdf
+PERSON_JOINTS = [name for name, joint in read(PERSON).joints.items() if joint.type != "fixed"]
+LIMIT, SECONDS = 40e3, 8.0
+"""Largest traffic to a viewer [bytes per second], and the time for which it is measured [s]."""
 
 
 @pytest.fixture
-def address(ros: str) -> Iterator[str]:  # noqa: F811
-    """Address of the window of an arm with a person beside it; the node ends with the test."""
+def address(ros: str, request: pytest.FixtureRequest) -> Iterator[str]:  # noqa: F811
+    """Address of the window of an arm with a person beside it; the node ends with the test. Parameter: another arm."""
     subject = Subject.of(SUBJECT, "subject:")
-    rospy.set_param("/robot_description", ARM)
+    rospy.set_param("/robot_description", getattr(request, "param", ARM))
     rospy.set_param("/hric/human/robot_description", describe(subject).urdf)
     rospy.set_param("/hric/human/muscle_lines", MUSCLES)
     rospy.set_param("/robot/participants/human", {"type": "hric_human/Human", "subject": SUBJECT})
@@ -95,6 +111,18 @@ class Robot:
         contact.point.x, contact.normal.z = 0.4, -1.0
         self.contacts.publish(RegionContacts(touching=[contact]))
         self.say_sensors()
+
+    def say_cycle(self, cycle: int) -> None:
+        """Publish what is due in a cycle of 5 ms, all values changing."""
+        stamp = Header(stamp=stamps.to_time(2.0 + 0.005 * cycle))
+        wave = [math.sin(0.01 * cycle + k) for k in range(max(len(PANDA_JOINTS), len(PERSON_JOINTS)))]
+        for joints, publisher, every in ((PERSON_JOINTS, self.person, 1), (PANDA_JOINTS, self.joints, 2)):
+            if cycle % every == 0:
+                values = wave[: len(joints)]
+                publisher.publish(JointState(stamp, joints, values, values, values))
+        self.activation.publish(MuscleActivation(stamp, NAMES, [], [abs(wave[0])] * len(NAMES), [], []))
+        if cycle % 6 == 0:
+            self.say_sensors()
 
     def say_sensors(self) -> None:
         """Publish a marker, the end effector with a force of 40 N on it, and an active muscle."""
@@ -166,6 +194,34 @@ def test_without_a_description_the_node_ends_with_a_word(ros: str) -> None:  # n
     said, _ = node.communicate(timeout=30)
     assert node.returncode != 0 and "Traceback" not in said and "nowhere" in said
     rospy.delete_param("/window/robot_description")
+
+
+def processor_time() -> float:
+    """Return the processor time of the window's node so far [s]."""
+    node: Any = ServerProxy(rosgraph.Master("/test").lookupNode("/window"))
+    fields = Path(f"/proc/{node.getPid('/test')[2]}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("address", [PANDA], indirect=True)
+def test_the_traffic_to_a_viewer_is_small(address: str, robot: Robot) -> None:
+    """The topics have the rates of a simulation: person 200 Hz, arm 100 Hz, its state 30 Hz."""
+    origin, _, query = address.partition("/?")
+    with connect(f"{origin.replace('http', 'ws')}/socket?{query}", origin=origin) as viewer:  # type: ignore[arg-type]
+        viewer.recv(20)
+        robot.say_cycle(0)
+        begin, used, sizes, due = time.monotonic(), processor_time(), list[int](), 1
+        while (now := time.monotonic() - begin) < SECONDS:
+            while due < 200.0 * now:
+                robot.say_cycle(due)
+                due += 1
+            with contextlib.suppress(TimeoutError):
+                sizes.append(len(viewer.recv(0.002)))
+        share = (processor_time() - used) / SECONDS
+    sent, frames = 1e-3 * sum(sizes) / SECONDS, len(sizes) / SECONDS
+    print(f"{sent:.1f} kB/s in {frames:.1f} frames per second to a viewer, {100.0 * share:.1f} % of a processor")
+    assert 30.0 * sum(sizes) / len(sizes) < LIMIT
 
 
 @pytest.mark.slow
