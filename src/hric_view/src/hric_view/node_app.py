@@ -16,12 +16,14 @@ from hric_human.participant.settings import HUMAN, HumanSettings
 from hric_msgs.msg import RegionContacts
 from hric_report.html.scene import SceneRobot, SceneSkin
 from hric_skin import fitted
-from hric_view import page
+from hric_view import page, topics
 from hric_view.control import PERIOD, Controls
 from hric_view.control_node import SystemActions
 from hric_view.live import LiveForces, LiveJoints
 from hric_view.page import Part
 from hric_view.server import LOOPBACK, ViewServer, Visit, WebPage
+from hric_view.verdict import PERIOD as VERDICTS
+from hric_view.verdict import LiveVerdict
 
 
 @dataclass(frozen=True)
@@ -51,11 +53,16 @@ class BrowserWindow(NodeApp):
         settings = WindowSettings.read(node)
         self._root, self._robots = RosNode(), list[SceneRobot]()
         self._joints, self._forces = list[LiveJoints](), LiveForces()
+        self._parts: list[Part] = [self._forces]
+        self._stop, self._period = threading.Event(), 1.0 / settings.rate
+        self._verdict: LiveVerdict | None = None
         self._add(str(self._root.param(settings.robot_description)), "joint_states")
         if self._root.has_param(f"hric/{HUMAN}/robot_description"):
             self._add_human()
-        self._stop, self._period = threading.Event(), 1.0 / settings.rate
-        self._parts: list[Part] = [self._forces]
+        for robot, live in topics.objects(self._root):
+            self._robots.append(robot)
+            self._joints.append(live)
+        self._parts += topics.of_arm(self._root, self._robots[0], settings.rate)
         self._title = f"{self._root.namespace.strip('/') or 'robot'}, live"
         self._controls = (
             self._controlled(str(self._root.param(settings.robot_description))) if settings.control else None
@@ -65,6 +72,8 @@ class BrowserWindow(NodeApp):
         rospy.loginfo("The window is open at %s", self._server.address)
         self._thread = threading.Thread(target=self._run, name="frames", daemon=True)
         self._thread.start()
+        if self._verdict is not None:
+            threading.Thread(target=self._judge, args=(self._verdict,), name="verdict", daemon=True).start()
 
     def close(self) -> None:
         """Stop sending and listening."""
@@ -74,7 +83,8 @@ class BrowserWindow(NodeApp):
 
     def page(self, visit: Visit) -> WebPage | None:
         """Return the page of the window."""
-        return page.render(self._title, visit, control=self._controls is not None) if visit.path == "/" else None
+        control = self._controls is not None
+        return page.render(self._title, visit, control=control, live=True) if visit.path == "/" else None
 
     def scene(self, visit: Visit) -> str:
         """Return the first message of a viewer."""
@@ -119,6 +129,14 @@ class BrowserWindow(NodeApp):
             robot.pose, robot.skin = settings.root(body), SceneSkin.of(fitted(body, settings.gripping(body)))
         self._root.subscribe(f"hric/{HUMAN}/root", PoseStamped, self._joints[-1].push_root, queue_size=1)
         self._root.subscribe(f"hric/{HUMAN}/contacts", RegionContacts, self._forces.push, queue_size=100)
+        self._verdict = topics.verdict(self._root, self._robots[0])
+        self._parts += [*topics.of_person(self._root, robot), self._verdict]
+
+    def _judge(self, verdict: LiveVerdict) -> None:
+        rest = VERDICTS
+        while not self._stop.wait(rest):
+            if self._server.viewers:
+                rest = verdict.judge()
 
     def _run(self) -> None:
         while not self._stop.wait(self._period):

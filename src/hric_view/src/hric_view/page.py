@@ -33,6 +33,7 @@ def render(
     visit: Visit,
     *,
     control: bool = False,
+    live: bool = False,
     links: Sequence[tuple[str, str]] = (),
     waiting: str = "connecting",
     sliders: Sequence[Mapping[str, object]] = (),
@@ -43,6 +44,7 @@ def render(
         title: name of what is shown.
         visit: request of the viewer.
         control: True: the page has the controls.
+        live: True: the page has the parts of a running system.
         links: texts and addresses of links to other pages.
         waiting: text until the scene is there.
         sliders: conditions of a run that can be chosen; empty: none.
@@ -55,6 +57,7 @@ def render(
         title=title,
         connect=visit.socket,
         control=control,
+        live=live,
         links=links,
         waiting=waiting,
         sliders=sliders,

@@ -81,8 +81,8 @@ def _plates(signal: Signal, run: RunFile, links: set[str], statics: Statics, shi
     if match is None or not signal.unit.startswith("force"):
         return []
     frame = f"force_plate_{match[1]}"
-    parent, R, p = _placed(frame, links, statics)
-    if frame not in statics or parent not in (*links, *WORLDS):
+    parent, R, p, known = placement(frame, links, statics)
+    if frame not in statics or not known:
         return []
     size = ((run.get("definition") or {}).get("force_plate") or {}).get("size") or PLATE_SIZE
     pose = tuple(p.tolist()), tuple(R.as_quat().tolist())
@@ -97,9 +97,8 @@ def _track(
     """Return a recorded motion at a reduced rate, in the frame of a robot link if the transform is known."""
     steps = np.floor((moving.time - moving.time[0]) * rate)
     _, shown = np.unique(steps, return_index=True)
-    frame, R, p = _placed(moving.frame_id, links, statics)
-    if frame not in links and frame not in WORLDS:
-        R, p = Rotation.from_matrix(np.array(tracking.THESIS_ROTATION)), np.zeros(3)
+    frame, R, p, known = placement(moving.frame_id, links, statics)
+    if not known:
         note = (
             f"The bag has no pose of the frame {moving.frame_id!r}: its contents are drawn relative to the "
             "robot's root, with its y axis upwards."
@@ -120,8 +119,12 @@ def _unit(quaternions: FloatArray) -> FloatArray:
     return np.where(empty[:, None], np.array([0.0, 0.0, 0.0, 1.0]), quaternions)
 
 
-def _placed(frame: str, links: set[str], statics: Statics) -> tuple[str, Rotation, FloatArray]:
-    """Return (parent, rotation, translation [m]) of a fixed frame; parent: nearest link, else topmost known frame."""
+def placement(frame: str, links: set[str], statics: Statics) -> tuple[str, Rotation, FloatArray, bool]:
+    """Return where a fixed frame is drawn: parent, rotation and translation [m] in it, and True if they are known.
+
+    The parent is the nearest link, else the topmost known frame. A frame without a known pose is drawn at the robot's
+    root with its y axis upwards.
+    """
     name, R, p = frame, Rotation.identity(), np.zeros(3)
     for _ in range(len(statics) + 1):
         if name in links or name not in statics:
@@ -129,4 +132,6 @@ def _placed(frame: str, links: set[str], statics: Statics) -> tuple[str, Rotatio
         name, xyz, quaternion = statics[name]
         here = Rotation.from_quat(quaternion)
         R, p = here * R, here.apply(p) + np.array(xyz)
-    return name, R, p
+    if name in links or name in WORLDS:
+        return name, R, p, True
+    return name, Rotation.from_matrix(np.array(tracking.THESIS_ROTATION)), np.zeros(3), False

@@ -10,6 +10,8 @@
 
   report.begin = report.end = report.time = 0;
   report.timed ||= []; // called with the time after each change of it
+  report.parts ||= []; // called with time and frame of each new instant of a running system
+  report.restarts ||= []; // called when the time of the running system begins anew
 
   const setLive = (desired) => {
     live = desired;
@@ -66,16 +68,19 @@
     report.started = !message.live;
   });
 
-  report.on("frame", ({ t, robots, forces }) => {
+  report.on("frame", (frame) => {
+    const { t, robots, forces } = frame;
     seen = robots.map((robot, k) => (seen[k] && seen[k].t === robot.t ? seen[k] : { t: robot.t, at: performance.now() }));
     if (t === null || !report.replay || t === report.end) return;
     if (!report.started || t < report.end) { // the first instant, or a run that began anew
       report.begin = t;
-      for (const robot of report.replay.robots) delete robot.rows;
+      for (const part of [...report.replay.robots, report.forces]) part.restart();
+      for (const restart of report.restarts) restart();
     }
     report.end = t;
     report.replay.robots.forEach((robot, k) => robot.append(t, robots[k]));
     report.forces.append(t, forces || []);
+    for (const part of report.parts) part(t, frame);
     if (live) report.setTime(t); else Object.assign(find("time"), { max: t });
     if (!report.started || t > framed + FRAMED) { // by then all have sent something
       report.replay.home();
@@ -94,7 +99,7 @@
   // Say what is old: a robot or person that sends nothing looks like one that stands still.
   const tellOld = () => {
     if (!report.live || !report.started || lost) return;
-    const names = ["the arm", "the person"], old = names.filter((_, k) => k < seen.length && performance.now() - seen[k].at > OLD);
+    const names = ["the arm", "the person"], old = names.filter((_, k) => k < seen.length && seen[k].t !== null && performance.now() - seen[k].at > OLD);
     if (old.length) find("link").textContent = `Nothing new from ${old.join(" and ")}: paused, or the connection is lost. What is shown is old.`;
     else if (!find("link").textContent.startsWith("Refused")) find("link").textContent = "";
   };

@@ -38,12 +38,24 @@
     return [k, step > 0 ? Math.min(Math.max((t - times[k]) / step, 0), 1) : 0, step];
   };
 
+  // Add an instant of a running system to the arrays of a part; values: by name of the array, its numbers at time t.
+  const grow = (part, t, values) => {
+    part.rows ||= Object.fromEntries(Object.entries({ time: [t], ...values }).map(([name, row]) => [name, new Rows(name === "time" ? Float64Array : Float32Array, row.length)]));
+    for (const [name, row] of Object.entries({ time: [t], ...values })) part[name] = part.rows[name].push(row);
+  };
+  const EMPTY = () => ({ time: new Float64Array(0), values: new Float32Array(0), force: new Float32Array(0), point: new Float32Array(0) });
+
   class Track {
     constructor(spec) {
       Object.assign(this, spec, { time: report.read(spec.time), values: report.read(spec.values) });
       this.width = this.values.length / this.time.length;
       this.object = spec.kind === "marker" ? new THREE.Mesh(new THREE.SphereGeometry(0.009, 16, 12), new THREE.MeshLambertMaterial()) : new THREE.AxesHelper(0.12);
       this.object.name = spec.name;
+    }
+
+    append(t, values) {
+      grow(this, t, { values });
+      this.width = values.length;
     }
 
     show(t) {
@@ -57,19 +69,28 @@
     }
   }
 
-  // Trail: path of the last TRAIL seconds; points: x, y, z at each instant, NaN: not visible.
+  // Trail: path of the last TRAIL seconds; points: x, y, z at each instant, NaN: not visible. track: of a running system,
+  // whose points are copied when they are shown.
   class Trail {
-    constructor(time, points, role) {
-      Object.assign(this, { time, role });
+    constructor(time, points, role, track) {
+      Object.assign(this, { time, role, track });
       const geometry = new THREE.BufferGeometry().setAttribute("position", new THREE.BufferAttribute(points, 3));
       this.object = new THREE.Line(geometry, new THREE.LineBasicMaterial());
       this.object.frustumCulled = false;
     }
 
     show(t) {
-      const first = report.countUntil(this.time, t - TRAIL), last = report.countUntil(this.time, t);
-      this.object.geometry.setDrawRange(first, last - first);
+      const time = this.track ? this.track.time : this.time, last = report.countUntil(time, t);
+      const first = Math.max(report.countUntil(time, t - TRAIL), this.track ? last - TRAIL_POINTS : 0);
+      if (this.track) this.copy(first, last);
+      this.object.geometry.setDrawRange(this.track ? 0 : first, last - first);
       this.object.visible = last - first > 1;
+    }
+
+    copy(first, last) {
+      const { values, width } = this.track, { position } = this.object.geometry.attributes;
+      for (let k = first; k < last; k++) position.array.set(values.subarray(k * width, k * width + 3), 3 * (k - first));
+      position.needsUpdate = true;
     }
   }
 
@@ -84,6 +105,11 @@
       this.head = new THREE.Mesh(new THREE.ConeGeometry(...HEAD, 16).translate(0, -HEAD[1] / 2, 0), this.material);
       this.object = new THREE.Group().add(this.shaft, this.head);
       this.object.name = spec.name || "";
+    }
+
+    // Add an instant of a running system; point: in the frame of the arrow's parent, if it moves there.
+    append(t, force, point) {
+      grow(this, t, point ? { force, point } : { force });
     }
 
     show(t) {
@@ -120,7 +146,9 @@
   const worse = (a, b) => (a === null || b === null ? (Math.max(a, b) >= 1 ? Math.max(a, b) : null) : Math.max(a, b));
 
   const TOUCH = 0.25; // shortest time that a contact is shown [s]
+  const TOUCHES = 8000; // most contacts of a running system that are kept
   const BUNDLE = 0.0035; // radius of a line [m]
+  const UNKNOWN = "#9aa0a6"; // colour of a line whose value is not known
 
   // Lines (muscle paths) through points fixed to links, coloured by value over time, visible through the body.
   class Lines {
@@ -136,6 +164,10 @@
       this.object.name = spec.title;
     }
 
+    append(t, values) {
+      grow(this, t, { values });
+    }
+
     // Show the lines at time t; requires that the links have their poses for this time.
     show(t) {
       const [k, f] = between(this.time, t), n = this.lines.length, next = Math.min(k + 1, this.time.length - 1);
@@ -145,7 +177,7 @@
         const at = points.map(([link, xyz]) => link.localToWorld(xyz.clone()));
         parts.forEach((part, j) => {
           const way = at[j + 1].clone().sub(at[j]);
-          part.renderOrder = value; // the largest value is on top
+          part.renderOrder = value || 0; // the largest value is on top
           part.scale.y = Math.max(way.length(), 1e-6);
           part.position.copy(at[j]);
           part.quaternion.setFromUnitVectors(UP, way.normalize());
@@ -154,6 +186,7 @@
     }
 
     colour(value) {
+      if (!Number.isFinite(value)) return new THREE.Color(UNKNOWN);
       const high = Math.max(1, Math.min(this.scale.findIndex(([at]) => at >= value), this.scale.length - 1)), last = this.scale[this.scale.length - 1];
       if (value >= last[0]) return new THREE.Color(last[1]);
       const [[a, from], [b, to]] = [this.scale[high - 1], this.scale[high]];
@@ -198,6 +231,13 @@
       if (k < 1) return scale[k < 0 ? scale.length - 1 : 0][1];
       const [[low, from], [high, to]] = [scale[k - 1], scale[k]];
       return from.map((value, c) => value + ((share - low) / (high - low)) * (to[c] - value));
+    }
+
+    // Add the shares of the limit of the regions that are touched at an instant of a running system; the oldest go.
+    append(t, shares) {
+      const { touches } = this.spec;
+      for (const [region, share] of Object.entries(shares)) touches.push([t, t, [region], share]);
+      if (touches.length > TOUCHES) touches.splice(0, touches.length - TOUCHES / 2);
     }
 
     // Colour the regions that are touched at time t, each by the largest share; one of several that is not known hides those below 100 %.
@@ -264,13 +304,64 @@
 
     // Add an instant of a running system: joint positions q, null where unknown, and the pose of the root if it moves.
     append(t, { q, root }) {
-      this.rows ||= { time: new Rows(Float64Array, 1), position: new Rows(Float32Array, this.columns), root: new Rows(Float32Array, 7), rootTime: new Rows(Float64Array, 1) };
       const before = this.position.subarray(-this.columns);
-      this.position = this.rows.position.push(q.map((value, k) => value ?? before[k] ?? 0));
-      this.time = this.rows.time.push([t]);
+      grow(this, t, { position: q.map((value, k) => value ?? before[k] ?? 0) });
       if (!root) return;
-      this.motion ||= new Track({ kind: "frame", time: new Float64Array(0), values: new Float32Array(0), name: "root" });
-      Object.assign(this.motion, { time: this.rows.rootTime.push([t]), values: this.rows.root.push(root), width: 7 });
+      this.motion ||= new Track({ kind: "frame", name: "root", ...EMPTY() });
+      this.motion.append(t, root);
+    }
+
+    // Add an instant of markers and frames of a running system: by name position, or pose, in the axes of a link.
+    // trail: returns whether a name has a trail.
+    appendTracks(t, parent, values, trail) {
+      const at = this.links.get(parent) || this.root;
+      for (const [name, value] of Object.entries(values)) {
+        const known = this.tracks.find((track) => track.name === name);
+        (known || this.addTrack(name, value.length === 3 ? "marker" : "frame", at, trail(name))).append(t, value);
+      }
+    }
+
+    addTrack(name, kind, at, trail) {
+      const track = new Track({ kind, name, ...EMPTY() });
+      this.tracks.push(track);
+      at.add(track.object);
+      if (trail) {
+        this.trails.push(new Trail(null, new Float32Array(3 * TRAIL_POINTS), "marker", track));
+        at.add(this.trails[this.trails.length - 1].object);
+      }
+      this.paint(false);
+      return track;
+    }
+
+    // Add an instant of the force plates of a running system, each with its place.
+    appendPlates(t, plates) {
+      for (const spec of plates) {
+        let plate = this.plates.find(({ object }) => object.name === spec.name);
+        if (!plate) {
+          this.plates.push((plate = new Plate({ ...spec, ...EMPTY() })));
+          (this.links.get(spec.parent) || this.root).add(plate.object);
+          this.paint(false);
+        }
+        plate.arrow.append(t, spec.force);
+      }
+    }
+
+    // Add an instant of a force of a running system; parent: link in whose axes force and point are.
+    appendArrow(t, name, { parent, force, point, per_newton }) {
+      let arrow = this.arrows.find((one) => one.name === name);
+      if (!arrow) {
+        this.arrows.push((arrow = new Arrow({ name, colour: "measured", per_newton, ...EMPTY() })));
+        (this.links.get(parent) || this.root).add(arrow.object);
+        this.paint(false);
+      }
+      arrow.append(t, force, point);
+    }
+
+    // Forget what a running system has sent: its time began anew.
+    restart() {
+      const parts = [this, this.motion, this.lines, ...this.tracks, ...this.arrows, ...this.plates.map(({ arrow }) => arrow)];
+      for (const part of parts) if (part) delete part.rows;
+      this.skin?.spec.touches.splice(0);
     }
 
     // Return the trail of the end effector, in the world frame.
@@ -373,23 +464,28 @@
 
     append(t, forces) {
       for (const { name } of forces) if (!this.arrows.has(name)) this.arrows.set(name, this.make(name));
-      for (const [name, { rows, arrow }] of this.arrows) {
+      for (const [name, arrow] of this.arrows) {
         const { point, force } = forces.find((one) => one.name === name) || { point: [0, 0, 0], force: [0, 0, 0] };
-        Object.assign(arrow, { time: rows.time.push([t]), point: rows.point.push(point), force: rows.force.push(force) });
+        arrow.append(t, force, point);
       }
     }
 
+    restart() {
+      for (const arrow of this.arrows.values()) delete arrow.rows;
+    }
+
     make(name) {
-      const arrow = new Arrow({ name, time: new Float64Array(0), force: new Float32Array(0), point: new Float32Array(0), per_newton: PER_NEWTON, ends: true });
+      const arrow = new Arrow({ name, per_newton: PER_NEWTON, ends: true, ...EMPTY() });
       arrow.material.color.set(report.colour("limit"));
       this.scene.add(arrow.object);
-      return { arrow, rows: { time: new Rows(Float64Array, 1), point: new Rows(Float32Array, 3), force: new Rows(Float32Array, 3) } };
+      return arrow;
     }
 
     show(t) {
-      for (const { arrow } of this.arrows.values()) arrow.show(t);
+      for (const arrow of this.arrows.values()) arrow.show(t);
     }
   };
 
+  report.Robot = Robot;
   report.makeRobots = (scene) => report.data.scene.robots.map((spec) => new Robot(spec, scene));
 }

@@ -1,0 +1,246 @@
+"""Parts of the window on topics of a running system: motion capture, end effector, plates, muscles, skin. No node.
+
+Each part keeps the newest message, and forgets it when it is older than LOST: what is not known is not drawn.
+"""
+
+import math
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from hric_assessment.contact.limits import TRANSIENT_TIME, Limits
+from hric_human.body.segments import SIDES
+from hric_human.muscles.lines import ACTIVATION_COLOURS
+from hric_report.html.body_picture import region_keys
+from hric_report.html.moving import BODY, PLATE_SIZE, Statics, placement
+from hric_report.html.scene import SceneLines
+from hric_view.live import DIGITS
+
+LOST = 0.25
+"""Age from which a message no longer counts [s of wall time], as in the replay; project default."""
+FORCE_DIGITS = 2
+"""Decimals of forces [N] and of activations and shares [1]."""
+PLATE_FRAME = "force_plate_"
+"""Prefix of the frames of force plates; their id follows."""
+
+
+class Held:
+    """Newest message of a topic, until it is old; thread-safe."""
+
+    def __init__(self) -> None:
+        self._newest: tuple[float, Any] = (-math.inf, None)
+
+    def push(self, message: Any) -> None:
+        """Store a message."""
+        self._newest = (time.monotonic(), message)
+
+    def get(self) -> Any:
+        """Return the newest message; None if it is older than LOST."""
+        received, message = self._newest
+        return message if time.monotonic() - received < LOST else None
+
+    def scene(self) -> dict[str, object]:
+        """Return nothing: what is held is in the frames alone."""
+        return {}
+
+
+class LiveStatics:
+    """Static transforms that were received, as the replay uses them.
+
+    Args:
+        links: links of the arm, to which other frames are related.
+        on_plate: called with the id of each new force plate.
+    """
+
+    def __init__(self, links: Sequence[str], on_plate: Callable[[str], None]) -> None:
+        self.links, self._on_plate = set(links), on_plate
+        self.known: Statics = {}
+
+    def push(self, message: Any) -> None:
+        """Store a tf2_msgs/TFMessage."""
+        for item in message.transforms:
+            p, q = item.transform.translation, item.transform.rotation
+            name, pose = item.child_frame_id, ([p.x, p.y, p.z], [q.x, q.y, q.z, q.w])
+            fresh = name not in self.known
+            self.known = {**self.known, name: (item.header.frame_id, *pose)}
+            if fresh and name.startswith(PLATE_FRAME):
+                self._on_plate(name.removeprefix(PLATE_FRAME))
+
+
+class LiveMocap(Held):
+    """Markers and rigid bodies of the newest frame of motion capture (hric_msgs/MocapData).
+
+    Args:
+        statics: static transforms.
+    """
+
+    def __init__(self, statics: LiveStatics) -> None:
+        super().__init__()
+        self._statics = statics
+
+    def frame(self) -> dict[str, object]:
+        """Return the positions [m] and poses of what is tracked, in the axes of a link."""
+        if (message := self.get()) is None:
+            return {}
+        parent, R, p, _ = placement(message.header.frame_id, self._statics.links, self._statics.known)
+        names = [
+            name or f"marker {number}"
+            for name, number in zip(message.labelled_marker_names, message.labelled_marker_ids, strict=True)
+        ]
+        points = np.array([(m.x, m.y, m.z) for m in message.labelled_markers]).reshape(-1, 3)
+        values = dict(zip(names, np.round(R.apply(points) + p, DIGITS).tolist() if len(points) else [], strict=True))
+        for body in message.rigid_bodies:
+            if body.tracking_valid:
+                values[f"{BODY}{body.name}"] = _pose(body.pose, R, p)
+        finite = {name: value for name, value in values.items() if all(map(math.isfinite, value))}
+        return {"mocap": {"parent": parent, "values": finite}}
+
+
+class LiveHand(Held):
+    """End effector and external force of the newest franka_msgs/FrankaState.
+
+    Args:
+        base: link of the arm in whose axes they are.
+    """
+
+    def __init__(self, base: str) -> None:
+        super().__init__()
+        self._base = base
+
+    def frame(self) -> dict[str, object]:
+        """Return the measured pose of the end effector, and the estimated force on the arm [N] at the origin of K."""
+        if (message := self.get()) is None:
+            return {}
+        T_base_ee, T_ee_k = (np.reshape(T, (4, 4), order="F") for T in (message.O_T_EE, message.EE_T_K))
+        force = -np.array(message.O_F_ext_hat_K[:3])  # the message has the force of the arm on its surroundings
+        if not (np.isfinite(T_base_ee).all() and np.isfinite(force).all() and T_base_ee[3, 3] == 1.0):
+            return {}
+        quaternion = Rotation.from_matrix(T_base_ee[:3, :3]).as_quat()
+        pose = np.round([*T_base_ee[:3, 3], *quaternion], DIGITS).tolist()
+        point = np.round((T_base_ee @ T_ee_k)[:3, 3], DIGITS).tolist()
+        force = np.round(force, FORCE_DIGITS).tolist()
+        return {"hand": {"parent": self._base, "pose": pose, "point": point, "force": force}}
+
+
+class LivePlates:
+    """Force plates whose place is known, with the newest force on each.
+
+    Args:
+        statics: static transforms.
+    """
+
+    def __init__(self, statics: LiveStatics) -> None:
+        self._statics, self._held = statics, dict[str, Held]()
+
+    def add(self, plate: str) -> Callable[[Any], None]:
+        """Return the receiver of the geometry_msgs/WrenchStamped of another plate; plate: its id."""
+        self._held = {**self._held, plate: Held()}
+        return self._held[plate].push
+
+    def scene(self) -> dict[str, object]:
+        """Return nothing: plates may appear later."""
+        return {}
+
+    def frame(self) -> dict[str, object]:
+        """Return place, size [m] and force [N] of each plate, in its axes; no force: zero."""
+        return {"plates": [plate for name, held in self._held.items() for plate in self._plate(name, held.get())]}
+
+    def _plate(self, name: str, message: Any) -> list[dict[str, object]]:
+        parent, R, p, known = placement(f"{PLATE_FRAME}{name}", self._statics.links, self._statics.known)
+        if not known:
+            return []
+        f = (0.0, 0.0, 0.0) if message is None else _xyz(message.wrench.force)
+        force = [round(value, FORCE_DIGITS) if math.isfinite(value) else 0.0 for value in f]
+        place = {"parent": parent, "xyz": p.tolist(), "quaternion": R.as_quat().tolist(), "size": PLATE_SIZE}
+        return [{"name": f"force plate {name}", "force": force, **place}]
+
+
+class LiveMuscles(Held):
+    """Activation of the muscles of the person, in the order of their lines.
+
+    Args:
+        lines: by muscle, the points of its line: name of the link, and x, y, z in the link's frame [m].
+    """
+
+    def __init__(self, lines: Mapping[str, Sequence[Sequence[Any]]]) -> None:
+        super().__init__()
+        points = {name: [(str(link), tuple(map(float, p))) for link, *p in line] for name, line in lines.items()}
+        unknown = np.full((1, len(points)), np.nan)
+        self.lines = SceneLines(points, np.zeros(1), unknown, ACTIVATION_COLOURS, "activation of the muscles")
+
+    def frame(self) -> dict[str, object]:
+        """Return the activations [1]; null: not known."""
+        if (message := self.get()) is None:
+            return {}
+        activation = dict(zip(message.name, message.activation, strict=True))
+        values = [activation.get(name, math.nan) for name in self.lines.points]
+        return {"muscles": [round(value, FORCE_DIGITS) if math.isfinite(value) else None for value in values]}
+
+
+class LiveTouches:
+    """Largest share of the limit of each region of the person since the last frame; thread-safe.
+
+    The share is that of the verdict: of the force, and of the mean pressure if the area is known; in the first
+    TRANSIENT_TIME of a contact of the transient limits. The verdict also judges the approach.
+
+    Args:
+        limits: limits of contacts.
+    """
+
+    def __init__(self, limits: Limits) -> None:
+        self._limits, self._lock = limits, threading.Lock()
+        self._shares: dict[str, float | None] = {}
+
+    def push(self, message: Any) -> None:
+        """Store the contacts of a hric_msgs/RegionContacts; of ended ones the peaks."""
+        for contacts, attribute in ((message.touching, "force"), (message.ended, "peak")):
+            for contact in contacts:
+                share = self.share(contact, getattr(contact, attribute))
+                side = next((side for side in SIDES if contact.link.startswith(f"{side[0]}_")), "")
+                with self._lock:
+                    for key in (key for region in contact.regions for key in region_keys(region, side)):
+                        known = self._shares.get(key)
+                        self._shares[key] = share if known is None else max(known, share or 0.0)
+
+    def share(self, contact: Any, force: float) -> float | None:
+        """Return the largest ratio of a force [N], or its pressure, to its limit; None: not known; 1: not permitted."""
+        limit = self._limits.at(contact.regions, dominant=bool(contact.dominant)) if contact.regions else None
+        if limit is None or not math.isfinite(force):
+            return None
+        if not limit.permitted:
+            return 1.0
+        short, ratios = contact.duration < TRANSIENT_TIME, list[float]()
+        area = contact.area if contact.area > 0.0 else math.nan
+        for pair, value in ((limit.force, force), (limit.pressure, force / area)):
+            bound = None if pair is None else pair.transient if short else pair.quasi_static
+            if bound is not None and math.isfinite(value):
+                ratios.append(value / bound)
+        return round(max(ratios), FORCE_DIGITS) if ratios else None
+
+    def scene(self) -> dict[str, object]:
+        """Return nothing: the shares are in the frames alone."""
+        return {}
+
+    def frame(self) -> dict[str, object]:
+        """Return the shares [1] since the last call, by region of the skin; null: not known."""
+        with self._lock:
+            shares, self._shares = self._shares, {}
+        return {"touched": shares}
+
+
+def _xyz(v: Any) -> tuple[float, float, float]:
+    return v.x, v.y, v.z
+
+
+def _pose(pose: Any, R: Rotation, p: Any) -> list[float]:
+    """Return a geometry_msgs/Pose in other axes: position [m] and quaternion x, y, z, w; NaN: it is no pose."""
+    q = pose.orientation
+    quaternion = (q.x, q.y, q.z, q.w)
+    if not 0.5 < math.hypot(*quaternion) < 2.0:
+        return [math.nan]
+    xyz = R.apply(_xyz(pose.position)) + p
+    return np.round([*xyz, *(R * Rotation.from_quat(quaternion)).as_quat()], DIGITS).tolist()  # type: ignore[no-any-return]

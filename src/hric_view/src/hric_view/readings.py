@@ -1,0 +1,107 @@
+"""Readings beside the scene: efforts, limits that are near, EMG, setpoint, and the supervisor's decision. No node."""
+
+import math
+from collections.abc import Mapping, Sequence
+
+from hric_control.limits import JointLimits
+from hric_perception.view.decimation import MeanChunk, NewestJoints
+from hric_perception.view.limit_markers import of_joint
+from hric_view.live import DIGITS
+from hric_view.parts import FORCE_DIGITS, Held
+
+SETPOINTS = ("joint_pd_controller", "effort_joint_trajectory_controller", "position_joint_trajectory_controller")
+"""Controllers whose topic `state` has the commanded joint positions."""
+
+
+class LiveLimits:
+    """Efforts of the arm's joints, and how near they are to their limits; thread-safe.
+
+    Args:
+        names: joints in the order of the frame.
+        limits: limits by the name of the joint.
+    """
+
+    def __init__(self, names: Sequence[str], limits: Mapping[str, JointLimits]) -> None:
+        self._names, self._limits = names, limits
+        self._joints = NewestJoints(names)
+        self.push = self._joints.push
+
+    def scene(self) -> dict[str, object]:
+        """Return nothing: all values are in the frames."""
+        return {}
+
+    def frame(self) -> dict[str, object]:
+        """Return efforts [N m], null: not known; and by joint near a limit its level, 1 near or 2 at it, and a text."""
+        if (message := self._joints.take()) is None:
+            return {}
+        states = dict(
+            zip(message.name, zip(message.position, message.velocity, message.effort, strict=True), strict=True)
+        )
+        nearness = {name: of_joint(self._limits[name], *states[name]) for name in states if name in self._limits}
+        efforts = [states[name][2] if name in states else math.nan for name in self._names]
+        return {
+            "efforts": [known(value, FORCE_DIGITS) for value in efforts],
+            "near": {name: [int(near.level), near.text] for name, near in nearness.items() if near.level},
+        }
+
+
+class LiveEmg:
+    """Mean of the EMG envelope since the last frame, by channel; thread-safe.
+
+    Args:
+        rate: rate of the frames [Hz].
+    """
+
+    def __init__(self, rate: float) -> None:
+        self._mean = MeanChunk(rate)
+        self.push = self._mean.push
+
+    def scene(self) -> dict[str, object]:
+        """Return nothing: channels may appear later."""
+        return {}
+
+    def frame(self) -> dict[str, object]:
+        """Return the envelope, in shares of the maximum contraction or in the unit of the channel; null: not known."""
+        message = self._mean.take()
+        if message is None:
+            return {}
+        values = [None if math.isnan(value) else float(f"{value:.4g}") for value in message.data]
+        return {"emg": dict(zip(message.channels, values, strict=True))}
+
+
+class LiveSetpoint(Held):
+    """Commanded joint positions, from the control_msgs/JointTrajectoryControllerState of the running controller.
+
+    Args:
+        names: joints in the order of the frame.
+    """
+
+    def __init__(self, names: Sequence[str]) -> None:
+        super().__init__()
+        self._names = names
+
+    def frame(self) -> dict[str, object]:
+        """Return the positions [rad], null: this joint is not commanded."""
+        if (message := self.get()) is None:
+            return {}
+        desired = dict(zip(message.joint_names, message.desired.positions, strict=False))
+        positions = [known(desired.get(name, math.nan), DIGITS) for name in self._names]
+        return {} if set(positions) == {None} else {"setpoint": positions}
+
+
+class LiveSafety(Held):
+    """Newest decision of a supervisor (hric_msgs/SafetyState)."""
+
+    def frame(self) -> dict[str, object]:
+        """Return state, reason, distance and protective distance [m], null: not known, and the nearest points [m]."""
+        if (message := self.get()) is None:
+            return {}
+        points = [[known(v, 4) for v in (p.x, p.y, p.z)] for p in (message.robot_point, message.person_point)]
+        distances = {name: known(getattr(message, name), 3) for name in ("separation", "protective", "scale")}
+        reason = message.fault or message.reason
+        return {"safety": {"state": message.state, "reason": reason, "points": points, **distances}}
+
+
+def known(value: float, digits: int) -> float | None:
+    """Return a value, rounded; None: it is not finite."""
+    return round(value, digits) if math.isfinite(value) else None

@@ -1,0 +1,122 @@
+"""Parts of the window on the topics of a running system."""
+
+from functools import partial
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import PoseStamped, WrenchStamped
+from sensor_msgs.msg import JointState
+from tf2_msgs.msg import TFMessage
+
+from control_msgs.msg import JointTrajectoryControllerState
+from franka_msgs.msg import FrankaState
+from gazebo_msgs.msg import ModelStates
+from hric_assessment.contact.limits import Limits
+from hric_bags.records.object_record import models
+from hric_bags.run_file import RunFile
+from hric_control.limits import load_limits
+from hric_core.geometry import pose_of_transform
+from hric_core.node import Node
+from hric_core.urdf import read
+from hric_human.participant.settings import HUMAN
+from hric_msgs.msg import (
+    HumanGrip,
+    JointTorque,
+    MocapData,
+    MuscleActivation,
+    RegionContacts,
+    SafetyState,
+    SampleChunk,
+)
+from hric_report.html.scene import SceneRobot
+from hric_view.live import LiveJoints
+from hric_view.page import Part
+from hric_view.parts import LiveHand, LiveMocap, LiveMuscles, LivePlates, LiveStatics, LiveTouches
+from hric_view.readings import SETPOINTS, LiveEmg, LiveLimits, LiveSafety, LiveSetpoint
+from hric_view.verdict import LiveVerdict
+
+PERSON = {
+    "joint_states": JointState,
+    "joint_torque": JointTorque,
+    "root": PoseStamped,
+    "grip": HumanGrip,
+    "contacts": RegionContacts,
+}
+"""Topics of the person that the verdict needs."""
+
+
+def of_arm(root: Node, arm: SceneRobot, rate: float) -> list[Part]:
+    """Return the parts of the arm and of the sensors, subscribed to their topics.
+
+    Args:
+        root: node in the namespace of the robot.
+        arm: the arm.
+        rate: rate of the frames [Hz].
+    """
+    tree = read(arm.description)
+    hand = LiveHand(next((name for name in tree.links if name.endswith("_link0")), tree.root))
+    statics = LiveStatics(list(tree.links), lambda plate: _add_plate(root, plates, plate))
+    mocap, plates, emg, safety = LiveMocap(statics), LivePlates(statics), LiveEmg(rate), LiveSafety()
+    limits = {joint.name: joint for joint in load_limits(arm.description, root, _turning(arm))}
+    efforts, setpoint = LiveLimits(arm.joint_names, limits), LiveSetpoint(arm.joint_names)
+    root.subscribe("franka_state_controller/franka_states", FrankaState, hand.push, queue_size=1)
+    root.subscribe("/tf_static", TFMessage, statics.push, queue_size=100)
+    root.subscribe("hric/perception/mocap", MocapData, mocap.push, queue_size=1)
+    root.subscribe("joint_states", JointState, efforts.push, queue_size=10)
+    root.subscribe("hric/perception/emg/envelope", SampleChunk, emg.push, queue_size=100)
+    root.subscribe("hric/safety/state", SafetyState, safety.push, queue_size=1)
+    for name in SETPOINTS:
+        root.subscribe(f"{name}/state", JointTrajectoryControllerState, setpoint.push, queue_size=1)
+    return [hand, mocap, plates, efforts, setpoint, emg, safety]
+
+
+def of_person(root: Node, person: SceneRobot) -> list[Part]:
+    """Return the parts of the simulated person, subscribed to their topics; `person` gets the lines of the muscles."""
+    touches = LiveTouches(Limits.named())
+    root.subscribe(f"hric/{HUMAN}/contacts", RegionContacts, touches.push, queue_size=100)
+    if not (lines := root.param(f"hric/{HUMAN}/muscle_lines", {})):
+        return [touches]
+    muscles = LiveMuscles(lines)
+    person.lines = muscles.lines
+    root.subscribe(f"hric/{HUMAN}/activation", MuscleActivation, muscles.push, queue_size=1)
+    return [touches, muscles]
+
+
+def objects(root: Node) -> list[tuple[SceneRobot, LiveJoints]]:
+    """Return the objects of the simulated world with their newest poses, subscribed to their topic."""
+    known = {model.name: model for model in models(root.param("robot/plant", {})) if not model.planes}
+    live = {name: LiveJoints(()) for name in known}
+
+    def push(message: Any) -> None:
+        for name, pose in zip(message.name, message.pose, strict=True):
+            if name in live:
+                live[name].push_root(PoseStamped(pose=pose))
+
+    if known:
+        root.subscribe("sim/model_states", ModelStates, push, queue_size=1)
+    none = np.zeros(1), np.zeros((1, 0))
+    return [
+        (SceneRobot("", model.xml, (), *none, pose=pose_of_transform(model.T_world_start)), live[name])
+        for name, model in known.items()
+    ]
+
+
+def verdict(root: Node, arm: SceneRobot) -> LiveVerdict:
+    """Return the verdict of the simulated person beside an arm, subscribed to their topics."""
+    human = {key: value for key, value in root.param(f"robot/participants/{HUMAN}", {}).items() if key != "type"}
+    parameters = {"robot": {"plant": root.param("robot/plant", {})}}
+    run: RunFile = {"definition": {"human": human or None}, "parameters": parameters}
+    name = root.resolve(f"hric/{HUMAN}")
+    so_far = LiveVerdict(arm.description, _turning(arm), run, name)
+    for topic, kind in [("joint_states", JointState), *((f"{name}/{end}", kind) for end, kind in PERSON.items())]:
+        root.subscribe(topic, kind, partial(so_far.push, topic), queue_size=100)
+    return so_far
+
+
+def _turning(arm: SceneRobot) -> list[str]:
+    return [joint.name for joint in read(arm.description).joints.values() if joint.type == "revolute"]
+
+
+def _add_plate(root: Node, plates: LivePlates, plate: str) -> None:
+    topic = f"hric/perception/force_plate/{plate}/wrench"
+    root.subscribe(topic, WrenchStamped, plates.add(plate), queue_size=1)

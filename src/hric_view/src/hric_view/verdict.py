@@ -1,0 +1,172 @@
+"""Verdict of a running system so far: the same assessment as of a recorded run, on the data since the start. No node.
+
+It is computed in a thread of its own, and rests SHARE times as long as it took, so that frames stay on time: the longer
+the run, the older the shown verdict may be, and it says until when it holds.
+"""
+
+import threading
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hric_assessment.verdict.assess import judge
+from hric_assessment.verdict.conclusions import EFFORT, TASK, Conclusion, Reply
+from hric_assessment.verdict.inputs import AssessmentInput
+from hric_bags.reader import ControlRecord
+from hric_bags.records.human_record import GRIP_TYPE, TORQUE_TYPE, HumanMessages
+from hric_bags.records.recording import Recording
+from hric_bags.records.region_contacts import CONTACTS_TYPE
+from hric_bags.records.rows import RecordRows
+from hric_bags.run_file import RunFile
+from hric_core.errors import HricError
+
+PERIOD, SHARE = 1.0, 19.0
+"""Shortest time between two verdicts [s], and rest after one as a multiple of its duration [1]; project default."""
+RATE = 50.0
+"""Highest rate at which postures, torques and grips are stored [Hz]; contacts are all stored."""
+NOT_YET = {
+    TASK: "the run has not ended",
+    EFFORT: "the load of joints and muscles is computed after the run, by hric assess",
+}
+"""Why a question has no reply while the system runs."""
+STATES_TYPE = "sensor_msgs/msg/JointState"
+KINDS = {
+    "joint_states": STATES_TYPE,
+    "joint_torque": TORQUE_TYPE,
+    "root": "geometry_msgs/msg/PoseStamped",
+    "grip": GRIP_TYPE,
+    "contacts": CONTACTS_TYPE,
+}
+"""Types of the topics of the person that are judged, by their last name."""
+
+
+class LiveVerdict:
+    """Verdict of the simulated person beside the arm; thread-safe.
+
+    Args:
+        description: URDF of the arm.
+        joints: joints of the arm.
+        run: what is known of the run: sections of its definition.
+        name: namespace of the person.
+    """
+
+    def __init__(self, description: str, joints: Sequence[str], run: RunFile, name: str) -> None:
+        self._description, self._joints, self._run, self._name = description, tuple(joints), run, name
+        self._lock, self._sent = threading.Lock(), 0.0
+        self._lines: dict[str, object] = {}
+        self._clear()
+
+    def _clear(self) -> None:
+        self._time, self._due, self._topics = -1.0, dict[str, float](), dict[str, int]()
+        self._arm, self._person = RecordRows("position", "velocity", "effort"), HumanMessages(self._name)
+
+    def push(self, topic: str, message: Any) -> None:
+        """Store a message; topic: joint_states of the arm, or the full name of one of the person."""
+        stamp = message.header.stamp.to_sec()
+        with self._lock:
+            if stamp < self._time - 1.0:
+                self._clear()  # the simulation began anew
+            self._time = max(stamp, self._time)
+            self._topics[topic] = self._topics.get(topic, 0) + 1
+            kind = KINDS[topic.rpartition("/")[2]]
+            if kind == CONTACTS_TYPE:
+                message.serialize(raw := BytesIO())
+                self._person.note(_Connection(topic, kind), raw.getvalue())
+            elif stamp < self._due.get(topic, -1.0):
+                return
+            self._due[topic] = stamp + 0.99 / RATE
+            if topic.startswith(self._name):
+                self._person.add(topic, kind, message)
+            else:
+                self._add_arm(stamp, message)
+
+    def _add_arm(self, stamp: float, message: Any) -> None:
+        rows = dict(
+            zip(message.name, zip(message.position, message.velocity, message.effort, strict=False), strict=False)
+        )
+        if all(name in rows for name in self._joints):
+            self._arm.add(stamp, _Row(self._joints, *zip(*(rows[name] for name in self._joints), strict=True)))
+
+    def judge(self) -> float:
+        """Compute the verdict of all data so far; return the time until the next one is due [s of wall time]."""
+        before = time.monotonic()
+        with self._lock:
+            source = self._source()
+        if source is not None:
+            lines = _lines(source)
+            with self._lock:
+                self._lines, self._sent = {"until": round(source.recording.end, 2), "lines": lines}, 0.0
+        return max(PERIOD, SHARE * (time.monotonic() - before))
+
+    def _source(self) -> AssessmentInput | None:
+        """Return what has been received, as a recording; None: nothing of the person or the arm."""
+        person, (at, q, dq, tau) = self._person.record(float), self._arm.columns(float)
+        ends = [times[k] for times in (at, person.time) if len(times) for k in (0, -1)]
+        if not ends or not len(person.time):
+            return None
+        none = np.full_like(q, np.nan)
+        log = ControlRecord(self._joints, ("none",) * len(self._joints), at, q, dq, tau, none, none, 0, (), ())
+        recording = Recording(
+            dict(self._topics),
+            frozenset(KINDS.values()),
+            min(ends),
+            max(ends),
+            float,  # stamps are robot time
+            log if len(at) else None,
+            {self._name: person},
+            None,
+            description=self._description,
+        )
+        return AssessmentInput("the running system", "run", Path(), recording, self._run, self._description)
+
+    def scene(self) -> dict[str, object]:
+        """Return nothing: the verdict is in frames, once per PERIOD."""
+        return {}
+
+    def frame(self) -> dict[str, object]:
+        """Return the verdict, once per PERIOD."""
+        with self._lock:
+            if not self._lines or time.monotonic() - self._sent < PERIOD:
+                return {}
+            self._sent = time.monotonic()
+            return {"verdict": self._lines}
+
+
+class _Connection:
+    """Topic and type of a message, as a bag has them."""
+
+    def __init__(self, topic: str, msgtype: str) -> None:
+        self.topic, self.msgtype = topic, msgtype
+
+
+class _Row:
+    """Names and values of the joints of an arm, as a message has them."""
+
+    def __init__(self, name: Sequence[str], position: Any, velocity: Any, effort: Any) -> None:
+        self.name, self.position, self.velocity, self.effort = name, position, velocity, effort
+
+
+def _lines(source: AssessmentInput) -> list[dict[str, str]]:
+    """Return the five lines of the verdict of a recording; without one the reason for it."""
+    try:
+        drawn: Sequence[Conclusion] = judge(source).conclusions
+    except HricError as error:
+        return [{"question": "verdict", "reply": str(Reply.UNKNOWN), "number": "", "text": str(error)}]
+    return [_line(_live(item)) for item in drawn]
+
+
+def _live(item: Conclusion) -> Conclusion:
+    """Return a conclusion without what only the end of a run shows."""
+    if item.question == TASK or (item.question == EFFORT and item.reply != Reply.NO and item.finding is None):
+        return replace(item, reply=Reply.UNKNOWN, value=None, subject="", reason=NOT_YET[item.question], remedy="")
+    return item
+
+
+def _line(item: Conclusion) -> dict[str, str]:
+    text = ": ".join(filter(None, (item.subject, item.reason or item.remedy)))
+    return {"question": item.question, "reply": str(item.reply), "number": item.number, "text": text}

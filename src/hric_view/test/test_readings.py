@@ -1,0 +1,58 @@
+"""Readings of a running system tell values, limits and decisions, and say what is not known."""
+
+import math
+
+import pytest
+from sensor_msgs.msg import JointState
+
+from control_msgs.msg import JointTrajectoryControllerState
+from hric_control.limits import JointLimits
+from hric_msgs.msg import SafetyState, SampleChunk
+from hric_view.readings import LiveEmg, LiveLimits, LiveSafety, LiveSetpoint
+
+LIMITS = {name: JointLimits(name, lower=-1.0, upper=2.0, velocity=2.0, effort=10.0) for name in ("one", "two")}
+
+
+@pytest.mark.parametrize(
+    ("state", "near"),
+    [
+        ((1.0, 0.0, 0.0), {}),
+        ((1.9, 0.0, 0.0), {"two": [1, "0.10 rad from its upper end"]}),
+        ((1.0, 0.0, -9.8), {"two": [2, "98 % of its effort"]}),
+        ((math.nan, math.nan, math.nan), {}),
+    ],
+)
+def test_joints_near_a_limit_are_named(state: tuple[float, float, float], near: dict[str, list[object]]) -> None:
+    limits = LiveLimits(["one", "two"], LIMITS)
+    limits.push(JointState(name=["two"], position=[state[0]], velocity=[state[1]], effort=[state[2]]))
+    assert limits.frame()["near"] == near
+
+
+def test_the_effort_of_a_silent_joint_is_unknown() -> None:
+    limits = LiveLimits(["one", "two"], LIMITS)
+    limits.push(JointState(name=["two"], position=[0.0], velocity=[0.0], effort=[1.234]))
+    assert limits.frame()["efforts"] == [None, 1.23]
+    assert limits.frame() == {}
+
+
+def test_emg_is_the_mean_since_the_last_frame() -> None:
+    emg = LiveEmg(30.0)
+    emg.push(SampleChunk(channels=["biceps", "dead"], rate=100.0, data=[0.1, math.nan, 0.3, math.nan]))
+    assert emg.frame() == {"emg": {"biceps": pytest.approx(0.2), "dead": None}}
+    assert emg.frame() == {}
+
+
+def test_joints_without_a_setpoint_are_unknown() -> None:
+    setpoint = LiveSetpoint(["one", "finger"])
+    message = JointTrajectoryControllerState(joint_names=["one"])
+    setpoint.push(message)
+    assert setpoint.frame() == {}
+    message.desired.positions = [0.5]
+    assert setpoint.frame() == {"setpoint": [0.5, None]}
+
+
+def test_a_decision_without_a_distance_says_so() -> None:
+    safety = LiveSafety()
+    safety.push(SafetyState(state="stopped", fault="stale", reason="other", separation=math.nan, protective=math.nan))
+    decision = safety.frame()["safety"]
+    assert decision["separation"] is None and decision["reason"] == "stale"  # type: ignore[index]
