@@ -40,8 +40,8 @@ NODES = {
 }
 """Programs that are not tested here.
 
-They need a ROS master, or wait for a peer or viewer (their faults are in tests/integration/test_killed.py), check the machine, are
-ROS's own xacro, or are the program that the others are aliases of.
+They need a ROS master, or wait for a peer or viewer (their faults are in tests/integration/test_killed.py), check the
+machine, are ROS's own xacro, or are the program that the others are aliases of.
 """
 NO_FILES = {"schema"}
 """Commands that neither read nor write files of the user, so that only their standard output can fail."""

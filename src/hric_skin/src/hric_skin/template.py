@@ -17,7 +17,7 @@ from hric_skin.surface import smoothed, split
 
 FILE = "data/person.npz"
 HEM = 3
-"""How many times the borders between zones are smoothed."""
+"""Number of smoothings of the borders between zones."""
 UNIT = 1e-4
 """Resolution of stored lengths [m]."""
 MASSES = ("minweight", "averageweight", "maxweight")

@@ -155,8 +155,8 @@ class LivePlates:
             return []
         f = (0.0, 0.0, 0.0) if message is None else _xyz(message.wrench.force)
         force = [round(value, FORCE_DIGITS) if math.isfinite(value) else 0.0 for value in f]
-        place = {"parent": parent, "xyz": p.tolist(), "quaternion": R.as_quat().tolist(), "size": PLATE_SIZE}
-        return [{"name": f"force plate {name}", "force": force, **place}]
+        plate = {"parent": parent, "xyz": p.tolist(), "quaternion": R.as_quat().tolist(), "size": PLATE_SIZE}
+        return [{"name": f"force plate {name}", "force": force, **plate}]
 
 
 class LiveMuscles(Held):

@@ -70,7 +70,7 @@ class LiveVerdict:
         stamp = message.header.stamp.to_sec()
         with self._lock:
             if stamp < self._time - 1.0:
-                self._clear()  # the simulation began anew
+                self._clear()  # the simulation began again
             self._time = max(stamp, self._time)
             self._topics[topic] = self._topics.get(topic, 0) + 1
             kind = KINDS[topic.rpartition("/")[2]]
