@@ -28,7 +28,7 @@ TRIANGLES = 5990
 SHARPNESS = 2.5
 """Exponent of the weights: bends that lose less volume than the rig's, and still do not fold (chosen by looking)."""
 SOFTENING, SOFT, SOFT_EDGE = 12, 0.2, 0.06
-"""Number of smoothings of the weights within a distance [m] of the shoulders, and width of the edge of this part [m]: an arm
+"""Number of smoothings of the weights within a distance [m] of the shoulders, and width of its edge [m]: an arm
 that is lifted makes no sharp fold (chosen by looking)."""
 COARSE: Mapping[str, tuple[str, float]] = {
     "head": ("head", 0.7),

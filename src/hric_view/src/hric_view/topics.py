@@ -13,7 +13,6 @@ from franka_msgs.msg import FrankaState
 from gazebo_msgs.msg import ModelStates
 from hric_assessment.contact.limits import Limits
 from hric_bags.records.object_record import models
-from hric_bags.run_file import RunFile
 from hric_control.limits import load_limits
 from hric_core.geometry import pose_of_transform
 from hric_core.node import Node
@@ -28,12 +27,11 @@ from hric_msgs.msg import (
     SafetyState,
     SampleChunk,
 )
-from hric_report.html.scene import SceneRobot
 from hric_view.live import LiveJoints
-from hric_view.page import Part
+from hric_view.page import Part, SceneRobot
 from hric_view.parts import LiveHand, LiveMocap, LiveMuscles, LivePlates, LiveStatics, LiveTouches
 from hric_view.readings import SETPOINTS, LiveEmg, LiveLimits, LiveSafety, LiveSetpoint
-from hric_view.verdict import LiveVerdict
+from hric_view.verdict import LiveVerdict, RunFile
 
 PERSON = {
     "joint_states": JointState,

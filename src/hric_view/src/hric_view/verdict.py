@@ -22,7 +22,7 @@ from hric_bags.records.human_record import GRIP_TYPE, TORQUE_TYPE, HumanMessages
 from hric_bags.records.recording import Recording
 from hric_bags.records.region_contacts import CONTACTS_TYPE
 from hric_bags.records.rows import RecordRows
-from hric_bags.run_file import RunFile
+from hric_bags.run_file import RunFile as RunFile
 from hric_core.errors import HricError
 
 PERIOD, SHARE = 1.0, 19.0
