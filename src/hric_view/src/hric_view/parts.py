@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from hric_assessment.contact.limits import TRANSIENT_TIME, Limits
+from hric_assessment.contact.limits import TRANSIENT_TIME
+from hric_assessment.contact.limits import Limits as Limits
 from hric_human.body.segments import SIDES
 from hric_human.muscles.lines import ACTIVATION_COLOURS
 from hric_report.html.body_picture import region_keys

@@ -11,7 +11,6 @@ from tf2_msgs.msg import TFMessage
 from control_msgs.msg import JointTrajectoryControllerState
 from franka_msgs.msg import FrankaState
 from gazebo_msgs.msg import ModelStates
-from hric_assessment.contact.limits import Limits
 from hric_bags.records.object_record import models
 from hric_control.limits import load_limits
 from hric_core.geometry import pose_of_transform
@@ -29,7 +28,7 @@ from hric_msgs.msg import (
 )
 from hric_view.live import LiveJoints
 from hric_view.page import Part, SceneRobot
-from hric_view.parts import LiveHand, LiveMocap, LiveMuscles, LivePlates, LiveStatics, LiveTouches
+from hric_view.parts import Limits, LiveHand, LiveMocap, LiveMuscles, LivePlates, LiveStatics, LiveTouches
 from hric_view.readings import SETPOINTS, LiveEmg, LiveLimits, LiveSafety, LiveSetpoint
 from hric_view.verdict import LiveVerdict, RunFile
 
