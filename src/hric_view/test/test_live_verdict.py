@@ -57,6 +57,18 @@ def test_contacts_so_far_are_judged(force: float | None, reply: str) -> None:
     assert replies(lived(force))["contact"] == reply
 
 
+def test_states_of_the_hand_do_not_hide_the_arm() -> None:
+    judged = verdict()
+    for cycle in range(200):
+        stamp = Header(stamp=stamps.to_time(0.01 * cycle))
+        judged.push("joint_states", JointState(stamp, ["finger"], [0.0], [0.0], [0.0]))
+        judged.push("joint_states", JointState(stamp, ["joint1"], [0.1], [0.0], [0.0]))
+        judged.push(f"{PERSON}/joint_states", JointState(stamp, JOINTS, [1.5, 0.0], [0.0] * 2, [0.0] * 2))
+    judged.judge()
+    shown: Any = judged.frame()["verdict"]
+    assert next(line["number"] for line in shown["lines"] if line["question"] == "distance").startswith("0.42")
+
+
 def test_what_the_end_shows_is_unknown() -> None:
     after = replies(lived(0.0))
     assert (after["task"], after["effort"]) == ("unknown", "unknown")

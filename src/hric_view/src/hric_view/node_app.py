@@ -1,6 +1,7 @@
 """Node `window`: the window of a running system in a browser."""
 
 import threading
+import time
 from dataclasses import dataclass
 
 import numpy as np
@@ -133,10 +134,11 @@ class BrowserWindow(NodeApp):
         self._parts += [*topics.of_person(self._root, robot), self._verdict]
 
     def _judge(self, verdict: LiveVerdict) -> None:
-        rest = VERDICTS
-        while not self._stop.wait(rest):
-            if self._server.viewers:
-                rest = verdict.judge()
+        due = 0.0
+        while not self._stop.wait(VERDICTS):
+            verdict.collect()
+            if self._server.viewers and time.monotonic() > due:
+                due = verdict.judge() + time.monotonic()
 
     def _run(self) -> None:
         while not self._stop.wait(self._period):

@@ -1,11 +1,12 @@
 """Verdict of a running system so far: the same assessment as of a recorded run, on the data since the start. No node.
 
-It is computed in a thread of its own, and rests SHARE times as long as it took, so that frames stay on time: the longer
-the run, the older the shown verdict may be, and it says until when it holds.
+It is computed in a thread of its own, which rests SHARE times the processor time that it took, so that frames stay on
+time: the longer the run, the older the shown verdict may be, and it says until when it holds.
 """
 
 import threading
 import time
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import replace
 from io import BytesIO
@@ -34,6 +35,8 @@ NOT_YET = {
     EFFORT: "the load of joints and muscles is computed after the run, by hric assess",
 }
 """Why a question has no reply while the system runs."""
+ARM = "joint_states"
+"""Topic of the arm."""
 STATES_TYPE = "sensor_msgs/msg/JointState"
 KINDS = {
     "joint_states": STATES_TYPE,
@@ -57,51 +60,57 @@ class LiveVerdict:
 
     def __init__(self, description: str, joints: Sequence[str], run: RunFile, name: str) -> None:
         self._description, self._joints, self._run, self._name = description, tuple(joints), run, name
+        self._queue, self._last = deque[tuple[str, str, float, Any]](), dict[tuple[str, str], float]()
         self._lock, self._sent = threading.Lock(), 0.0
         self._lines: dict[str, object] = {}
         self._clear()
 
     def _clear(self) -> None:
-        self._time, self._due, self._topics = -1.0, dict[str, float](), dict[str, int]()
+        self._times, self._topics = dict[str, float](), dict[str, int]()
         self._arm, self._person = RecordRows("position", "velocity", "effort"), HumanMessages(self._name)
 
     def push(self, topic: str, message: Any) -> None:
-        """Store a message; topic: joint_states of the arm, or the full name of one of the person."""
-        stamp = message.header.stamp.to_sec()
-        with self._lock:
-            if stamp < self._time - 1.0:
+        """Store a message; topic: ARM, or the full name of one of the person."""
+        stamp, kind = message.header.stamp.to_sec(), KINDS[topic.rpartition("/")[2]]
+        if topic == ARM and not set(self._joints) <= set(message.name):
+            return  # of the hand
+        stream = topic, message.name if kind == GRIP_TYPE else ""
+        if kind != CONTACTS_TYPE and abs(stamp - self._last.get(stream, -1.0)) < 0.99 / RATE:
+            return
+        self._last[stream] = stamp
+        self._queue.append((topic, kind, stamp, message))
+
+    def collect(self) -> None:
+        """Take over the messages that were stored; called in the thread of `judge`."""
+        while self._queue:
+            topic, kind, stamp, message = self._queue.popleft()
+            if stamp < self._times.get(topic, stamp) - 1.0:
                 self._clear()  # the simulation began again
-            self._time = max(stamp, self._time)
+            self._times[topic] = stamp
             self._topics[topic] = self._topics.get(topic, 0) + 1
-            kind = KINDS[topic.rpartition("/")[2]]
             if kind == CONTACTS_TYPE:
                 message.serialize(raw := BytesIO())
                 self._person.note(_Connection(topic, kind), raw.getvalue())
-            elif stamp < self._due.get(topic, -1.0):
-                return
-            self._due[topic] = stamp + 0.99 / RATE
-            if topic.startswith(self._name):
-                self._person.add(topic, kind, message)
-            else:
+            if topic == ARM:
                 self._add_arm(stamp, message)
+            else:
+                self._person.add(topic, kind, message)
 
     def _add_arm(self, stamp: float, message: Any) -> None:
-        rows = dict(
-            zip(message.name, zip(message.position, message.velocity, message.effort, strict=False), strict=False)
-        )
-        if all(name in rows for name in self._joints):
+        values = zip(message.position, message.velocity, message.effort, strict=False)
+        rows = dict(zip(message.name, values, strict=False))
+        if set(self._joints) <= set(rows):
             self._arm.add(stamp, _Row(self._joints, *zip(*(rows[name] for name in self._joints), strict=True)))
 
     def judge(self) -> float:
         """Compute the verdict of all data so far; return the time until the next one is due [s of wall time]."""
-        before = time.monotonic()
-        with self._lock:
-            source = self._source()
-        if source is not None:
-            lines = _lines(source)
+        before = time.thread_time()
+        self.collect()
+        if (source := self._source()) is not None:
+            lines, window = _lines(source), [round(source.recording.begin, 2), round(source.recording.end, 2)]
             with self._lock:
-                self._lines, self._sent = {"until": round(source.recording.end, 2), "lines": lines}, 0.0
-        return max(PERIOD, SHARE * (time.monotonic() - before))
+                self._lines, self._sent = {"window": window, "lines": lines}, 0.0
+        return max(PERIOD, SHARE * (time.thread_time() - before))
 
     def _source(self) -> AssessmentInput | None:
         """Return what has been received, as a recording; None: nothing of the person or the arm."""

@@ -78,7 +78,7 @@
     find("live-verdict").hidden = !verdict;
     if (!verdict || verdict === told) return;
     told = verdict;
-    find("until").textContent = `Until ${verdict.until.toFixed(1)} s. An estimate of a model, no proof of safety.`;
+    find("until").textContent = `From ${verdict.window[0].toFixed(1)} to ${verdict.window[1].toFixed(1)} s. An estimate of a model, no proof of safety.`;
     find("verdict-lines").replaceChildren(...verdict.lines.map(({ question, reply, number, text }) => {
       const row = document.createElement("tr"), head = document.createElement("th"), cell = document.createElement("td"), mark = document.createElement("span");
       head.textContent = question;
