@@ -1,6 +1,7 @@
 """Readings of a running system tell values, limits and decisions, and say what is not known."""
 
 import math
+from typing import Any
 
 import pytest
 from sensor_msgs.msg import JointState
@@ -16,16 +17,18 @@ LIMITS = {name: JointLimits(name, lower=-1.0, upper=2.0, velocity=2.0, effort=10
 @pytest.mark.parametrize(
     ("state", "near"),
     [
-        ((1.0, 0.0, 0.0), {}),
-        ((1.9, 0.0, 0.0), {"two": [1, "0.10 rad from its upper end"]}),
-        ((1.0, 0.0, -9.8), {"two": [2, "98 % of its effort"]}),
-        ((math.nan, math.nan, math.nan), {}),
+        ((1.0, 0.0, 0.0), None),
+        ((1.9, 0.0, 0.0), (1, "0.10 rad from its upper end")),
+        ((1.0, 0.0, -9.8), (2, "98 % of its effort")),
+        ((1.9, 0.0, math.nan), (1, "0.10 rad from its upper end; effort not known")),
     ],
 )
-def test_joints_near_a_limit_are_named(state: tuple[float, float, float], near: dict[str, list[object]]) -> None:
+def test_joints_near_a_limit_are_named(state: tuple[float, float, float], near: tuple[int, str] | None) -> None:
     limits = LiveLimits(["one", "two"], LIMITS)
     limits.push(JointState(name=["two"], position=[state[0]], velocity=[state[1]], effort=[state[2]]))
-    assert limits.frame()["near"] == near
+    shown: Any = limits.frame()["near"]
+    assert shown.get("two") == near
+    assert shown["one"] == (0, "position and velocity and effort not known")
 
 
 def test_the_effort_of_a_silent_joint_is_unknown() -> None:

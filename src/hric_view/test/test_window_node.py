@@ -262,3 +262,20 @@ class TestInABrowser:
             node.communicate(timeout=30)
             page.wait("document.getElementById('link').textContent.includes('lost')")
         rospy.delete_param("/robot_description")
+
+    def test_curves_and_state_are_told_at_the_shown_time(self, address: str, robot: Robot, tmp_path: Path) -> None:
+        with Browser(tmp_path) as page:
+            page.open_address(address)
+            for number in range(200):
+                robot.say(2.0 + 0.01 * number)
+                if page.evaluate("report.started === true && report.end > report.begin + 0.5"):
+                    break
+            page.evaluate("document.querySelector('#signals input').click()")
+            page.wait("document.querySelector('#curves figcaption span') !== null")
+            assert page.evaluate("document.querySelector('#curves figcaption').textContent").endswith("joint2 0.250  ")
+            assert page.evaluate("document.getElementById('near').textContent").endswith(
+                "arm_joint2: velocity and effort not known"
+            )
+            assert page.evaluate("document.getElementById('distance').textContent") == "not known: no supervisor"
+            page.evaluate("report.setTime(report.begin - 5)")
+            assert page.problems == []

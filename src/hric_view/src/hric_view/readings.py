@@ -12,6 +12,9 @@ from hric_view.parts import FORCE_DIGITS, Held
 SETPOINTS = ("joint_pd_controller", "effort_joint_trajectory_controller", "position_joint_trajectory_controller")
 """Controllers whose topic `state` has the commanded joint positions."""
 
+VALUES, UNKNOWN = ("position", "velocity", "effort"), (math.nan, math.nan, math.nan)
+"""State of a joint: names of its values, and the values of a joint that is silent."""
+
 
 class LiveLimits:
     """Efforts of the arm's joints, and how near they are to their limits; thread-safe.
@@ -31,18 +34,24 @@ class LiveLimits:
         return {}
 
     def frame(self) -> dict[str, object]:
-        """Return efforts [N m], null: not known; and by joint near a limit its level, 1 near or 2 at it, and a text."""
+        """Return efforts [N m], null: not known; by joint level (1: near a limit, 2: at it) and text."""
         if (message := self._joints.take()) is None:
             return {}
         states = dict(
             zip(message.name, zip(message.position, message.velocity, message.effort, strict=True), strict=True)
         )
-        nearness = {name: of_joint(self._limits[name], *states[name]) for name in states if name in self._limits}
         efforts = [states[name][2] if name in states else math.nan for name in self._names]
         return {
             "efforts": [known(value, FORCE_DIGITS) for value in efforts],
-            "near": {name: [int(near.level), near.text] for name, near in nearness.items() if near.level},
+            "near": {name: near for name in self._limits if (near := self._near(name, states.get(name, UNKNOWN)))[1]},
         }
+
+    def _near(self, name: str, state: tuple[float, float, float]) -> tuple[int, str]:
+        """Return the level and the text of a joint: limits that are near, and values that are not known."""
+        near = of_joint(self._limits[name], *state)
+        unknown = [what for what, value in zip(VALUES, state, strict=True) if math.isnan(value)]
+        texts = [near.text] * bool(near.text) + [f"{' and '.join(unknown)} not known"] * bool(unknown)
+        return int(near.level), "; ".join(texts)
 
 
 class LiveEmg:
