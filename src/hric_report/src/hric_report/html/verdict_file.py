@@ -9,8 +9,8 @@ from hric_assessment.typed_json import Content
 class FindingEntry(TypedDict):
     """Assessment result. share: ratio to the limit [1]; window: begin and end, robot time [s]; None: unknown.
 
-    side: "right" or "left" side of the person; "": the middle of the body, or not known. person: the person's
-    namespace.
+    side: "right" or "left" side of the person; "": the middle of the body, or not known.
+    person: namespace of the person; "": there is one person only.
     """
 
     group: str
@@ -20,7 +20,6 @@ class FindingEntry(TypedDict):
     share: float | None
     window: tuple[float, float] | None
     regions: Sequence[str]
-    person: str
     side: str
     person: str
 
