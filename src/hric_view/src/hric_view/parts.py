@@ -29,7 +29,7 @@ PLATE_FRAME = "force_plate_"
 """Prefix of the frames of force plates; their id follows."""
 
 
-class Held:
+class LiveState:
     """Newest message of a topic, until it is old; thread-safe."""
 
     def __init__(self) -> None:
@@ -72,7 +72,7 @@ class LiveStatics:
                 self._on_plate(name.removeprefix(PLATE_FRAME))
 
 
-class LiveMocap(Held):
+class LiveMocap(LiveState):
     """Markers and rigid bodies of the newest frame of motion capture (hric_msgs/MocapData).
 
     Args:
@@ -101,7 +101,7 @@ class LiveMocap(Held):
         return {"mocap": {"parent": parent, "values": finite}}
 
 
-class LiveHand(Held):
+class LiveHand(LiveState):
     """End effector and external force of the newest franka_msgs/FrankaState.
 
     Args:
@@ -135,11 +135,11 @@ class LivePlates:
     """
 
     def __init__(self, statics: LiveStatics) -> None:
-        self._statics, self._held = statics, dict[str, Held]()
+        self._statics, self._held = statics, dict[str, LiveState]()
 
     def add(self, plate: str) -> Callable[[Any], None]:
         """Return the receiver of the geometry_msgs/WrenchStamped of another plate; plate: its id."""
-        self._held = {**self._held, plate: Held()}
+        self._held = {**self._held, plate: LiveState()}
         return self._held[plate].push
 
     def scene(self) -> dict[str, object]:
@@ -160,7 +160,7 @@ class LivePlates:
         return [{"name": f"force plate {name}", "force": force, **plate}]
 
 
-class LiveMuscles(Held):
+class LiveMuscles(LiveState):
     """Activation of the muscles of the person, in the order of their lines.
 
     Args:

@@ -7,7 +7,7 @@ from hric_control.limits import JointLimits
 from hric_perception.view.decimation import MeanChunk, NewestJoints
 from hric_perception.view.limit_markers import of_joint
 from hric_view.live import DIGITS
-from hric_view.parts import FORCE_DIGITS, Held
+from hric_view.parts import FORCE_DIGITS, LiveState
 
 SETPOINTS = ("joint_pd_controller", "effort_joint_trajectory_controller", "position_joint_trajectory_controller")
 """Controllers whose topic `state` has the commanded joint positions."""
@@ -78,7 +78,7 @@ class LiveEmg:
         return {"emg": dict(zip(message.channels, values, strict=True))}
 
 
-class LiveSetpoint(Held):
+class LiveSetpoint(LiveState):
     """Commanded joint positions, from the control_msgs/JointTrajectoryControllerState of the running controller.
 
     Args:
@@ -98,7 +98,7 @@ class LiveSetpoint(Held):
         return {} if set(positions) == {None} else {"setpoint": positions}
 
 
-class LiveSafety(Held):
+class LiveSafety(LiveState):
     """Newest decision of a supervisor (hric_msgs/SafetyState)."""
 
     def frame(self) -> dict[str, object]:
