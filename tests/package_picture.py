@@ -54,7 +54,8 @@ def direct(graph: Graph, name: str) -> list[str]:
 
 def places(graph: Graph) -> dict[str, tuple[float, float]]:
     """Return the centre of each package [px]: above all packages that it imports; human and lab above the core."""
-    core = HOUSES["core"]
+    people = {*HOUSES["human"], *HOUSES["lab"]}
+    core = [name for name in HOUSES["core"] if not people & below(graph, name)]  # MuJoCo's camera draws a person's skin
     row = {name: 0 for name in graph}
     for _ in graph:
         floor = max(row[name] for name in core) + 1
