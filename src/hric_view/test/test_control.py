@@ -1,4 +1,4 @@
-"""Who controls a window, and which commands reach the system."""
+"""One viewer at a time controls a window, and only valid commands reach the system."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -78,7 +78,7 @@ def test_a_command_reaches_the_system(
     controls: Controls, actions: Noted, anna: Person, message: dict[str, Any], expected: tuple[object, ...]
 ) -> None:
     controls.receive(anna, message)  # type: ignore[arg-type]
-    assert actions.done == [expected]
+    assert actions.done == [("begin",), expected]
 
 
 @pytest.mark.parametrize("message", [message for message, _ in VALID], ids=IDS)
@@ -90,7 +90,7 @@ def test_a_second_controller_is_refused_by_name(
         with pytest.raises(HricError, match=r"Anna \(127.0.0.1:1\) controls this robot") as error:
             controls.receive(second, refused)  # type: ignore[arg-type]
         assert not isinstance(error.value, ForeignMessageError)
-    assert actions.done == []
+    assert actions.done == [("begin",)]
 
 
 @pytest.mark.parametrize("leave", ["leave", "release"])
@@ -102,7 +102,7 @@ def test_after_the_first_left_another_controls(controls: Controls, actions: Note
         controls.receive(anna, {"command": "release"})  # type: ignore[arg-type]
     controls.receive(second, {"command": "take", "name": ""})  # type: ignore[arg-type]
     controls.receive(second, {"command": "pause"})  # type: ignore[arg-type]
-    assert actions.done == [("pause",)] and "127.0.0.1:2" in controls.holder
+    assert actions.done == [("begin",), ("begin",), ("pause",)] and "127.0.0.1:2" in controls.holder
     assert second.told == [{"type": "control", "held": True}] and anna.told[-1] == {"type": "control", "held": False}
 
 
@@ -123,7 +123,7 @@ def test_what_is_impossible_is_refused_with_the_valid_values(
 ) -> None:
     with pytest.raises(HricError, match=text) as error:
         controls.receive(anna, message)  # type: ignore[arg-type]
-    assert not isinstance(error.value, ForeignMessageError) and actions.done == []
+    assert not isinstance(error.value, ForeignMessageError) and actions.done == [("begin",)]
 
 
 @pytest.mark.parametrize(
@@ -152,4 +152,4 @@ def test_what_is_impossible_is_refused_with_the_valid_values(
 def test_a_message_of_no_page_is_bad(controls: Controls, actions: Noted, anna: Person, message: dict[str, Any]) -> None:
     with pytest.raises(ForeignMessageError):
         controls.receive(anna, message)  # type: ignore[arg-type]
-    assert actions.done == []
+    assert actions.done == [("begin",)]

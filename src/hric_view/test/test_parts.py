@@ -85,6 +85,10 @@ def test_a_plate_appears_with_its_place() -> None:
     push(message)
     (plate,) = plates.frame()["plates"]  # type: ignore[misc]
     assert plate["xyz"] == [1.0, 0.0, 0.0] and plate["force"] == [0.0, 0.0, -700.0]  # type: ignore[index]
+    message.wrench.force.z = math.nan
+    push(message)
+    (plate,) = plates.frame()["plates"]  # type: ignore[misc]
+    assert plate["force"] is None  # type: ignore[index]
 
 
 def test_a_muscle_without_activation_is_unknown() -> None:
@@ -99,13 +103,15 @@ def test_a_muscle_without_activation_is_unknown() -> None:
     [
         ({"force": 32.0, "duration": 0.1}, 0.1),  # transient limit 320 N
         ({"force": 32.0, "duration": 0.9}, 0.2),  # quasi-static limit 160 N
+        ({"force": 32.0, "area": math.nan}, None),  # the pressure may be above its limit
+        ({"force": 640.0, "area": math.nan}, 2.0),
         ({"force": math.nan}, None),
         ({"force": 1.0, "regions": []}, None),
         ({"force": 1.0, "regions": ["face"]}, 1.0),
     ],
 )
 def test_the_share_is_that_of_the_limit(changes: dict[str, object], share: float | None) -> None:
-    contact = RegionContact(link="r_elbow", regions=["lower arm, wrist"], area=math.nan)
+    contact = RegionContact(link="r_elbow", regions=["lower arm, wrist"], area=1e-2)
     for name, value in changes.items():
         setattr(contact, name, value)
     assert LiveTouches(Limits.named()).share(contact, contact.force) == share
@@ -114,7 +120,18 @@ def test_the_share_is_that_of_the_limit(changes: dict[str, object], share: float
 def test_the_largest_share_between_frames_is_shown() -> None:
     touches = LiveTouches(Limits.named())
     for force in (32.0, 64.0, 16.0):
-        contact = RegionContact(link="r_elbow", regions=["lower arm, wrist"], area=math.nan, force=force)
-        touches.push(RegionContacts(touching=[contact]))
+        touches.push(RegionContacts(touching=[touching(force)]))
     assert touches.frame() == {"touched": {FOREARM: 0.2}}
     assert touches.frame() == {"touched": {}}
+
+
+@pytest.mark.parametrize(("forces", "share"), [((math.nan, 32.0), None), ((32.0, math.nan), None), ((math.nan, 640.0), 2.0)])
+def test_an_unknown_share_hides_those_within_the_limit(forces: tuple[float, ...], share: float | None) -> None:
+    touches = LiveTouches(Limits.named())
+    touches.push(RegionContacts(touching=[touching(force) for force in forces]))
+    assert touches.frame() == {"touched": {FOREARM: share}}
+
+
+def touching(force: float) -> RegionContact:
+    """Return a contact of the forearm with a known area."""
+    return RegionContact(link="r_elbow", regions=["lower arm, wrist"], area=1e-2, force=force)

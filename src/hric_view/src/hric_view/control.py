@@ -26,6 +26,9 @@ MAX_NAME = 40
 class Actions(Protocol):
     """Implementation of the commands. Each method raises HricError if the system refuses or does not respond."""
 
+    def begin(self) -> None:
+        """Forget the commands so far: another viewer has taken control."""
+
     def pause(self) -> None:
         """Pause the simulation."""
 
@@ -145,6 +148,7 @@ class Controls:
             if free:
                 self._holder, self._name = viewer, "".join(filter(str.isprintable, name))[:MAX_NAME] or "somebody"
         if free:
+            self._actions.begin()
             viewer.tell({"type": "control", "held": True})
         else:
             raise HricError(f"{self.holder} controls this robot; one viewer at a time can")

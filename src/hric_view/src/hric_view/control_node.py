@@ -98,6 +98,10 @@ class SystemActions:
                 ],
             }
 
+    def begin(self) -> None:
+        """Forget what was commanded: another program may have moved the arm since; see control.Actions."""
+        self._commanded = "", {}
+
     def pause(self) -> None:
         """See control.Actions."""
         self._call("sim/pause_physics", Empty)
@@ -128,18 +132,20 @@ class SystemActions:
             raise HricError(f"{one.name} does not move {', '.join(unknown)}; it moves {', '.join(names)}")
         present = self._setpoint(one.name)
         target = [positions.get(name, present.get(name, 0.0)) for name in names]
-        self._commanded = one.name, dict(zip(names, target, strict=True))
         if one.type == PD:
             if self._root.param(f"{one.name}/profile/enabled", True) is not True:
                 raise HricError(
                     f"{one.name} has no velocity profile, so the arm would jump; valid: profile/enabled: true"
                 )
-            return self._publish(f"{one.name}/command", Float64MultiArray(data=target))
-        if TRAJECTORIES not in one.type:
+            message: Any = Float64MultiArray(data=target)
+        elif TRAJECTORIES in one.type:
+            far = max(abs(value - present.get(name, value)) for name, value in zip(names, target, strict=True))
+            point = JointTrajectoryPoint(positions=target, time_from_start=rospy.Duration(max(far / SPEED, 0.5)))
+            message = JointTrajectory(joint_names=names, points=[point])
+        else:
             raise HricError(f"{one.name} takes no joint positions; start joint_pd_controller, or move the end effector")
-        far = max(abs(value - present.get(name, value)) for name, value in zip(names, target, strict=True))
-        point = JointTrajectoryPoint(positions=target, time_from_start=rospy.Duration(max(far / SPEED, 0.5)))
-        self._publish(f"{one.name}/command", JointTrajectory(joint_names=names, points=[point]))
+        self._publish(f"{one.name}/command", message)
+        self._commanded = one.name, dict(zip(names, target, strict=True))
 
     def jog(self, displacement: Sequence[float]) -> None:
         """See control.Actions."""
@@ -179,6 +185,8 @@ class SystemActions:
     def _note(self, message: Any) -> None:
         with self._lock:
             self._state = message
+        if message.robot_mode != FrankaState.ROBOT_MODE_MOVE:
+            self._commanded = "", {}  # after a reflex or a user stop the arm may be elsewhere
 
     def _setpoint(self, controller: str) -> dict[str, float]:
         """Return what the window has commanded the controller; before that, the present positions."""

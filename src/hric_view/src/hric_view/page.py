@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from hric_report.html import libraries, templates
-from hric_report.html.scene import Blob, PageScene
-from hric_report.html.scene import SceneRobot as SceneRobot
+from hric_report.html.scene import Blob, PageScene, SceneRobot
 from hric_view.live import LiveJoints
 from hric_view.server import HTML, Visit, WebPage
 

@@ -7,13 +7,13 @@ import math
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
+from functools import reduce
 from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from hric_assessment.contact.limits import TRANSIENT_TIME
-from hric_assessment.contact.limits import Limits as Limits
+from hric_assessment.contact.limits import TRANSIENT_TIME, Limits
 from hric_human.body.segments import SIDES
 from hric_human.muscles.lines import ACTIVATION_COLOURS
 from hric_report.html.body_picture import region_keys
@@ -147,15 +147,16 @@ class LivePlates:
         return {}
 
     def frame(self) -> dict[str, object]:
-        """Return place, size [m] and force [N] of each plate, in its axes; no force: zero."""
+        """Return place, size [m] and force [N] of each plate, in its axes; force null: not known."""
         return {"plates": [plate for name, held in self._held.items() for plate in self._plate(name, held.get())]}
 
     def _plate(self, name: str, message: Any) -> list[dict[str, object]]:
         parent, R, p, known = placement(f"{PLATE_FRAME}{name}", self._statics.links, self._statics.known)
         if not known:
             return []
-        f = (0.0, 0.0, 0.0) if message is None else _xyz(message.wrench.force)
-        force = [round(value, FORCE_DIGITS) if math.isfinite(value) else 0.0 for value in f]
+        values = () if message is None else _xyz(message.wrench.force)
+        known_force = bool(values) and all(map(math.isfinite, values))
+        force = [round(value, FORCE_DIGITS) for value in values] if known_force else None
         plate = {"parent": parent, "xyz": p.tolist(), "quaternion": R.as_quat().tolist(), "size": PLATE_SIZE}
         return [{"name": f"force plate {name}", "force": force, **plate}]
 
@@ -185,8 +186,9 @@ class LiveMuscles(LiveState):
 class LiveTouches:
     """Largest share of the limit of each region of the person since the last frame; thread-safe.
 
-    The share is that of the verdict: of the force, and of the mean pressure if the area is known; in the first
-    TRANSIENT_TIME of a contact of the transient limits. The verdict also judges the approach.
+    The share is that of the verdict: the larger of force and mean pressure over their limits; in the first
+    TRANSIENT_TIME of a contact over the transient limits. As in the verdict, a share below 1 is not known if one of the
+    two is not known. The verdict also judges the approach.
 
     Args:
         limits: limits of contacts.
@@ -204,8 +206,7 @@ class LiveTouches:
                 side = next((side for side in SIDES if contact.link.startswith(f"{side[0]}_")), "")
                 with self._lock:
                     for key in (key for region in contact.regions for key in region_keys(region, side)):
-                        known = self._shares.get(key)
-                        self._shares[key] = share if known is None else max(known, share or 0.0)
+                        self._shares[key] = _worse(self._shares[key], share) if key in self._shares else share
 
     def share(self, contact: Any, force: float) -> float | None:
         """Return the largest ratio of a force [N], or its pressure, to its limit; None: not known; 1: not permitted."""
@@ -214,13 +215,14 @@ class LiveTouches:
             return None
         if not limit.permitted:
             return 1.0
-        short, ratios = contact.duration < TRANSIENT_TIME, list[float]()
+        short, ratios = contact.duration < TRANSIENT_TIME, list[float | None]()
         area = contact.area if contact.area > 0.0 else math.nan
         for pair, value in ((limit.force, force), (limit.pressure, force / area)):
             bound = None if pair is None else pair.transient if short else pair.quasi_static
-            if bound is not None and math.isfinite(value):
-                ratios.append(value / bound)
-        return round(max(ratios), FORCE_DIGITS) if ratios else None
+            if bound is not None:
+                ratios.append(value / bound if math.isfinite(value) else None)
+        worst = reduce(_worse, ratios) if ratios else None
+        return None if worst is None else round(worst, FORCE_DIGITS)
 
     def scene(self) -> dict[str, object]:
         """Return nothing: the shares are in the frames alone."""
@@ -231,6 +233,12 @@ class LiveTouches:
         with self._lock:
             shares, self._shares = self._shares, {}
         return {"touched": shares}
+
+
+def _worse(a: float | None, b: float | None) -> float | None:
+    """Return the worse of two shares of a limit [1]; None, not known, is worse than any below 1."""
+    known = max((share for share in (a, b) if share is not None), default=None)
+    return known if known is None or known >= 1.0 or None not in (a, b) else None
 
 
 def _xyz(v: Any) -> tuple[float, float, float]:

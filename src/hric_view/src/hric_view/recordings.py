@@ -1,5 +1,6 @@
 """Recorded runs in the window: a list, the replay of one run or of two together, and the reports."""
 
+import contextlib
 import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -42,8 +43,12 @@ class RunEntry:
 
 def run_names(root: Path) -> list[str]:
     """Return the names of all run folders in a folder, the newest first; links such as `latest` are left out."""
-    found = [path.parent for path in root.glob("*/run.yaml") if not path.parent.is_symlink()]
-    return [path.name for path in sorted(found, key=lambda path: (path / "run.yaml").stat().st_mtime, reverse=True)]
+    changed = dict[str, float]()
+    for path in root.glob("*/run.yaml"):
+        with contextlib.suppress(FileNotFoundError):  # removed in the meantime
+            if not path.parent.is_symlink():
+                changed[path.parent.name] = path.stat().st_mtime
+    return sorted(changed, key=changed.__getitem__, reverse=True)
 
 
 def entry(folder: RunFolder) -> RunEntry:

@@ -3,17 +3,15 @@
 from functools import partial
 from typing import Any
 
-import numpy as np
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
 from control_msgs.msg import JointTrajectoryControllerState
 from franka_msgs.msg import FrankaState
-from gazebo_msgs.msg import ModelStates
-from hric_bags.records.object_record import models
+from hric_assessment.contact.limits import Limits
+from hric_bags.run_file import RunFile
 from hric_control.limits import load_limits
-from hric_core.geometry import pose_of_transform
 from hric_core.node import Node
 from hric_core.urdf import read
 from hric_human.participant.settings import HUMAN
@@ -26,11 +24,11 @@ from hric_msgs.msg import (
     SafetyState,
     SampleChunk,
 )
-from hric_view.live import LiveJoints
-from hric_view.page import Part, SceneRobot
-from hric_view.parts import Limits, LiveHand, LiveMocap, LiveMuscles, LivePlates, LiveStatics, LiveTouches
+from hric_report.html.scene import SceneRobot
+from hric_view.page import Part
+from hric_view.parts import LiveHand, LiveMocap, LiveMuscles, LivePlates, LiveStatics, LiveTouches
 from hric_view.readings import SETPOINTS, LiveEmg, LiveLimits, LiveSafety, LiveSetpoint
-from hric_view.verdict import LiveVerdict, RunFile
+from hric_view.verdict import LiveVerdict
 
 PERSON = {
     "joint_states": JointState,
@@ -77,25 +75,6 @@ def of_person(root: Node, person: SceneRobot) -> list[Part]:
     person.lines = muscles.lines
     root.subscribe(f"hric/{HUMAN}/activation", MuscleActivation, muscles.push, queue_size=1)
     return [touches, muscles]
-
-
-def objects(root: Node) -> list[tuple[SceneRobot, LiveJoints]]:
-    """Return the objects of the simulated world with their newest poses, subscribed to their topic."""
-    known = {model.name: model for model in models(root.param("robot/plant", {})) if not model.planes}
-    live = {name: LiveJoints(()) for name in known}
-
-    def push(message: Any) -> None:
-        for name, pose in zip(message.name, message.pose, strict=True):
-            if name in live:
-                live[name].push_root(PoseStamped(pose=pose))
-
-    if known:
-        root.subscribe("sim/model_states", ModelStates, push, queue_size=1)
-    none = np.zeros(1), np.zeros((1, 0))
-    return [
-        (SceneRobot("", model.xml, (), *none, pose=pose_of_transform(model.T_world_start)), live[name])
-        for name, model in known.items()
-    ]
 
 
 def verdict(root: Node, arm: SceneRobot) -> LiveVerdict:

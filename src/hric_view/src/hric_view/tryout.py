@@ -3,7 +3,7 @@
 The experiment runs in a process that is kept, so that nothing is loaded again. It is judged as a recorded run is.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import TimeoutError as FutureTimeoutError
 from dataclasses import asdict, dataclass
 from functools import lru_cache
@@ -30,6 +30,8 @@ TIMEOUT = 60.0
 """Longest duration of one run [s]; project default."""
 RATE = 60.0
 """Instants of the replay per second [Hz]."""
+PERMITTED = ("permitted speed by m_u [m/s]", "permitted speed by M/2 + m_L [m/s]")
+"""Names of the permitted speeds in findings of contacts."""
 PD, SUBJECT = "parameters.joint_pd_controller", "human.subject"
 
 
@@ -143,16 +145,15 @@ def scene_of(observations: Observations, settings: HumanSettings) -> list[SceneR
 
 def figures_of(verdict: Verdict) -> Iterator[TryoutFigure]:
     """Return the figures of a verdict: force, speeds and the conclusions."""
-    contact = next((finding for finding in verdict.findings if finding.group == CONTACT and finding.values), None)
+    contacts = [finding for finding in verdict.findings if finding.group == CONTACT and finding.window and finding.regions]
     conclusions = {one.question: one for one in verdict.conclusions}
-    force, speed = _of(contact, "transient peak [N]"), _of(contact, "speed at which they met [m/s]")
-    allowed = [
-        value
-        for name in ("permitted speed by m_u [m/s]", "permitted speed by M/2 + m_L [m/s]")
-        if (value := _of(contact, name)) is not None
-    ]
-    why = "" if contact is not None else "nothing touched the person, or no force was recorded"
+    why = "" if contacts else "nothing touched the person"
+    force = _largest(contacts, "transient peak [N]")
+    if contacts and force is None:
+        why = "no force was recorded for one of the contacts"
     yield TryoutFigure("largest contact force", force, None, "N", reason=why)
+    allowed = [value for finding in contacts for name in PERMITTED if (value := finding.values.get(name)) is not None]
+    speed = _largest(contacts, "speed at which they met [m/s]")
     yield TryoutFigure("speed at which they met", speed, min(allowed, default=None), "m/s", reason=why)
     texts = {CONTACT: "contact, share of its limit", DISTANCE: "smallest distance"}
     for name, one in conclusions.items():
@@ -163,8 +164,11 @@ def figures_of(verdict: Verdict) -> Iterator[TryoutFigure]:
         )
 
 
-def _of(finding: Finding | None, name: str) -> float | None:
-    return None if finding is None else finding.values.get(name)
+def _largest(findings: Sequence[Finding], name: str) -> float | None:
+    """Return the largest value of a name; None: one of the findings does not know it, or there is none."""
+    values = [finding.values.get(name) for finding in findings]
+    known = [value for value in values if value is not None]
+    return max(known) if known and len(known) == len(values) else None
 
 
 class Figures:

@@ -23,7 +23,7 @@ from hric_bags.records.human_record import GRIP_TYPE, TORQUE_TYPE, HumanMessages
 from hric_bags.records.recording import Recording
 from hric_bags.records.region_contacts import CONTACTS_TYPE
 from hric_bags.records.rows import RecordRows
-from hric_bags.run_file import RunFile as RunFile
+from hric_bags.run_file import RunFile
 from hric_core.errors import HricError
 
 PERIOD, SHARE = 1.0, 19.0
@@ -34,7 +34,7 @@ NOT_YET = {
     TASK: "the run has not ended",
     EFFORT: "the load of joints and muscles is computed after the run, by hric assess",
 }
-"""Why a question has no reply while the system runs."""
+"""Reasons for which a question has no reply while the system runs."""
 ARM = "joint_states"
 """Topic of the arm."""
 STATES_TYPE = "sensor_msgs/msg/JointState"

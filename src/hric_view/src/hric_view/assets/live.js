@@ -5,20 +5,21 @@
   const handlers = new Map();
   let socket, wanted = true;
 
-  // Call handler(message) for each message of a type: "scene", "frame", "refused" and those of the parts; "lost" when the connection is lost.
+  // Call handler(message) for each message of a type: "scene", "frame", "refused" and those of the parts; "sent" before a message is sent, "lost" when the connection is lost.
   report.on = (type, handler) => handlers.set(type, [...(handlers.get(type) || []), handler]);
-
-  // Send a message; return false without a connection.
-  report.send = (message) => {
-    if (socket?.readyState !== WebSocket.OPEN) return false;
-    socket.send(JSON.stringify(message));
-    return true;
-  };
 
   const dispatch = (message) => {
     if (message.type === "scene") wanted = message.live; // a recorded scene is complete
     if (message.type === "refused" && !report.data) wanted = false; // there is no such scene
     for (const handler of handlers.get(message.type) || []) handler(message);
+  };
+
+  // Send a message; return false without a connection.
+  report.send = (message) => {
+    if (socket?.readyState !== WebSocket.OPEN) return false;
+    dispatch({ type: "sent" });
+    socket.send(JSON.stringify(message));
+    return true;
   };
 
   report.connect = () => {

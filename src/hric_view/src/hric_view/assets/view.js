@@ -91,6 +91,8 @@
 
   report.on("refused", ({ text }) => { find("link").textContent = "Refused: " + text; });
 
+  report.on("sent", () => { if (find("link").textContent.startsWith("Refused")) find("link").textContent = ""; });
+
   report.on("lost", () => {
     lost = true;
     find("link").textContent = "The connection is lost: what is shown is old. Trying again.";

@@ -115,6 +115,7 @@
     show(t) {
       const k = report.countUntil(this.time, t) - 1, force = new THREE.Vector3(), { object } = this;
       if (k >= 0) force.fromArray(this.force, 3 * k);
+      this.known = k >= 0 && Number.isFinite(force.x);
       const length = force.length() * this.per_newton;
       object.visible = length > 0.005;
       if (!object.visible) return;
@@ -137,8 +138,10 @@
       this.object.add(this.box, this.arrow.object);
     }
 
+    // A plate whose force is not known is faint.
     show(t) {
       this.arrow.show(t);
+      this.box.material.opacity = this.arrow.known ? 0.8 : 0.25;
     }
   }
 
@@ -342,7 +345,7 @@
           (this.links.get(spec.parent) || this.root).add(plate.object);
           this.paint(false);
         }
-        plate.arrow.append(t, spec.force);
+        plate.arrow.append(t, spec.force || [NaN, NaN, NaN]);
       }
     }
 
