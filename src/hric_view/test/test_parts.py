@@ -125,7 +125,9 @@ def test_the_largest_share_between_frames_is_shown() -> None:
     assert touches.frame() == {"touched": {}}
 
 
-@pytest.mark.parametrize(("forces", "share"), [((math.nan, 32.0), None), ((32.0, math.nan), None), ((math.nan, 640.0), 2.0)])
+@pytest.mark.parametrize(
+    ("forces", "share"), [((math.nan, 32.0), None), ((32.0, math.nan), None), ((math.nan, 640.0), 2.0)]
+)
 def test_an_unknown_share_hides_those_within_the_limit(forces: tuple[float, ...], share: float | None) -> None:
     touches = LiveTouches(Limits.named())
     touches.push(RegionContacts(touching=[touching(force) for force in forces]))

@@ -22,9 +22,10 @@ from hric_control.manager.client import ManagerClient
 from hric_core.errors import FailureError, HricError
 from hric_core.geometry import FloatArray, quaternion_from_rotation
 from hric_core.ros import RosNode
-from hric_core.urdf import Robot
+from hric_core.urdf import Robot, read
 from hric_dynamics.tree import Tree
 from hric_msgs.srv import StepSimulation
+from hric_view.control import PERIOD, Controls
 from hric_view.live import LiveJoints
 
 PATIENCE = 2.0
@@ -74,8 +75,13 @@ class SystemActions:
         """Controller that got the last positions of the window, and these: a joint that sags keeps its setpoint."""
         root.subscribe("franka_state_controller/franka_states", FrankaState, self._note, queue_size=1)
 
-    def look(self) -> None:
-        """Read what can be commanded at present; called regularly by a thread of its own."""
+    def watch(self, stop: threading.Event, needed: Callable[[], bool]) -> None:
+        """Read regularly what can be commanded, while somebody needs to know it, until the event is set."""
+        while not stop.wait(PERIOD):
+            if needed():
+                self._look()
+
+    def _look(self) -> None:
         now = rospy.get_time()
         stood, self._seen = now == self._seen, now
         try:
@@ -247,6 +253,24 @@ class SystemActions:
             return result.result(PATIENCE)
         except TimeoutError:
             raise FailureError(f"the robot's node has not responded within {PATIENCE:g} s") from None
+
+
+def controls_of(root: RosNode, description: str, joints: LiveJoints) -> tuple[Controls, SystemActions]:
+    """Return the receiver of commands for an arm, and what executes them.
+
+    Args:
+        root: node in the namespace of the robot.
+        description: URDF of the arm.
+        joints: present positions of its joints.
+    """
+    robot = read(description)
+    moved = {
+        name: (joint.limit.lower, joint.limit.upper)
+        for name, joint in robot.joints.items()
+        if joint.type == "revolute" and joint.limit is not None
+    }
+    actions = SystemActions(root, robot, joints, list(moved))
+    return Controls(actions, moved, list(robot.links)), actions
 
 
 def _demand(response: Any) -> None:

@@ -18,8 +18,7 @@ from hric_msgs.msg import RegionContacts
 from hric_report.html.scene import SceneRobot, SceneSkin
 from hric_skin import fitted
 from hric_view import page, topics, world
-from hric_view.control import PERIOD, Controls
-from hric_view.control_node import SystemActions
+from hric_view.control_node import controls_of
 from hric_view.live import LiveForces, LiveJoints
 from hric_view.page import Part
 from hric_view.server import LOOPBACK, ViewServer, Visit, WebPage
@@ -65,14 +64,18 @@ class BrowserWindow(NodeApp):
             self._joints.append(live)
         self._parts += topics.of_arm(self._root, self._robots[0], settings.rate)
         self._title = f"{self._root.namespace.strip('/') or 'robot'}, live"
-        self._controls = (
-            self._controlled(str(self._root.param(settings.robot_description))) if settings.control else None
-        )
+        self._controls = None
+        if settings.control:
+            self._controls, actions = controls_of(self._root, self._robots[0].description, self._joints[0])
+            self._parts.append(self._controls)
         self._server = ViewServer(self, settings.host, settings.port, self._controls)
         self._root.set_param("hric/view/address", self._server.address)
         rospy.loginfo("The window is open at %s", self._server.address)
         self._thread = threading.Thread(target=self._run, name="frames", daemon=True)
         self._thread.start()
+        if settings.control:
+            watching = (self._stop, lambda: bool(self._server.viewers))
+            threading.Thread(target=actions.watch, args=watching, name="controls", daemon=True).start()
         if self._verdict is not None:
             threading.Thread(target=self._judge, args=(self._verdict,), name="verdict", daemon=True).start()
 
@@ -90,25 +93,6 @@ class BrowserWindow(NodeApp):
     def scene(self, visit: Visit) -> str:
         """Return the first message of a viewer."""
         return page.scene_message(self._robots, self._parts, live=True)
-
-    def _controlled(self, description: str) -> Controls:
-        """Return the receiver of commands for the arm, and begin to look at what can be commanded."""
-        robot = read(description)
-        moved = {
-            name: (joint.limit.lower, joint.limit.upper)
-            for name, joint in robot.joints.items()
-            if joint.type == "revolute" and joint.limit is not None
-        }
-        self._actions = SystemActions(self._root, robot, self._joints[0], list(moved))
-        controls = Controls(self._actions, moved, list(robot.links))
-        self._parts.append(controls)
-        threading.Thread(target=self._look, name="controls", daemon=True).start()
-        return controls
-
-    def _look(self) -> None:
-        while not self._stop.wait(PERIOD):
-            if self._server.viewers:
-                self._actions.look()
 
     def _add(self, description: str, topic: str) -> SceneRobot:
         """Add a robot or person whose joint states are on a topic."""

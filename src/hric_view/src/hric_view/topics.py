@@ -1,7 +1,6 @@
 """Parts of the window on the topics of a running system."""
 
 from functools import partial
-from typing import Any
 
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from sensor_msgs.msg import JointState

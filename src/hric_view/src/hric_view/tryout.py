@@ -145,7 +145,9 @@ def scene_of(observations: Observations, settings: HumanSettings) -> list[SceneR
 
 def figures_of(verdict: Verdict) -> Iterator[TryoutFigure]:
     """Return the figures of a verdict: force, speeds and the conclusions."""
-    contacts = [finding for finding in verdict.findings if finding.group == CONTACT and finding.window and finding.regions]
+    contacts = [
+        finding for finding in verdict.findings if finding.group == CONTACT and finding.window and finding.regions
+    ]
     conclusions = {one.question: one for one in verdict.conclusions}
     why = "" if contacts else "nothing touched the person"
     force = _largest(contacts, "transient peak [N]")
