@@ -6,7 +6,7 @@
   const dark = matchMedia("(prefers-color-scheme: dark)");
   const FRAMED = 1; // time after which the view is chosen again, once [s]
   const OLD = 1000; // age from which on what is shown counts as old [ms]
-  let live = true, playing = false, before = 0, framed = Infinity, lost = true, seen = [];
+  let live = true, framed = Infinity, lost = true, seen = [];
 
   report.begin = report.end = report.time = 0;
   report.timed ||= []; // called with the time after each change of it
@@ -16,7 +16,7 @@
   const setLive = (desired) => {
     live = desired;
     find("live").setAttribute("aria-pressed", desired);
-    if (desired) { setPlaying(false); report.setTime(report.end); }
+    if (desired) { report.setPlaying(false); report.setTime(report.end); }
   };
 
   report.setTime = (t) => {
@@ -26,23 +26,6 @@
     report.forces?.show(report.time);
     report.replay?.pose(report.time);
     for (const part of report.timed) part(report.time);
-  };
-
-  const play = (now) => {
-    if (!playing) return;
-    const next = report.time + ((now - before) / 1000) * Number(find("speed").value);
-    before = now;
-    report.setTime(next);
-    if (next >= report.end) setPlaying(false); else requestAnimationFrame(play);
-  };
-
-  const setPlaying = (desired) => {
-    playing = desired;
-    find("play").textContent = desired ? "pause" : "play";
-    if (!desired) return;
-    if (report.time >= report.end) report.setTime(report.begin);
-    before = performance.now();
-    requestAnimationFrame(play);
   };
 
   report.on("scene", (message) => {
@@ -113,8 +96,8 @@
 
   find("theme").hidden = true;
   find("live").addEventListener("click", () => setLive(!live));
-  find("play").addEventListener("click", () => { if (!playing) setLive(false); setPlaying(!playing); });
-  find("time").addEventListener("input", (event) => { setLive(false); setPlaying(false); report.setTime(Number(event.target.value)); });
+  find("play").addEventListener("click", () => { if (!report.isPlaying()) setLive(false); report.setPlaying(!report.isPlaying()); });
+  find("time").addEventListener("input", (event) => { setLive(false); report.setPlaying(false); report.setTime(Number(event.target.value)); });
   find("show-frames").addEventListener("change", (event) => report.replay?.showFrames(event.target.checked));
   find("show-tracks").addEventListener("change", () => report.replay?.pose(report.time));
   find("show-trails").addEventListener("change", () => report.replay?.pose(report.time));

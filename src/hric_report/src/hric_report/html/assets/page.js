@@ -4,7 +4,7 @@
   const find = (id) => document.getElementById(id);
   const PAPER = 680; // width of a printed plot, within A4 and letter [CSS pixels]
   const THEMES = ["auto", "light", "dark"], dark = matchMedia("(prefers-color-scheme: dark)");
-  let theme = "auto", playing = false, before = 0;
+  let theme = "auto";
 
   const timeSpan = () => {
     const times = report.data.scene.robots.map((robot) => report.read(robot.time));
@@ -53,23 +53,6 @@
     if (printed) report.drawAll(); else for (const plot of report.plots) plot.show();
   };
 
-  const play = (now) => {
-    if (!playing) return;
-    const next = report.time + ((now - before) / 1000) * Number(find("speed").value);
-    before = now;
-    report.setTime(next);
-    if (next >= report.end) setPlaying(false); else requestAnimationFrame(play);
-  };
-
-  const setPlaying = (desired) => {
-    playing = desired;
-    find("play").textContent = desired ? "pause" : "play";
-    if (!desired) return;
-    if (report.time >= report.end) report.setTime(report.begin);
-    before = performance.now();
-    requestAnimationFrame(play);
-  };
-
   const legend = () => {
     const words = [], several = report.replay.robots.some(({ label }) => label);
     for (const robot of report.replay.robots) {
@@ -85,8 +68,8 @@
   };
 
   const connect = () => {
-    find("time").addEventListener("input", (event) => { setPlaying(false); report.setTime(Number(event.target.value)); });
-    find("play").addEventListener("click", () => setPlaying(!playing));
+    find("time").addEventListener("input", (event) => { report.setPlaying(false); report.setTime(Number(event.target.value)); });
+    find("play").addEventListener("click", () => report.setPlaying(!report.isPlaying()));
     find("theme").addEventListener("click", () => { theme = THEMES[(THEMES.indexOf(theme) + 1) % THEMES.length]; paint(); });
     dark.addEventListener("change", () => paint());
     find("show-frames").addEventListener("change", (event) => report.replay?.showFrames(event.target.checked));
@@ -97,12 +80,12 @@
     find("home").addEventListener("click", () => report.replay?.home());
     document.querySelectorAll("tr.event").forEach((row) => row.addEventListener("click", () => report.setTime(Number(row.dataset.time))));
     document.querySelectorAll(".jump").forEach((one) => {
-      const jump = (event) => { event.stopPropagation(); event.preventDefault(); setPlaying(false); report.setTime(Number(one.dataset.time)); };
+      const jump = (event) => { event.stopPropagation(); event.preventDefault(); report.setPlaying(false); report.setTime(Number(one.dataset.time)); };
       one.addEventListener("click", jump);
       one.addEventListener("keydown", (event) => { if (event.key === "Enter" || event.key === " ") jump(event); });
     });
     document.addEventListener("keydown", (event) => {
-      if (event.key === " " && event.target === document.body) { event.preventDefault(); setPlaying(!playing); }
+      if (event.key === " " && event.target === document.body) { event.preventDefault(); report.setPlaying(!report.isPlaying()); }
     });
     const open = [];
     window.addEventListener("beforeprint", () => {
