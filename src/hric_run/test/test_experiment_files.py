@@ -38,6 +38,7 @@ def test_the_experiments_of_the_workspace_are_valid() -> None:
             "shared_workspace",
         ),
         "thesis_step",
+        "try_contact",
     ]
     assert experiment.names() == names
     for name in ("pd_step", "thesis_step"):
