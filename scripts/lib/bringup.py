@@ -150,7 +150,11 @@ def run(arguments: Mapping[str, str], master: str) -> int:
     except roslaunch.core.RLException as error:
         print(f"scripts/bringup: {error}", file=sys.stderr)
         return 1
-    _wait(parent, nodes, request, lambda: block(arguments, master, lambda name: parameter(master, name)))
+
+    def is_running(node: str) -> bool:
+        return any(name.rpartition("-")[0].rpartition("/")[2] == node for name in parent.pm.get_active_names())
+
+    _wait(parent, nodes, request, lambda: block(arguments, master, lambda name: parameter(master, name), is_running))
     space = namespace(arguments)
     folder = parameter(master, f"{space}/recorder/folder")
     if nodes.code:

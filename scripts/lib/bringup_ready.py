@@ -15,22 +15,32 @@ Parameter = Callable[[str], Any]
 """Function that returns the value of a ROS parameter, or None if it does not exist."""
 
 
-def block(arguments: Mapping[str, str], master: str, parameter: Parameter) -> str | None:
-    """Return the message, or None if the controllers or the recording have not started yet.
+def block(
+    arguments: Mapping[str, str], master: str, parameter: Parameter, is_running: Callable[[str], bool]
+) -> str | None:
+    """Return the message, or None if the controllers, the recording or the window have not started yet.
 
     Args:
         arguments: checked arguments of bringup.launch.
         master: address of the master.
         parameter: function that reads a ROS parameter.
+        is_running: function that returns whether a node of the bring-up runs.
     """
     space = namespace(arguments)
     started, folder = parameter(f"{space}/spawner/started"), parameter(f"{space}/recorder/folder")
     if started is None or (_records_at_once(arguments) and not folder):
         return None
+    window = parameter(f"{space}/hric/view/address")
+    if arguments["view"] == "web" and not window and is_running("window"):
+        return None
     terminal = f"source {WORKSPACE}/scripts/env" + ("" if master == DEFAULT else f" && export ROS_MASTER_URI={master}")
     rows = {
         "ready": f"{_robot(arguments)}; controllers {', '.join(started)}",
-        **({"see it": _window(space, parameter)} if arguments["view"] == "web" else {}),
+        **(
+            {"see it": window or "the window did not open; its messages are above"}
+            if arguments["view"] == "web"
+            else {}
+        ),
         "terminal": f"{terminal}      # first command in another terminal",
         "move it": _move(arguments, space),
         "record": _recording(arguments, space, folder),
@@ -63,11 +73,6 @@ def _robot(arguments: Mapping[str, str]) -> str:
     factor = float(arguments["real_time_factor"])
     pace = "as fast as possible" if factor == 0.0 else "real time" if factor == 1.0 else f"{factor:g} times real time"
     return f"simulated Panda ({arguments['simulator']}, {pace})"
-
-
-def _window(space: str, parameter: Parameter) -> str:
-    """Return the address of the window in the browser; it has none yet if its node starts slowly."""
-    return parameter(f"{space}/hric/view/address") or "in a browser, at the address that the node window will print"
 
 
 def _move(arguments: Mapping[str, str], space: str) -> str:

@@ -174,6 +174,7 @@ def test_motive_records_a_take_beside_each_run_that_is_recorded(robot: TellsTime
     recorder = rospy.Publisher("/hric/experiment/recording", String, queue_size=1, latch=True)
     flags: list = []
     subscriber = rospy.Subscriber("/rosout", Log, lambda message: flags.append(message.msg), queue_size=None)
+    _wait(lambda: subscriber.get_num_connections() == 3)  # this node and both others
     recorder.publish(String("/somewhere/runs/marker_tracking_20260101-120000"))
     _wait(lambda: any("Motive records the take marker_tracking_20260101-120000" in text for text in list(flags)))
     recorder.publish(String(""))
