@@ -1,7 +1,10 @@
 """`hric try`: each change runs the experiment anew, and its figures stand beside those before."""
 
 import json
-from collections.abc import Iterator
+import os
+import signal
+import time
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +17,10 @@ from websockets.typing import Origin
 from hric_assessment.verdict import opened
 from hric_assessment.verdict.assess import assess
 from hric_core.command import main
-from hric_core.errors import HricError
+from hric_core.errors import FailureError, HricError
 from hric_view.server import ViewServer
-from hric_view.tryout import SLIDERS, Tryout, checked, figures_of, overrides
+from hric_view.tryout import SLIDERS, Tryout, checked, overrides
+from hric_view.tryout_figures import figures_of
 from hric_view.tryout_window import TryoutWindow
 
 
@@ -53,6 +57,65 @@ def test_a_faster_arm_hits_harder(tryout: Tryout) -> None:
     slow, fast = (figures(tryout.result({"speed": speed})) for speed in (0.8, 1.6))
     for name in ("largest contact force", "speed at which they met"):
         assert fast[name]["value"] > 1.2 * slow[name]["value"]
+
+
+def test_an_unassessable_contact_has_no_figures(tryout: Tryout) -> None:
+    shown = figures(tryout.result({"speed": 2.0, "hand": 0.73}))  # the force has a flat top, as of a saturated sensor
+    assert shown["contact, share of its limit"]["reply"] == "unknown"
+    for name in ("largest contact force", "speed at which they met", "permitted speed", "contact, share of its limit"):
+        assert shown[name]["value"] is None and "flat top" in shown[name]["reason"]
+
+
+def test_all_runs_have_the_same_figures(tryout: Tryout) -> None:
+    names = {tuple(figures(tryout.result(values))) for values in ({}, {"speed": 2.0}, {"speed": 0.2})}
+    assert len(names) == 1 and {"RULA", "REBA"} <= set(*names)
+
+
+def test_a_score_that_unknown_angles_can_change_is_unknown(tmp_path: Path) -> None:
+    words = ("try_contact", "human.parts:=right_arm", "--quiet", "--no-figures", "--runs", str(tmp_path))
+    assert main(["run", *words]) == 0
+    (folder,) = (path.parent for path in tmp_path.glob("*_*/run.yaml"))
+    shown = {one.name: one for one in figures_of(assess(opened(str(folder))))}
+    for name in ("RULA", "REBA"):
+        assert (shown[name].value, shown[name].reply) == (None, "unknown") and "neck_flexion" in shown[name].reason
+
+
+def crash(values: Mapping[str, float]) -> str:
+    """End the worker at a run of the fastest arm; hang at that of the slowest; fail by a mistake at that of the softest."""
+    if values["speed"] == 2.0:
+        os.kill(os.getpid(), signal.SIGKILL)
+    if values["speed"] == 0.2:
+        time.sleep(60.0)
+    if values["stiffness"] == 20.0:
+        raise KeyError("nowhere")
+    return str(os.getpid())
+
+
+@pytest.mark.parametrize(
+    ("values", "text"),
+    [
+        ({"speed": 2.0}, "the process of the run has died"),
+        ({"speed": 0.2}, "not ended within 5 s"),
+        ({"stiffness": 20.0}, "error of this program: .*nowhere"),
+    ],
+)
+def test_a_broken_run_ends_with_one_message(values: dict[str, Any], text: str) -> None:
+    broken = Tryout(crash, timeout=5.0)
+    with pytest.raises(FailureError, match=text):
+        broken.result(values)
+    assert broken.result({}).isdigit()
+    broken.close()
+
+
+def test_a_process_that_dies_between_runs_is_replaced() -> None:
+    made = Tryout(crash)
+    first = int(made.result({}))
+    os.kill(first, signal.SIGKILL)
+    deadline = time.monotonic() + 60.0
+    while made.alive and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert int(made.result({"mass": 80})) != first
+    made.close()
 
 
 def test_without_a_contact_the_force_is_not_known(tryout: Tryout) -> None:
@@ -96,6 +159,15 @@ def client(server: ViewServer) -> Any:
     return connect(address, origin=Origin(origin), max_size=None, close_timeout=0.1)
 
 
+def slide(page: Browser, **values: float) -> None:
+    """Set sliders as a user does, all before the run begins."""
+    page.evaluate(
+        f"(() => {{ for (const [name, value] of Object.entries({json.dumps(values)})) "
+        "document.querySelector(`[name=${name}]`).value = value; "
+        "document.querySelector('[name=speed]').dispatchEvent(new Event('change', { bubbles: true })); })()"
+    )
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(not installed(), reason="no chromium; scripts/setup --with checks installs it")
 def test_a_slider_shows_the_run_beside_the_one_before(server: ViewServer, tmp_path: Path) -> None:
@@ -106,11 +178,16 @@ def test_a_slider_shows_the_run_beside_the_one_before(server: ViewServer, tmp_pa
         assert page.evaluate("document.documentElement.scrollWidth") <= 390
         force = "document.querySelector('#figures tbody tr').cells"
         before = page.evaluate(f"{force}[1].textContent")
-        page.evaluate(
-            "(() => { const slider = document.querySelector('[name=speed]'); slider.value = 1.4; "
-            "slider.dispatchEvent(new Event('change', { bubbles: true })); })()"
-        )
+        slide(page, speed=1.4)
         page.wait(f"{force}[2].textContent === '{before}'")
         assert page.evaluate(f"{force}[1].textContent") != before
+        assert page.evaluate("document.getElementById('changes').textContent") == "speed: 1 to 1.4 rad/s"
+        assert page.evaluate(f"{force}[3].textContent").startswith("+")
+        slide(page, speed=2.0, hand=0.73)
+        page.wait(f"{force}[1].textContent === 'not known' && {force}[0].textContent.includes('flat top')")
+        slide(page, mass=120, height=1.5)
+        page.wait("document.getElementById('running').textContent.startsWith('refused: ')")
+        assert page.evaluate("document.getElementById('figures').classList.contains('old')")
+        assert page.evaluate("document.documentElement.scrollWidth") <= 390
         assert page.evaluate("report.replay.robots.length") == 2
         assert page.problems == [] and page.requests == []

@@ -168,6 +168,11 @@ class Tryout:
         """
         return self._kept(tuple(sorted(checked(values).items())))
 
+    @property
+    def alive(self) -> bool:
+        """True if the process is there; a dead one is replaced at the next run."""
+        return bool(self._pool.active)
+
     def close(self) -> None:
         """End the process."""
         self._pool.stop()
@@ -175,7 +180,7 @@ class Tryout:
 
     def _run(self, values: tuple[tuple[str, float], ...]) -> str:
         with self._renewing:
-            if not self._pool.active:  # its process has died between two runs
+            if not self.alive:  # its process has died between two runs
                 self._pool = _pool()
         try:
             message: str = self._pool.schedule(self._execute, (dict(values),), timeout=self._timeout).result()
