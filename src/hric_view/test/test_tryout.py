@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+import threading
 import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -18,7 +19,7 @@ from hric_assessment.verdict import opened
 from hric_assessment.verdict.assess import assess
 from hric_core.command import main
 from hric_core.errors import FailureError, HricError
-from hric_view.server import ViewServer
+from hric_view.server import ViewServer, Visit
 from hric_view.tryout import SLIDERS, Tryout, checked, overrides
 from hric_view.tryout_figures import figures_of
 from hric_view.tryout_window import TryoutWindow
@@ -81,7 +82,7 @@ def test_a_score_that_unknown_angles_can_change_is_unknown(tmp_path: Path) -> No
 
 
 def crash(values: Mapping[str, float]) -> str:
-    """End the worker at a run of the fastest arm; hang at that of the slowest; fail by a mistake at that of the softest."""
+    """End the worker at a run of the fastest arm; hang at that of the slowest; fail at that of the softest."""
     if values["speed"] == 2.0:
         os.kill(os.getpid(), signal.SIGKILL)
     if values["speed"] == 0.2:
@@ -168,26 +169,93 @@ def slide(page: Browser, **values: float) -> None:
     )
 
 
+def rows(page: Browser) -> dict[str, list[str]]:
+    """Return the texts of the table by the name of the figure: note, now, before, change, mark, limit, reply."""
+    cells = page.evaluate(
+        "[...document.querySelectorAll('#figures tbody tr')].map((row) => [...row.cells].flatMap((cell, k) => ["
+        "cell.firstChild?.data ?? '', ...(k % 3 ? [] : [cell.querySelector('small')?.textContent ?? ''])]))"
+    )
+    return {name: texts for name, *texts in cells}
+
+
+class HeldWindow(TryoutWindow):
+    """Window whose first run begins when the test lets it."""
+
+    def __init__(self, tryout: Tryout) -> None:
+        super().__init__(tryout)
+        self.begin = threading.Event()
+
+    def scene(self, visit: Visit) -> str:
+        """Return the run with the default conditions."""
+        self.begin.wait(60.0)
+        return super().scene(visit)
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(not installed(), reason="no chromium; scripts/setup --with checks installs it")
-def test_a_slider_shows_the_run_beside_the_one_before(server: ViewServer, tmp_path: Path) -> None:
-    with Browser(tmp_path) as page:
-        page.call("Emulation.setDeviceMetricsOverride", width=390, height=844, deviceScaleFactor=1, mobile=True)
-        page.open_address(server.address)
+class TestInABrowser:
+    @pytest.fixture
+    def window(self, tryout: Tryout) -> HeldWindow:
+        return HeldWindow(tryout)
+
+    @pytest.fixture
+    def page(self, window: HeldWindow, tmp_path: Path) -> Iterator[Browser]:
+        """Page on the screen of a phone."""
+        server = ViewServer(window, receiver=window)
+        with Browser(tmp_path) as page:
+            page.call("Emulation.setDeviceMetricsOverride", width=390, height=844, deviceScaleFactor=1, mobile=True)
+            page.open_address(server.address)
+            yield page
+            assert page.problems == [] and page.requests == []
+        server.close()
+
+    def test_each_row_has_both_runs_and_their_difference(self, window: HeldWindow, page: Browser) -> None:
+        window.begin.set()
         page.wait("report.started === true")
-        assert page.evaluate("document.documentElement.scrollWidth") <= 390
-        force = "document.querySelector('#figures tbody tr').cells"
-        before = page.evaluate(f"{force}[1].textContent")
-        slide(page, speed=1.4)
-        page.wait(f"{force}[2].textContent === '{before}'")
-        assert page.evaluate(f"{force}[1].textContent") != before
-        assert page.evaluate("document.getElementById('changes').textContent") == "speed: 1 to 1.4 rad/s"
-        assert page.evaluate(f"{force}[3].textContent").startswith("+")
-        slide(page, speed=2.0, hand=0.73)
-        page.wait(f"{force}[1].textContent === 'not known' && {force}[0].textContent.includes('flat top')")
+        first = rows(page)["largest contact force"]
+        assert first[2:5] == ["", "", ""]
+        slide(page, speed=1.6)
+        page.wait("document.getElementById('changes').textContent === 'speed: 1 to 1.6 rad/s'")
+        _, now, before, change, *_ = rows(page)["largest contact force"]
+        newtons = [float(text.split()[0].replace("+", "")) for text in (now, before, change)]
+        assert before == first[1] and newtons[2] == pytest.approx(newtons[0] - newtons[1], abs=0.1)
+        assert page.evaluate("report.replay.robots.length") == 2
+
+    def test_rows_nearer_to_their_limit_are_marked_worse(self, window: HeldWindow, page: Browser) -> None:
+        window.begin.set()
+        page.wait("report.started === true")
+        for speed, mark in ((1.6, "worse"), (0.8, "better")):
+            slide(page, speed=speed)
+            page.wait(f"document.getElementById('changes').textContent.endsWith('to {speed} rad/s')")
+            shown = rows(page)
+            for name in ("speed at which they met", "contact, share of its limit"):
+                assert shown[name][4] == mark
+            assert shown["effort, largest joint torque"][4] == ""  # it has no limit
+
+    def test_a_figure_that_is_lost_is_marked(self, window: HeldWindow, page: Browser) -> None:
+        window.begin.set()
+        page.wait("report.started === true")
+        slide(page, speed=0.2)
+        page.wait("document.getElementById('changes').textContent.endsWith('to 0.2 rad/s')")
+        note, now, _, change, mark, *_ = rows(page)["largest contact force"]
+        assert (note, now, change, mark) == ("nothing touched the person", "not known", "", "no longer known")
+
+    def test_figures_of_other_conditions_look_old(self, window: HeldWindow, page: Browser) -> None:
+        window.begin.set()
+        page.wait("report.started === true")
         slide(page, mass=120, height=1.5)
         page.wait("document.getElementById('running').textContent.startsWith('refused: ')")
         assert page.evaluate("document.getElementById('figures').classList.contains('old')")
-        assert page.evaluate("document.documentElement.scrollWidth") <= 390
-        assert page.evaluate("report.replay.robots.length") == 2
-        assert page.problems == [] and page.requests == []
+
+    def test_no_state_is_wider_than_a_phone(self, window: HeldWindow, page: Browser) -> None:
+        widths = {"waiting": page.evaluate("document.documentElement.scrollWidth")}
+        window.begin.set()
+        page.wait("report.started === true")
+        widths["result"] = page.evaluate("document.documentElement.scrollWidth")
+        slide(page, speed=2.0, hand=0.73)
+        page.wait("document.getElementById('changes').textContent.includes('hand')")
+        widths["two runs"] = page.evaluate("document.documentElement.scrollWidth")
+        slide(page, mass=120, height=1.5)
+        page.wait("document.getElementById('running').textContent.startsWith('refused: ')")
+        widths["refused"] = page.evaluate("document.documentElement.scrollWidth")
+        assert max(widths.values()) <= 390, widths

@@ -29,6 +29,7 @@ class TryoutFigure:
         unit: unit.
         reply: reply of the verdict to the figure's question; "": the figure has none.
         reason: why the reply is as it is, or why the value is not known.
+        lower: True if values below the limit are beyond it.
     """
 
     name: str
@@ -37,6 +38,7 @@ class TryoutFigure:
     unit: str
     reply: str = ""
     reason: str = ""
+    lower: bool = False
 
 
 def figures_of(verdict: Verdict) -> Iterator[TryoutFigure]:
@@ -52,11 +54,12 @@ def figures_of(verdict: Verdict) -> Iterator[TryoutFigure]:
 
 
 def _concluded(name: str, item: Conclusion) -> TryoutFigure:
-    """Return the figure of a conclusion; a value that does not answer its question is not shown as one."""
+    """Return the figure of a conclusion; a value that decides nothing is not shown."""
     known = item.reply != Reply.UNKNOWN
     remedy = f"to know it: {item.remedy}" if item.remedy else ""
     reason = "; ".join(filter(None, (item.subject, item.reason, remedy)))
-    return TryoutFigure(name, item.value if known else None, item.limit, item.unit, item.reply, reason)
+    value, lower = item.value if known else None, item.question == DISTANCE
+    return TryoutFigure(name, value, item.limit, item.unit, item.reply, reason, lower)
 
 
 def _contact(contacts: Sequence[Finding]) -> Iterator[TryoutFigure]:

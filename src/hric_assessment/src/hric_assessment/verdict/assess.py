@@ -78,7 +78,7 @@ def assess(source: AssessmentInput, choices: AssessmentChoices | None = None, *,
     Args:
         source: recording with the files next to it.
         choices: limits, braking, contact area; None: the defaults.
-        muscles: see `loads`; without them the answers are the same if joint torques are recorded.
+        muscles: see `loads`; without them the conclusions are the same if joint torques are recorded.
     """
     verdict, people = judge(source, choices), people_of(source)
     each = [loads(source, person, muscles=muscles) for person in people] or [loads(source, None, muscles=muscles)]

@@ -42,20 +42,31 @@
     return step ? `${step > 0 ? "+" : "\u2212"}${Math.abs(step)}` : "=";
   };
 
-  const row = ({ name, value, limit, unit, reply, reason }) => {
-    const line = document.createElement("tr"), earlier = before.get(name), step = change(value, earlier);
-    line.title = reason;
-    [name, written(value, unit), earlier === undefined ? "" : written(earlier, unit), step, limit === null ? "" : written(limit, unit), reply].forEach((text, k) => {
+  // Return how far a figure is beyond its limit, negative: within it; null: not known, or there is no limit.
+  const beyond = ({ value, limit, lower }) => (value === null || limit === null ? null : lower ? limit - value : value - limit);
+
+  // Return whether a figure is worse or better than before: nearer to its limit or farther from it; "": neither, or not known.
+  const trend = (figure, earlier) => {
+    if (!earlier) return "";
+    if ((figure.value === null) !== (earlier.value === null)) return figure.value === null ? "no longer known" : "now known";
+    const [now, then] = [beyond(figure), beyond(earlier)];
+    if (now === null || then === null || !rounded(now - then)) return "";
+    return now > then ? "worse" : "better";
+  };
+
+  const row = (figure) => {
+    const { name, value, limit, unit, reply, reason } = figure, line = document.createElement("tr"), earlier = before.get(name);
+    const texts = [name, written(value, unit), earlier ? written(earlier.value, unit) : "", change(value, earlier?.value), limit === null ? "" : written(limit, unit), reply];
+    texts.forEach((text, k) => {
       const cell = line.insertCell();
       cell.textContent = text;
       if (k > 0 && k < 5) cell.className = "num";
     });
-    if (earlier !== undefined && step !== "=" && earlier !== value) line.cells[1].classList.add("changed");
-    if (value === null) {
-      const note = line.cells[0].appendChild(document.createElement("small"));
-      note.className = "note";
-      note.textContent = reason;
-    }
+    const add = (cell, text, kind) => cell.append(Object.assign(document.createElement("small"), { textContent: text, className: kind }));
+    line.title = reason;
+    if (value === null || reply === "no limit") add(line.cells[0], reason, "note");
+    const mark = trend(figure, earlier);
+    add(line.cells[3], mark, mark);
     return line;
   };
 
@@ -67,7 +78,7 @@
     const changed = chosen ? differing(chosen, message.values) : [];
     if (!chosen || changed.length) {
       before = now;
-      now = new Map(message.figures.map(({ name, value }) => [name, value]));
+      now = new Map(message.figures.map((figure) => [figure.name, figure]));
       find("changes").textContent = changed.map(({ name, dataset }) => `${name}: ${chosen[name]} to ${message.values[name]} ${dataset.unit}`.trim()).join(", ");
       chosen = message.values;
     }
