@@ -7,12 +7,14 @@ what the heaviest or lightest shape lacks, girth adds.
 
 from collections.abc import Collection
 from dataclasses import replace
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
 from hric_core.geometry import FloatArray, homogeneous
 from hric_human.body import Body, BodySegment, describe
+from hric_human.body.description import KEPT, SubjectKey
 from hric_human.body.segments import SIDES
 from hric_skin.skin import Skin
 from hric_skin.template import LINKS, SkinShape, SkinTemplate, load
@@ -49,15 +51,22 @@ def fitted(body: Body, gripping: Collection[str] = ()) -> Skin:
         gripping: sides ("right", "left") whose hand is closed around a handle.
     """
     whole = describe(replace(body.subject, parts="whole_body", posture="standing"))
-    template, volume = load(), body.subject.mass / DENSITY
-    shapes = template.shapes[body.subject.sex]
+    template, (shape, girth) = load(), _sized(SubjectKey(whole.subject))
+    present = {segment.link for segment in body.segments.values()} | {joint.child for joint in body.joints.values()}
+    return _skin(template, whole, _gripping(template, shape, gripping), girth).of_links(present)
+
+
+@lru_cache(maxsize=KEPT)
+def _sized(key: SubjectKey) -> tuple[SkinShape, float]:
+    """Return the shape of a whole body and the girth with which it encloses the subject's mass."""
+    whole, template, volume = describe(key.subject), load(), key.subject.mass / DENSITY
+    shapes = template.shapes[key.subject.sex]
     light, mean, heavy = shapes
     share = float(np.interp(volume, [_volume(_skin(template, whole, shape)) for shape in shapes], (-1.0, 0.0, 1.0)))
     shape, girth = mean.blended(heavy if share > 0.0 else light, abs(share)), 1.0
     for _ in range(STEPS):
         girth *= (volume / _volume(_skin(template, whole, shape, girth))) ** EXPONENT
-    present = {segment.link for segment in body.segments.values()} | {joint.child for joint in body.joints.values()}
-    return _skin(template, whole, _gripping(template, shape, gripping), girth).of_links(present)
+    return shape, girth
 
 
 def _volume(skin: Skin) -> float:

@@ -3,8 +3,11 @@
 The experiment runs in a process that is kept, so that nothing is loaded again. It is judged as a recorded run is.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+import os
+import threading
+from collections.abc import Callable, Mapping
 from concurrent.futures import TimeoutError as FutureTimeoutError
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from multiprocessing import get_context
@@ -12,26 +15,28 @@ from typing import Any
 
 from pebble import ProcessExpired, ProcessPool
 
-from hric_assessment.findings import Finding
+from hric_analysis.human import SimulatedPerson
 from hric_assessment.verdict.assess import assess
-from hric_assessment.verdict.conclusions import CONTACT, DISTANCE
-from hric_assessment.verdict.result import Verdict
 from hric_core.errors import FailureError, HricError, check_known
 from hric_human.participant.settings import HumanSettings
 from hric_report.html.human_and_objects import simulated_person
 from hric_report.html.scene import SceneRobot, joint_track
 from hric_run.definition import experiment
 from hric_run.simulation import Simulation
+from hric_sweep.engines.pebble_engine import begin_worker
 from hric_sweep.observed import Observations, Observed
+from hric_sweep.outputs import IMPACT
+from hric_sweep.task import reason
 from hric_view import page
+from hric_view.tryout_figures import TryoutFigure, figures_of
 
 EXPERIMENT = "try_contact"
 TIMEOUT = 60.0
 """Longest duration of one run [s]; project default."""
+MEMORY = 4 * 2**30
+"""Memory limit of the process [bytes]; project default."""
 RATE = 60.0
 """Instants of the replay per second [Hz]."""
-PERMITTED = ("permitted speed by m_u [m/s]", "permitted speed by M/2 + m_L [m/s]")
-"""Names of the permitted speeds in findings of contacts."""
 PD, SUBJECT = "parameters.joint_pd_controller", "human.subject"
 
 
@@ -65,27 +70,6 @@ SLIDERS = (
     Slider("hand", "height of the person's hand", "m", 0.45, 0.73, 0.58, 0.01),
 )
 """Conditions; ranges are project defaults: bodies of adults, and postures in which the arm can reach the forearm."""
-
-
-@dataclass(frozen=True)
-class TryoutFigure:
-    """Figure of a run.
-
-    Attributes:
-        name: name for display.
-        value: value in `unit`; None: not known.
-        limit: limit in `unit`; None: there is none, or it is not known.
-        unit: unit.
-        reply: reply of the verdict to the figure's question; "": the figure has none.
-        reason: why the reply is as it is, or why the value is not known.
-    """
-
-    name: str
-    value: float | None
-    limit: float | None
-    unit: str
-    reply: str = ""
-    reason: str = ""
 
 
 def checked(values: Mapping[str, Any]) -> dict[str, float]:
@@ -124,11 +108,11 @@ def run(values: Mapping[str, float]) -> str:
     """
     definition = experiment.load(EXPERIMENT, overrides(values))
     with Simulation(definition) as simulation:
-        observed = Observed(simulation, {"human", "contacts", "impact", "collaboration"})
+        observed = Observed(simulation, {IMPACT})
         simulation.run()
         observations = observed.values()
         error = simulation.app.hw.error
-        verdict = assess(observations.verdict_input)
+        verdict = assess(observations.verdict_input, muscles=False)
         robots = scene_of(observations, HumanSettings.of(definition.human or {}, "human"))
     notes = [f"The run ended early: {error}"] if error else []
     part = Figures(list(figures_of(verdict)), values)
@@ -139,38 +123,8 @@ def scene_of(observations: Observations, settings: HumanSettings) -> list[SceneR
     """Return the arm and the person of a run."""
     log = observations.log
     arm = SceneRobot("", observations.description, log.joint_names, *joint_track(log, RATE))
-    person = observations.metrics.person
-    return [arm] if person is None else [arm, simulated_person(person, settings, RATE)]
-
-
-def figures_of(verdict: Verdict) -> Iterator[TryoutFigure]:
-    """Return the figures of a verdict: force, speeds and the conclusions."""
-    contacts = [
-        finding for finding in verdict.findings if finding.group == CONTACT and finding.window and finding.regions
-    ]
-    conclusions = {one.question: one for one in verdict.conclusions}
-    why = "" if contacts else "nothing touched the person"
-    force = _largest(contacts, "transient peak [N]")
-    if contacts and force is None:
-        why = "no force was recorded for one of the contacts"
-    yield TryoutFigure("largest contact force", force, None, "N", reason=why)
-    allowed = [value for finding in contacts for name in PERMITTED if (value := finding.values.get(name)) is not None]
-    speed = _largest(contacts, "speed at which they met [m/s]")
-    yield TryoutFigure("speed at which they met", speed, min(allowed, default=None), "m/s", reason=why)
-    texts = {CONTACT: "contact, share of its limit", DISTANCE: "smallest distance"}
-    for name, one in conclusions.items():
-        if name == "task":
-            continue  # a run that was made to be short has no task
-        yield TryoutFigure(
-            texts.get(name, f"{name}: {one.subject}"), one.value, one.limit, one.unit, one.reply, one.reason
-        )
-
-
-def _largest(findings: Sequence[Finding], name: str) -> float | None:
-    """Return the largest value of a name; None: one of the findings does not know it, or there is none."""
-    values = [finding.values.get(name) for finding in findings]
-    known = [value for value in values if value is not None]
-    return max(known) if known and len(known) == len(values) else None
+    records = observations.verdict_input.recording.humans.values()  # read already, unlike observations.metrics.person
+    return [arm, *(simulated_person(SimulatedPerson(record), settings, RATE) for record in records)]
 
 
 class Figures:
@@ -194,10 +148,16 @@ class Figures:
 
 
 class Tryout:
-    """Process that runs the experiment under changing conditions, one run at a time."""
+    """Process that runs the experiment under changing conditions, one run at a time.
 
-    def __init__(self) -> None:
-        self._pool = ProcessPool(max_workers=1, context=get_context("spawn"))
+    Args:
+        execute: function that makes the message of a run, of its conditions.
+        timeout: longest duration of one run [s].
+    """
+
+    def __init__(self, execute: Callable[[Mapping[str, float]], str] = run, timeout: float = TIMEOUT) -> None:
+        self._execute, self._timeout, self._renewing = execute, timeout, threading.Lock()
+        self._pool = _pool()
         self._kept = lru_cache(maxsize=16)(self._run)
 
     def result(self, values: Mapping[str, Any]) -> str:
@@ -208,16 +168,34 @@ class Tryout:
         """
         return self._kept(tuple(sorted(checked(values).items())))
 
+    @property
+    def alive(self) -> bool:
+        """True if the process is there; a dead one is replaced at the next run."""
+        return bool(self._pool.active)
+
     def close(self) -> None:
         """End the process."""
         self._pool.stop()
         self._pool.join()
 
     def _run(self, values: tuple[tuple[str, float], ...]) -> str:
+        with self._renewing:
+            if not self.alive:  # its process has died between two runs
+                self._pool = _pool()
         try:
-            message: str = self._pool.schedule(run, (dict(values),), timeout=TIMEOUT).result()
+            message: str = self._pool.schedule(self._execute, (dict(values),), timeout=self._timeout).result()
         except FutureTimeoutError:
-            raise FailureError(f"the run has not ended within {TIMEOUT:g} s and was stopped") from None
-        except ProcessExpired as error:
+            raise FailureError(f"the run has not ended within {self._timeout:g} s and was stopped") from None
+        except (ProcessExpired, BrokenProcessPool) as error:
             raise FailureError(f"the process of the run has died ({error}); the next change starts another") from error
+        except HricError:
+            raise
+        except Exception as error:  # it ends this run, not the page
+            raise FailureError(f"the run failed by an error of this program: {reason(error)}") from error
         return message
+
+
+def _pool() -> ProcessPool:
+    """Return a pool of one process, which ends with this one."""
+    initial = (os.getpid(), MEMORY)
+    return ProcessPool(max_workers=1, context=get_context("spawn"), initializer=begin_worker, initargs=initial)

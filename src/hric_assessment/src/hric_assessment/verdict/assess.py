@@ -72,15 +72,16 @@ def _has(source: AssessmentInput, suffix: str) -> bool:
     return any(topic.endswith(suffix) for topic in source.recording.topics)
 
 
-def assess(source: AssessmentInput, choices: AssessmentChoices | None = None) -> Verdict:
+def assess(source: AssessmentInput, choices: AssessmentChoices | None = None, *, muscles: bool = True) -> Verdict:
     """Assess a recording and return its verdict: findings about each person, and all figures that its signals allow.
 
     Args:
         source: recording with the files next to it.
         choices: limits, braking, contact area; None: the defaults.
+        muscles: see `loads`; without them the conclusions are the same if joint torques are recorded.
     """
     verdict, people = judge(source, choices), people_of(source)
-    each = [loads(source, person) for person in people] or [loads(source, None)]
+    each = [loads(source, person, muscles=muscles) for person in people] or [loads(source, None, muscles=muscles)]
     activation = next((curves for item in each if (curves := item.timeline()) is not None), None)
     figures = (*_figures(each, people), *verdict.figures)
     drawn = conclusions(verdict.findings, figures, verdict.missing, source.run)

@@ -49,20 +49,21 @@ class Loads:
         return ActivationCurve(self.activation.names, self.activation.time[rows].tolist(), columns)
 
 
-def loads(source: AssessmentInput, person: AssessedPerson | None) -> Loads:
+def loads(source: AssessmentInput, person: AssessedPerson | None, *, muscles: bool = True) -> Loads:
     """Return joint torque as share of strength, muscle activation, and joint contact force, as far as they are known.
 
     Args:
         source: recording with the files next to it.
         person: assessed person; None: there is none, and all signals of the recording count.
+        muscles: True to compute the load of muscles that was not recorded, which takes most of the time.
     """
     figures = _strength(source, person)
     recorded = next(_of_person(source.recording.activation, person), None)
     contacts = list(_of_person(source.recording.contact, person))
-    computed, shown = _computed(person), recorded
+    computed, shown = _computed(person) if muscles else None, recorded
     if recorded is not None:
-        muscles = _muscles_of(recorded, computed[0].names) if computed else recorded
-        figures += _active(muscles, f"recorded, {MODEL}")
+        spanned = _muscles_of(recorded, computed[0].names) if computed else recorded
+        figures += _active(spanned, f"recorded, {MODEL}")
     if computed:
         modelled, weak, contact = computed
         if recorded is None:

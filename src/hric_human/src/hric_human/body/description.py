@@ -2,7 +2,8 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import lru_cache
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
@@ -40,6 +41,8 @@ COLOURS = {
     "foot": (0.62, 0.61, 0.58, 1.0),
 }
 """Colour of each segment in the URDF: red, green, blue, opacity, 0 to 1 each."""
+KEPT = 8
+"""Number of bodies that are kept in memory: a run and its verdict need the same one several times."""
 SEATED = {"hip_flex": 90.0, "knee_flex": 90.0}
 """Joint angles that are not zero in the seated rest pose, on both sides [deg]."""
 
@@ -74,12 +77,29 @@ class Body:
         return sum(segment.mass.mass for segment in self.segments.values())
 
 
+@dataclass(frozen=True)
+class SubjectKey:
+    """Key of a cache for a subject, compared by its text, since a subject's mappings have no hash."""
+
+    subject: Subject = field(compare=False)
+    text: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "text", repr(self.subject))
+
+
 def describe(subject: Subject) -> Body:
-    """Generate the body of a subject.
+    """Generate the body of a subject; bodies are shared, so nothing in them must be changed.
 
     Raises:
         ParameterError: a segment whose mass is too large for a capsule of its length.
     """
+    return _described(SubjectKey(subject))
+
+
+@lru_cache(maxsize=KEPT)
+def _described(key: SubjectKey) -> Body:
+    subject = key.subject
     made, moved = segments(subject), joints(subject.chains)
     seated = subject.posture == "seated"
     rest = {joint.name: math.radians(SEATED[joint.row.name]) for joint in moved if seated and joint.row.name in SEATED}

@@ -98,7 +98,7 @@
     if (hand) add("external force [N]", t, named(hand.force, ["x", "y", "z"]));
     if (report.replay.robots.some(({ skin }) => skin)) add("contact force [N]", t, { largest: Math.max(0, ...(forces || []).map(({ force }) => Math.hypot(...force))) });
     if (emg) add("EMG envelope", t, emg);
-    for (const { name, force } of plates || []) add(`${name} [N]`, t, named(force, ["x", "y", "z"]));
+    for (const { name, force } of plates || []) add(`${name} [N]`, t, named(force || [], ["x", "y", "z"]));
   });
   report.restarts.push(() => { for (const { history } of signals.values()) history.clear(); });
   report.on("scene", () => { for (const { history } of signals.values()) history.clear(); });

@@ -9,7 +9,7 @@
   report.on = (type, handler) => handlers.set(type, [...(handlers.get(type) || []), handler]);
 
   const dispatch = (message) => {
-    if (message.type === "scene") wanted = message.live; // a recorded scene is complete
+    if (message.type === "scene") wanted = message.live || Boolean(report.follow); // a recorded scene is complete
     if (message.type === "refused" && !report.data) wanted = false; // there is no such scene
     for (const handler of handlers.get(message.type) || []) handler(message);
   };

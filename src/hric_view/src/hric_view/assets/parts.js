@@ -32,7 +32,7 @@
       Object.assign(mesh.material, { transparent: true, opacity: GHOST, depthWrite: false });
       mesh.material.color.set(report.colour("accent"));
     }
-    made.root.visible = false;
+    Object.assign(made.root, { name: "setpoint", visible: false });
     return made;
   };
 
@@ -45,7 +45,7 @@
     if (!report.live || !report.replay) return;
     ghost = makeGhost(report.replay);
     line = new THREE.Line(new THREE.BufferGeometry().setAttribute("position", new THREE.BufferAttribute(new Float32Array(6), 3)), new THREE.LineBasicMaterial({ depthTest: false }));
-    Object.assign(line, { frustumCulled: false, visible: false });
+    Object.assign(line, { name: "separation", frustumCulled: false, visible: false });
     report.replay.scene.add(line);
   });
 

@@ -3,49 +3,95 @@
 {
   const find = (id) => document.getElementById(id);
   const form = find("conditions"), inputs = [...form.querySelectorAll("input")];
-  let running = true, waiting = false, before = new Map(), now = new Map(), asked = 0;
+  const FINEST = 0.0005; // size of a number below which it is shown as 0
+  let running = true, waiting = false, again = false, before = new Map(), now = new Map(), chosen, asked = 0;
 
   const values = () => Object.fromEntries(inputs.map(({ name, valueAsNumber }) => [name, valueAsNumber]));
   const label = () => inputs.forEach((input) => { input.nextElementSibling.textContent = `${input.value} ${input.dataset.unit}`; });
+  const differing = (a, b) => inputs.filter(({ name }) => a[name] !== b[name]);
+
+  // Say what goes on; old: the figures are not those of the conditions above them.
+  const tell = (text, old) => {
+    find("running").textContent = text;
+    find("figures").classList.toggle("old", old);
+  };
 
   const ask = () => {
     label();
     if (running) { waiting = true; return; }
     running = report.send({ command: "run", values: values() });
     asked = performance.now();
-    find("running").textContent = running ? "running" : "no connection: start hric try again, and reload";
+    tell(running ? "running" : "no connection: start hric try again, and open its new address", true);
   };
 
-  const done = (text) => {
+  const done = (text, old) => {
     running = false;
-    find("running").textContent = text;
+    tell(text, old);
     if (!waiting) return;
     waiting = false;
     ask();
   };
 
-  const written = (value, unit) => (value === null || value === undefined ? "not known" : `${Number(Math.abs(value) < 0.0005 ? 0 : value.toPrecision(3))} ${unit}`.trim());
+  const rounded = (value) => (Math.abs(value) < FINEST ? 0 : Number(value.toPrecision(3)));
+  const written = (value, unit) => (value === null ? "not known" : `${rounded(value)} ${unit}`.trim());
 
-  const row = ({ name, value, limit, unit, reply, reason }) => {
-    const line = document.createElement("tr"), earlier = before.get(name);
-    line.title = reason;
-    [name, written(value, unit), earlier === undefined ? "" : written(earlier, unit), limit === null ? "" : written(limit, unit), reply].forEach((text, k) => {
+  // Return the difference of two shown values; "": there is none to be shown.
+  const change = (value, earlier) => {
+    if (value === null || earlier === undefined || earlier === null) return "";
+    const step = rounded(rounded(value) - rounded(earlier));
+    return step ? `${step > 0 ? "+" : "\u2212"}${Math.abs(step)}` : "=";
+  };
+
+  // Return how far a figure is beyond its limit, negative: within it; null: not known, or there is no limit.
+  const beyond = ({ value, limit, lower }) => (value === null || limit === null ? null : lower ? limit - value : value - limit);
+
+  // Return whether a figure is worse or better than before: nearer to its limit or farther from it; "": neither, or not known.
+  const trend = (figure, earlier) => {
+    if (!earlier) return "";
+    if ((figure.value === null) !== (earlier.value === null)) return figure.value === null ? "no longer known" : "now known";
+    const [now, then] = [beyond(figure), beyond(earlier)];
+    if (now === null || then === null || !rounded(now - then)) return "";
+    return now > then ? "worse" : "better";
+  };
+
+  const row = (figure) => {
+    const { name, value, limit, unit, reply, reason } = figure, line = document.createElement("tr"), earlier = before.get(name);
+    const texts = [name, written(value, unit), earlier ? written(earlier.value, unit) : "", change(value, earlier?.value), limit === null ? "" : written(limit, unit), reply];
+    texts.forEach((text, k) => {
       const cell = line.insertCell();
       cell.textContent = text;
-      if (k > 0 && k < 4) cell.className = "num";
+      if (k > 0 && k < 5) cell.className = "num";
     });
-    if (earlier !== undefined && earlier !== value) line.cells[1].classList.add("changed");
+    const add = (cell, text, kind) => cell.append(Object.assign(document.createElement("small"), { textContent: text, className: kind }));
+    line.title = reason;
+    if (value === null || reply === "no limit") add(line.cells[0], reason, "note");
+    const mark = trend(figure, earlier);
+    add(line.cells[3], mark, mark);
     return line;
   };
 
+  report.follow = true; // connect again when the connection is lost
   report.on("scene", (message) => {
-    before = now;
-    now = new Map(message.figures.map(({ name, value }) => [name, value]));
+    const due = again && differing(message.values, values()).length > 0;
+    again = false;
+    if (due) { running = waiting = false; ask(); return; } // after a lost connection the run at the start comes first
+    const changed = chosen ? differing(chosen, message.values) : [];
+    if (!chosen || changed.length) {
+      before = now;
+      now = new Map(message.figures.map((figure) => [figure.name, figure]));
+      find("changes").textContent = changed.map(({ name, dataset }) => `${name}: ${chosen[name]} to ${message.values[name]} ${dataset.unit}`.trim()).join(", ");
+      chosen = message.values;
+    }
     find("figures").tBodies[0].replaceChildren(...message.figures.map(row));
-    done(asked ? `done in ${((performance.now() - asked) / 1000).toFixed(1)} s` : "");
-    find("play").click();
+    waiting ||= differing(chosen, values()).length > 0;
+    done(asked ? `done in ${((performance.now() - asked) / 1000).toFixed(1)} s` : "", false);
+    if (!matchMedia("(prefers-reduced-motion: reduce)").matches) find("play").click();
   });
-  report.on("refused", ({ text }) => done("refused: " + text));
+  report.on("refused", ({ text }) => done(`refused: ${text}. The figures below are those of the last run.`, true));
+  report.on("lost", () => {
+    running = again = true; // until the connection is there again, whose first message is a run
+    tell("The connection is lost. Trying again.", true);
+  });
   form.addEventListener("change", ask);
   form.addEventListener("input", label);
   form.addEventListener("reset", () => setTimeout(ask));
