@@ -32,6 +32,8 @@ const far = (robot, k) => box(robot).distanceToPoint(new THREE.Vector3().fromArr
 """Names for what the window draws: first joint position [rad], distance of an end of the line from a body [m]."""
 NEAR = 0.1
 """Largest distance of an end of the line from the shapes [m]: the supervisor's capsules are larger; project default."""
+RADII = 0.3
+"""Bound of the sum of the radii of two capsules, on whose axes the line ends [m]: an arm's link and a person's trunk."""
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +50,8 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
             made.wait("report.started === true && report.end > 4", 90.0)
             made.evaluate("document.getElementById('live').click()")
             yield made
-            assert made.problems == [] and made.requests == []
+            lost = "WebSocket connection"  # the run may end before the tests do
+            assert [text for text in made.problems if not text.startswith(lost)] == [] and made.requests == []
     finally:
         system.close()
 
@@ -106,11 +109,11 @@ def test_the_line_joins_arm_and_person(browser: Browser) -> None:
     assert visible and max(arm, person) < NEAR
 
 
-def test_the_line_is_as_long_as_the_distance_says(browser: Browser) -> None:
+def test_the_line_is_the_distance_and_two_radii(browser: Browser) -> None:
     end = browser.evaluate("report.end")
     text, ends = at(browser, end, "[document.getElementById('distance').textContent, [...ends]]")
     length = np.linalg.norm(np.subtract(ends[:3], ends[3:]))
-    assert float(text.split(" m")[0]) == pytest.approx(length, abs=2e-3)
+    assert 0.0 < length - float(text.split(" m")[0]) < RADII
 
 
 def test_the_line_is_drawn(browser: Browser) -> None:
