@@ -208,7 +208,7 @@ def test_steps_of_a_soft_controller_do_not_add_up_its_sag(page: Browser, system:
     name = "cartesian_impedance_controller"
     system.run("rosservice", "call", "/controller_manager/load_controller", name)
     for start in (name, "joint_pd_controller"):
-        label = f"[aria-label=\"start {start}\"]"
+        label = f'[aria-label="start {start}"]'
         page.wait(f"document.querySelector('{label}') !== null")
         page.evaluate(f"document.querySelector('{label}').click()")
         page.wait(f"document.querySelector('{label.replace('start ', 'stop ')}') !== null")

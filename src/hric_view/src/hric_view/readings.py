@@ -103,7 +103,7 @@ class LiveSetpoint(LiveState):
 
 
 class LivePace(LiveState):
-    """Robot time per wall time of a simulation, from hric_msgs/ClockPair; while it is slow, all LiveState wait longer."""
+    """Pace of a simulation, from hric_msgs/ClockPair; while it is below real time, all LiveState wait longer."""
 
     def __init__(self) -> None:
         super().__init__()
