@@ -71,6 +71,7 @@ def page(address: str, tmp_path: Path) -> Iterator[Browser]:
         click(browser, "take")
         browser.wait("!document.getElementById('commands').disabled")
         browser.wait("document.querySelector('#controllers li') !== null")
+        browser.wait(f"Number.isFinite({JOINT1})")
         yield browser
         assert browser.problems == [] and browser.requests == []
 
