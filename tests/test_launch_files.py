@@ -239,6 +239,12 @@ def test_sensors_need_a_run_that_is_paced() -> None:
         loaded("emg:=emulated", "real_time_factor:=0")
 
 
+@pytest.mark.parametrize("env", ["sim", "real"])
+def test_control_needs_the_window(env: str) -> None:
+    with pytest.raises(RLException, match="control:=true needs the window"):
+        loaded(f"env:={env}", "control:=true", "view:=false")
+
+
 def test_every_argument_reaches_the_robot() -> None:
     given = (
         "ns:=/left arm_id:=left_arm hand:=false damping:=0.5 rotor_inertia:=0.2 gui:=true record:=false "

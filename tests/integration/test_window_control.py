@@ -1,6 +1,7 @@
 """Control of a running simulation from the window in a browser."""
 
 import json
+import math
 import re
 import time
 from collections.abc import Iterator
@@ -27,6 +28,19 @@ const at = new THREE.Box3().setFromObject(mesh).getCenter(new THREE.Vector3()).p
 return [canvas.left + (canvas.width * (at.x + 1)) / 2, canvas.top + (canvas.height * (1 - at.y)) / 2];
 """
 """Returns a place of the screen at which the forearm is drawn."""
+HEIGHT = (
+    "(report.replay.scene.updateMatrixWorld(true), "
+    "report.replay.robots[0].links.get('panda_hand').getWorldPosition(new THREE.Vector3()).z)"
+)
+"""Height of the hand [m]."""
+ON_THE_HANDLE = """
+const canvas = document.querySelector("#view canvas").getBoundingClientRect(), { scene, camera } = report.replay;
+let arrow = null;
+scene.traverse((object) => { if (object.userData.axis === 2 && !object.userData.turns) arrow = object; });
+return [0.7, 1.2].map((length) => arrow.localToWorld(new THREE.Vector3(0, length, 0)).project(camera)).map(
+  (at) => [canvas.left + (canvas.width * (at.x + 1)) / 2, canvas.top + (canvas.height * (1 - at.y)) / 2]);
+"""
+"""Returns two places of the screen on the arrow of the end effector's z axis, which points downwards."""
 BAD = ["", "[]", "{", '{"command":"rm"}', '{"command":"pause","x":1}', "NaN", '{"command":"step","cycles":1e9}x', b"\0"]
 
 
@@ -57,6 +71,7 @@ def page(address: str, tmp_path: Path) -> Iterator[Browser]:
         click(browser, "take")
         browser.wait("!document.getElementById('commands').disabled")
         browser.wait("document.querySelector('#controllers li') !== null")
+        browser.wait(f"Number.isFinite({JOINT1})")
         yield browser
         assert browser.problems == [] and browser.requests == []
 
@@ -104,14 +119,10 @@ def test_a_slider_moves_the_arm(page: Browser) -> None:
 
 
 def test_a_button_moves_the_end_effector_upwards(page: Browser) -> None:
-    height = (
-        "(report.replay.scene.updateMatrixWorld(true), "
-        "report.replay.robots[0].links.get('panda_hand').getWorldPosition(new THREE.Vector3()).z)"
-    )
-    before = page.evaluate(height)
+    before = page.evaluate(HEIGHT)
     page.evaluate("document.querySelector('[aria-label=\"end effector plus z\"]').id = 'up'")
     click(page, "up")
-    page.wait(f"Math.abs({height} - {before} - 0.02) < 0.004", 30.0)
+    page.wait(f"Math.abs({HEIGHT} - {before} - 0.02) < 0.004", 30.0)
 
 
 def test_time_stands_still_until_it_is_stepped(page: Browser) -> None:
@@ -149,6 +160,85 @@ def test_a_pull_with_the_mouse_pushes_the_link(page: Browser) -> None:
 def mouse(browser: Browser, kind: str, x: float, y: float) -> None:
     pressed = 0 if kind == "mouseReleased" else 1
     browser.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", buttons=pressed, clickCount=1)
+
+
+def test_the_speed_of_the_running_simulation_is_changed(page: Browser) -> None:
+    achieved = "Number(document.getElementById('pace-now').textContent.split(' ').at(-4))"
+    for factor in (0.25, 1):
+        page.evaluate(
+            f"(() => {{ const list = document.getElementById('pace'); list.value = '{factor}'; "
+            "list.dispatchEvent(new Event('change')); })()"
+        )
+        page.wait(f"document.getElementById('pace-now').textContent.startsWith('{factor} x')")
+        page.wait(f"Math.abs({achieved} - {factor}) < 0.1", 30.0)
+        assert page.evaluate("document.getElementById('pace').value") == str(factor)
+
+
+def drag_upwards(page: Browser, pixels: int) -> None:
+    """Press on the arrow of the end effector's z axis, and pull against its direction."""
+    page.evaluate("document.getElementById('view').scrollIntoView()")
+    page.wait("document.getElementById('link').textContent === ''")
+    (x, y), (x_tip, y_tip) = page.evaluate(f"(() => {{ {ON_THE_HANDLE} }})()")
+    far = math.hypot(x_tip - x, y_tip - y)
+    mouse(page, "mousePressed", x, y)
+    for step in range(1, pixels + 1, 3):
+        mouse(page, "mouseMoved", x - step * (x_tip - x) / far, y - step * (y_tip - y) / far)
+
+
+def test_the_handle_drags_the_end_effector_until_control_is_lost(page: Browser) -> None:
+    page.evaluate("document.getElementById('dragging').click()")
+    page.evaluate("report.jogs = 0")
+    page.evaluate(
+        "(() => { const send = report.send; report.send = (message) => "
+        "{ report.jogs += message.command === 'jog'; return send(message); }; })()"
+    )
+    before = page.evaluate(HEIGHT)
+    drag_upwards(page, 12)
+    page.wait(f"{HEIGHT} - {before} > 0.01", 30.0)
+    mouse(page, "mouseReleased", 10, 10)
+    drag_upwards(page, 120)
+    page.evaluate("document.getElementById('take').click()")
+    page.wait("document.getElementById('commands').disabled")
+    sent = page.evaluate("report.jogs")
+    time.sleep(0.5)
+    assert 0 < page.evaluate("report.jogs") == sent
+    mouse(page, "mouseReleased", 10, 10)
+
+
+def test_steps_of_a_soft_controller_do_not_add_up_its_sag(page: Browser, system: LiveSystem) -> None:
+    name = "cartesian_impedance_controller"
+    system.run("rosservice", "call", "/controller_manager/load_controller", name)
+    for start in (name, "joint_pd_controller"):
+        label = f'[aria-label="start {start}"]'
+        page.wait(f"document.querySelector('{label}') !== null")
+        page.evaluate(f"document.querySelector('{label}').click()")
+        page.wait(f"document.querySelector('{label.replace('start ', 'stop ')}') !== null")
+        if start == name:
+            move_sagging_arm(page, system)
+
+
+def move_sagging_arm(page: Browser, system: LiveSystem) -> None:
+    """Move an arm sidewards that is pulled down; check its height."""
+    settled = (
+        "(() => { const now = " + HEIGHT + ", before = report.before; report.before = now; "
+        "return Math.abs(now - before) < 2e-4; })()"
+    )
+    start = page.evaluate(HEIGHT)
+    pull = "{body_name: panda_link7, wrench: {force: {z: -10}}, duration: {secs: -1}}"
+    system.run("rosservice", "call", "/sim/apply_body_wrench", pull)
+    page.wait(f"{start} - {HEIGHT} > 0.02", 30.0)
+    heights = []
+    for _ in range(6):
+        page.evaluate("document.querySelector('[aria-label=\"end effector plus y\"]').click()")
+        time.sleep(1.0)
+        page.wait(settled, 30.0)
+        heights.append(page.evaluate(HEIGHT))
+    system.run("rosservice", "call", "/sim/clear_body_wrenches", "body_name: ''")
+    assert heights[-1] == pytest.approx(heights[0], abs=0.3 * (start - heights[0]))
+
+
+def test_only_controls_of_what_there_is_are_shown(page: Browser) -> None:
+    page.wait("!document.querySelector('.of-gripper').hidden && !document.querySelector('.of-franka').hidden")
 
 
 def test_a_second_viewer_sees_and_is_refused(page: Browser, address: str) -> None:

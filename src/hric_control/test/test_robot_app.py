@@ -239,6 +239,22 @@ def test_diagnostics_tell_the_loop_and_what_was_limited(run):
     assert status.message().status[1].level == DiagnosticStatus.OK  # nothing since the last one
 
 
+def test_a_new_pace_is_not_called_too_slow_at_once(run):
+    one = run({"real_time_factor": 1.0})
+    loop = one.app.loop
+    status, texts = Diagnostics(one.node, "toy", loop, None), []
+
+    def change(time):
+        if not texts:
+            for factor in (1.0, 100.0, 100.0, 100.0):
+                loop.real_time_factor = factor
+                texts.append(status.message().status[0].message)
+
+    loop.after_cycle.append(change)
+    one.app.run(0.01)
+    assert texts[1:3] == ["running", "running"] and texts[3].startswith("too slow")
+
+
 @pytest.mark.parametrize("value", [-1.0, "long", True, float("nan")])
 def test_a_wait_for_a_listener_that_is_no_time_is_refused(value):
     with pytest.raises(

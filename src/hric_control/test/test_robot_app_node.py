@@ -2,8 +2,10 @@
 
 import contextlib
 import importlib
+import itertools
 import os
 import signal
+import statistics
 import subprocess
 import sys
 import time
@@ -193,6 +195,25 @@ def test_pairs_tell_drivers_the_time_of_the_run_also_while_it_stands(start):
         begin = len(pairs)
         wait(lambda: len(pairs) > begin + 10)
         assert len({message.run_time.to_nsec() for _, message in pairs[begin:]}) == 1
+
+
+def test_a_new_pace_reaches_drivers_without_a_jump(start):
+    from hric_msgs.msg import ClockPair
+    from hric_msgs.srv import SetRealTimeFactor
+
+    with listening("/toy/hric/clock", ClockPair) as pairs:
+        start("_real_time_factor:=0.5")
+        wait(lambda: len(pairs) > 20)
+        assert caller("/toy/sim/set_real_time_factor", SetRealTimeFactor)(2.0).success
+        wait(lambda: [message for _, message in pairs if message.real_time_factor == 2.0][60:])
+        messages = [message for _, message in pairs]
+    slopes = [
+        (b.run_time - a.run_time).to_sec() / (1e-9 * (b.monotonic - a.monotonic))
+        for a, b in itertools.pairwise(messages)
+        if b.monotonic > a.monotonic
+    ]
+    assert all(message.scheduled for message in messages) and min(slopes) >= 0.0 and max(slopes) <= 2.0 + 1e-6
+    assert statistics.median(slopes[-30:]) == pytest.approx(2.0, rel=0.1)
 
 
 def test_an_unpaced_robot_says_so_to_drivers(start):

@@ -27,7 +27,7 @@ from hric_core.local.node import LocalNode
 from hric_core.robot_time import stamps
 from hric_core.scoped_node import ScopedNode
 from hric_msgs.msg import JointReactions
-from hric_msgs.srv import StepSimulationRequest
+from hric_msgs.srv import SetRealTimeFactorRequest, StepSimulationRequest
 
 sys.path.append(str(Path(__file__).parent))
 toy = importlib.import_module("double_integrator_robot")
@@ -62,6 +62,27 @@ def cycles(hw, n):
 
     hw.run(on_cycle)
     return resets
+
+
+def test_the_pace_of_a_paced_run_is_changed(node, robot):
+    robot.loop.real_time_factor = 1.0
+    answer = node.call("sim/set_real_time_factor", SetRealTimeFactorRequest(0.25))
+    assert (answer.success, answer.status_message) == (True, "0.25 s of robot time per second")
+    assert robot.loop.real_time_factor == robot.loop.pace.factor == 0.25
+
+
+@pytest.mark.parametrize("factor", [0.0, -1.0, 1000.0, math.nan, math.inf])
+def test_an_impossible_pace_is_refused_with_the_range(node, robot, factor):
+    robot.loop.real_time_factor = 1.0
+    answer = node.call("sim/set_real_time_factor", SetRealTimeFactorRequest(factor))
+    assert not answer.success and "0.01 to 100" in answer.status_message
+    assert robot.loop.real_time_factor == 1.0
+
+
+def test_a_run_that_is_not_paced_stays_so(node, robot):
+    answer = node.call("sim/set_real_time_factor", SetRealTimeFactorRequest(0.5))
+    assert not answer.success and "this run is not paced" in answer.status_message
+    assert robot.loop.real_time_factor == 0.0
 
 
 def configure(node, names, positions, model=""):

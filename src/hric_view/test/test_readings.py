@@ -8,8 +8,10 @@ from sensor_msgs.msg import JointState
 
 from control_msgs.msg import JointTrajectoryControllerState
 from hric_control.limits import JointLimits
-from hric_msgs.msg import SafetyState, SampleChunk
-from hric_view.readings import LiveEmg, LiveLimits, LiveSafety, LiveSetpoint
+from hric_core.robot_time import stamps
+from hric_msgs.msg import ClockPair, SafetyState, SampleChunk
+from hric_view.parts import LOST, LiveState
+from hric_view.readings import PACE_PERIOD, LiveEmg, LiveLimits, LivePace, LiveSafety, LiveSetpoint
 
 LIMITS = {name: JointLimits(name, lower=-1.0, upper=2.0, velocity=2.0, effort=10.0) for name in ("one", "two")}
 
@@ -52,6 +54,29 @@ def test_joints_without_a_setpoint_are_unknown() -> None:
     assert setpoint.frame() == {}
     message.desired.positions = [0.5]
     assert setpoint.frame() == {"setpoint": [0.5, None]}
+
+
+@pytest.fixture
+def pace(monkeypatch: pytest.MonkeyPatch) -> LivePace:
+    monkeypatch.setattr(LiveState, "patience", LOST)
+    return LivePace()
+
+
+def pair(wall: float, run: float, factor: float, scheduled: bool = True) -> ClockPair:
+    return ClockPair(round(1e9 * wall), stamps.to_time(run), factor, scheduled)
+
+
+@pytest.mark.parametrize(("later", "achieved"), [(1.0, 0.2), (5.0, None)])
+def test_requested_and_achieved_pace_are_told(pace: LivePace, later: float, achieved: float | None) -> None:
+    pace.push(pair(10.0, 1.0, 0.25))
+    pace.push(pair(10.0 + later * PACE_PERIOD, 1.0 + 0.2 * later * PACE_PERIOD, 0.25))
+    assert pace.frame() == {"pace": {"requested": 0.25, "achieved": achieved}}
+    assert LiveSafety().patience == 4.0 * LOST
+
+
+def test_a_real_arm_has_no_pace_of_a_simulation(pace: LivePace) -> None:
+    pace.push(pair(10.0, 1.0, 1.0, scheduled=False))
+    assert pace.frame() == {"pace": None}
 
 
 def test_a_decision_without_a_distance_says_so() -> None:

@@ -1,6 +1,7 @@
 """Diagnostics of the robot process, published as diagnostic_msgs once per second of wall time (REP 107)."""
 
 import threading
+from collections import deque
 from collections.abc import Callable
 from typing import Any
 
@@ -42,6 +43,7 @@ class Diagnostics:
         self._end = threading.Event()
         self._thread: threading.Thread | None = None
         self._missed = self._touched = self._lost = 0
+        self._requested = deque[float](maxlen=3)  # statistics of the last full second belong to one pace from then on
 
     def start(self) -> None:
         """Start publishing."""
@@ -83,12 +85,13 @@ class Diagnostics:
     def _loop_status(self, loop: SimLoop) -> Any:
         stats, requested = loop.stats, loop.real_time_factor
         missed, self._missed = stats.missed_deadlines - self._missed, stats.missed_deadlines
+        self._requested.append(requested)
         level, text = DiagnosticStatus.OK, "running"
         if not loop.running:
             text = "not running"
         elif loop.paused:
             text = "paused"
-        elif requested and stats.rtf < SLOW * requested:
+        elif requested and len(set(self._requested)) == 1 and stats.rtf < SLOW * requested:
             level, text = DiagnosticStatus.WARN, f"too slow: real-time factor {stats.rtf:.3f} of {requested:g}"
         held, silent = ({}, []) if self._gate is None else (self._gate.held.copy(), self._gate.silent())
         if silent:

@@ -41,6 +41,9 @@ class Actions(Protocol):
     def reset(self) -> None:
         """Reset the simulation to its start."""
 
+    def set_pace(self, factor: float) -> None:
+        """Change the robot time per wall time of the simulation."""
+
     def switch(self, start: str, stop: Sequence[str]) -> None:
         """Stop controllers and start one; start: "": none."""
 
@@ -84,6 +87,7 @@ class Controls:
             "reset": lambda message: actions.reset(),
             "recover": lambda message: actions.recover(),
             "step": lambda message: actions.step(_whole(message, "cycles", MAX_STEP)),
+            "pace": lambda message: actions.set_pace(_number(message, "factor")),
             "grip": lambda message: actions.grip(_number(message, "width", 0.0, MAX_WIDTH)),
             "switch": self._switch,
             "joints": self._joints,
@@ -92,6 +96,7 @@ class Controls:
         }
         self._keys = {
             "step": {"cycles"},
+            "pace": {"factor"},
             "grip": {"width"},
             "switch": {"start", "stop"},
             "joints": {"positions"},

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import rospy
 from actionlib_msgs.msg import GoalID
-from geometry_msgs.msg import Point, PoseStamped, Vector3, Wrench
+from geometry_msgs.msg import Point, Vector3, Wrench
 from scipy.spatial.transform import Rotation
 from std_msgs.msg import Float64MultiArray, Header
 from std_srvs.srv import Empty
@@ -20,11 +20,11 @@ from franka_msgs.msg import ErrorRecoveryActionGoal, FrankaState
 from gazebo_msgs.srv import ApplyBodyWrench
 from hric_control.manager.client import ManagerClient
 from hric_core.errors import FailureError, HricError
-from hric_core.geometry import FloatArray, quaternion_from_rotation
+from hric_core.geometry import FloatArray, pose_of_transform, stamped
 from hric_core.ros import RosNode
 from hric_core.urdf import Robot, read
 from hric_dynamics.tree import Tree
-from hric_msgs.srv import StepSimulation
+from hric_msgs.srv import SetRealTimeFactor, StepSimulation
 from hric_view.control import PERIOD, Controls
 from hric_view.live import LiveJoints
 
@@ -36,6 +36,10 @@ SPEED = 0.5
 """Joint speed of trajectories that the window sends [rad/s]; project default."""
 DAMPING = 0.05
 """Damping of the inverse of the Jacobian [m or rad per rad], which keeps steps short near singular poses."""
+BEHIND = (0.2, 0.8)
+"""Largest difference of measured and commanded pose of the end effector [m], [rad]; project default.
+
+It covers the sag of a soft controller, and bounds the force with which the arm presses against an obstacle."""
 GRIP_SPEED = 0.1
 """Speed of the fingers [m/s]."""
 PD, CARTESIAN = "hric_controllers/JointPDController", "hric_controllers/CartesianImpedanceController"
@@ -65,14 +69,17 @@ class SystemActions:
         self._manager = ManagerClient(root.namespace)
         self._lock = threading.Lock()
         self._controllers: list[Any] = []
+        self._topics: frozenset[str] = frozenset()
         self._state: Any = None
         self._seen, self._stood, self._pushed = 0.0, False, 0.0
         self._simulated = root.has_param("/use_sim_time") and bool(root.param("/use_sim_time"))
         self._gripper = root.advertise("franka_gripper/move/goal", MoveActionGoal)
         self._recovery = root.advertise("franka_control/error_recovery/goal", ErrorRecoveryActionGoal)
         self._publishers: dict[str, Any] = {}
-        self._commanded: tuple[str, dict[str, float]] = ("", {})
-        """Controller that got the last positions of the window, and these: a joint that sags keeps its setpoint."""
+        self._commanded: tuple[str, Any] = ("", None)
+        """Controller of the last motion, and what the window commanded: positions by joint, or T_base_ee.
+
+        An arm that sags keeps its setpoint."""
         root.subscribe("franka_state_controller/franka_states", FrankaState, self._note, queue_size=1)
 
     def watch(self, stop: threading.Event, needed: Callable[[], bool]) -> None:
@@ -86,18 +93,21 @@ class SystemActions:
         stood, self._seen = now == self._seen, now
         try:
             controllers = list(self._wait(self._manager.list))
-        except HricError:
-            controllers = []  # nothing can be switched; the page shows that
+            topics = frozenset(name for name, _ in self._wait(rospy.get_published_topics))
+        except (HricError, rospy.ROSException, OSError):
+            controllers, topics = [], frozenset()  # nothing can be commanded; the page shows that
         with self._lock:
-            self._controllers, self._stood = controllers, stood
+            self._controllers, self._topics, self._stood = controllers, topics, stood
 
     def summary(self) -> dict[str, object]:
         """Return what can be commanded at present, for the page."""
         with self._lock:
-            state, controllers = self._state, self._controllers
+            state, controllers, topics = self._state, self._controllers, self._topics
             return {
                 "simulated": self._simulated,
                 "stands": self._stood,
+                "gripper": self._root.resolve("franka_gripper/move/result") in topics,
+                "recovery": self._root.resolve("franka_control/error_recovery/result") in topics,
                 "mode": "not known" if state is None else MODES.get(state.robot_mode, "not known"),
                 "controllers": [
                     {"name": one.name, "state": one.state, "moves": bool(_resources(one))} for one in controllers
@@ -106,7 +116,7 @@ class SystemActions:
 
     def begin(self) -> None:
         """Forget what was commanded: another program may have moved the arm since; see control.Actions."""
-        self._commanded = "", {}
+        self._commanded = "", None
 
     def pause(self) -> None:
         """See control.Actions."""
@@ -120,15 +130,19 @@ class SystemActions:
         """See control.Actions."""
         _demand(self._call("sim/step", StepSimulation, cycles))
 
+    def set_pace(self, factor: float) -> None:
+        """See control.Actions."""
+        _demand(self._call("sim/set_real_time_factor", SetRealTimeFactor, factor))
+
     def reset(self) -> None:
         """See control.Actions."""
         self._call("sim/reset_simulation", Empty)
-        self._commanded = "", {}
+        self._commanded = "", None
 
     def switch(self, start: str, stop: Sequence[str]) -> None:
         """See control.Actions."""
         self._wait(lambda: self._manager.switch([start] if start else [], stop))
-        self._commanded = "", {}
+        self._commanded = "", None
 
     def move_joints(self, positions: Mapping[str, float]) -> None:
         """See control.Actions."""
@@ -145,7 +159,8 @@ class SystemActions:
                 )
             message: Any = Float64MultiArray(data=target)
         elif TRAJECTORIES in one.type:
-            far = max(abs(value - present.get(name, value)) for name, value in zip(names, target, strict=True))
+            now = self._present()
+            far = max(abs(value - now.get(name, value)) for name, value in zip(names, target, strict=True))
             point = JointTrajectoryPoint(positions=target, time_from_start=rospy.Duration(max(far / SPEED, 0.5)))
             message = JointTrajectory(joint_names=names, points=[point])
         else:
@@ -161,12 +176,27 @@ class SystemActions:
             raise HricError("the pose of the end effector is not known: no FrankaState has been received")
         one, T_base_ee = self._mover(), np.reshape(state.O_T_EE, (4, 4)).T
         if one.type == CARTESIAN:
-            return self._publish(f"{one.name}/equilibrium_pose", _moved(T_base_ee, displacement))
+            return self._lead(one.name, T_base_ee, displacement)
         present = self._setpoint(one.name)
         q = [present.get(name, 0.0) for name in self._tree.joints]
         J = self._tree.jacobian(q, self._tip, T_base_ee[:3, 3].tolist())
         dq = J.T @ np.linalg.solve(J @ J.T + DAMPING**2 * np.eye(6), np.asarray(displacement))
         self.move_joints({name: float(value + d) for name, value, d in zip(self._tree.joints, q, dq, strict=True)})
+
+    def _lead(self, controller: str, T_base_ee: FloatArray, displacement: Sequence[float]) -> None:
+        """Move the commanded pose of a Cartesian controller; the first one begins at the measured pose."""
+        target = _moved(self._commanded[1] if self._commanded[0] == controller else T_base_ee, displacement)
+        R = target[:3, :3] @ T_base_ee[:3, :3].T
+        behind = np.linalg.norm(target[:3, 3] - T_base_ee[:3, 3]), Rotation.from_matrix(R).magnitude()
+        if behind[0] > BEHIND[0] or behind[1] > BEHIND[1]:
+            self._commanded = "", None
+            raise HricError(
+                f"the end effector does not follow: it would be {behind[0]:.2f} m and {behind[1]:.2f} rad from its "
+                f"commanded pose; valid: up to {BEHIND[0]} m and {BEHIND[1]} rad. The next step begins where it is"
+            )
+        pose = stamped.pose_stamped(stamped.header(rospy.Time.now(), ""), pose_of_transform(target))
+        self._publish(f"{controller}/equilibrium_pose", pose)
+        self._commanded = controller, target
 
     def push(self, link: str, point: Sequence[float], force: Sequence[float]) -> None:
         """Push from the end of the last push on, so that two never add up; see control.Actions."""
@@ -192,7 +222,7 @@ class SystemActions:
         with self._lock:
             self._state = message
         if message.robot_mode != FrankaState.ROBOT_MODE_MOVE:
-            self._commanded = "", {}  # after a reflex or a user stop the arm may be elsewhere
+            self._commanded = "", None  # after a reflex or a user stop the arm may be elsewhere
 
     def _setpoint(self, controller: str) -> dict[str, float]:
         """Return what the window has commanded the controller; before that, the present positions."""
@@ -283,15 +313,12 @@ def _resources(controller: Any) -> list[str]:
     return [name for claimed in controller.claimed_resources for name in claimed.resources]
 
 
-def _moved(T_base_ee: FloatArray, displacement: Sequence[float]) -> PoseStamped:
+def _moved(T_base_ee: FloatArray, displacement: Sequence[float]) -> FloatArray:
     """Return a pose after a displacement: translation [m], rotation vector [rad], both in the axes of the base."""
-    pose = PoseStamped(header=Header(stamp=rospy.Time.now()))
-    position = pose.pose.position
-    position.x, position.y, position.z = T_base_ee[:3, 3] + np.asarray(displacement[:3])
-    R = Rotation.from_rotvec(displacement[3:]).as_matrix() @ T_base_ee[:3, :3]
-    quaternion = pose.pose.orientation
-    quaternion.x, quaternion.y, quaternion.z, quaternion.w = quaternion_from_rotation(R)
-    return pose
+    T = T_base_ee.copy()
+    T[:3, 3] += np.asarray(displacement[:3])
+    T[:3, :3] = Rotation.from_rotvec(displacement[3:]).as_matrix() @ T_base_ee[:3, :3]
+    return T
 
 
 def _goal_id() -> GoalID:

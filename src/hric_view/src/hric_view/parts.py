@@ -22,7 +22,7 @@ from hric_report.html.scene import SceneLines
 from hric_view.live import DIGITS
 
 LOST = 0.25
-"""Age from which a message no longer counts [s of wall time], as in the replay; project default."""
+"""Age from which a message no longer counts [s of wall time, at real time or faster]; project default."""
 FORCE_DIGITS = 2
 """Decimals of forces [N] and of activations and shares [1]."""
 PLATE_FRAME = "force_plate_"
@@ -30,7 +30,13 @@ PLATE_FRAME = "force_plate_"
 
 
 class LiveState:
-    """Newest message of a topic, until it is old; thread-safe."""
+    """Newest message of a topic, until it is old; thread-safe.
+
+    Attributes:
+        patience: age from which a message is old [s of wall time]; longer while a simulation is slower than real time.
+    """
+
+    patience = LOST
 
     def __init__(self) -> None:
         self._newest: tuple[float, Any] = (-math.inf, None)
@@ -40,9 +46,9 @@ class LiveState:
         self._newest = (time.monotonic(), message)
 
     def get(self) -> Any:
-        """Return the newest message; None if it is older than LOST."""
+        """Return the newest message; None if it is old."""
         received, message = self._newest
-        return message if time.monotonic() - received < LOST else None
+        return message if time.monotonic() - received < self.patience else None
 
     def scene(self) -> dict[str, object]:
         """Return nothing: what is held is in the frames alone."""

@@ -1,17 +1,21 @@
 """Readings beside the scene: efforts, limits that are near, EMG, setpoint, and the supervisor's decision. No node."""
 
 import math
+import time
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 from hric_control.limits import JointLimits
 from hric_perception.view.decimation import MeanChunk, NewestJoints
 from hric_perception.view.limit_markers import of_joint
 from hric_view.live import DIGITS
-from hric_view.parts import FORCE_DIGITS, LiveState
+from hric_view.parts import FORCE_DIGITS, LOST, LiveState
 
 SETPOINTS = ("joint_pd_controller", "effort_joint_trajectory_controller", "position_joint_trajectory_controller")
 """Controllers whose topic `state` has the commanded joint positions."""
 
+PACE_PERIOD = 0.5
+"""Time over which the pace of a simulation is measured, and after which viewers learn it again [s of wall time]."""
 VALUES, UNKNOWN = ("position", "velocity", "effort"), (math.nan, math.nan, math.nan)
 """State of a joint: names of its values, and the values of a joint that is silent."""
 
@@ -96,6 +100,35 @@ class LiveSetpoint(LiveState):
         desired = dict(zip(message.joint_names, message.desired.positions, strict=False))
         positions = [known(desired.get(name, math.nan), DIGITS) for name in self._names]
         return {} if set(positions) == {None} else {"setpoint": positions}
+
+
+class LivePace(LiveState):
+    """Pace of a simulation, from hric_msgs/ClockPair; while it is below real time, all LiveState wait longer."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._since, self._reported = (-math.inf, 0.0), -math.inf
+        self._achieved: float | None = None
+
+    def push(self, message: Any) -> None:
+        """Store a pair of the robot's time and that of its machine; a real arm, whose pace is its own, is left out."""
+        if not message.scheduled and message.real_time_factor:
+            return
+        super().push(message)
+        LiveState.patience = LOST / min(message.real_time_factor or 1.0, 1.0)
+        at, run = 1e-9 * message.monotonic, message.run_time.to_sec()
+        if (passed := at - self._since[0]) >= PACE_PERIOD:
+            self._achieved = round((run - self._since[1]) / passed, 2) if passed < 2.0 * PACE_PERIOD else None
+            self._since = at, run
+
+    def frame(self) -> dict[str, object]:
+        """Return requested pace, 0: as fast as possible, and achieved one, null: not known, every PACE_PERIOD."""
+        now, message = time.monotonic(), self.get()
+        if now - self._reported < PACE_PERIOD:
+            return {}
+        self._reported = now
+        known = message and {"requested": message.real_time_factor, "achieved": self._achieved}
+        return {"pace": known}
 
 
 class LiveSafety(LiveState):

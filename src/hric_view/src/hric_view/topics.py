@@ -15,6 +15,7 @@ from hric_core.node import Node
 from hric_core.urdf import read
 from hric_human.participant.settings import HUMAN
 from hric_msgs.msg import (
+    ClockPair,
     HumanGrip,
     JointTorque,
     MocapData,
@@ -26,7 +27,7 @@ from hric_msgs.msg import (
 from hric_report.html.scene import SceneRobot
 from hric_view.page import Part
 from hric_view.parts import LiveHand, LiveMocap, LiveMuscles, LivePlates, LiveStatics, LiveTouches
-from hric_view.readings import SETPOINTS, LiveEmg, LiveLimits, LiveSafety, LiveSetpoint
+from hric_view.readings import SETPOINTS, LiveEmg, LiveLimits, LivePace, LiveSafety, LiveSetpoint
 from hric_view.verdict import LiveVerdict
 
 PERSON = {
@@ -51,6 +52,7 @@ def of_arm(root: Node, arm: SceneRobot, rate: float) -> list[Part]:
     hand = LiveHand(next((name for name in tree.links if name.endswith("_link0")), tree.root))
     statics = LiveStatics(list(tree.links), lambda plate: _add_plate(root, plates, plate))
     mocap, plates, emg, safety = LiveMocap(statics), LivePlates(statics), LiveEmg(rate), LiveSafety()
+    pace = LivePace()
     limits = {joint.name: joint for joint in load_limits(arm.description, root, _turning(arm))}
     efforts, setpoint = LiveLimits(arm.joint_names, limits), LiveSetpoint(arm.joint_names)
     root.subscribe("franka_state_controller/franka_states", FrankaState, hand.push, queue_size=1)
@@ -59,9 +61,10 @@ def of_arm(root: Node, arm: SceneRobot, rate: float) -> list[Part]:
     root.subscribe("joint_states", JointState, efforts.push, queue_size=10)
     root.subscribe("hric/perception/emg/envelope", SampleChunk, emg.push, queue_size=100)
     root.subscribe("hric/safety/state", SafetyState, safety.push, queue_size=1)
+    root.subscribe("hric/clock", ClockPair, pace.push, queue_size=1)
     for name in SETPOINTS:
         root.subscribe(f"{name}/state", JointTrajectoryControllerState, setpoint.push, queue_size=1)
-    return [hand, mocap, plates, efforts, setpoint, emg, safety]
+    return [hand, mocap, plates, efforts, setpoint, emg, safety, pace]
 
 
 def of_person(root: Node, person: SceneRobot) -> list[Part]:

@@ -12,6 +12,7 @@ from gazebo_msgs.srv import ApplyBodyWrench, BodyRequest, DeleteModel, GetLinkSt
 from hric_control.limits import JointLimits, load_limits
 from hric_control.plant import FloatArray
 from hric_control.robot_hw import RobotHW
+from hric_control.sim.sim_loop import LIVE_FACTOR
 from hric_control.sim.simulated_robot import SimulatedRobot
 from hric_control.sim.topics import SimTopics
 from hric_core.errors import CommandError, HricError, check_known
@@ -19,7 +20,7 @@ from hric_core.geometry import messages, pose_of_transform, stamped
 from hric_core.geometry.transforms import inverse
 from hric_core.node import Node
 from hric_core.urdf import read
-from hric_msgs.srv import StepSimulation
+from hric_msgs.srv import SetRealTimeFactor, StepSimulation
 
 WORLD = ("", "world", "map")
 """Accepted names of the world frame, as in Gazebo."""
@@ -53,6 +54,7 @@ class SimServices:
         }
         responding: dict[str, tuple[Any, Callable[[Any, Any], str]]] = {
             "step": (StepSimulation, self._step),
+            "set_real_time_factor": (SetRealTimeFactor, self._in_loop(self._set_factor)),
             "set_model_configuration": (SetModelConfiguration, self._in_loop(self._configure)),
             "apply_body_wrench": (ApplyBodyWrench, self._in_loop(self._wrench)),
             "spawn_urdf_model": (SpawnModel, self._in_loop(self._spawn)),
@@ -79,6 +81,15 @@ class SimServices:
             response.time = self._loop.time
             raise
         return f"{request.steps} cycles done"
+
+    def _set_factor(self, request: Any, _: Any) -> str:
+        factor = LIVE_FACTOR.checked(request.real_time_factor, LIVE_FACTOR.name)
+        if not self._loop.real_time_factor:
+            raise CommandError(
+                "this run is not paced, and stays as fast as possible; valid: a start with real_time_factor above 0"
+            )
+        self._loop.real_time_factor = factor
+        return f"{factor:g} s of robot time per second"
 
     def _configure(self, request: Any, _: Any) -> str:
         check_known("model with joints", [request.model_name or self._robot], [self._robot])

@@ -36,6 +36,8 @@ REAL_TIME_FACTOR: Any = number(
     unit="robot time per wall time",
     text="pace of a simulated robot; 0: as fast as possible",
 )
+LIVE_FACTOR: Any = number(minimum=0.01, maximum=100.0, name="real_time_factor", unit="robot time per wall time")
+"""Pace to which a running simulation can be set; project default, unconfirmed."""
 NAP = 10_000_000
 """Longest sleep of the loop at a time [ns], after which it announces its schedule and checks for stop and pause."""
 HELD_NAP = 0.002

@@ -55,6 +55,12 @@
     })));
   };
 
+  // An unpaced simulation stays so; a pace that is none of the choices leaves the list blank.
+  const showPace = (requested) => {
+    find("pace").disabled = !requested;
+    if (document.activeElement !== find("pace")) find("pace").value = String(requested);
+  };
+
   const showControllers = (controllers) => {
     const text = JSON.stringify(controllers);
     if (text === listed) return; // do not take the focus from a button
@@ -132,12 +138,13 @@
 
   report.on("frame", (frame) => {
     followArm(frame);
+    if (frame.pace !== undefined) showPace(frame.pace?.requested);
     if (!frame.control) return;
-    const { holder, mode, stands, simulated, controllers } = frame.control;
+    const { holder, mode, stands, simulated, controllers, gripper, recovery } = frame.control;
     find("holder").textContent = holder ? `${holder} controls.` : "Nobody controls.";
     find("mode").textContent = mode;
     find("stands").textContent = stands ? ", time stands still" : "";
-    document.querySelectorAll(".of-sim").forEach((element) => { element.hidden = !simulated; });
+    for (const [kind, shown] of [[".of-sim", simulated], [".of-gripper", gripper], [".of-franka", recovery]]) document.querySelectorAll(kind).forEach((element) => { element.hidden = !shown; });
     showControllers(controllers);
   });
 
@@ -163,6 +170,7 @@
   find("proceed").addEventListener("click", () => send("proceed"));
   find("step").addEventListener("click", () => send("step", { cycles: Math.round(Number(find("cycles").value)) }));
   find("reset").addEventListener("click", () => send("reset"));
+  find("pace").addEventListener("change", () => { send("pace", { factor: Number(find("pace").value) }); find("pace").blur(); });
   find("recover").addEventListener("click", () => send("recover"));
   find("width").addEventListener("input", () => { find("width-text").textContent = (1000 * Number(find("width").value)).toFixed(0) + " mm"; });
   find("width").addEventListener("change", () => send("grip", { width: Number(find("width").value) }));

@@ -111,5 +111,14 @@
     if (ghost.root.visible) ghost.pose(t);
   });
 
+  report.on("frame", ({ pace }) => {
+    if (pace === undefined) return;
+    if (pace) document.querySelectorAll(".of-pace").forEach((element) => { element.hidden = false; }); // never of a real arm
+    const now = pace?.achieved ?? null, requested = pace?.requested ? pace.requested + " x" : "as fast as possible";
+    tell("pace-now", pace ? `${requested}, at present ${now === null ? "not known" : now.toFixed(2) + " x"} real time` : "not known");
+  });
+
+  report.on("lost", () => tell("pace-now", "not known"));
+
   find("show-ghost").addEventListener("change", () => report.setTime(report.time));
 }
