@@ -30,8 +30,8 @@ from hric_view.live import LiveJoints
 
 PATIENCE = 2.0
 """Longest wait for a service [s]; project default."""
-PUSH = 0.1
-"""Duration of one push [s]; the page renews it while the button is held, so it ends soon after the page does."""
+PUSH = 0.3
+"""Time for which a push lasts after the last message [s]; a slow page renews it three times a second."""
 SPEED = 0.5
 """Joint speed of trajectories that the window sends [rad/s]; project default."""
 DAMPING = 0.05
@@ -199,14 +199,14 @@ class SystemActions:
         self._commanded = controller, target
 
     def push(self, link: str, point: Sequence[float], force: Sequence[float]) -> None:
-        """Push from the end of the last push on, so that two never add up; see control.Actions."""
+        """Push for PUSH from now on, less what earlier pushes still last, so that two never add up; see control.Actions."""
         now, wrench = rospy.get_time(), Wrench(force=Vector3(*force))
-        start = self._pushed if now < self._pushed < now + 2.0 * PUSH else now
-        if start > now + PUSH:
-            return  # an earlier push is still to come
-        when, duration = rospy.Time.from_sec(start), rospy.Duration.from_sec(PUSH)
+        start = self._pushed if now < self._pushed <= now + PUSH else now
+        if start == now + PUSH:
+            return  # time stands still
+        when, duration = rospy.Time.from_sec(start), rospy.Duration.from_sec(now + PUSH - start)
         _demand(self._call("sim/apply_body_wrench", ApplyBodyWrench, link, "", Point(*point), wrench, when, duration))
-        self._pushed = start + PUSH
+        self._pushed = now + PUSH
 
     def grip(self, width: float) -> None:
         """See control.Actions."""
