@@ -2,6 +2,10 @@
 
 from hric_control.robot_hw import RobotHW
 from hric_core.node import Node
+from hric_core.parameters import Settings
+
+SettingsClasses = tuple[type[Settings], ...]
+"""Settings classes that together declare the parameters of a controller."""
 
 
 class Controller:
@@ -10,7 +14,12 @@ class Controller:
     The controller manager finds a controller class by its type string, as a plugin exported in package.xml, constructs
     it without arguments, and passes everything else to `init`. States: constructed -> initialized -> running <->
     stopped.
+
+    Attributes:
+        settings: settings classes of its parameters, from which forms are made; empty: not declared.
     """
+
+    settings: SettingsClasses = ()
 
     def init(self, robot_hw: RobotHW, root_node: Node, controller_node: Node) -> None:
         """Read parameters, get joint handles, advertise and subscribe to topics.

@@ -753,6 +753,7 @@ def schema_of(parameter: Parameter) -> JsonSchema:
     }
     inner = shape | {"items": shape["items"] | bounds} if "items" in shape else shape | bounds
     shown = {"description": parameter.text_with_unit.strip()} if parameter.text_with_unit else {}
+    shown |= {"unit": parameter.unit} if parameter.unit else {}
     if parameter.default is None:
         inner = {"anyOf": [inner, {"type": "null"}]}
     elif parameter.default not in (REQUIRED, ()):

@@ -68,7 +68,7 @@ class Simulation:
 
     def _open(self) -> None:
         self.definition = _definition(self._name, self._overrides)
-        _refuse_wires(self.definition)
+        refuse_wires(self.definition)
         self.tree = _tree(self.definition, self.seed)
         node = self.node = LocalNode(self.tree)
         mocap = self.definition.mocap
@@ -256,7 +256,7 @@ def _tree(definition: Experiment, seed: int) -> dict[str, Any]:
     }
 
 
-def _refuse_wires(definition: Experiment) -> None:
+def refuse_wires(definition: Experiment) -> None:
     """Refuse an experiment with devices that stream over a network, which cannot follow an unpaced simulation.
 
     Emulated devices run within this process and are allowed. A supervisor with the source `person` is refused, too, as

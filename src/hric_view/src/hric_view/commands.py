@@ -25,7 +25,8 @@ ADDRESS = (
 class ViewCommand(Command):
     """Show recorded runs in the browser: a list, replays, two runs together, and reports.
 
-    Prints the address to open, and runs until Ctrl-C. Runs without a ROS master are recorded runs, too.
+    Prints the address to open, and runs until Ctrl-C. Runs without a ROS master are recorded runs, too. The page also
+    starts them: it runs `hric run` with an experiment of the workspace.
     """
 
     def arguments(self) -> list[Argument]:
@@ -50,7 +51,11 @@ class ViewCommand(Command):
         if arguments.run is not None:
             folder = RunFolder.open(arguments.run, root)
             root, query = folder.path.parent, f"run={folder.path.name}"
-        serve(RecordedWindow(root), arguments, "/run" if query else "/", query)
+        window = RecordedWindow(root)
+        try:
+            serve(window, arguments, "/run" if query else "/", query, window.new)
+        finally:
+            window.new.close()
 
 
 class TryCommand(Command):

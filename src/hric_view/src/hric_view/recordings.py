@@ -1,6 +1,7 @@
-"""Recorded runs in the window: a list, the replay of one run or of two together, and the reports."""
+"""Recorded runs in the window: a list, the replay of one run or of two together, the reports, and new runs."""
 
 import contextlib
+import json
 import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -13,7 +14,7 @@ from hric_bags.run_folder import RunFolder
 from hric_core.errors import HricError
 from hric_report import html
 from hric_report.html import templates, verdict
-from hric_view import page
+from hric_view import new_run, page
 from hric_view.server import HTML, Visit, WebPage
 
 KEPT = 3
@@ -77,22 +78,28 @@ def _verdict(folder: RunFolder, run: RunFile) -> str:
 
 
 class RecordedWindow:
-    """Window on the runs of a folder.
+    """Window on the runs of a folder, which also starts new ones.
 
     Args:
         root: folder of the runs.
+
+    Attributes:
+        new: pages that start a run, and receiver of the messages of viewers.
     """
 
     def __init__(self, root: Path) -> None:
         self._root, self._reading = root, threading.Lock()
+        self.new = new_run.NewRun(root)
         self._scene = lru_cache(maxsize=KEPT)(_scene)
 
     def page(self, visit: Visit) -> WebPage | None:
-        """Return the list of runs, the page that replays one or two runs, or the report of a run.
+        """Return the list of runs, the page that replays one or two runs, the report of a run, or that of a new run.
 
         Raises:
-            HricError: there is no such run, or its report cannot be made.
+            HricError: there is no such run or experiment, or its report cannot be made.
         """
+        if visit.path == new_run.PATH:
+            return self.new.page(visit)
         if visit.path == "/":
             return self._list(visit)
         if visit.path == "/report":
@@ -107,11 +114,13 @@ class RecordedWindow:
         return page.render(" and ".join(names), visit, links=links, waiting="reading the recording")
 
     def scene(self, visit: Visit) -> str:
-        """Return the scene with the motions of one or two runs.
+        """Return the scene with the motions of one or two runs, or the state of the run that the window has started.
 
         Raises:
             HricError: there is no such run, it cannot be read, or the motions of two runs do not match.
         """
+        if "experiment" in visit.query:
+            return json.dumps(self.new.state())
         folders = [RunFolder.open(self._root / name) for name in self._names(visit.query)]
         changed = tuple((str(folder.path), (folder.path / "run.yaml").stat().st_mtime_ns) for folder in folders)
         with self._reading:  # two at a time would only take each other's processor

@@ -9,7 +9,7 @@ from geometry_msgs.msg import PoseStamped, WrenchStamped
 
 from franka_hw_interface.interfaces import FrankaModelInterface, FrankaStateInterface
 from franka_hw_interface.model import FrankaFrame
-from hric_control.controller import Controller
+from hric_control.controller import Controller, SettingsClasses
 from hric_control.hardware_interface import EffortJointInterface
 from hric_control.robot_hw import RobotHW
 from hric_control.speed_scale import SpeedScale, SpeedScaleInterface
@@ -29,6 +29,8 @@ class CartesianImpedanceController(Controller):
     INTERFACE.md lists its parameters and topics. A subclass that gets its equilibrium from another source than the
     topic `equilibrium_pose` overrides `_read_input`, `_open_input`, `_start_input`, `_lead` and `_obeys`.
     """
+
+    settings: SettingsClasses = (CartesianImpedanceSettings, ComplianceSettings)
 
     def init(self, robot_hw: RobotHW, root_node: Node, controller_node: Node) -> None:
         """Read the parameters, get the hardware interfaces, and then advertise the topics.

@@ -7,6 +7,7 @@ from hric_control.controller import Controller
 from hric_control.robot_hw import RobotHW
 from hric_control.speed_scale import SpeedScaleInterface
 from hric_controllers.cartesian.impedance import CartesianImpedanceController
+from hric_controllers.marker.parameters import TrackingSettings
 from hric_controllers.marker.pose_tracking import PoseTracking
 from hric_controllers.parameters import ArmSettings
 from hric_core.node import Node
@@ -17,6 +18,8 @@ class CartesianPoseController(Controller):
 
     `PoseTracking` computes the desired poses. INTERFACE.md lists the parameters and topics.
     """
+
+    settings = (ArmSettings, TrackingSettings)
 
     def init(self, robot_hw: RobotHW, root_node: Node, controller_node: Node) -> None:
         """Read the parameters, get the hardware interfaces, and then advertise the topics.
@@ -51,6 +54,8 @@ class CartesianPoseImpedanceController(CartesianImpedanceController):
 
     `PoseTracking` computes the equilibrium. INTERFACE.md lists the parameters and topics.
     """
+
+    settings = (*CartesianImpedanceController.settings, TrackingSettings)
 
     def _obeys(self, filter_time: float) -> bool:
         """Return True: the speed scale slows the planned motion of the equilibrium down, with any filter time."""

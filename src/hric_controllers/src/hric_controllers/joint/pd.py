@@ -137,6 +137,8 @@ class JointPDController(Controller):
     INTERFACE.md lists its parameters and topics.
     """
 
+    settings = (PdSettings,)
+
     def init(self, robot_hw: RobotHW, root_node: Node, controller_node: Node) -> None:
         """Read the parameters, get the hardware interfaces, and then advertise the topics.
 

@@ -28,6 +28,8 @@ class FrankaStateSettings(ArmSettings):
 class FrankaStateController(Controller):
     """Publisher of `franka_states`, `joint_states`, `joint_states_desired` and `F_ext`, and of the EE frames on /tf."""
 
+    settings = (FrankaStateSettings,)
+
     def init(self, robot_hw: RobotHW, root_node: Node, controller_node: Node) -> None:
         """Read the parameters `arm_id`, `joint_names` and `publish_rate` (30 Hz by default); advertise topics."""
         node = self._node = controller_node

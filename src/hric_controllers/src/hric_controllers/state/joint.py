@@ -40,6 +40,8 @@ class JointStateSettings(Settings):
 class JointStateController(Controller):
     """Publisher of sensor_msgs/JointState for every joint, on `joint_states` in the robot's namespace."""
 
+    settings = (JointStateSettings,)
+
     def init(self, robot_hw: RobotHW, root_node: Node, controller_node: Node) -> None:
         """Read the parameters `publish_rate` (required) and `extra_joints`, and advertise the topic."""
         self._node = controller_node

@@ -8,7 +8,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 from control_msgs.msg import FollowJointTrajectoryAction, FollowJointTrajectoryFeedback, JointTrajectoryControllerState
 from control_msgs.srv import QueryTrajectoryState, QueryTrajectoryStateResponse
-from hric_control.controller import Controller
+from hric_control.controller import Controller, SettingsClasses
 from hric_control.hardware_interface import EffortJointInterface, JointCommandInterface, PositionJointInterface
 from hric_control.robot_hw import RobotHW
 from hric_control.speed_scale import ScaledTime, SpeedScaleInterface
@@ -31,6 +31,7 @@ class JointTrajectoryController(Controller):
     """
 
     interface: ClassVar[type[JointCommandInterface]]
+    settings: SettingsClasses = (TrajectorySettings,)
 
     def init(self, robot_hw: RobotHW, root_node: Node, controller_node: Node) -> None:
         """Read the parameters, get the hardware interfaces, and then advertise topics, service and action.
@@ -255,6 +256,7 @@ class EffortJointTrajectoryController(JointTrajectoryController):
     """
 
     interface = EffortJointInterface
+    settings = (TrajectorySettings, EffortTrajectorySettings)
 
     def _read_law(self, robot_hw: RobotHW, root_node: Node) -> None:
         node, settings = self._node, EffortTrajectorySettings.read(self._node, self.joints)

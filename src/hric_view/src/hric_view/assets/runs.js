@@ -2,17 +2,12 @@
 // List of runs: two marked ones are shown together.
 {
   const marks = [...document.querySelectorAll(".mark")], button = document.getElementById("compare");
-  const theme = document.getElementById("theme"), dark = matchMedia("(prefers-color-scheme: dark)");
   const update = () => {
     const marked = marks.filter(({ checked }) => checked);
     button.disabled = marked.length !== 2;
     marks.forEach((mark) => mark.removeAttribute("name"));
     marked.slice(0, 2).forEach((mark, k) => { mark.name = ["run", "other"][k]; });
   };
-  const paint = () => { document.documentElement.dataset.theme = dark.matches ? "dark" : "light"; };
-  theme.hidden = true;
-  dark.addEventListener("change", paint);
   marks.forEach((mark) => mark.addEventListener("change", update));
-  paint();
   update();
 }
