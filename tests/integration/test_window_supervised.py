@@ -33,7 +33,7 @@ const far = (robot, k) => box(robot).distanceToPoint(new THREE.Vector3().fromArr
 NEAR = 0.1
 """Largest distance of an end of the line from the shapes [m]: the supervisor's capsules are larger; project default."""
 RADII = 0.3
-"""Bound of the sum of the radii of two capsules, on whose axes the line ends [m]: an arm's link and a person's trunk."""
+"""Bound of the sum of the radii of two capsules, on whose axes the line ends [m]: of an arm and a trunk."""
 
 
 @pytest.fixture(scope="module")
