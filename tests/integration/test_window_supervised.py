@@ -11,6 +11,9 @@ import pytest
 from browser import Browser, installed
 from live_system import LiveSystem
 from PIL import Image
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import connect
+from websockets.typing import Origin
 
 pytestmark = [
     pytest.mark.alone,
@@ -37,23 +40,39 @@ RADII = 0.3
 
 
 @pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
-    """Window of a run, after its first seconds; what came is kept in the page."""
+def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """Address of the window of a run."""
     words = "env:=sim experiment:=shared_workspace simulator:=mujoco rviz:=false view:=web record:=false"
     system = LiveSystem(tmp_path_factory.mktemp("supervised"), *words.split())
     try:
         system.wait_output("  see it ")
         match = re.search(r"see it +(\S+)", system.output)
         assert match is not None
-        with Browser(tmp_path_factory.mktemp("profile")) as made:
-            made.open_address(match[1])
-            made.wait("report.started === true && report.end > 4", 90.0)
-            made.evaluate("document.getElementById('live').click()")
-            yield made
-            lost = "WebSocket connection"  # the run may end before the tests do
-            assert [text for text in made.problems if not text.startswith(lost)] == [] and made.requests == []
+        yield match[1]
     finally:
         system.close()
+
+
+@pytest.fixture(scope="module")
+def browser(address: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    """Window after the first seconds of the run; what came is kept in the page."""
+    with Browser(tmp_path_factory.mktemp("profile")) as made:
+        made.open_address(address)
+        made.wait("report.started === true && report.end > 4", 90.0)
+        made.evaluate("document.getElementById('live').click()")
+        yield made
+        lost = "WebSocket connection"  # the run may end before the tests do
+        assert [text for text in made.problems if not text.startswith(lost)] == [] and made.requests == []
+
+
+def test_without_control_a_command_ends_the_connection(address: str) -> None:
+    origin, _, query = address.partition("/?")
+    with connect(f"{origin.replace('http', 'ws')}/socket?{query}", origin=Origin(origin), close_timeout=0.1) as client:
+        client.recv(20)
+        client.send('{"command":"take","name":"Eve"}')
+        with pytest.raises(ConnectionClosed):
+            for _ in range(200):
+                client.recv(20)
 
 
 def at(browser: Browser, time: float, expression: str) -> Any:

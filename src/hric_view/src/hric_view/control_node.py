@@ -203,7 +203,7 @@ class SystemActions:
         now, wrench = rospy.get_time(), Wrench(force=Vector3(*force))
         start = self._pushed if now < self._pushed <= now + PUSH else now
         if start == now + PUSH:
-            return  # time stands still
+            return  # the simulation is paused
         when, duration = rospy.Time.from_sec(start), rospy.Duration.from_sec(now + PUSH - start)
         _demand(self._call("sim/apply_body_wrench", ApplyBodyWrench, link, "", Point(*point), wrench, when, duration))
         self._pushed = now + PUSH
