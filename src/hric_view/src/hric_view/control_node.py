@@ -199,7 +199,7 @@ class SystemActions:
         self._commanded = controller, target
 
     def push(self, link: str, point: Sequence[float], force: Sequence[float]) -> None:
-        """Push for PUSH from now on, less what earlier pushes still last, so that two never add up; see control.Actions."""
+        """Push for PUSH from now on, without adding to what is left of earlier pushes; see control.Actions."""
         now, wrench = rospy.get_time(), Wrench(force=Vector3(*force))
         start = self._pushed if now < self._pushed <= now + PUSH else now
         if start == now + PUSH:
