@@ -289,7 +289,7 @@ WORDS: dict[str, tuple[str, ...]] = {
     "gui": BOOL,
     "hand": (*BOOL, "auto"),
     "load_gripper": (*BOOL, "auto"),
-    "inertials": ("barycentric", "thesis", "auto"),
+    "inertials": ("barycentric", "fr3", "thesis", "auto"),
 }
 """Valid values of arguments that accept one of a few words."""
 

@@ -11,6 +11,8 @@ import numpy as np
 import panda_py
 from panda_py import constants, controllers, libfranka
 
+import panda_description
+
 START = constants.JOINT_POSITION_START
 LIMIT = 20.0
 """[s of wall time]"""
@@ -155,7 +157,8 @@ def task_controllers(panda: Any) -> dict[str, Any]:
 def torque_and_log(panda: Any) -> dict[str, Any]:
     """A torque at joint 7: its acceleration by the log, and by the model's mass matrix with the rotors."""
     law, tau = controllers.AppliedTorque(), [0.0] * 6 + [0.2]
-    inertia = np.array(panda.get_model().mass(panda.get_state())).reshape(7, 7) + 0.1 * np.eye(7)
+    mass = np.array(panda.get_model().mass(panda.get_state())).reshape(7, 7)
+    inertia = mass + np.diag(panda_description.rotor_inertia())
     panda.start_controller(law)
     panda.enable_logging(3000)
     law.set_control(tau)

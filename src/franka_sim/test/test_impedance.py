@@ -26,26 +26,31 @@ def spectral_radius(mass: FloatArray, stiffness: Sequence[float], damping: Seque
     return float(np.abs(np.linalg.eigvals(step)).max())
 
 
-@pytest.mark.parametrize(("rotor_inertia", "bound"), [(0.1, 0.995), (0.03, 0.998), (0.0, 0.9995)])
+ROTORS = panda_description.rotor_inertia()
+
+
+@pytest.mark.parametrize(
+    ("rotor_inertia", "bound"), [(ROTORS, 0.995), ([0.1] * 7, 0.995), ([0.03] * 7, 0.998), ([0.0] * 7, 0.9995)]
+)
 def test_the_internal_impedance_is_stable_at_1_khz_over_1000_legal_poses_with_and_without_payload(
     rotor_inertia, bound
 ) -> None:
     urdf = panda_description.load(meshes=False, collision=False)
     model = KdlFrankaModel(urdf, "panda")
-    gains = JointImpedanceLaw(model, franka_limits(), [rotor_inertia] * 7, 0.001)
+    gains = JointImpedanceLaw(model, franka_limits(), rotor_inertia, 0.001)
     limits, rng = list(panda_description.joint_limits().values()), np.random.default_rng(11)
     poses = rng.uniform([joint.lower for joint in limits], [joint.upper for joint in limits], (POSES, 7))
     worst = 0.0
     for load in (0.0, 3.0):
         model.set_load(load, [0.0, 0.0, 0.1], np.eye(3) * 0.01)
-        B = rotor_inertia * np.eye(7)
+        B = np.diag(rotor_inertia)
         worst = max(worst, *(spectral_radius(model.mass(q) + B, gains.stiffness, gains.damping, 0.001) for q in poses))
     assert worst < bound
 
 
 def test_the_default_stiffness_needs_no_lowering_with_rotor_inertia() -> None:
     urdf = panda_description.load(meshes=False, collision=False)
-    gains = JointImpedanceLaw(KdlFrankaModel(urdf, "panda"), franka_limits(), [0.1] * 7, 0.001)
+    gains = JointImpedanceLaw(KdlFrankaModel(urdf, "panda"), franka_limits(), ROTORS, 0.001)
     assert list(gains.stiffness) == defaults()["stiffness"] == [3000.0, 3000.0, 3000.0, 2500.0, 2500.0, 2000.0, 2000.0]
     assert min(d / w for d, w in zip(gains.damping, defaults()["damping"], strict=True)) > 0.85
 

@@ -69,7 +69,8 @@ def test_each_law_is_stable_at_1_khz_over_legal_poses_with_and_without_payload(m
 
 
 def test_the_default_cartesian_stiffness_needs_no_lowering_with_rotor_inertia(model) -> None:
-    assert CartesianImpedanceLaw(model, LIMITS, [0.1] * 7, DT).stiffness == defaults()["cartesian_stiffness"]
+    rotors = panda_description.rotor_inertia()
+    assert CartesianImpedanceLaw(model, LIMITS, rotors, DT).stiffness == defaults()["cartesian_stiffness"]
     assert max(CartesianImpedanceLaw(model, LIMITS, [0.0] * 7, DT).stiffness[3:]) < 300.0
 
 

@@ -9,7 +9,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import panda_description
-from hric_assessment.contact.impact import ClosedFormImpact, Mechanism
+from hric_assessment.contact.impact import ClosedFormImpact
+from hric_assessment.contact.mass import ROBOT_MASSES, Mechanism, RobotMasses
 from hric_core import urdf
 from hric_core.geometry import homogeneous
 from hric_core.geometry.transforms import rotation_from_rpy
@@ -45,6 +46,14 @@ class Library:
         point = self._T[:3, :3] @ (placed.translation + lever) + self._T[:3, 3]
         return point, n @ J[:3] + np.cross(lever, n) @ J[3:], M
 
+    def locked_mass(self, q: Any, point: Any, normal: Any) -> float:
+        """Mass of all moving bodies together, as one free body, at a point of the world along a normal [kg]."""
+        x = np.empty(len(self._columns))
+        x[self._columns] = q
+        pinocchio.ccrba(self._model, self._data, x, np.zeros(len(x)))
+        body, lever = self._data.Ig, np.cross(point - self._data.com[0], normal)
+        return float(1.0 / (1.0 / body.mass + lever @ np.linalg.solve(body.inertia, lever)))
+
 
 def arm() -> tuple[Mechanism, Library, str]:
     description = panda_description.load(hand=True)
@@ -69,6 +78,40 @@ def test_the_reflected_mass_is_that_of_a_rigid_body_library(make: Any) -> None:
         point, row, M = library.row(q, link, p_link, n)
         expected = 1.0 / (row @ np.linalg.solve(M, row))
         assert mechanism.reflected_mass(q, link, point, n) == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("inertials", ["barycentric", "fr3"])
+def test_the_locked_mass_is_that_of_a_library(inertials: str) -> None:
+    description, joints = panda_description.load(inertials=inertials), tuple(f"panda_joint{k}" for k in range(1, 8))
+    mechanism = Mechanism(urdf.read(description), joints, panda_description.rotor_inertia())
+    library, random = Library(description, joints, 0.0, np.eye(4)), np.random.default_rng(4)
+    for _ in range(5):
+        q, point, n = (random.normal(0.0, s, m) for s, m in ((0.5, 7), (0.5, 3), (1.0, 3)))
+        n /= np.linalg.norm(n)
+        assert mechanism.locked_mass(q, point, n) == pytest.approx(library.locked_mass(q, point, n), rel=1e-9)
+
+
+def test_the_locked_mass_depends_on_the_lever_alone() -> None:
+    mechanism, _, _ = arm()
+    q = np.linspace(-1.0, 1.0, 7)
+    far = [mechanism.locked_mass(q, (0.0, 0.0, z), (0.0, 0.0, 1.0)) for z in (0.3, 0.9)]
+    assert far[0] == pytest.approx(far[1], rel=1e-12)
+
+
+def test_the_standard_counts_tool_and_load_fully() -> None:
+    mechanism, _, link = arm()
+    masses = mechanism.robot_masses(np.zeros(7), link, (0.1, 0.0, 0.9), (1.0, 0.0, 0.0), load=2.0)
+    links = sum(panda_description.inertials()[f"link{k}"].mass for k in range(1, 8))
+    assert masses.standard == pytest.approx(0.5 * links + 0.73 + 2 * 0.015 + 2.0)
+
+
+@pytest.mark.parametrize(("which", "mass"), list(zip(ROBOT_MASSES, (4.0, 2.0, 3.0, 4.0), strict=True)))
+def test_a_contact_is_judged_by_the_chosen_mass(which: str, mass: float) -> None:
+    assert RobotMasses(2.0, 3.0, 4.0).judged(which) == mass
+
+
+def test_an_unknown_mass_is_not_overlooked() -> None:
+    assert np.isnan(RobotMasses(2.0, 3.0, float("nan")).judged())
 
 
 def test_joints_may_come_in_any_order() -> None:

@@ -12,6 +12,7 @@ from supervisor_rig import ARM, JOINTS, PERIOD, READY, Cell, ball, body, shape
 
 import panda_description
 from hric_assessment.contact.limits import Limits
+from hric_assessment.contact.mass import Mechanism
 from hric_assessment.contact.speed import speed_limit
 from hric_assessment.separation.capsules import nearest_points, segment_distance
 from hric_assessment.separation.stopping import MEASUREMENT, StopRow, StopTable, as_yaml
@@ -61,21 +62,6 @@ def test_the_speed_of_a_place_of_the_arm_is_that_of_its_jacobian():
         for end in (0, 1):
             lever = placed.ends[k, end] - data.oMf[frame].translation
             assert placed.velocities[k, end] == pytest.approx(twist.linear + np.cross(twist.angular, lever), abs=2e-3)
-
-
-def test_the_reflected_mass_is_that_of_another_librarys_mass_matrix():
-    made, data = model()
-    direction, rotors = np.array([0.6, 0.0, 0.8]), np.full(7, 0.3)
-    point = ARM.poses(np.array([READY]))["panda_hand"][0, :3, 3]
-    M = pinocchio.crba(made, data, full(made, READY))
-    J = pinocchio.computeFrameJacobian(
-        made, data, full(made, READY), made.getFrameId("panda_hand"), pinocchio.ReferenceFrame.LOCAL_WORLD_ALIGNED
-    )[:3]
-    rows = [made.joints[made.getJointId(name)].idx_v for name in JOINTS]
-    M = np.triu(M) + np.triu(M, 1).T
-    W = np.linalg.inv(M[np.ix_(rows, rows)] + np.diag(rotors))
-    row = direction @ J[:, rows]
-    assert ARM.reflected_mass(READY, rotors, "panda_hand", point, direction) == pytest.approx(1.0 / (row @ W @ row))
 
 
 def test_nearest_points_are_as_far_apart_as_the_segments():
@@ -261,8 +247,8 @@ def test_standstill_knows_free_and_stopped_only():
     assert states == {FREE, STOPPED}
 
 
-def held(region, x=1.0):
-    cell = Cell(mode="power_and_force_limiting")
+def held(region, x=1.0, **settings):
+    cell = Cell(mode="power_and_force_limiting", **settings)
     for _ in range(4):
         decision = cell.decide(ball(round(cell.time + PERIOD, 9), x, region))
     return decision
@@ -276,20 +262,13 @@ def test_a_contact_that_the_region_bears_need_not_stop_the_arm():
     assert head.force == 0.0
 
 
-def test_the_speed_of_a_contact_is_that_of_the_closed_form_with_the_larger_mass():
-    decision = held("chest")
-    limits = Limits(limit_table())
-    heavier = max(
-        ARM.moving_mass / 2.0,
-        ARM.reflected_mass(
-            READY,
-            np.zeros(7),
-            decision.part.robot_link,
-            np.array(decision.part.robot_point),
-            _direction(decision.part),
-        ),
-    )
-    expected = float(speed_limit(limits, "chest", heavier).transient)
+@pytest.mark.parametrize("which", ["largest", "reflected", "standard", "locked"])
+def test_the_contact_speed_follows_from_the_chosen_mass(which):
+    decision = held("chest", robot_mass=which)
+    mechanism, part = Mechanism(ARM.tree, JOINTS, [0.0] * 7), decision.part
+    masses = mechanism.robot_masses(np.array(READY), part.robot_link, part.robot_point, _direction(part))
+    mass = max(masses) if which == "largest" else getattr(masses, which)
+    expected = float(speed_limit(Limits(limit_table()), "chest", mass).transient)
     assert decision.contact_speed == pytest.approx(expected) and decision.scale == pytest.approx(expected, rel=1e-6)
 
 

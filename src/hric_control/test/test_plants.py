@@ -20,6 +20,7 @@ from hric_control.plants import (
     load_world,
     masked,
     reciprocals,
+    rotor_inertia,
     sigmoid_torque,
 )
 from hric_core.errors import HricError, ParameterError, UnknownNameError
@@ -46,6 +47,19 @@ def test_a_joint_that_mimics_another_starts_on_its_law_and_is_never_held_by_itse
     assert joints.law_jacobian().tolist() == [[1.0, 0.0, 0.0], [0.0, 0.0, -2.0], [0.0, 0.0, 1.0]]
     modes = joints.modes([Mode.POSITION], [True], locked=True)
     assert modes == [Mode.BRAKE, Mode.EFFORT, Mode.BRAKE]
+
+
+DRIVEN = """<robot name="r"><link name="a"/><link name="b"/><link name="c"/>
+<joint name="j" type="continuous"><parent link="a"/><child link="b"/></joint>
+<joint name="k" type="continuous"><parent link="b"/><child link="c"/></joint>
+<transmission><joint name="j"/><actuator><drake:rotor_inertia value="0.6"/></actuator></transmission></robot>"""
+
+
+@pytest.mark.parametrize(
+    ("plant", "inertia"), [({}, (0.6, 0.1)), ({"rotor_inertia": 0.2}, (0.2, 0.2)), ({"rotor_inertia": {}}, (0.0, 0.0))]
+)
+def test_a_parameter_overrides_the_described_rotor(plant, inertia):
+    assert rotor_inertia(plant, ["j", "k"], read(DRIVEN)) == inertia
 
 
 def test_a_joint_that_cannot_move_meets_its_stop_without_a_force():

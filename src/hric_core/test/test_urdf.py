@@ -89,6 +89,21 @@ def test_a_joint_has_its_frame_a_unit_axis_its_losses_and_whom_it_mimics() -> No
     assert (mimic.joint, mimic.multiplier, mimic.offset) == ("j", -2.0, 0.0)
 
 
+def driven(rotor: str, extra: str = "") -> str:
+    actuator = f'<actuator name="m"><drake:rotor_inertia value="{rotor}"/>{extra}</actuator>'
+    transmission = f'<transmission name="t"><joint name="j"/>{actuator}</transmission>'
+    return robot(link("a"), link("b"), joint("j", "a", "b", inside=LIMIT), transmission)
+
+
+@pytest.mark.parametrize(("extra", "inertia"), [("", 0.3), ('<drake:gear_ratio value="-10"/>', 30.0)])
+def test_the_rotor_inertia_is_reflected_to_the_joint(extra: str, inertia: float) -> None:
+    assert read(driven("0.3", extra)).joints["j"].rotor_inertia == pytest.approx(inertia)
+
+
+def test_a_joint_may_state_no_rotor() -> None:
+    assert one_joint().rotor_inertia is None
+
+
 FOLLOWERS = robot(
     link("a"), link("b"), link("c"), link("d"),
     joint("last", "c", "d", inside=f'{LIMIT}<mimic joint="middle" multiplier="3" offset="0.5"/>'),
@@ -301,6 +316,13 @@ REFUSED = {
     "size of two numbers": (
         robot(link("a", '<collision><geometry><box size="1 1"/></geometry></collision>')),
         "link a: <collision> number 1: size of <box> must be 3 numbers; got '1 1'",
+    ),
+    "negative rotor inertia": (
+        robot(
+            link("a"),
+            '<transmission><joint name="j"/><actuator><drake:rotor_inertia value="-1"/></actuator></transmission>',
+        ),
+        "rotor of joint j: its inertia -1.0 kg m.2 is negative",
     ),
     "sphere without radius": (
         robot(link("a", "<visual><geometry><sphere/></geometry></visual>")),

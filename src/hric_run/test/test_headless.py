@@ -268,7 +268,7 @@ def test_what_robot_or_controller_refuse_is_one_line_and_leaves_no_folder(
     ("override", "told"),
     [
         ("robot.description.colour:=red", "no key 'colour' in robot.description; valid: collision, damping"),
-        ("inertials:=guessed", "valid: barycentric, thesis"),
+        ("inertials:=guessed", "valid: barycentric, fr3, thesis"),
         ("hw:=no/Robot", "no hric_control::RobotHW 'no/Robot'"),
         ("parameters.joint_pd_controller.type:=no/Controller", "no/Controller"),
         ("kp:=-1", "kp"),
@@ -364,7 +364,7 @@ class TestThesisStep:
         told = {item["what"]: item["here"] for item in metrics["differences"]}
         assert (
             told["gains"] == "Kp 10 Kd 5"
-            and told["rotor inertia [kg m^2]"] == "0.1"
+            and told["rotor inertia [kg m^2]"] == "the description's"
             and told["joint damping [N m s/rad]"] == "0"
         )
         assert (

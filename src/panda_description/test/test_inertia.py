@@ -33,6 +33,17 @@ def test_the_default_set_is_physical_in_every_part() -> None:
     assert len(panda_description.inertials("barycentric")) == 10
 
 
+def test_the_links_of_the_fr3_have_its_published_mass() -> None:
+    links = panda_description.inertials("fr3")
+    masses = [links[f"link{i}"].mass for i in range(1, 8)]
+    assert_allclose(masses, [2.93, 2.94, 2.24, 2.62, 2.33, 1.82, 0.63], rtol=0, atol=0.006)
+    assert sum(masses) == pytest.approx(15.4948, abs=1e-4)
+
+
+def test_the_links_of_the_fr3_are_physical() -> None:
+    assert inertial_sets.unphysical("fr3") == {}
+
+
 def test_the_thesis_set_is_not_physical_in_links_2_to_6_and_indefinite_in_3_4_and_6() -> None:
     assert sorted(inertial_sets.unphysical("thesis")) == ["link2", "link3", "link4", "link5", "link6"]
     links = panda_description.inertials("thesis")
@@ -44,7 +55,7 @@ def test_the_thesis_set_is_not_physical_in_links_2_to_6_and_indefinite_in_3_4_an
 
 
 def test_an_unknown_set_is_refused_with_the_valid_ones() -> None:
-    with pytest.raises(UnknownNameError, match="valid: barycentric, thesis"):
+    with pytest.raises(UnknownNameError, match="valid: barycentric, fr3, thesis"):
         panda_description.inertials("best")
 
 

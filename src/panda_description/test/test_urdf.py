@@ -18,9 +18,10 @@ from numpy.testing import assert_allclose
 import panda_description
 from hric_core.errors import ParameterError, UnknownNameError
 from hric_core.geometry import steiner_term
+from hric_core.urdf import read
 from panda_description import parameters
 
-SETS = ("barycentric", "thesis")
+SETS = ("barycentric", "fr3", "thesis")
 MODELS = {"arm": {"hand": False}, "hand": {"hand": True}, "fingers": {"fingers": "prismatic"}}
 
 
@@ -81,14 +82,13 @@ def test_check_urdf_accepts_the_output(model: str, inertials: str, tmp_path: Pat
     assert "Successfully Parsed XML" in done.stdout
 
 
-@pytest.mark.parametrize(
-    ("model", "joints", "mass"), [("arm", 7, 16.062132), ("hand", 7, 16.822132), ("fingers", 9, 16.822132)]
-)
+@pytest.mark.parametrize(("model", "joints", "tool"), [("arm", 7, 0.0), ("hand", 7, 0.76), ("fingers", 9, 0.76)])
 @pytest.mark.parametrize("inertials", SETS)
 def test_pinocchio_and_kdl_agree_on_moving_mass_and_centre(
-    model: str, joints: int, mass: float, inertials: str
+    model: str, joints: int, tool: float, inertials: str
 ) -> None:
     text = panda_description.load(inertials=inertials, **MODELS[model])
+    mass = tool + (15.4948010252 if inertials == "fr3" else 16.062132)
     built = pinocchio.buildModelFromXML(text)
     body = kdl_body(ElementTree.fromstring(text))
     com = pinocchio.centerOfMass(built, built.createData(), np.zeros(joints))
@@ -197,6 +197,14 @@ def test_each_joint_has_a_transmission_with_the_requested_interfaces() -> None:
             said = [element.text for element in transmission.findall(f"{part}/hardwareInterface")]
             assert said == ["hardware_interface/EffortJointInterface", "hardware_interface/PositionJointInterface"]
         assert float(transmission.findtext("actuator/mechanicalReduction")) == 1.0
+
+
+@pytest.mark.parametrize("inertials", ["barycentric", "fr3"])
+def test_each_actuator_states_the_published_rotor_inertia(inertials: str) -> None:
+    joints = read(panda_description.load(inertials=inertials, meshes=False)).joints
+    stated = [joints[f"panda_joint{i}"].rotor_inertia for i in range(1, 8)]
+    assert tuple(stated) == panda_description.rotor_inertia()
+    assert stated[:6:2] == [0.605721456, 0.462474144, 0.205544064]
 
 
 def test_the_plugin_element_names_the_simulated_robot() -> None:

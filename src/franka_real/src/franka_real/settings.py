@@ -57,7 +57,13 @@ class FrankaRealSettings(Base):
         REQUIRED, "the arm's thresholds stay", "franka_ros'"
     )
     enforce_limits: tuple[str, ...] = ENFORCE_LIMITS
-    rotor_inertia: float = number(minimum=0.0, unit="kg m^2", text="for controllers that check their gains")
+    rotor_inertia: float | None = number(
+        None,
+        minimum=0.0,
+        unit="kg m^2",
+        default_text="the description's",
+        text="for controllers that check their gains",
+    )
     realtime_priority: int = whole(minimum=0, maximum=98, text="SCHED_FIFO priority of the loop; 0: none")
     lock_memory: bool = flag(text="keep the process from being paged out")
     switch_interval: float = number(above=0.0, unit="s", text="thread switch interval of Python")

@@ -66,7 +66,8 @@ class FrankaHWSim(SimulatedRobot, CommandedArm):
         limits = read_limits(self.description, root_node, node, self.arm_id, names)
         with self._new_plant(node, realism.body(self.description, self.arm_id), names, plant_config):
             period, states = self.plant.time_step, self.states
-            config = parameters.box(plant_config, names, period, realism)
+            rotors = dict(zip(names, self.rotor_inertia, strict=True))
+            config = parameters.box(plant_config, rotors, period, realism)
             compiled = CompiledArm(self.description, self.arm_id, config.min_singular_value)
             self.box = ControlBox(self.model, compiled, config, self._warn)
             self.robot_state = self.box.state

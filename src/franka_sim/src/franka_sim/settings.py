@@ -14,7 +14,7 @@ from franka_sim.box.config import BoxConfig, CollisionBehavior
 from franka_sim.box.internal_impedance import JointImpedanceLaw, defaults
 from franka_sim.realism import IDEAL, Realism, parse
 from hric_control.limits import ENFORCE_LIMITS
-from hric_control.plants import GRAVITY, rotor_inertia
+from hric_control.plants import GRAVITY
 from hric_control.sim.sim_loop import REAL_TIME_FACTOR
 from hric_core.errors import CommandError, DescriptionError, ParameterError, UnknownNameError
 from hric_core.node import Node
@@ -47,7 +47,7 @@ class BoxSettings(Settings):
     plant: Mapping[str, object] = mapping(
         default={},
         text="handed to the plant; `friction: identified` gets panda_description's values; `gravity` is also that of "
-        "the arm's model; `rotor_inertia` (0.1 if absent) also bounds the internal impedance",
+        "the arm's model; `rotor_inertia` (the description's if absent) also bounds the internal impedance",
     )
     realism: Any = anything(
         IDEAL,
@@ -69,12 +69,19 @@ class BoxSettings(Settings):
     )
 
     def box(
-        self, plant: Mapping[str, object], joint_names: Sequence[str], time_step: float, realism: Realism
+        self, plant: Mapping[str, object], rotors: Mapping[str, float], time_step: float, realism: Realism
     ) -> BoxConfig:
-        """Return the parameters of the control box, with the plant's rotor inertia and the friction it compensates."""
+        """Return the parameters of the control box, with the friction it compensates.
+
+        Args:
+            plant: parameters of the plant.
+            rotors: rotor inertia of the plant's joints by name [kg m^2].
+            time_step: control period [s].
+            realism: sensor noise, and differences between the arm and the box's model of it.
+        """
         return BoxConfig(
-            friction=realism.known_friction(plant, joint_names),
-            rotor_inertia=rotor_inertia(plant, joint_names),
+            friction=realism.known_friction(plant, list(rotors)),
+            rotor_inertia=tuple(rotors.values()),
             time_step=time_step,
             reflexes=self.reflexes,
         )
@@ -106,10 +113,10 @@ class SimulatedArmSettings(BoxSettings):
         return rates if self.rate_limiting else None
 
     def box(
-        self, plant: Mapping[str, object], joint_names: Sequence[str], time_step: float, realism: Realism
+        self, plant: Mapping[str, object], rotors: Mapping[str, float], time_step: float, realism: Realism
     ) -> BoxConfig:
         """Return the parameters of the control box, with `settings_while_moving` and `collision_config`."""
-        config, thresholds = super().box(plant, joint_names, time_step, realism), self.collision_config
+        config, thresholds = super().box(plant, rotors, time_step, realism), self.collision_config
         config = replace(config, settings_while_moving=self.settings_while_moving)
         if thresholds is None:
             return config

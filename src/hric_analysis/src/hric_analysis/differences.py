@@ -240,7 +240,7 @@ CHECKS: tuple[Check, ...] = (
     _value(
         "rotor inertia [kg m^2]",
         "rotor_inertia",
-        lambda setup: setup.plant("rotor_inertia", 0.1),
+        lambda setup: setup.plant("rotor_inertia", "the description's"),
         "without it a torque loop at 1 kHz is unstable above Kd {stable_kd_at_1khz:g} on this arm; rotor_inertia:=0 is "
         "the model of the thesis",
     ),

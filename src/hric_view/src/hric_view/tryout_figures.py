@@ -7,11 +7,11 @@ from hric_assessment.ergonomics.scoring import method_of, methods
 from hric_assessment.findings import POSTURE as POSTURES
 from hric_assessment.findings import Finding, Outcome
 from hric_assessment.verdict.conclusions import CONTACT, DISTANCE, EFFORT, REPLIES, Conclusion, Reply
+from hric_assessment.verdict.contacts import PERMITTED
 from hric_assessment.verdict.result import Verdict
 
 PEAKS = ("transient peak [N]", "quasi-static peak [N]")
 MET = "speed at which they met [m/s]"
-PERMITTED = ("permitted speed by m_u [m/s]", "permitted speed by M/2 + m_L [m/s]")
 """Names of values in findings about contacts."""
 SCORE, WORST = "score that counts", "score that counts, unknown at its worst"
 """Names of values in findings about postures."""

@@ -10,6 +10,7 @@ from panda_description.parameters import (
     ignored_pairs,
     joint_limit_parameters,
     joint_limits,
+    rotor_inertia,
 )
 
 __all__ = [
@@ -25,4 +26,5 @@ __all__ = [
     "joint_limits",
     "load",
     "process_xacro",
+    "rotor_inertia",
 ]

@@ -66,8 +66,9 @@ class Arguments(Settings):
     inertials: str = choice(
         *INERTIAL_SETS,
         text="inertial set. `barycentric`: identified and published values, with tensors about the centres of mass "
-        "(Gaz et al., RA-L 2019). `thesis`: not physical, only for reproducing the figures of the thesis; loading it "
-        "warns link by link (logger `hric.panda_description`)",
+        "(Gaz et al., RA-L 2019). `fr3`: links of the Franka Research 3 as published by its maker. `thesis`: not "
+        "physical, only for reproducing the figures of the thesis; loading it warns link by link "
+        "(logger `hric.panda_description`)",
     )
     damping: float = number(0.0, minimum=0.0, unit="N m s/rad", text="viscous damping, the same on each joint")
     friction: str = choice(
@@ -190,12 +191,12 @@ def process_xacro(path: Path, mappings: dict[str, str]) -> minidom.Document:
 
 
 def _pure(document: minidom.Document, name: str) -> str:
-    """Return the URDF text with the robot's name, without the comments and namespaces of the xacro files."""
+    """Return the URDF text with the robot's name, without the comments and the namespace of the xacro files."""
     _drop_comments(document)
     root: Any = document.documentElement
     root.setAttribute("name", name)
-    for attribute in [name for name in root.attributes.keys() if name.startswith("xmlns:")]:  # noqa: SIM118 - a NamedNodeMap is no dict
-        root.removeAttribute(attribute)
+    if root.hasAttribute("xmlns:xacro"):  # from an included file
+        root.removeAttribute("xmlns:xacro")
     return str(document.toprettyxml(indent="  "))
 
 

@@ -10,7 +10,7 @@ from hric_core.errors import UnknownNameError
 from hric_core.geometry import MassProperties, judge, steiner_term, tensor
 from panda_description.parameters import PACKAGE, config
 
-INERTIAL_SETS = ("barycentric", "thesis")
+INERTIAL_SETS = ("barycentric", "fr3", "thesis")
 _STEINER = {"apply": 1.0, "undo": -1.0}
 """Factor of Steiner's term (parallel-axis theorem): apply is eq. 1 of the thesis, undo eq. 2."""
 
@@ -19,11 +19,13 @@ def inertials(name: str = "barycentric") -> dict[str, MassProperties]:
     """Return mass, centre of mass and inertia of each part: link0 to link7, hand, finger (one of the two).
 
     Args:
-        name: set of inertial parameters, `barycentric` or `thesis`.
+        name: set of inertial parameters, `barycentric`, `fr3` or `thesis`.
     """
     if name not in INERTIAL_SETS:
         raise UnknownNameError("set of inertials", name, INERTIAL_SETS, PACKAGE)
-    parts = {part: _link_inertia(values) for part, values in config("inertials_barycentric")["links"].items()}
+    parts = _links("barycentric")
+    if name == "fr3":
+        return parts | _links("fr3")
     return parts if name == "barycentric" else parts | _thesis(parts)
 
 
@@ -31,6 +33,10 @@ def unphysical(name: str) -> dict[str, list[str]]:
     """Return the parts of an inertial set that are physically impossible, with the reasons."""
     verdicts = {part: judge(link.inertia).reasons() for part, link in inertials(name).items()}
     return {part: reasons for part, reasons in verdicts.items() if reasons}
+
+
+def _links(name: str) -> dict[str, MassProperties]:
+    return {part: _link_inertia(values) for part, values in config(f"inertials_{name}")["links"].items()}
 
 
 def _link_inertia(values: dict[str, dict[str, float]]) -> MassProperties:

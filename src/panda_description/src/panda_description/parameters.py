@@ -113,6 +113,11 @@ def friction_parameters(arm_id: str = "panda") -> dict[str, dict[str, float]]:
     return {f"{arm_id}_{joint}": dict(values) for joint, values in config("friction")["sigmoid"].items()}
 
 
+def rotor_inertia() -> tuple[float, ...]:
+    """Return the rotor inertias of joints 1 to 7, as seen at the joint [kg m^2] (rotors.yaml)."""
+    return tuple(config("rotors")["joints"].values())
+
+
 def ignored_pairs(arm_id: str = "panda", hand: bool = True) -> list[tuple[str, str]]:
     """Return the link pairs to leave out of self-collision tests, in addition to those with a common joint.
 

@@ -7,6 +7,7 @@ from typing import Any
 
 from franka_hw_interface.limits import FrankaLimits, franka_limits
 from hric_core.parameters import Settings, flag, number, numbers, package_yaml, section, whole
+from panda_description import rotor_inertia
 
 Vector = tuple[float, ...]
 
@@ -73,8 +74,8 @@ class BoxConfig(Settings):
 
     @classmethod
     def defaults(cls) -> Mapping[str, object]:
-        """Return the default values from config/control_box.yaml."""
-        return read_config("control_box")
+        """Return the default values from config/control_box.yaml, and the arm's published rotor inertias."""
+        return read_config("control_box") | {"rotor_inertia": rotor_inertia()}
 
 
 @dataclass(frozen=True)

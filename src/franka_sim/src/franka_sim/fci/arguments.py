@@ -75,9 +75,9 @@ def physics_arguments() -> list[Argument]:
             "--rotor-inertia",
             group=PHYSICS,
             type=float,
-            default=0.1,
             metavar="KGM2",
-            help="rotor inertia of each joint [kg m^2], in the physics and in the control box (default: %(default)s)",
+            help="rotor inertia of each joint [kg m^2], in the physics and in the control box (default: the "
+            "description's)",
         ),
         Argument(
             "--friction",

@@ -15,11 +15,13 @@ from franka_sim.fci.robots import MAX_LOST_PACKETS, RobotKind
 from franka_sim.model_library import library_for
 from franka_sim.realism import Realism, parse
 from franka_sim.settings import BoxSettings, make_model, set_internal_impedance
+from hric_control.plants import rotor_inertia
 from hric_control.sim.participants import Participants
 from hric_core import plugins
 from hric_core.errors import ParameterError
 from hric_core.local.node import LocalNode
 from hric_core.node import Node
+from hric_core.urdf import read
 
 
 def build_arm(
@@ -52,9 +54,9 @@ def build_arm(
         held.callback(plant.close)
         if plant.time_step != PERIOD:
             raise ParameterError(f"{node.resolve('plant/time_step')} is {plant.time_step}; valid: {PERIOD} [s]")
-        config = replace(
-            settings.box(plant_config, names, PERIOD, realism), limits=robot.limits(), max_lost_packets=max_lost_packets
-        )
+        rotors = dict(zip(names, rotor_inertia(plant_config, names, read(urdf_xml)), strict=True))
+        config = settings.box(plant_config, rotors, PERIOD, realism)
+        config = replace(config, limits=robot.limits(), max_lost_packets=max_lost_packets)
         compiled = CompiledArm(urdf_xml, arm_id, config.min_singular_value)
         box = ControlBox(model, compiled, config, lambda text: LOG.warning("%s", text))
         set_internal_impedance(node, settings.internal_impedance.stiffness, box.joint_impedance)
@@ -75,7 +77,9 @@ def _has_hand(urdf_xml: str, arm_id: str) -> bool:
 def make_arm(options: argparse.Namespace, robot: RobotKind) -> ArmDevice:
     """Build the emulated arm from the arguments of the command line. Raises HricError."""
     plant_config = {name: getattr(options, name) for name in ("world", "gui", "friction") if getattr(options, name)}
-    plant_config |= {"rotor_inertia": options.rotor_inertia, "seed": options.seed}
+    plant_config["seed"] = options.seed
+    if options.rotor_inertia is not None:
+        plant_config["rotor_inertia"] = options.rotor_inertia
     if options.no_collision:
         plant_config |= {"collision": False, "self_collision": False}
     settings = BoxSettings(

@@ -74,7 +74,7 @@ def fr3_limited(urdf_xml: str, arm_id: str) -> str:
 
 def fr3_urdf(hand: bool = True, collision: bool = True) -> str:
     """Return the URDF of the FR3, with or without hand and collision shapes."""
-    urdf_xml = panda_description.load(arm_id="fr3", hand=hand, meshes=False, collision=collision)
+    urdf_xml = panda_description.load(arm_id="fr3", inertials="fr3", hand=hand, meshes=False, collision=collision)
     return fr3_limited(urdf_xml, "fr3")
 
 

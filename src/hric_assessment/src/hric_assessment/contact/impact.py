@@ -7,21 +7,19 @@ point along the contact normal. Other forces during the contact and the rotation
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from hric_assessment.contact.mass import Mechanism, RobotMasses
 from hric_assessment.tables import episode_table, verdict_table
 from hric_assessment.typed_json import Content, JsonObject
 from hric_bags.reader import ControlRecord, FloatArray, RunRecord
 from hric_bags.records.human_record import HumanRecord
 from hric_control.plant import Surface
-from hric_control.plants import PlantConfig, Surfaces, combine, load_surfaces
+from hric_control.plants import PlantConfig, Surfaces, combine, load_surfaces, rotor_inertia
 from hric_core import urdf
 from hric_core.errors import HricError, check_known
-from hric_core.geometry.transforms import inverse
-from hric_dynamics.tree import Tree
 from hric_human.body import surfaces
 from hric_human.contact import RegionContact
 from hric_human.participant.settings import HumanSettings
@@ -167,59 +165,6 @@ class ExpectedContact:
         return {**recorded, **begin, "transient": impact, "press": clamping}
 
 
-class Mechanism:
-    """Mechanism of a URDF, placed in the world, with its Jacobian and reflected mass at a point.
-
-    Args:
-        tree: URDF of the mechanism.
-        joints: joints that move; all others are fixed at zero.
-        rotors: rotor inertia at each joint [kg m^2].
-        T_world_root: pose of the root link in the world, shape (4, 4).
-    """
-
-    def __init__(
-        self, tree: urdf.Robot, joints: Sequence[str], rotors: Sequence[float], T_world_root: FloatArray | None = None
-    ) -> None:
-        self.tree, self.joints, self._rotors = tree, tuple(joints), np.diag(rotors)
-        self._dynamics = Tree(tree, joints)
-        self._T_root_world = np.eye(4) if T_world_root is None else inverse(T_world_root)
-
-    def at(self, q: FloatArray, link: str, point: Sequence[float]) -> tuple[FloatArray, FloatArray]:
-        """Return the Jacobian J of a point of a link, and the inverse of M + B, shapes (3, n) and (n, n).
-
-        J is in axes of the world; M: mass matrix, B: rotor inertias.
-
-        Args:
-            q: joint positions, shape (n,) [rad].
-            link: link of the mechanism.
-            point: point in the world, 3 floats [m].
-        """
-        R, p = self._T_root_world[:3, :3], self._T_root_world[:3, :3] @ point + self._T_root_world[:3, 3]
-        J = np.asarray(R.T @ self._dynamics.point_jacobian(q.tolist(), link, p.tolist()))
-        return J, np.asarray(np.linalg.inv(self._dynamics.mass_matrix(q.tolist()) + self._rotors))
-
-    def reflected_mass(self, q: FloatArray, link: str, point: Sequence[float], normal: Sequence[float]) -> float:
-        """Return the reflected mass 1 / (n' J (M + B)^-1 J' n) [kg] of a link at a point along a normal n.
-
-        J: Jacobian of the point, M: mass matrix, B: rotor inertias. The mass is infinite if no joint lets the link
-        yield along the normal. Point and normal are in the world frame.
-        """
-        J, inverse_mass = self.at(q, link, point)
-        row = np.array(normal) @ J
-        mobility = float(row @ inverse_mass @ row)
-        return 1.0 / mobility if mobility > 0.0 else math.inf
-
-    def balanced(
-        self, q: FloatArray, link: str, point: Sequence[float], normal: Sequence[float], tau: FloatArray
-    ) -> float:
-        """Return the force along a normal with which static joint torques tau [N m] press at a point [N].
-
-        It is n' (J W J')^-1 J W tau with W = (M + B)^-1; for tau = J' f this equals n' f.
-        """
-        J, W = self.at(q, link, point)
-        return float(np.array(normal) @ np.linalg.solve(J @ W @ J.T, J @ W @ tau))
-
-
 class ClosedFormModels:
     """Models of the robot and the human of a run, from which the expected forces of their contacts are computed.
 
@@ -252,7 +197,8 @@ class ClosedFormModels:
             described, joints = Walk(settings.walk, body, settings.heading).urdf, (*JOINTS, *human.joints)
             walked = human.root.at(human.time)[:, :2] - np.array(root.position[:2])
             self._human_q = np.hstack([walked, human.position])
-        self._robot = Mechanism(urdf.read(description), log.joint_names, config.rotor_inertia)
+        tree = urdf.read(description)
+        self._robot = Mechanism(tree, log.joint_names, rotor_inertia(plant, log.joint_names, tree))
         self._human = Mechanism(urdf.read(described), joints, [0.0] * len(joints), T_world_root)
         rules = Surfaces((*load_surfaces(config.world), *config.surfaces), config.contact_stiffness)
         self._name = self._robot.tree.name
@@ -294,6 +240,12 @@ class ClosedFormModels:
         if math.isinf(robot_mass) and math.isinf(human_mass):
             return None
         return ClosedFormImpact(speed, robot_mass, human_mass, law[0])
+
+    def robot_masses(self, contact: RegionContact, load: float) -> RobotMasses:
+        """Return the robot's masses in a contact of which `impact` returns the closed form; load: held mass [kg]."""
+        q, link = _at(contact.begin, self._log.time, self._log.position), contact.other.rpartition("::")[2]
+        assert contact.begin_point is not None and contact.begin_normal is not None, "`impact` has tested it"
+        return self._robot.robot_masses(q, link, contact.begin_point, contact.begin_normal, load)
 
     def _clamping(self, contact: RegionContact, link: str) -> Clamping | None:
         log, series = self._log, contact.series

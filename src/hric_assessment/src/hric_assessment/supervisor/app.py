@@ -69,7 +69,7 @@ class SupervisorApp:
         joints = [transmission.joint for transmission in parse_transmissions(description)]
         arm = ArmShape(description, joints)
         plant = node.param(f"{root}robot/plant", {})
-        rotors = np.array(rotor_inertia(plant, joints))
+        rotors = np.array(rotor_inertia(plant, joints, arm.tree))
         base = f"{node.param(f'{root}robot/arm_id', 'panda')}_link0"
         self._arm = ArmInput(node, root, joints)
         self._persons = person_inputs(node, root, settings, base)

@@ -10,7 +10,6 @@ from hric_assessment.separation.capsules import capsules_of, poses
 from hric_core.errors import DescriptionError
 from hric_core.geometry import FloatArray
 from hric_core.urdf import read
-from hric_dynamics.tree import Tree
 
 STEP = 1e-3
 """Time step along the present velocity by which point velocities are computed [s]; relative error below 1e-3."""
@@ -80,7 +79,6 @@ class ArmShape:
                 f"joint {', '.join(unknown)} is not in the description of {self.tree.name}; valid: "
                 f"{', '.join(name for name, joint in self.tree.joints.items() if joint.type != 'fixed')}"
             )
-        self._dynamics = Tree(self.tree, self.joints)
         fixed = self.tree.rigid_groups()
         moving = [name for name in self.tree.links if fixed[name][0] != self.tree.root]
         self.capsules, left_out = capsules_of(self.tree, moving)
@@ -111,33 +109,3 @@ class ArmShape:
         """Return the capsules in the world, with their velocities, for a state of the arm."""
         now, ahead = self.ends(np.array([state.q, state.q + STEP * state.dq]))
         return PlacedCapsules(now, (ahead - now) / STEP, self.capsules.radii, self.capsules.links)
-
-    def reflected_mass(
-        self, q: FloatArray, rotors: FloatArray, link: str, point: FloatArray, direction: FloatArray
-    ) -> float:
-        """Return the reflected mass 1/(u' J (M + B)^-1 J' u) [kg] of a point; NaN if M + B is singular.
-
-        Args:
-            q: joint positions, shape (j,) [rad or m].
-            rotors: rotor inertias B at the joints, shape (j,) [kg m^2].
-            link: link of the arm.
-            point: point of the link in the world, shape (3,) [m].
-            direction: unit vector u in the world, shape (3,).
-        """
-        M = self._dynamics.mass_matrix(q.tolist())
-        row = direction @ self._dynamics.point_jacobian(q.tolist(), link, point.tolist())
-        try:
-            mobility = float(row @ np.linalg.solve(M + np.diag(rotors), row))
-        except np.linalg.LinAlgError:  # a description without masses
-            return math.nan
-        return 1.0 / mobility if mobility else math.inf
-
-    @property
-    def moving_mass(self) -> float:
-        """Mass of all links that are not fixed to the world [kg]."""
-        fixed = self.tree.rigid_groups()
-        return sum(
-            link.mass.mass
-            for link in self.tree.links.values()
-            if link.mass is not None and fixed[link.name][0] != self.tree.root
-        )

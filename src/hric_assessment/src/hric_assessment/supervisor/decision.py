@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from hric_assessment.contact.limits import Limits
-from hric_assessment.contact.speed import half_mass, speed_limit
+from hric_assessment.contact.mass import Mechanism
+from hric_assessment.contact.speed import speed_limit
 from hric_assessment.findings import NotAssessableError
 from hric_assessment.separation.protective import Terms
 from hric_assessment.supervisor.arm import ArmShape, ArmState, InForce, PlacedCapsules
@@ -163,8 +164,8 @@ class Supervisor:
     ) -> None:
         self._frames = {WORLD: np.eye(4)} if frames is None else frames
         self.settings, self._arm = settings, arm
-        self._rotors = np.zeros(len(arm.joints)) if rotors is None else np.asarray(rotors)
-        self._limits, self._half_mass = Limits.named(settings.table), half_mass(arm.moving_mass)
+        self._mechanism = Mechanism(arm.tree, arm.joints, np.zeros(len(arm.joints)) if rotors is None else rotors)
+        self._limits = Limits.named(settings.table)
         self._stopping = StoppingModel(settings)
         self._protective = Protective(settings, self._stopping)
         self._watch = Watch(settings, self._frames)
@@ -316,8 +317,8 @@ class Supervisor:
         if by_distance[worst] >= 1.0:
             return Permitted(1.0, worst)
         link, point = placed.links[near.arm[worst]], near.robot_point[worst]
-        mass = self._arm.reflected_mass(arm.q, self._rotors, link, point, near.direction[worst])
-        mass = max(mass, self._half_mass) if math.isfinite(mass) and mass > 0.0 else math.inf
+        masses = self._mechanism.robot_masses(arm.q, link, point, near.direction[worst])
+        mass = masses.judged(self.settings.robot_mass) if masses.locked > 0.0 else math.inf
         speeds = np.array([self._contact_speed(regions, mass) for regions in person.regions])
         slow = np.clip((speeds - near.person_speed) / self._speed, 0.0, 1.0)
         both = np.maximum(by_distance, np.where(slow < SCALES[0], 0.0, slow))
@@ -334,7 +335,7 @@ class Supervisor:
     def _contact_speed(self, regions: Sequence[str], mass: float) -> float:
         """Return the lowest permitted contact speed of some regions [m/s]; 0 if contact is not permitted.
 
-        mass: reflected mass of the arm [kg].
+        mass: mass of the arm [kg].
         """
         if not regions or not math.isfinite(mass):
             return 0.0

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from hric_assessment.contact.mass import ROBOT_MASSES
 from hric_core.parameters import Settings, anything, choice, flag, listing, names, number, refuse_void, text
 
 SPEED_AND_SEPARATION, POWER_AND_FORCE = "speed_and_separation", "power_and_force_limiting"
@@ -12,7 +13,7 @@ MODES = (SPEED_AND_SEPARATION, POWER_AND_FORCE, HAND_GUIDED, STANDSTILL)
 HUMAN, MARKER, PERSON = "human", "marker", "person"
 ACTS_WITH = {
     **dict.fromkeys(("guided_speed", "guided_distance", "guided_stiffness", "guided_force"), HAND_GUIDED),
-    **dict.fromkeys(("contact_stiffness", "contact_area"), POWER_AND_FORCE),
+    **dict.fromkeys(("contact_stiffness", "contact_area", "robot_mass"), POWER_AND_FORCE),
     **dict.fromkeys(("body", "hand_radius"), MARKER),
 }
 """Parameters that have an effect only in one mode or with one source, with the name of that mode or source."""
@@ -107,6 +108,11 @@ class SupervisorSettings(Settings):
         above=0.0,
         unit="m^2",
         text="with `power_and_force_limiting`: contact area, for limits of pressure; none: only limits of force count",
+    )
+    robot_mass: str = choice(
+        *ROBOT_MASSES,
+        text="with `power_and_force_limiting`: mass of the arm at the nearest point: `reflected` with rotors and free "
+        "joints, the `standard`'s M/2 + m_L, the one with `locked` joints, or the `largest` of the three",
     )
     guided_speed: float = number(
         0.25, above=0.0, unit="m/s", text="with `hand_guided`: maximum speed of the arm (ISO 10218, from memory)"

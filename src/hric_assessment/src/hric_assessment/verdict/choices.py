@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from hric_assessment.contact.limits import Limits
+from hric_assessment.contact.mass import LARGEST
 from hric_assessment.separation.protective import Stop
 from hric_assessment.separation.stopping import StopTable
 from hric_assessment.tables import verdict_table
@@ -57,6 +58,7 @@ class AssessmentChoices:
         braking: braking of the arm.
         contact_area: area over which contacts act, the smaller of the robot's and the body's [m^2]; None: not known.
             If the recording has an area for a contact, the smaller of the two counts.
+        robot_mass: mass of the robot by which contacts are judged, one of ROBOT_MASSES.
         versions: versions of the tables of posture scoring methods, by the keys of `methods`.
         assumptions: assumptions behind the choices, one sentence each.
     """
@@ -64,6 +66,7 @@ class AssessmentChoices:
     limits: Limits = field(default_factory=Limits.named)
     braking: BrakingChoice = field(default_factory=BrakingChoice)
     contact_area: float | None = None
+    robot_mass: str = LARGEST
     versions: Mapping[str, str] = field(default_factory=dict)
     assumptions: tuple[str, ...] = ()
 

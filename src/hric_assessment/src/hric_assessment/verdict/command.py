@@ -6,6 +6,7 @@ from pathlib import Path
 
 from hric_assessment.contact.area import check_area
 from hric_assessment.contact.limits import Limits
+from hric_assessment.contact.mass import LARGEST, ROBOT_MASSES
 from hric_assessment.ergonomics.scoring import methods
 from hric_assessment.separation import stopping
 from hric_assessment.tables import LIMIT_TABLES
@@ -71,7 +72,8 @@ class AssessCommand(Command):
         if arguments.contact_area is not None:
             check_area(arguments.contact_area, name=AREA_OPTION)
         versions = {key: version for key in methods() if (version := getattr(arguments, f"{key}_table", ""))}
-        choices = AssessmentChoices(Limits.named(limits), BrakingChoice(stops), arguments.contact_area, versions)
+        braking, area, mass = BrakingChoice(stops), arguments.contact_area, arguments.robot_mass
+        choices = AssessmentChoices(Limits.named(limits), braking, area, mass, versions)
         verdicts = [_assessed(name, arguments.runs, choices) for name in (arguments.run, *arguments.compare)]
         only = [question for part in arguments.only for question in part]
         if arguments.compare:
@@ -139,6 +141,13 @@ def _choices_arguments() -> list[Argument]:
             metavar="M2",
             help="contact area, the smaller of the robot's and the body's [m^2] (1 cm^2 is 1e-4); without it or "
             "human.contact_area in the experiment, no contact is within limits, since its pressure is not known",
+        ),
+        Argument(
+            "--robot-mass",
+            choices=ROBOT_MASSES,
+            default=LARGEST,
+            help="mass of the robot by which the speed of a contact is judged: reflected, with rotors and free joints; "
+            "standard, M/2 + m_L; locked, with locked joints; or the largest of the three (default: %(default)s)",
         ),
         *(
             Argument(

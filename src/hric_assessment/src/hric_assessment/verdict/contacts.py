@@ -13,7 +13,8 @@ from hric_assessment.contact.area import check_area
 from hric_assessment.contact.assess import ContactSite, LimitRatio, approach_ratio, assess
 from hric_assessment.contact.episodes import PENALTY, Episode, episodes, window_of
 from hric_assessment.contact.impact import ClosedFormImpact, ClosedFormModels
-from hric_assessment.contact.speed import SpeedLimit, half_mass, permitted_speed, speed_limit
+from hric_assessment.contact.mass import LARGEST, LOCKED, REFLECTED, STANDARD, RobotMasses
+from hric_assessment.contact.speed import SpeedLimit, permitted_speed, speed_limit
 from hric_assessment.findings import CONTACT, Evidence, Finding, NotAssessableError, Outcome
 from hric_assessment.tables import verdict_table
 from hric_assessment.verdict.choices import AssessmentChoices
@@ -21,7 +22,6 @@ from hric_assessment.verdict.inputs import AssessmentInput
 from hric_assessment.verdict.person import body_of
 from hric_bags.records.human_record import HumanRecord
 from hric_bags.records.region_contacts import ContactStream
-from hric_core import urdf
 from hric_core.errors import HricError
 from hric_human.contact import RegionContact
 
@@ -36,6 +36,17 @@ SILENT_GAP = 0.075
 
 It is 1.5 times the 50 ms after which an empty message is due (`hric_human.participant.topics.SILENCE`).
 """
+MASS_TEXTS = {
+    LARGEST: "largest of three masses",
+    REFLECTED: "reflected mass",
+    STANDARD: "M/2 + m_L",
+    LOCKED: "mass with locked joints",
+}
+"""Short descriptions of the masses of the robot by which a contact can be judged."""
+PERMITTED = tuple(f"permitted speed by {mass} [m/s]" for mass in ("m_u", "M/2 + m_L", "locked joints"))
+"""Names of the speeds that the robot's three masses permit, in the order of `RobotMasses`."""
+Impact = tuple[ClosedFormImpact, RobotMasses]
+"""Closed form of an impact as simulated, and the masses of the robot by which it can be judged."""
 SPEED_STEP = 1e-3
 """Time step assumed for a plant that does not state one [s]: 1 kHz, as in every run of this workspace."""
 
@@ -257,7 +268,7 @@ class ExpectedImpacts:
     """
 
     def __init__(self, source: AssessmentInput, record: HumanRecord, choices: AssessmentChoices) -> None:
-        self._limits, self._forms = choices.limits, None
+        self._limits, self._which, self._forms = choices.limits, choices.robot_mass, None
         self._why = "for the closed form: a control log"
         log = source.recording.log
         if log is None or not len(record.time):
@@ -270,14 +281,12 @@ class ExpectedImpacts:
         except HricError as error:
             self._why = f"for the closed form: {error}"
             return
-        moving, tool = masses(urdf.read(source.description), log.joint_names)
-        load = float((source.definition.get("robot", {}).get("load") or {}).get("mass", 0.0))
-        self._moving, self._payload, self._standard = moving - tool, tool + load, 0.5 * (moving - tool) + tool + load
+        self._load = float((source.definition.get("robot", {}).get("load") or {}).get("mass", 0.0))
 
     def approach(
         self, contacts: Sequence[RegionContact], site: ContactSite, simulated: bool
-    ) -> tuple[LimitRatio | None, ClosedFormImpact | None, list[str]]:
-        """Return the worst approach speed of some contacts with its limit, its closed form, and doubts.
+    ) -> tuple[LimitRatio | None, Impact | None, list[str]]:
+        """Return the worst approach speed of some contacts with its limit, its impact, and doubts.
 
         Args:
             contacts: contacts of an episode.
@@ -297,20 +306,21 @@ class ExpectedImpacts:
             if not speed > 0.0:
                 continue
             form = None if self._forms is None else self._forms.impact(contact)
-            if form is not None and not np.isfinite(form.peak):
-                form = None  # the arm's motion is not known at that time
-            if (limit := self._lowest(form, site)) is not None:
-                label = f"{limit.region}, {'robot of unknown mass' if form is None else 'heavier of both masses'}"
-                approaches.append((approach_ratio(speed, float(limit.transient), label, form is not None), form))
+            impact = None
+            if self._forms is not None and form is not None and np.isfinite(form.peak):  # the arm's motion is known
+                impact = form, self._forms.robot_masses(contact, self._load)
+            if (limit := self._lowest(impact, site)) is not None:
+                label = f"{limit.region}, {'robot of unknown mass' if impact is None else MASS_TEXTS[self._which]}"
+                approaches.append((approach_ratio(speed, float(limit.transient), label, impact is not None), impact))
         worst = max(approaches, key=lambda pair: pair[0].value / max(pair[0].limit, 1e-9), default=(None, None))
         return *worst, doubts
 
-    def _lowest(self, form: ClosedFormImpact | None, site: ContactSite) -> SpeedLimit | None:
+    def _lowest(self, impact: Impact | None, site: ContactSite) -> SpeedLimit | None:
         """Return the lowest permitted approach speed of the regions; None: no region has one.
 
-        The heavier of the robot's reflected mass and the standard's M/2 + m_L counts; without a closed form, UNBOUNDED.
+        The chosen one of the robot's masses counts; without a closed form, UNBOUNDED.
         """
-        mass = UNBOUNDED if form is None else max(form.robot_mass, self._standard)
+        mass = UNBOUNDED if impact is None else impact[1].judged(self._which)
         try:
             area, hand = site.contact_area, site.dominant
             limits = [speed_limit(self._limits, region, mass, area, hand) for region in site.permitted_regions]
@@ -319,59 +329,39 @@ class ExpectedImpacts:
         return min(limits, key=lambda limit: float(limit.transient), default=None)
 
     def values(
-        self, form: ClosedFormImpact | None, site: ContactSite
+        self, impact: Impact | None, site: ContactSite
     ) -> tuple[Mapping[str, float | None], tuple[str, ...], tuple[str, ...]]:
         """Return values, notes and missing data about the closed form, for a finding."""
         if self._forms is None:
             return {}, (), (self._why,)
-        if form is None:
+        if impact is None:
             return {}, (), ()
+        form, masses = impact
         values: dict[str, float | None] = {
             "speed at which they met [m/s]": form.speed,
-            "reflected mass of the robot m_u [kg]": form.robot_mass,
+            "reflected mass of the robot m_u [kg]": masses.reflected,
+            "M/2 + m_L [kg]": masses.standard,
+            "mass of the robot with locked joints [kg]": masses.locked,
             "reflected mass of the body as simulated [kg]": form.human_mass,
             "v sqrt(mu k) as simulated [N]": form.peak,
         }
         if not site.regions:
             return values, (), ()
-        standard, area = half_mass(self._moving, self._payload), site.contact_area
         try:
-            by_mass = [
-                [speed_limit(self._limits, region, mass, area) for mass in (form.robot_mass, standard)]
-                for region in site.regions
-            ]
+            limits = [speed_limit(self._limits, region, np.array(masses), site.contact_area) for region in site.regions]
         except NotAssessableError as error:
             return values, (f"no permitted speed: {error}",), ()
-        reflected, halved = min(by_mass, key=lambda pair: float(pair[0].transient))
-        region = reflected.region
-        values["M/2 + m_L [kg]"] = self._standard
-        values["permitted speed by m_u [m/s]"] = float(reflected.transient)
-        values["permitted speed by M/2 + m_L [m/s]"] = float(halved.transient)
-        if (limit := reflected.force_transient) is not None and region in site.permitted_regions:
-            speed = permitted_speed(limit, form.mass, form.stiffness)
-            values["speed at the limit, masses as simulated [m/s]"] = float(speed)
-        unsafe = form.robot_mass > standard
-        side = "not on the safe side" if unsafe else "on the safe side"
+        limit = min(limits, key=lambda limit: float(np.min(limit.transient)))
+        speeds = [float(speed) for speed in limit.transient]
+        values |= dict(zip(PERMITTED, speeds, strict=True))
+        if (force := limit.force_transient) is not None and limit.region in site.permitted_regions:
+            values["speed at the limit, masses as simulated [m/s]"] = float(
+                permitted_speed(force, form.mass, form.stiffness)
+            )
         note = (
-            f"closed form, {region}: the reflected mass m_u of {form.robot_mass:.2f} kg (with rotors, as simulated) "
-            f"permits {reflected.transient:.3f} m/s; the standard's estimate M/2 + m_L of {self._standard:.2f} kg "
-            f"permits {halved.transient:.3f} m/s, which is {side}"
+            f"closed form, {limit.region}: the reflected mass m_u of {masses.reflected:.2f} kg (with rotors, as "
+            f"simulated) permits {speeds[0]:.3f} m/s; the standard's estimate M/2 + m_L of {masses.standard:.2f} kg "
+            f"permits {speeds[1]:.3f} m/s; the mass with locked joints of {masses.locked:.2f} kg permits "
+            f"{speeds[2]:.3f} m/s; judged by {MASS_TEXTS[self._which]}, {masses.judged(self._which):.2f} kg"
         )
         return values, (note,), ()
-
-
-def masses(tree: urdf.Robot, joints: Sequence[str]) -> tuple[float, float]:
-    """Return the moving mass of an arm, and the part of it that is the tool [kg].
-
-    The moving mass is that of all links beyond the first joint; the tool is all that is attached to the last link.
-    """
-    behind: dict[str, list[str]] = {}
-    for joint in tree.joints.values():
-        behind.setdefault(joint.parent, []).append(joint.child)
-
-    def mass(link: str) -> float:
-        inertia = tree.links[link].mass
-        return (0.0 if inertia is None else inertia.mass) + sum(mass(child) for child in behind.get(link, ()))
-
-    first, last = tree.joints[joints[0]].child, tree.joints[joints[-1]].child
-    return mass(first), sum(mass(child) for child in behind.get(last, ()))

@@ -17,6 +17,7 @@ from hric_bags.export.table import FloatArray, TopicTable
 from hric_bags.run_file import RunFile, robot_parameters
 from hric_control.plants import rotor_inertia
 from hric_core.trial.opensim_text import read_storage
+from hric_core.urdf import read
 
 MARGIN = 0.05
 """Time left out at both ends of the run, where the tool's splines are inexact [s]; project default, unconfirmed."""
@@ -81,7 +82,7 @@ def solve(
         )
     log = only(recording.read(source, types=(batches.CONTROL_LOG,)), topic, "control log")
     names = tuple(log.below("position"))
-    inertia = rotor_inertia({"rotor_inertia": rotor}, names)
+    inertia = rotor_inertia({"rotor_inertia": rotor}, names, read(source.urdf))
     folder = output_folder(source, "inverse_dynamics", output)
     model = _convert(source, folder / "model.osim")
     torques = folder / "torques.sto"

@@ -21,7 +21,10 @@ from hric_core.parameters import (
     text,
     whole,
 )
+from hric_core.urdf import Robot
 
+ROTOR_INERTIA = 0.1
+"""Rotor inertia of a joint whose description states none [kg m^2]: as in MuJoCo's menagerie; project default."""
 LARGEST_GRAVITY = 10.0
 """Largest valid magnitude of gravity [m/s^2]; Earth's is at most 9.83, at the poles (WGS 84)."""
 
@@ -49,8 +52,9 @@ class PlantConfig(Settings):
     integrator: str = choice("accurate", "semi_implicit", text="integration method")
     rotor_inertia: tuple[float, ...] = per_joint(
         number(minimum=0.0, unit="kg m^2"),
-        0.1,
+        ROTOR_INERTIA,
         others=0.0,
+        default_text=f"the description's, else `{ROTOR_INERTIA}`",
         text="rotor inertia, seen at the joint; 0 for joints that are missing in a mapping",
     )
     friction: str = choice("none", "coulomb", "identified", text="joint friction")
@@ -102,7 +106,15 @@ class WindowlessConfig(PlantConfig):
             raise refused(f"{where}gui", True, "false: this plant has no window of its own; look at the robot in rviz")
 
 
-def rotor_inertia(plant: Mapping[str, object], joint_names: Sequence[str]) -> tuple[float, ...]:
-    """Return the rotor inertia of the joints from a plant's parameters, n floats [kg m^2]. Raises ParameterError."""
-    values = {name: value for name, value in plant.items() if name == "rotor_inertia"}
-    return PlantConfig.of(values, "plant/", joint_names).rotor_inertia
+def rotor_inertia(plant: Mapping[str, object], joint_names: Sequence[str], robot: Robot) -> tuple[float, ...]:
+    """Return the rotor inertia of the joints, n floats [kg m^2]. Raises ParameterError.
+
+    Args:
+        plant: parameters of the plant; `rotor_inertia` has priority over the description.
+        joint_names: the actuated joints.
+        robot: description of the robot.
+    """
+    if "rotor_inertia" in plant:
+        return PlantConfig.of({"rotor_inertia": plant["rotor_inertia"]}, "plant/", joint_names).rotor_inertia
+    stated = [robot.joints[name].rotor_inertia for name in joint_names if name in robot.joints]
+    return tuple(ROTOR_INERTIA if value is None else value for value in stated)

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from hric_control.plant import Articulated, Bushing, BushingLoad, DrivenPlant, FloatArray, Load, Mode, Surface
-from hric_control.plants.config import PlantConfig
+from hric_control.plants.config import PlantConfig, rotor_inertia
 from hric_control.plants.engine_robot import EngineRobot
 from hric_control.plants.models import Models, payload
 from hric_control.plants.surfaces import Surfaces
@@ -36,11 +36,12 @@ class EnginePlant(DrivenPlant, Articulated):
 
     def __init__(self, urdf_xml: str, joint_names: Sequence[str], config: Mapping[str, object]) -> None:
         self.joint_names = tuple(joint_names)
+        self.tree = read(urdf_xml)
+        self.tree.check_actuated(self.joint_names)
+        config = {**config, "rotor_inertia": rotor_inertia(config, self.joint_names, self.tree)}
         self.config = self.config_type.of(config, "plant/", self.joint_names)
         self.time_step, self.integrator = self.config.time_step, self.config.integrator
         self.gravity = self.config.gravity
-        self.tree = read(urdf_xml)
-        self.tree.check_actuated(self.joint_names)
         self._masks = load_masks(self.config.collision_masks)
         self._objects = load_world(self.config.world, self.config.contact_stiffness)
         rules = (*load_surfaces(self.config.world), *self.config.surfaces)

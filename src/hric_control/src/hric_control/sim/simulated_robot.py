@@ -13,6 +13,7 @@ from hric_control.sim.sim_loop import SimLoop
 from hric_core import plugins
 from hric_core.errors import CommandError
 from hric_core.node import Node
+from hric_core.urdf import read
 
 DEFAULT_PLANT = "pybullet_ros_control/PyBulletPlant"
 
@@ -52,7 +53,7 @@ class SimulatedRobot(RobotHW):
             joint_names: the actuated joints.
             config: parameters of the plant.
         """
-        self.rotor_inertia = rotor_inertia(config, joint_names)
+        self.rotor_inertia = rotor_inertia(config, joint_names, read(urdf_xml))
         make_plant = plugins.find(plugins.PLANT, node.param("plant_type", DEFAULT_PLANT))
         with ExitStack() as held:
             self.plant = make_plant(urdf_xml, joint_names, config)

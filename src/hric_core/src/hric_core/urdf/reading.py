@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from functools import lru_cache
-from xml.etree.ElementTree import Element
+from xml.etree.ElementTree import Element, register_namespace
 
 import numpy as np
 
@@ -24,6 +24,9 @@ from hric_core.urdf.robot import (
 from hric_core.urdf.shapes import Colour, Shape, read_colour, read_shape
 
 TENSOR = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+ROTOR_INERTIA, GEAR_RATIO = "drake:rotor_inertia", "drake:gear_ratio"
+"""Elements of an actuator with the inertia of its rotor [kg m^2] and the ratio of its gear, as Drake defines them."""
+register_namespace("drake", "http://drake.mit.edu")  # descriptions that ElementTree has changed keep the prefix
 
 
 def read(urdf_xml: str, source: str = "") -> Robot:
@@ -60,7 +63,8 @@ def _robot(urdf_xml: str) -> Robot:
     ]
     colours = {name: colour for name, colour in materials if colour is not None}
     links = {link.name: link for link in (_link(element, colours) for element in _named(root, "link"))}
-    joints = {joint.name: joint for joint in map(_joint, _named(root, "joint"))}
+    rotors = _rotors(root)
+    joints = {joint.name: joint for joint in (_joint(element, rotors) for element in _named(root, "joint"))}
     if not links:
         raise DescriptionError("the robot description has no <link>; a robot needs at least one")
     base = _check_tree(links, joints)
@@ -108,7 +112,21 @@ def _mass(inertial: Element | None, where: str) -> MassProperties | None:
     return MassProperties(value, np.zeros(3), about_com).moved(origin(inertial, where))
 
 
-def _joint(element: Element) -> Joint:
+def _rotors(root: Element) -> dict[str, float]:
+    """Return the rotor inertias that transmissions state by Drake's elements, reflected to the joints, by joint."""
+    rotors = {}
+    for transmission in root.iterfind("transmission"):
+        for joint in transmission.iterfind("joint"):
+            for tag in transmission.iter(ROTOR_INERTIA):
+                where, ratio = f"rotor of joint {joint.get('name')}", next(transmission.iter(GEAR_RATIO), None)
+                reduction = 1.0 if ratio is None else number(ratio, "value", where)
+                rotors[joint.get("name", "")] = inertia = number(tag, "value", where) * reduction**2
+                if inertia < 0.0:
+                    raise DescriptionError(f"{where}: its inertia {inertia} kg m^2 is negative")
+    return rotors
+
+
+def _joint(element: Element, rotors: Mapping[str, float]) -> Joint:
     name, kind = element.get("name", ""), element.get("type", "")
     where = f"joint {name}"
     if kind not in JOINT_TYPES:
@@ -138,6 +156,7 @@ def _joint(element: Element) -> Joint:
         friction,
         _mimic(element, where),
         _safety(element, where),
+        rotors.get(name),
     )
 
 

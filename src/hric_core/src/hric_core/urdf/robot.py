@@ -68,6 +68,7 @@ class Joint:
         friction: Coulomb friction [N m or N].
         mimic: law of a mimic joint; None: the joint moves independently.
         safety: `<safety_controller>`; None: there is none.
+        rotor_inertia: inertia of the motor's rotor, reflected to the joint [kg m^2 or kg]; None: not stated.
     """
 
     name: str
@@ -81,6 +82,7 @@ class Joint:
     friction: float = 0.0
     mimic: Mimic | None = None
     safety: SafetyController | None = None
+    rotor_inertia: float | None = None
 
     @property
     def lower(self) -> float:

@@ -39,7 +39,7 @@ SHORTCUTS: dict[str, tuple[str, str]] = {
     "urdf": ("robot.urdf", "path or package:// address of another robot's URDF or xacro"),
     "q_start": ("robot.q_start", "joint positions at the start [rad]"),
     "hand": ("robot.description.hand", "true: the arm has the Franka hand; false: it has none"),
-    "inertials": ("robot.description.inertials", "masses and inertias of the links: barycentric or thesis"),
+    "inertials": ("robot.description.inertials", "masses and inertias of the links: barycentric, fr3 or thesis"),
     "damping": ("robot.description.damping", "viscous joint damping [N m s/rad]"),
     "friction": (
         "robot.description.friction",

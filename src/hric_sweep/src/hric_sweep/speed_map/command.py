@@ -36,7 +36,11 @@ HEAD = (
     "maximum arm speed [m/s]",
     "closed form [m/s]",
     "ISO estimate with M/2 + m_L [m/s]",
+    "mass with locked joints [kg]",
+    "closed form with locked joints [m/s]",
 )
+COLUMNS = ("mass", "speed", "fastest", "closed_form", "standard", "locked_mass", "locked")
+"""Attributes of `MapCell` in the columns after the direction."""
 Measured = Mapping[tuple[float, ...], list[MapCell]]
 """Results in all directions, by point; empty if the arm does not reach the point."""
 
@@ -120,7 +124,7 @@ def report(cells_by_point: Measured, request: MapRequest, force: float) -> str:
     """Return the summary of a map for the terminal; `force`: limit of the peak force [N]."""
     cells = [cell for cells_of_point in cells_by_point.values() for cell in cells_of_point]
     worst, ratios = lowest(cells), [cell.speed / cell.closed_form for cell in cells]
-    unsafe = sum(cell.standard > cell.speed for cell in cells)
+    unsafe, locked = (sum(getattr(cell, name) > cell.speed for cell in cells) for name in ("standard", "locked"))
     limit = request.limit
     lines = [
         f"{request.region}, {request.arm.value} arm: {force:g} N ({request.limits.table.title}), spring "
@@ -128,11 +132,12 @@ def report(cells_by_point: Measured, request: MapRequest, force: float) -> str:
         f"{len(cells_by_point)} points, {sum(map(bool, cells_by_point.values()))} of them within reach; {len(cells)} "
         "directions",
         f"limit speeds {worst.speed:.3f} to {max(cell.speed for cell in cells):.3f} m/s; the lowest at "
-        f"({', '.join(f'{x:.2f}' for x in worst.point)}) m along {worst.direction}, reflected mass {worst.mass:.2f} kg",
+        f"({', '.join(f'{x:.2f}' for x in worst.point)}) m along {worst.direction}, reflected mass {worst.mass:.2f} kg"
+        f", with locked joints {worst.locked_mass:.2f} kg",
         f"the arm alone reaches the limit speed in {sum(map(alone, cells))} of {len(cells)} directions",
         f"ratio of the limit speed to the closed form F/sqrt(mu k): {min(ratios):.3f} to {max(ratios):.3f}",
         f"The ISO estimate M/2 + m_L is less strict than the simulated measuring device in {unsafe} of {len(cells)} "
-        "directions.",
+        f"directions, the mass with locked joints in {locked} of them.",
     ]
     return "\n".join([*lines, DISCLAIMER])
 
@@ -140,7 +145,7 @@ def report(cells_by_point: Measured, request: MapRequest, force: float) -> str:
 def as_csv(cells_by_point: Measured) -> str:
     """Return the map as a CSV table; its first line is the disclaimer."""
     rows = [
-        (*cell.point, cell.direction, cell.mass, cell.speed, cell.fastest, cell.closed_form, cell.standard)
+        (*cell.point, cell.direction, *(getattr(cell, name) for name in COLUMNS))
         for cells in cells_by_point.values()
         for cell in cells
     ]

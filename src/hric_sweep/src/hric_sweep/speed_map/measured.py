@@ -8,11 +8,12 @@ import numpy as np
 
 from franka_sim.franka_hw_sim import FrankaHWSim
 from hric_assessment.contact.limits import ContactLimit, Limits
-from hric_assessment.contact.speed import half_mass, permitted_regions, speed_limit
-from hric_assessment.verdict.contacts import masses
+from hric_assessment.contact.mass import Mechanism, RobotMasses
+from hric_assessment.contact.speed import permitted_regions, speed_limit
 from hric_core import urdf
 from hric_core.errors import FailureError, HricError
 from hric_core.geometry import FloatArray
+from hric_core.geometry.transforms import inverse
 from hric_human.body.regions import REGION_MODELS
 from hric_sweep.speed_map.blow import ArmBehaviour, Blows
 from hric_sweep.speed_map.device import HitBody
@@ -34,6 +35,8 @@ class MapCell:
         fastest: speed that the arm's joints allow along this direction without rotation of the hand [m/s].
         closed_form: limit speed computed with the reflected mass [m/s].
         standard: limit speed computed with the effective mass M/2 + m_L of ISO/TS 15066 [m/s].
+        locked: limit speed computed with the mass with locked joints [m/s].
+        locked_mass: mass of the arm with locked joints [kg].
     """
 
     point: FloatArray
@@ -43,6 +46,8 @@ class MapCell:
     fastest: float
     closed_form: float
     standard: float
+    locked: float
+    locked_mass: float
 
 
 @dataclass(frozen=True)
@@ -99,26 +104,35 @@ def measure(robot: FrankaHWSim, request: MapRequest, points: FloatArray) -> Iter
     """
     force = request.check()
     postures, blows = Postures(robot), Blows(robot, request.arm)
-    moving, tool = masses(urdf.read(robot.description), robot.model.joint_names)
-    standard = half_mass(moving - tool, tool)
+    mechanism, link = arm_mechanism(robot), f"{robot.arm_id}_link8"
+
+    def cell(q: FloatArray, point: FloatArray, name: str) -> MapCell:
+        masses = mechanism.robot_masses(q, link, point.tolist(), DIRECTIONS[name])
+        return _cell(blows, q, point, name, request, force, masses)
+
     for point in points:
         q = postures.at(point)
-        yield (
-            point,
-            [] if q is None else [_cell(blows, q, point, name, request, force, standard) for name in DIRECTIONS],
-        )
+        yield point, [] if q is None else [cell(q, point, name) for name in DIRECTIONS]
+
+
+def arm_mechanism(robot: FrankaHWSim) -> Mechanism:
+    """Return the mechanism of a simulated arm with its rotors, in the base frame."""
+    tree = urdf.read(robot.description)
+    T_base_root = inverse(tree.poses({})[f"{robot.arm_id}_link0"])
+    return Mechanism(tree, robot.model.joint_names, robot.rotor_inertia, T_base_root)
 
 
 def _cell(
-    blows: Blows, q: FloatArray, point: FloatArray, name: str, request: MapRequest, force: float, standard: float
+    blows: Blows, q: FloatArray, point: FloatArray, name: str, request: MapRequest, force: float, masses: RobotMasses
 ) -> MapCell:
     approach = blows.approach(q, np.array(DIRECTIONS[name]))
-    by_mass = speed_limit(request.limits, request.region, np.array([approach.mass, standard]))
-    closed_form, by_half = (float(speed) for speed in by_mass.transient)
+    by_mass = speed_limit(request.limits, request.region, np.array(masses))
+    closed_form, by_half, by_locked = (float(speed) for speed in by_mass.transient)
     model = REGION_MODELS[request.region]
     body = HitBody(model.mass, request.limit.stiffness, request.damping)
     speed = limit_speed(lambda speed: blows.peak(approach, body, speed), force, closed_form)
-    return MapCell(point, name, approach.mass, speed, approach.fastest, closed_form, by_half)
+    fastest = approach.fastest
+    return MapCell(point, name, masses.reflected, speed, fastest, closed_form, by_half, by_locked, masses.locked)
 
 
 def limit_speed(force_of: Callable[[float], float], limit: float, guess: float) -> float:
