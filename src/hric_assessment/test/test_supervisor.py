@@ -241,6 +241,31 @@ def test_an_arm_that_is_faster_than_its_stops_are_known_is_stopped_and_that_is_n
     assert decision.scale == 0.0 and "table of stops goes up to 0.32 m/s" in decision.fault
 
 
+EXPECTED = ((0.5, 0.1), (3.0, 0.4))
+"""Distance [m] and speed [m/s] that a person expects."""
+
+
+@pytest.mark.parametrize("mode", ["speed_and_separation", "power_and_force_limiting"])
+def test_arm_is_not_faster_than_the_person_expects(mode):
+    decision = Cell(mode=mode, expected=EXPECTED).decide(2.5)
+    expected = np.interp(decision.separation, *np.array(EXPECTED).T)
+    assert decision.scale == pytest.approx(expected)  # the speed at full scale is 1 m/s
+    assert decision.reason == f"a person at {decision.separation:.2f} m expects at most {expected:.2f} m/s"
+
+
+def test_expected_speeds_allow_no_faster_arm_than_the_distance():
+    assert Cell(expected=((0.1, 5.0), (9.0, 5.0))).decide(1.2).scale == Cell().decide(1.2).scale < 1.0
+
+
+def test_beyond_the_last_expected_distance_the_arm_is_free():
+    assert Cell(expected=((0.5, 0.1), (1.0, 0.4))).decide(4.0).scale == 1.0
+
+
+def test_expected_distances_that_do_not_increase_are_refused():
+    with pytest.raises(HricError, match="expected: the distances must increase from row to row"):
+        SupervisorSettings.of({"expected": [[1.0, 0.2], [0.5, 0.1]]}, "supervisor")
+
+
 def test_standstill_knows_free_and_stopped_only():
     cell = Cell(mode="monitored_standstill")
     states = {cell.decide(x).state for x in np.arange(4.0, 1.0, -0.05).tolist()}

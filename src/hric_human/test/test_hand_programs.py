@@ -169,7 +169,7 @@ def test_the_hand_rests_until_it_is_started_and_then_for_begin() -> None:
 
 
 BAD = {
-    "no program 'walk' in human; valid: minimum_jerk, reactive, sinusoid": {"program": "walk"},
+    "no program 'walk' in human; valid: minimum_jerk, reactive, sinusoid, startled": {"program": "walk"},
     "no parameter 'speed' in human": {"program": "sinusoid", "speed": 1},
     "no parameter 'points' in human": {"program": "sinusoid", "points": []},
     "human.frequency is -1; valid: a finite number above 0 to 10": {"frequency": -1},

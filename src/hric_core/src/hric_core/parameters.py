@@ -413,19 +413,30 @@ def package_yaml(module: str, name: str) -> dict[str, Any]:
 
     All callers get the same object: do not change it.
 
+    Arguments and errors: see `package_path`.
+
+    Raises:
+        ParameterError: also if the file is not valid YAML.
+    """
+    content: dict[str, Any] = read_yaml(package_path(module, name))
+    return content
+
+
+def package_path(module: str, name: str) -> Path:
+    """Return the path of a package's config/<name>.yaml, in its source or its installation.
+
     Args:
         module: `__file__` of one of the package's modules.
         name: file name without the extension.
 
     Raises:
-        ParameterError: the file does not exist, or is not valid YAML.
+        ParameterError: the file does not exist.
     """
     folders = Path(module).resolve().parents
     package = [folder for folder in folders if (folder / "__init__.py").is_file()][-1].name
     for folder in (candidate for above in folders for candidate in (above, above / "share" / package)):
         if (path := folder / "config" / f"{name}.yaml").is_file():
-            content: dict[str, Any] = read_yaml(path)
-            return content
+            return path
     raise ParameterError(f"package {package} has no file config/{name}.yaml, neither in its source nor installed")
 
 

@@ -18,6 +18,7 @@ from hric_assessment.supervisor.person import HAND, Observation, joined, moved
 from hric_assessment.supervisor.separation import SCALES, STANDING, CapsuleNearness, Protective, StoppingModel, nearness
 from hric_assessment.supervisor.settings import HAND_GUIDED, POWER_AND_FORCE, STANDSTILL, SupervisorSettings
 from hric_core.geometry import FloatArray, Vector
+from hric_human.hand.startle import expected_speed
 
 WORLD = "world"
 FREE, SLOWED, STOPPED = "free", "slowed", "stopped"
@@ -303,11 +304,23 @@ class Supervisor:
         if mode == HAND_GUIDED:
             return self._guided(person, distance, near.person_speed)
         if mode == POWER_AND_FORCE:
-            return self._by_contact(arm, placed, person, near, by_distance)
+            return self._expected(self._by_contact(arm, placed, person, near, by_distance), distance)
         if mode == STANDSTILL:
             by_distance = np.where(by_distance < 1.0, 0.0, 1.0)
         worst = int(np.argmin(by_distance))
-        return Permitted(float(by_distance[worst]), worst)
+        return self._expected(Permitted(float(by_distance[worst]), worst), distance)
+
+    def _expected(self, permitted: Permitted, distance: FloatArray) -> Permitted:
+        """Return limits with which the arm is not faster than the person expects either; distance: of the parts [m]."""
+        if not self.settings.expected:
+            return permitted
+        speeds = expected_speed(self.settings.expected, distance)
+        part = int(np.argmin(speeds))
+        scale = float(speeds[part]) / self._speed
+        if scale >= permitted.scale:
+            return permitted
+        reason = f"a person at {distance[part]:.2f} m expects at most {speeds[part]:.2f} m/s"
+        return permitted._replace(scale=scale, part=part, reason=reason)
 
     def _by_contact(
         self, arm: ArmState, placed: PlacedCapsules, person: Observation, near: CapsuleNearness, by_distance: FloatArray

@@ -6,6 +6,7 @@ from typing import Any
 
 from hric_assessment.contact.mass import ROBOT_MASSES
 from hric_core.parameters import Settings, anything, choice, flag, listing, names, number, refuse_void, text
+from hric_human.hand.startle import check_expected, expected_rows
 
 SPEED_AND_SEPARATION, POWER_AND_FORCE = "speed_and_separation", "power_and_force_limiting"
 HAND_GUIDED, STANDSTILL = "hand_guided", "monitored_standstill"
@@ -124,6 +125,11 @@ class SupervisorSettings(Settings):
     guided_force: float = number(
         60.0, above=0.0, unit="N", text="with `hand_guided`: maximum spring force of Cartesian controllers"
     )
+    expected: tuple[tuple[float, ...], ...] = expected_rows(
+        "rows [distance of arm and person, highest speed of the arm's fastest point that the person expects there]: "
+        "the arm is not faster, so that it does not startle them; beyond the last distance this sets no limit; without "
+        "effect with `hand_guided`; empty: off"
+    )
     rate: float = number(100.0, minimum=10.0, maximum=500.0, unit="Hz", text="rate of decisions")
 
     acknowledge_no_safety_function: bool = flag(
@@ -137,6 +143,7 @@ class SupervisorSettings(Settings):
         for name, word in ACTS_WITH.items():
             if word not in (self.mode, *self.source):
                 refuse_void(self, name, where, f"{where}{'source' if word == MARKER else 'mode'}: {word}")
+        check_expected(self.expected, f"{where}expected")
         if self.stops:
             refuse_void(self, "settling_time", where, f"no {where}stops")
 

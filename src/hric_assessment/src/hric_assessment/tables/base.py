@@ -62,14 +62,15 @@ def check_sources(names: Sequence[str], sources: Mapping[str, str], where: str) 
 
 @dataclass(frozen=True)
 class Value(MarkedRow):
-    """Single value of a table file, in its printed unit."""
+    """Single value of a table file, in its printed unit; text: its meaning and unit."""
 
     value: float = number()
+    text: str = text("", text="meaning and unit of the value")
 
 
 @dataclass(frozen=True)
 class ValueTable(TableFile):
-    """Table of single values in their printed units; comments in the file explain them."""
+    """Table of single values in their printed units."""
 
     values: Mapping[str, Value] = mapping(section(Value))
 
@@ -90,7 +91,7 @@ class ValueTable(TableFile):
 
 @dataclass(frozen=True)
 class NioshTable(ValueTable):
-    """Values of the NIOSH lifting equation; comments in config/tables/niosh.yaml explain them."""
+    """Values of the NIOSH lifting equation."""
 
     couplings: Mapping[str, tuple[float, float]] = mapping(numbers(2, minimum=0.0, maximum=1.0))
     durations: tuple[float, ...] = numbers(3, unit="h", above=0.0)

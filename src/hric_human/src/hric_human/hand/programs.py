@@ -17,6 +17,7 @@ from hric_core.geometry import ORIGIN, Pose, Track, Vector, from_rotation_vector
 from hric_core.parameters import Settings, listing, number, numbers, refused, section, variant
 from hric_human.hand.program import Program
 from hric_human.hand.reactive import Reaction, Reactive
+from hric_human.hand.startle import Startle, StartledHand
 
 Base = TypeVar("Base", bound=Settings)
 _PROGRAM_SEED = 1
@@ -172,7 +173,21 @@ class TakeOver(Motion, Reaction):
         return Reactive(self, random)
 
 
-PROGRAMS: dict[str, type[Motion]] = {"sinusoid": Sinusoid, "minimum_jerk": PointToPoint, "reactive": TakeOver}
+@dataclass(frozen=True)
+class StartledMotion(PointToPoint, Startle):
+    """Settings of a point-to-point motion of a hand that a robot may startle."""
+
+    def program(self, random: np.random.Generator) -> Program:
+        """Return the point-to-point motion, which the robot may startle."""
+        return StartledHand(super().program(random), self, random)
+
+
+PROGRAMS: dict[str, type[Motion]] = {
+    "sinusoid": Sinusoid,
+    "minimum_jerk": PointToPoint,
+    "reactive": TakeOver,
+    "startled": StartledMotion,
+}
 
 
 def with_programs(base: type[Base]) -> dict[str, type[Base]]:

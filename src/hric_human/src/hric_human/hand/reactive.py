@@ -93,7 +93,7 @@ class Reaction(Settings):
             )
 
 
-class _Piece:
+class Piece:
     """Fifth-degree polynomial motion from a position, velocity and acceleration to rest at a goal, where it stays.
 
     Args:
@@ -136,7 +136,7 @@ class Reactive(Program):
         self._how, self._random = reaction, random
         self._home = np.array(reaction.rest)
         still = np.array([self._home, np.zeros(3), np.zeros(3)])
-        self._pieces = deque([_Piece(0.0, STEP, still, self._home)])
+        self._pieces = deque([Piece(0.0, STEP, still, self._home)])
         self._phases: deque[tuple[float, str]] = deque([(-math.inf, "rest")])
         self._observed: deque[tuple[float, FloatArray]] = deque()
         self._hurt = math.inf
@@ -244,7 +244,7 @@ class Reactive(Program):
         self._go("retreat", now, self._home, self._varied(self._how.retreat))
 
     def _go(self, phase: str, now: float, goal: FloatArray, duration: float) -> None:
-        self._pieces.append(_Piece(now, duration, self._state(now), goal))
+        self._pieces.append(Piece(now, duration, self._state(now), goal))
         self._enter(phase, now, duration)
 
     def _enter(self, phase: str, now: float, duration: float) -> None:

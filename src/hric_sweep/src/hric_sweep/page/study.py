@@ -48,6 +48,7 @@ class SweepRecord(TypedDict, total=False):
     correlation: Sequence[tuple[str, str, float]]
     sampler: Mapping[str, object]
     runs: int
+    outputs: Mapping[str, Mapping[str, object]]
     seeds: str
     exceedance: ExceedanceRecord
     objective: Mapping[str, str]
