@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from hric_assessment.contact.area import check_area
+from hric_assessment.contact.classes import BY_DURATION, INTERPRETATIONS
 from hric_assessment.contact.limits import Limits
 from hric_assessment.ergonomics.scoring import methods
 from hric_assessment.separation import stopping
@@ -71,7 +72,13 @@ class AssessCommand(Command):
         if arguments.contact_area is not None:
             check_area(arguments.contact_area, name=AREA_OPTION)
         versions = {key: version for key in methods() if (version := getattr(arguments, f"{key}_table", ""))}
-        choices = AssessmentChoices(Limits.named(limits), BrakingChoice(stops), arguments.contact_area, versions)
+        choices = AssessmentChoices(
+            Limits.named(limits),
+            BrakingChoice(stops),
+            arguments.contact_area,
+            versions,
+            interpretation=arguments.contact_class,
+        )
         verdicts = [_assessed(name, arguments.runs, choices) for name in (arguments.run, *arguments.compare)]
         only = [question for part in arguments.only for question in part]
         if arguments.compare:
@@ -125,6 +132,13 @@ def _choices_arguments() -> list[Argument]:
             default=LIMIT_TABLES[0],
             metavar="FILE|bgia2011",
             help=f"contact limits: {', '.join(LIMIT_TABLES)} (default: {LIMIT_TABLES[0]}), or a YAML file of your own",
+        ),
+        Argument(
+            "--contact-class",
+            choices=INTERPRETATIONS,
+            default=BY_DURATION,
+            help="interpretation of clamped contacts: by_duration, transient limits for the first half second of every "
+            "contact (default); by_clamping, quasi-static limits from the begin if the body part is clamped",
         ),
         Argument(
             "--stop",

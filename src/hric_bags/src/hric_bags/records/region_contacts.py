@@ -168,7 +168,7 @@ def _region_contact(contact: _Contact, robot_time: Callable[[float], float]) -> 
         peak=float(last.peak) if known else None,
         peak_time=robot_time(last.peak_time) if known else None,
         impulse=float(last.impulse) if known else None,
-        energy=_number(getattr(last, "energy", math.nan)) if known else None,  # not in older recordings
+        energy=_number(getattr(last, "energy", math.nan)) or None,  # older recordings and sensors do not state it
         area=None if math.isnan(contact.area) or contact.area == math.inf else float(contact.area),
         point=_known(last.point),
         normal=_known(last.normal),
