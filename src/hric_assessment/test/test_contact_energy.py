@@ -24,7 +24,9 @@ ISO, HAND = Limits.named(), ContactSite(("hand, fingers",), "panda::panda_hand",
 X, BACK, UP = (1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 
 
-def touch(other: str = "panda::panda_hand", normal: tuple[float, float, float] | None = X, **about: object) -> RegionContact:
+def touch(
+    other: str = "panda::panda_hand", normal: tuple[float, float, float] | None = X, **about: object
+) -> RegionContact:
     met = RegionContact("r_wrist", ("hand, fingers",), other, "penalty", 1.0, 0.5, begin_normal=normal, normal=normal)
     return replace(met, **about)  # type: ignore[arg-type]
 

@@ -17,7 +17,9 @@ def hunt_crossley_peak(law: ContactLaw, mass: float, speed: float) -> float:
     d, n, k = law.dissipation, law.exponent, law.stiffness
 
     def force(v: float) -> float:
-        work = 0.5 * (speed**2 - v**2) if d == 0.0 else (speed - v) / d - np.log((1.0 + d * speed) / (1.0 + d * v)) / d**2
+        work = (
+            0.5 * (speed**2 - v**2) if d == 0.0 else (speed - v) / d - np.log((1.0 + d * speed) / (1.0 + d * v)) / d**2
+        )
         return k * ((n + 1.0) * mass / k * work) ** (n / (n + 1.0)) * (1.0 + d * v)
 
     highest = minimize_scalar(lambda v: -force(v), bounds=(0.0, speed), method="bounded", options={"xatol": 1e-12})

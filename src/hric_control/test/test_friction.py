@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from hric_control.plants import Springs, bristle_torque, sigmoid_parameters
-from hric_control.plants.friction import FADE, GIVE, breakaways, refuse_other_joints
 from hric_control.plants.contact_law import ContactLaw
+from hric_control.plants.friction import FADE, GIVE, breakaways, refuse_other_joints
 from hric_control.plants.spring_step import BRISTLE_STIFFNESS
 from hric_core.errors import ParameterError
 

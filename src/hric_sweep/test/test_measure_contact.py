@@ -42,7 +42,13 @@ def test_a_filter_keeps_a_slow_force() -> None:
 
 @pytest.mark.parametrize(
     ("film", "area", "expected"),
-    [(1e-3, 1e-4, 100.0 / 1e-4), (2e-3, 1.1e-4, 100.0 / 1.08e-4), (2e-2, 1e-4, None), (None, 1e-4, None), (1e-3, None, None)],
+    [
+        (1e-3, 1e-4, 100.0 / 1e-4),
+        (2e-3, 1.1e-4, 100.0 / 1.08e-4),
+        (2e-2, 1e-4, None),
+        (None, 1e-4, None),
+        (1e-3, None, None),
+    ],
 )
 def test_a_film_reads_whole_cells(film: float | None, area: float | None, expected: float | None) -> None:
     assert Instrument(film=film, area=area).pressure(100.0) == (expected and pytest.approx(expected))

@@ -185,9 +185,7 @@ class PybulletPenaltyContact:
         forces.apply(a.body, a.index, force, None, at)
         forces.apply(b.body, b.index, [-f for f in force], None, at)
         impulse, energy = step * done.mean, self.springs.energy((name_a, name_b))
-        self.last.append(
-            Contact(name_a, name_b, at, direction, depth, done.reading, "penalty", impulse, speed, energy)
-        )
+        self.last.append(Contact(name_a, name_b, at, direction, depth, done.reading, "penalty", impulse, speed, energy))
 
     def _corners(self, a: _Link, b: _Link, point: tuple[Any, ...]) -> list[faces.Corner]:
         """Return the intersections of the shapes that a closest point belongs to."""

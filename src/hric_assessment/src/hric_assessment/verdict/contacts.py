@@ -10,9 +10,9 @@ from dataclasses import replace
 import numpy as np
 
 from hric_assessment.contact.area import check_area
+from hric_assessment.contact.assess import ContactSite, LimitRatio, approach_ratio, assess
 from hric_assessment.contact.classes import BY_CLAMPING, INTERPRETATIONS, ContactClass, contact_class
 from hric_assessment.contact.energy import energy_finding
-from hric_assessment.contact.assess import ContactSite, LimitRatio, approach_ratio, assess
 from hric_assessment.contact.episodes import PENALTY, Episode, episodes, window_of
 from hric_assessment.contact.impact import ClosedFormImpact, ClosedFormModels
 from hric_assessment.contact.speed import SpeedLimit, half_mass, permitted_speed, speed_limit

@@ -6,10 +6,10 @@ So the motion along the normal is integrated through the step,
 
     x'' = a - w F(x, x', ...)    while x > 0,
 
-with penetration x, contact force F (`plants.contact_law`), the pair's inverse effective mass w = n' J (M + B)^-1 J' n,
-and the acceleration a that the pair would have without the spring. The mean of the force, which has the same impulse,
-is applied. The reported force is that at the end of the step or, if it is larger, the maximum within the step: the reading
-of a sensor with peak hold that is sampled once per step.
+with penetration x, contact force F (`plants.contact_law`), the pair's inverse effective mass
+w = n' J (M + B)^-1 J' n, and the acceleration a that the pair would have without the spring. The mean of the force,
+which has the same impulse, is applied. The reported force is that at the end of the step or, if it is larger, the
+maximum within the step: the reading of a sensor with peak hold that is sampled once per step.
 
 In the tangential plane a bristle holds the two bodies, by the elasto-plastic law also used for joints
 (`plants.friction`): a spring that yields when its force reaches friction coefficient times normal force, so that a body
@@ -131,9 +131,7 @@ def spring_step(
         work += h / 6.0 * (load * v + 2.0 * (f2 * v2 + f3 * v3) + f4 * v4)
         if z:
             r4 = law.rates(z4, f4)
-            z = tuple(
-                a + h / 6.0 * (b + 2.0 * (c + d) + e) for a, b, c, d, e in zip(z, r1, r2, r3, r4, strict=True)
-            )
+            z = tuple(a + h / 6.0 * (b + 2.0 * (c + d) + e) for a, b, c, d, e in zip(z, r1, r2, r3, r4, strict=True))
         x += h / 6.0 * (v + 2.0 * (v2 + v3) + v4)
         v += h * acceleration - inverse_mass * part
         impulse += part

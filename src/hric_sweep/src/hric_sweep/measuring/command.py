@@ -10,12 +10,12 @@ import numpy as np
 from franka_sim.franka_hw_sim import FrankaHWSim
 from hric_assessment.contact.area import check_area
 from hric_assessment.contact.classes import ContactClass
-from hric_assessment.findings import DISCLAIMER
 from hric_assessment.contact.limits import Limits
+from hric_assessment.findings import DISCLAIMER
+from hric_control.plants.contact_law import Layer
 from hric_core.command import Argument, Command
 from hric_core.errors import HricError
 from hric_core.parameters import number
-from hric_control.plants.contact_law import Layer
 from hric_human.body.regions import REGION_MODELS
 from hric_run.definition import experiment, overrides
 from hric_run.simulation import Simulation
@@ -51,8 +51,8 @@ class MeasureContactCommand(Command):
             Argument(
                 "--clamped",
                 action="store_true",
-                help="the device is fixed to a rigid support, as a clamped body part; default: it is free to move, with "
-                "the mass of the region",
+                help="fix the device to a rigid support, as a clamped body part; default: it is free to move, with the "
+                "mass of the region",
             ),
             Argument("--damping", type=float, default=0.0, help="damping of the spring [N s/m] (default: 0)"),
             Argument(
@@ -119,18 +119,26 @@ def _body(arguments: argparse.Namespace) -> HitBody:
 def _facts(arguments: argparse.Namespace, body: HitBody, mass: float, q: list[float]) -> Mapping[str, str]:
     kind = ContactClass.CLAMPED if arguments.clamped else ContactClass.FREE
     support = "fixed to a rigid support" if arguments.clamped else f"free to move, {body.mass:g} kg"
-    pad = "none" if body.pad is None else f"{body.pad.stiffness:g} and {body.pad.relaxing:g} N/m, {body.pad.relaxation_time:g} s"
+    pad = (
+        "none"
+        if body.pad is None
+        else f"{body.pad.stiffness:g} and {body.pad.relaxing:g} N/m, {body.pad.relaxation_time:g} s"
+    )
     return {
         "body region": arguments.region,
         "class of the contact": f"{kind}: the device is {support}",
-        "position of the end effector": f"{' '.join(map(str, arguments.position))} m in the base frame, {arguments.direction}",
+        "position of the end effector": f"{' '.join(map(str, arguments.position))} m, moving along {arguments.direction}",
         "closing speed": f"{arguments.speed:g} m/s",
         "joint positions": f"{' '.join(map(str, q))} rad",
         "reflected mass of the arm": f"{mass:.2f} kg along the direction, as simulated",
         "spring of the device": f"{body.stiffness:g} N/m (ISO/TS 15066:2016), damping {body.damping:g} N s/m",
         "pad on the spring": pad,
-        "filter": "none" if arguments.cutoff is None else f"low pass {arguments.cutoff:g} Hz, fourth order, no phase shift",
+        "filter": "none"
+        if arguments.cutoff is None
+        else f"low pass {arguments.cutoff:g} Hz, fourth order, no phase shift",
         "film": "not known" if arguments.film is None else f"cells of {1e3 * arguments.film:g} mm",
-        "area of the contact": "not known" if arguments.contact_area is None else f"{1e4 * arguments.contact_area:g} cm^2",
+        "area of the contact": "not known"
+        if arguments.contact_area is None
+        else f"{1e4 * arguments.contact_area:g} cm^2",
         "command": arguments.command,
     }

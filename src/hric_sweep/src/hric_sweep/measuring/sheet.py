@@ -46,7 +46,14 @@ def write(
     with plt.rc_context({**STYLE, "pdf.fonttype": 42}):
         page = plt.figure(figsize=(PAGE[0] / INCH, PAGE[1] / INCH))
         page.text(0.08, 0.95, title, fontsize=style.TYPE + 4.0, fontweight="bold")
-        page.text(0.08, 0.915, f"{DISCLAIMER}\n{EDITIONS.format(limits=limits)}", fontsize=style.TYPE - 1.0, va="top", wrap=True)
+        page.text(
+            0.08,
+            0.915,
+            f"{DISCLAIMER}\n{EDITIONS.format(limits=limits)}",
+            fontsize=style.TYPE - 1.0,
+            va="top",
+            wrap=True,
+        )
         for k, (name, fact) in enumerate(facts.items()):
             page.text(0.08, 0.87 - 0.018 * k, name)
             page.text(0.34, 0.87 - 0.018 * k, fact)
@@ -55,7 +62,9 @@ def write(
         for k, name in enumerate(BLANK):
             page.text(0.08, 0.135 - 0.022 * k, f"{name}: {'.' * 90}")
         with files.atomic(path) as temporary:
-            page.savefig(temporary, format="pdf", metadata={"Title": title, "Subject": DISCLAIMER, "CreationDate": None})
+            page.savefig(
+                temporary, format="pdf", metadata={"Title": title, "Subject": DISCLAIMER, "CreationDate": None}
+            )
         plt.close(page)
 
 
