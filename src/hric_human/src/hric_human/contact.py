@@ -169,7 +169,8 @@ class RegionContacts:
                 if contact.kind == "penalty":
                     present.force = contact.force
                     present.impulse = (present.impulse or 0.0) + steps * contact.impulse
-                    present.energy = max(present.energy or 0.0, contact.energy or 0.0)
+                    if contact.energy is not None:
+                        present.energy = max(present.energy or 0.0, contact.energy)
                     present.reach(time, contact.force)
         for pair, contact in strongest.items():
             self.present[pair].locate(contact, 1.0 if contact.body_a == pair[0] else -1.0)

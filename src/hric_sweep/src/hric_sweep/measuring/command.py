@@ -127,7 +127,7 @@ def _facts(arguments: argparse.Namespace, body: HitBody, mass: float, q: list[fl
     return {
         "body region": arguments.region,
         "class of the contact": f"{kind}: the device is {support}",
-        "position of the end effector": f"{' '.join(map(str, arguments.position))} m, moving along {arguments.direction}",
+        "position": f"{' '.join(map(str, arguments.position))} m, moving along {arguments.direction}",
         "closing speed": f"{arguments.speed:g} m/s",
         "joint positions": f"{' '.join(map(str, q))} rad",
         "reflected mass of the arm": f"{mass:.2f} kg along the direction, as simulated",
