@@ -73,7 +73,7 @@ def test_files_are_found_by_path_and_by_address(tmp_path, monkeypatch):
         ),
         (
             {"name": "a", "shape": "box", "colour": 1},
-            r"no parameter 'colour' in .*objects\[a\]; valid: .*name, pose, shape, size",
+            r"no parameter 'colour' in .*objects\[a\]; valid: .*name, pose, .*shape, size",
         ),
         (
             {"name": "a", "shape": "box", "size": [1, 2]},

@@ -31,7 +31,7 @@ def test_the_maximum_within_a_step_is_what_is_read():
     w = math.sqrt(STIFFNESS / mass)
     amplitude, before = 1e-3, 0.4 * STEP
     done = spring_step(
-        amplitude * math.cos(w * before), amplitude * w * math.sin(w * before), 0.0, 1.0 / mass, STIFFNESS, 0.0, STEP
+        amplitude * math.cos(w * before), amplitude * w * math.sin(w * before), 0.0, 1.0 / mass, SPRING, STEP
     )
     assert done.reading == pytest.approx(STIFFNESS * amplitude, rel=3e-4)
 
