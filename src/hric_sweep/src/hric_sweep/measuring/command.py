@@ -45,8 +45,20 @@ class MeasureContactCommand(Command):
         return [
             Argument("overrides", nargs="*", metavar="key:=value", help="simulator:=pybullet, friction:=..., ..."),
             Argument("--region", choices=REGION_MODELS, default="hand, fingers", help="body region (default: a hand)"),
-            Argument("--position", nargs=3, type=float, default=(0.5, 0.0, 0.4), help="in the base frame [m]"),
-            Argument("--direction", choices=DIRECTIONS, default="-z", help="of the motion (default: -z)"),
+            Argument(
+                "--position",
+                nargs=3,
+                type=float,
+                default=(0.5, 0.0, 0.4),
+                metavar=("X", "Y", "Z"),
+                help="in the base frame [m]",
+            ),
+            Argument(
+                "--direction",
+                choices=DIRECTIONS,
+                default="-z",
+                help="of the motion, written --direction=-z (default: -z)",
+            ),
             Argument("--speed", type=float, default=0.25, help="closing speed [m/s] (default: 0.25)"),
             Argument(
                 "--clamped",
