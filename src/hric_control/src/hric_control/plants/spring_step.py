@@ -111,36 +111,64 @@ def spring_step(
         x, v = 0.0, speed + acceleration * free
     parts = _substeps(law, max(x, x + v * left), inverse_mass, left)
     h = left / parts
-    half, impulse, work, works = 0.5 * h, 0.0, 0.0, list[float]()
+    impulse, work, works = 0.0, 0.0, list[float]()
     first = load = peak = law.load(x, v, z)
     for _ in range(parts):
-        # Classical Runge-Kutta method of fourth order; the impulse is the weighted sum of the stages' forces.
-        r1 = z and law.rates(z, load)
-        v2 = v + half * (acceleration - inverse_mass * load)
-        z2 = z and _moved(z, half, r1)
-        f2 = law.load(x + half * v, v2, z2)
-        r2 = z and law.rates(z2, f2)
-        v3 = v + half * (acceleration - inverse_mass * f2)
-        z3 = z and _moved(z, half, r2)
-        f3 = law.load(x + half * v2, v3, z3)
-        r3 = z and law.rates(z3, f3)
-        v4 = v + h * (acceleration - inverse_mass * f3)
-        z4 = z and _moved(z, h, r3)
-        f4 = law.load(x + h * v3, v4, z4)
-        part = h / 6.0 * (load + 2.0 * (f2 + f3) + f4)
-        work += h / 6.0 * (load * v + 2.0 * (f2 * v2 + f3 * v3) + f4 * v4)
-        if z:
-            r4 = law.rates(z4, f4)
-            z = tuple(a + h / 6.0 * (b + 2.0 * (c + d) + e) for a, b, c, d, e in zip(z, r1, r2, r3, r4, strict=True))
-        x += h / 6.0 * (v + 2.0 * (v2 + v3) + v4)
-        v += h * acceleration - inverse_mass * part
+        x, v, z, part, done, middle = _substep(law, (x, v, z), load, acceleration, inverse_mass, h)
         impulse += part
+        work += done
         load = law.load(x, v, z)
-        peak = max(peak, f2, load)
+        peak = max(peak, middle, load)
         works.append(work)
     mean = impulse / step
     held = depth + step * (speed + 0.5 * step * (acceleration - inverse_mass * mean))
     return SpringStep(mean, load if first >= peak else peak, x - held, tuple(works), z)
+
+
+def _substep(
+    law: ContactLaw,
+    state: tuple[float, float, Strains],
+    load: float,
+    acceleration: float,
+    inverse_mass: float,
+    h: float,
+) -> tuple[float, float, Strains, float, float, float]:
+    """Advance by a substep with the classical Runge-Kutta method of fourth order.
+
+    Args:
+        law: law of the contact's force.
+        state: penetration [m], closing speed [m/s], and deflections of the layers [m].
+        load: force in this state [N].
+        acceleration: closing acceleration without the spring [m/s^2].
+        inverse_mass: inverse effective mass of the pair along the normal [1/kg].
+        h: duration of the substep [s].
+
+    Returns:
+        the new state, impulse [N s] and work [J] of the force, and the force at the middle [N].
+    """
+    x, v, z = state
+    half = 0.5 * h
+    r1 = z and law.rates(z, load)
+    v2 = v + half * (acceleration - inverse_mass * load)
+    z2 = z and _moved(z, half, r1)
+    f2 = law.load(x + half * v, v2, z2)
+    r2 = z and law.rates(z2, f2)
+    v3 = v + half * (acceleration - inverse_mass * f2)
+    z3 = z and _moved(z, half, r2)
+    f3 = law.load(x + half * v2, v3, z3)
+    r3 = z and law.rates(z3, f3)
+    v4 = v + h * (acceleration - inverse_mass * f3)
+    z4 = z and _moved(z, h, r3)
+    f4 = law.load(x + h * v3, v4, z4)
+    # The impulse is the weighted sum of the stages' forces.
+    part = h / 6.0 * (load + 2.0 * (f2 + f3) + f4)
+    work = h / 6.0 * (load * v + 2.0 * (f2 * v2 + f3 * v3) + f4 * v4)
+    if z:
+        rates = zip(r1, r2, r3, law.rates(z4, f4), strict=True)
+        z = _moved(z, h / 6.0, tuple(a + 2.0 * (b + c) + d for a, b, c, d in rates))
+    x += h / 6.0 * (v + 2.0 * (v2 + v3) + v4)
+    v += h * acceleration - inverse_mass * part
+    return x, v, z, part, work, f2
 
 
 def _moved(strains: Strains, step: float, rates: Strains) -> Strains:
