@@ -1,5 +1,6 @@
 """Sheet of a virtual measurement as PDF, with blank columns and lines for the measurement of a test house."""
 
+import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -17,8 +18,8 @@ from hric_sweep.measuring.instrument import Quantity
 PAGE = (210.0, 297.0)
 """Size of the page, A4 [mm]."""
 EDITIONS = (
-    "Limits: {limits}. Editions of ISO/TS 15066 and ISO 10218-2 differ where the table says so. Method: after public "
-    "descriptions of ISO/PAS 5672:2023. The texts of the standards were not opened."
+    "Limits: {limits}. Method: after public descriptions of ISO/PAS 5672:2023.\n"
+    "The texts of the standards were not opened; no source confirms a difference between the editions in these values."
 )
 BLANK = ("test house", "date and place", "device, serial number, calibration", "operator", "signature")
 """Lines that the test house fills in."""
@@ -55,8 +56,8 @@ def write(
             wrap=True,
         )
         for k, (name, fact) in enumerate(facts.items()):
-            page.text(0.08, 0.87 - 0.018 * k, name)
-            page.text(0.34, 0.87 - 0.018 * k, fact)
+            page.text(0.08, 0.87 - 0.018 * k, name, va="top")
+            page.text(0.34, 0.87 - 0.018 * k, textwrap.fill(fact, 85), va="top")
         _table(page.add_axes((0.08, 0.42, 0.86, 0.2)), rows)
         _curves(page.add_axes((0.12, 0.2, 0.8, 0.17)), curves)
         for k, name in enumerate(BLANK):
@@ -71,11 +72,13 @@ def write(
 def _table(ax: Axes, rows: Sequence[Quantity]) -> None:
     ax.set_axis_off()
     cells = [[row.name, _text(row.value), _text(row.limit), row.result, "", ""] for row in rows]
-    table = ax.table(cells, colLabels=list(HEAD), loc="upper center", cellLoc="left", colWidths=[0.25, *[0.15] * 5])
+    table = ax.table(
+        cells, colLabels=list(HEAD), loc="upper center", cellLoc="left", colWidths=[0.28, 0.11, 0.11, 0.19, 0.12, 0.19]
+    )
     table.auto_set_font_size(False)
-    table.set_fontsize(style.TYPE - 0.5)
+    table.set_fontsize(style.TYPE - 1.5)
     notes = "\n".join(f"{row.name}: {row.note}" for row in rows if row.note)
-    ax.text(0.0, -0.02, notes, fontsize=style.TYPE - 1.5, va="top", transform=ax.transAxes)
+    ax.text(0.0, 0.5, notes, fontsize=style.TYPE - 1.5, va="top", transform=ax.transAxes)
 
 
 def _text(value: float | None) -> str:
