@@ -116,11 +116,12 @@ class LimitTable(TableFile):
                     self._check_row(row, labels, at)
                     if row.transient is None and factor is None:
                         raise refused(f"{at}.transient", None, f"a number, {NO_TRANSIENT}, or a {name} for all rows")
-        for index, row in enumerate(self.energies):
+        regions = [energy.region for energy in self.energies]
+        for index, energy in enumerate(self.energies):
             with mistakes.noted():
-                check_sources(row.source, self.sources, f"{where}energies[{index}]")
-                if [energy.region for energy in self.energies].count(row.region) > 1:
-                    raise refused(f"{where}energies[{index}]", row.region, "each region once")
+                check_sources(energy.source, self.sources, f"{where}energies[{index}]")
+                if regions.count(energy.region) > 1:
+                    raise refused(f"{where}energies[{index}]", energy.region, "each region once")
         mistakes.raise_all()
 
     def _check_row(self, row: LimitRow, labels: Sequence[Any], where: str) -> None:
