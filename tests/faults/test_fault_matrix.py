@@ -61,6 +61,7 @@ RECIPES: dict[str, list[str]] = {
     "check_model": ["long", "--out", "checked", "--no-figures"],
     "muscle_load": ["person", "--output", "load"],
     "measure_stops": ["--speeds", "0.2", "--loads", "0", "-o", "stops.yaml"],
+    "measure_contact": ["-o", "sheet.pdf"],
     "speed_map": ["--x", "0.4", "0.5", "1", "--y", "0", "0.1", "1", "--z", "0.3", "0.4", "1", "-o", "map"],
     "approaches": ["--count", "1", "--jobs", "1", "--output", "approaches.jsonl"],
     "benchmark": ["--definition", "benchmark.yaml", "--without-references", "own_controller.yaml", "--jobs", "1",
@@ -76,9 +77,11 @@ RECIPES: dict[str, list[str]] = {
 """Arguments of each command, or variant of a command, in a folder with the files made by `given`."""
 REFUSED = {"fit_muscles", "film", "picture", "inverse_kinematics"}
 """Commands that take seconds with a valid input; they are tested with an input that they refuse."""
-COSTLY = {"sweep", "benchmark", "approaches", "measure_stops", "speed_map", "report figures", "run study"}
+COSTLY = {
+    "sweep", "benchmark", "approaches", "measure_stops", "measure_contact", "speed_map", "report figures", "run study"
+}  # fmt: skip
 """Commands that are tested in the default run with a single fault, which hits each of them."""
-FEW_WRITES = {"approaches", "measure_stops"}
+FEW_WRITES = {"approaches", "measure_stops", "measure_contact"}
 """Costly commands that may write too rarely to be hit by a later fault."""
 
 FAULTS: dict[str, dict[str, str]] = {

@@ -144,6 +144,7 @@ def contact(
                 begin=begin,
                 duration=time - begin,
                 begin_speed=math.nan,
+                energy=math.nan,
                 **numbers,
                 **places,
             )

@@ -140,6 +140,7 @@ class Bag:
         point, normal = STORE.types["geometry_msgs/msg/Point"](**nan), STORE.types["geometry_msgs/msg/Vector3"](**nan)
         fields = {"regions": [HAND], "dominant": True, "link": "r_wrist", "other": "panda::panda_hand"}
         fields |= {"kind": "penalty", "begin": start, "area": math.nan, "begin_speed": math.nan}
+        fields |= {"energy": math.nan}
         fields |= {"point": point, "normal": normal, "begin_point": point, "begin_normal": normal, **about}
         peak, peak_time, impulse, count = 0.0, start, 0.0, round((stop - start) * rate)
         for k in range(count + 1):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from hric_control.plants import Springs, bristle_torque, sigmoid_parameters
+from hric_control.plants.contact_law import ContactLaw
 from hric_control.plants.friction import FADE, GIVE, breakaways, refuse_other_joints
 from hric_control.plants.spring_step import BRISTLE_STIFFNESS
 from hric_core.errors import ParameterError
@@ -29,7 +30,7 @@ def rubbed(drive, mass=MASS, contacts=1, bound=BOUND, start=0.0):
         springs.begin()
         total = 0.0
         for pair in pairs:
-            springs.push(pair, 1e-3, 0.0, 0.0, 1.0, (1e4, 0.0))
+            springs.push(pair, 1e-3, 0.0, 0.0, 1.0, ContactLaw(1e4))
             relative = np.array([v * X - Z, before * X - Z])
             total += float(springs.rub(pair, bound / contacts, Z, relative, lambda along: 1.0 / mass) @ X)
         before, v = v, v + STEP * (force + total) / mass
@@ -42,7 +43,7 @@ def test_friction_of_contact_acts_across_the_normal_against_the_sliding():
     springs = Springs(STEP)
     for _ in range(3):
         springs.begin()
-        springs.push(PAIR, 1e-3, 0.0, 0.0, 1.0, (1e4, 0.0))
+        springs.push(PAIR, 1e-3, 0.0, 0.0, 1.0, ContactLaw(1e4))
         v = np.array([0.3, -0.4, -1.0])
         force = springs.rub(PAIR, 5.0, Z, np.array([v, v]), lambda along: 0.0)
     assert force == pytest.approx([-3.0, 4.0, 0.0], abs=1e-9)

@@ -9,6 +9,7 @@ import yaml
 
 from hric_control.plant import Mode
 from hric_control.plants import (
+    ContactLaw,
     Losses,
     MovingJoints,
     PlantConfig,
@@ -86,7 +87,7 @@ def test_files_are_found_by_path_and_by_address(tmp_path, monkeypatch):
         ),
         (
             {"name": "a", "shape": "box", "colour": 1},
-            r"no parameter 'colour' in .*objects\[a\]; valid: .*name, pose, shape, size",
+            r"no parameter 'colour' in .*objects\[a\]; valid: .*name, pose, .*shape, size",
         ),
         (
             {"name": "a", "shape": "box", "size": [1, 2]},
@@ -102,7 +103,7 @@ def test_files_are_found_by_path_and_by_address(tmp_path, monkeypatch):
         ),
         (
             {"name": "a", "shape": "sphere", "size": 1, "stiffness": 5.0},
-            r"objects\[a\].stiffness and .* need .*contact: penalty",
+            r"objects\[a\].stiffness needs .*contact: penalty",
         ),
         (
             {"name": "a", "shape": "sphere", "size": 1, "mass": "heavy"},
@@ -183,8 +184,8 @@ def test_a_wrench_acts_for_its_steps_and_ends_by_link_or_model():
 def test_compliant_surfaces_act_in_series_and_rigid_ones_add_nothing():
     soft, hard = Surface(2000.0, 5.0, 0.5), Surface(None, 0.0, 0.4)
     assert combine(hard, hard) is None
-    assert combine(soft, hard) == (2000.0, 5.0, pytest.approx(0.2))
-    assert combine(soft, Surface(6000.0, 7.0, 1.0)) == (pytest.approx(1500.0), 7.0, 0.5)
+    assert combine(soft, hard) == (ContactLaw(2000.0, 5.0), pytest.approx(0.2))
+    assert combine(soft, Surface(6000.0, 7.0, 1.0)) == (ContactLaw(pytest.approx(1500.0), 7.0), 0.5)
 
 
 def rules_of(items):
@@ -214,12 +215,18 @@ def test_a_later_rule_for_a_surface_goes_over_an_earlier_one_and_over_the_model(
     [
         (
             {"arm::hand": {}},
-            " is .*; valid: a list of values, each a mapping with contact, stiffness, damping, friction, link",
+            " is .*; valid: a list of values, each a mapping with contact, stiffness, damping, .*, friction, link",
         ),
         ([{"link": "hand"}], ".*link is 'hand'; valid: model::link, each a name or a pattern such as"),
-        ([{"link": "arm::hand", "kp": 1.0}], r"\[0\]; valid: contact, damping, friction, link, stiffness"),
+        ([{"link": "arm::hand", "kp": 1.0}], r"\[0\]; valid: contact, damping, .*, relaxing, stiffness"),
         ([{"link": "arm::hand", "contact": "soft"}], ".*contact is 'soft'; valid: rigid, penalty"),
-        ([{"link": "arm::hand", "stiffness": 1.0}], ".*need .*contact: penalty"),
+        ([{"link": "arm::hand", "stiffness": 1.0}], ".*stiffness needs .*contact: penalty"),
+        ([{"link": "arm::hand", "damping": 1.0}], ".*damping has no effect; valid: with .*contact: penalty"),
+        (
+            [{"link": "arm::hand", "contact": "penalty", "dissipation": 1.0}],
+            ".*dissipation has no effect; valid: with .*contact: hunt_crossley",
+        ),
+        ([{"link": "arm::hand", "contact": "viscoelastic"}], ".*needs .*relaxing and .*relaxation_time"),
         (
             [{"link": "arm::hand", "contact": "penalty", "stiffness": 0.0}],
             r".*stiffness is 0.0; valid: a finite number above 0 \[N/m\]",

@@ -4,15 +4,17 @@ import math
 
 import pytest
 
+from hric_control.plants.contact_law import ContactLaw
 from hric_control.plants.spring_step import Springs, spring_step
 
 STIFFNESS, STEP = 75000.0, 1e-3
+SPRING = ContactLaw(STIFFNESS)
 
 
 @pytest.mark.parametrize("mass", [0.3, 0.6, 5.0])
 @pytest.mark.parametrize(("depth", "speed", "push"), [(1e-3, 0.3, 0.0), (2e-3, -0.2, 5.0), (0.5e-3, 0.0, -9.81)])
 def test_a_step_in_contact_is_that_of_the_harmonic_oscillator(mass, depth, speed, push):
-    done = spring_step(depth, speed, push, 1.0 / mass, STIFFNESS, 0.0, STEP)
+    done = spring_step(depth, speed, push, 1.0 / mass, SPRING, STEP)
     w = math.sqrt(STIFFNESS / mass)
     rest = push / w**2
     c, s = math.cos(w * STEP), math.sin(w * STEP)
@@ -29,23 +31,23 @@ def test_the_maximum_within_a_step_is_what_is_read():
     w = math.sqrt(STIFFNESS / mass)
     amplitude, before = 1e-3, 0.4 * STEP
     done = spring_step(
-        amplitude * math.cos(w * before), amplitude * w * math.sin(w * before), 0.0, 1.0 / mass, STIFFNESS, 0.0, STEP
+        amplitude * math.cos(w * before), amplitude * w * math.sin(w * before), 0.0, 1.0 / mass, SPRING, STEP
     )
     assert done.reading == pytest.approx(STIFFNESS * amplitude, rel=3e-4)
 
 
 def test_a_gap_that_closes_within_the_step_takes_its_time():
-    done = spring_step(-0.25e-3, 0.5, 0.0, 0.0, STIFFNESS, 0.0, STEP)
+    done = spring_step(-0.25e-3, 0.5, 0.0, 0.0, SPRING, STEP)
     assert done.reading == pytest.approx(STIFFNESS * 0.25e-3)
     assert done.mean == pytest.approx(STIFFNESS * 0.25e-3 * 0.25)
-    assert spring_step(-0.6e-3, 0.5, 0.0, 1.0, STIFFNESS, 0.0, STEP).mean == 0.0
-    assert spring_step(-0.1e-3, -0.5, 0.0, 1.0, STIFFNESS, 0.0, STEP).mean == 0.0
-    falls = spring_step(-0.1e-3, 0.0, 800.0, 0.0, STIFFNESS, 0.0, STEP)
+    assert spring_step(-0.6e-3, 0.5, 0.0, 1.0, SPRING, STEP).mean == 0.0
+    assert spring_step(-0.1e-3, -0.5, 0.0, 1.0, SPRING, STEP).mean == 0.0
+    falls = spring_step(-0.1e-3, 0.0, 800.0, 0.0, SPRING, STEP)
     assert falls.reading == pytest.approx(STIFFNESS * 0.3e-3)
 
 
 def test_damping_never_pulls():
-    leaving = spring_step(0.1e-3, -0.5, 0.0, 1.0, STIFFNESS, 1000.0, STEP)
+    leaving = spring_step(0.1e-3, -0.5, 0.0, 1.0, ContactLaw(STIFFNESS, 1000.0), STEP)
     assert (leaving.mean, leaving.reading) == (0.0, 0.0)
 
 
@@ -54,7 +56,7 @@ def impact(mass, speed, phase, known_mass=1.0, damping=0.0):
     springs, x, v, before, peak, impulse = Springs(STEP), -(3.0 + phase) * STEP * speed, speed, speed, 0.0, 0.0
     while v > 0.0 or x > -1e-4:
         springs.begin()
-        done = springs.push(("a", "b"), x, v, (v - before) / STEP, known_mass / mass, (STIFFNESS, damping))
+        done = springs.push(("a", "b"), x, v, (v - before) / STEP, known_mass / mass, ContactLaw(STIFFNESS, damping))
         before, after = v, v - STEP * done.mean / mass
         x, v = x + 0.5 * STEP * (v + after), after
         peak, impulse = max(peak, done.reading), impulse + STEP * done.mean
@@ -95,7 +97,7 @@ def test_a_body_at_rest_on_its_spring_stays_there_whatever_is_known_of_its_mass(
     springs, x, v, before = Springs(STEP), load / STIFFNESS, 0.0, 0.0
     for _ in range(2000):
         springs.begin()
-        done = springs.push(("a", "b"), x, v, (v - before) / STEP, 0.7 / mass, (STIFFNESS, 0.0))
+        done = springs.push(("a", "b"), x, v, (v - before) / STEP, 0.7 / mass, SPRING)
         before, after = v, v + STEP * (load - done.mean) / mass
         x, v = x + 0.5 * STEP * (v + after), after
     # The first step does not know of the load yet: what it sets going is small, and does not grow.

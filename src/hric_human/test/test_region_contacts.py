@@ -7,7 +7,7 @@ from bodies import body
 
 from hric_control.plant import Contact
 from hric_human.body import surfaces
-from hric_human.body.regions import REGION_MODELS, REGIONS
+from hric_human.body.regions import REGION_MODELS, REGIONS, TISSUE_LAWS
 from hric_human.contact import RegionContacts
 
 BODY = body(parts="upper_body")
@@ -33,6 +33,21 @@ def test_each_link_has_the_spring_of_its_region_but_for_the_foot() -> None:
     assert set(whole.regions) - set(stiffness) == {"r_ankle", "l_ankle"}
     assert (stiffness["r_wrist"], stiffness["r_elbow"], stiffness["l_shoulder"]) == (75e3, 40e3, 30e3)
     assert (stiffness["torso"], stiffness["head"]) == (25e3, 150e3), "chest, and skull"
+
+
+@pytest.mark.parametrize("law", TISSUE_LAWS)
+def test_each_law_keeps_the_stiffness_of_a_region(law: str) -> None:
+    surface = surfaces(BODY, law)["r_wrist"]
+    assert surface.stiffness == 75e3
+    assert (surface.dissipation > 0.0, surface.relaxing > 0.0) == (law == "hunt_crossley", law == "viscoelastic")
+
+
+def test_the_largest_energy_of_a_contact_is_kept(touches: RegionContacts) -> None:
+    for k, energy in enumerate((0.1, 0.3, 0.2)):
+        touches.update(0.001 * k, [replace(touch(HAND, WRIST, 10.0), energy=energy)])
+    assert touches.present[WRIST, HAND].energy == 0.3
+    touches.update(0.01, [touch(HAND, TORSO, 10.0)])
+    assert touches.present[TORSO, HAND].energy is None, "of a source that does not state it"
 
 
 def test_nothing_touches_before_something_does(touches: RegionContacts) -> None:

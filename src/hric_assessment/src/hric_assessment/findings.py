@@ -117,7 +117,7 @@ DISCLAIMER = (
     "no certified safety function."
 )
 """Disclaimer that is printed with the findings."""
-GROUPS = CONTACT, SEPARATION, POSTURE, LIFT = ("contact", "separation", "posture", "lift")
+GROUPS = CONTACT, ENERGY, SEPARATION, POSTURE, LIFT = ("contact", "energy", "separation", "posture", "lift")
 """Groups into which findings are sorted."""
 FIGURE_GROUPS = ("strength", "muscles", "joint load", "interaction", "productivity")
 

@@ -34,17 +34,25 @@ class Load:
 
 @dataclass(frozen=True)
 class Surface:
-    """Contact properties of a body's surface.
+    """Contact properties of a body's surface; the laws are those of `hric_control.plants.contact_law`.
 
     Attributes:
-        stiffness: stiffness of penalty contact (spring and damper) [N/m]; None: rigid contact of the engine.
+        stiffness: stiffness of penalty contact [N/m], with an exponent n [N/m^n]; None: rigid contact of the engine.
         damping: damping of penalty contact [N s/m].
         friction: friction coefficient [1]; for two bodies in contact, the product of both is used.
+        exponent: exponent n of the penetration [1].
+        dissipation: dissipation of Hunt-Crossley contact [s/m].
+        relaxing: stiffness of the relaxing spring of a viscoelastic surface [N/m].
+        relaxation_time: relaxation time of a viscoelastic surface [s]; None: the surface does not relax.
     """
 
     stiffness: float | None = None
     damping: float = 0.0
     friction: float = 0.5
+    exponent: float = 1.0
+    dissipation: float = 0.0
+    relaxing: float = 0.0
+    relaxation_time: float | None = None
 
 
 @dataclass(frozen=True)
@@ -58,11 +66,12 @@ class Contact:
         depth: penetration depth, positive if the bodies overlap [m].
         force: normal force on a along `normal` [N]: the maximum within the step if it is known, else the force at its
             end.
-        kind: "penalty": force of a spring and damper, comparable with a sensor's reading; "rigid": force that stops the
-            bodies within one step, which in an impact is far above the force of an elastic contact.
+        kind: "penalty": force of one of the laws of `Surface`, comparable with a sensor's reading; "rigid": force that
+            stops the bodies within one step, which in an impact is far above the force of an elastic contact.
         impulse: normal force integrated over the step [N s]; for penalty contact it is not `force` times the step.
         closing: approach speed along the normal at the start of the step [m/s]; None for rigid contact, which engines
             report when the approach has already been stopped.
+        energy: largest work that the bodies have done on the contact since it began [J]; None for rigid contact.
     """
 
     body_a: str
@@ -74,6 +83,7 @@ class Contact:
     kind: str = "rigid"
     impulse: float = 0.0
     closing: float | None = None
+    energy: float | None = None
 
 
 class JointReaction(NamedTuple):

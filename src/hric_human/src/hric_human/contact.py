@@ -64,6 +64,8 @@ class RegionContact:
         peak: largest force [N]; None for a touch.
         peak_time: time of the update with the peak [s]; None for a touch.
         impulse: impulse of the normal force [N s]; None for a touch.
+        energy: largest work that both bodies have done on the contact since it began [J]; None for a touch, and if
+            unknown.
         area: smallest contact area [m^2]; None: not known, since a capsule touches in a point or along a line.
         point: contact point in the last step in contact, world frame [m]; of several points the one with the largest
             force, else the deepest; None if the contact fell between two updates.
@@ -86,6 +88,7 @@ class RegionContact:
     peak: float | None = None
     peak_time: float | None = None
     impulse: float | None = None
+    energy: float | None = None
     area: float | None = None
     point: Vector | None = None
     normal: Vector | None = None
@@ -166,6 +169,8 @@ class RegionContacts:
                 if contact.kind == "penalty":
                     present.force = contact.force
                     present.impulse = (present.impulse or 0.0) + steps * contact.impulse
+                    if contact.energy is not None:
+                        present.energy = max(present.energy or 0.0, contact.energy)
                     present.reach(time, contact.force)
         for pair, contact in strongest.items():
             self.present[pair].locate(contact, 1.0 if contact.body_a == pair[0] else -1.0)

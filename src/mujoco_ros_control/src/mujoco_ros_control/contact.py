@@ -1,4 +1,4 @@
-"""Contacts in MuJoCo: the engine's rigid contacts, and penalty contact (spring and damper) with realistic forces.
+"""Contacts in MuJoCo: the engine's rigid contacts, and penalty contact with realistic forces.
 
 MuJoCo's own soft contact is not suitable: a negative `solref` is no stiffness in N/m, and each contact point would be a
 separate spring. So penalty contact is computed here: one spring per pair of links, at the centre of the overlap area
@@ -97,7 +97,7 @@ class MujocoPenaltyContact:
         """Apply one spring for a pair of links, so that several shapes do not make a link stiffer."""
         scene, first = self._scene, near[0]
         bodies = [scene.bodies[geom.body] for geom in (first.a, first.b)]
-        stiffness, damping, friction = first.law
+        law, friction = first.law
         normal = faces.mean_normal([(shape.depth, shape.normal) for shape in near])
         corners = [corner for shape in near for corner in self._corners(shape)]
         at_first = self._relative(bodies, corners[0].position)
@@ -117,7 +117,7 @@ class MujocoPenaltyContact:
             speed,
             -float(row @ (speeds - before)) / self._step,
             self._inverse_mass(row),
-            (stiffness, damping),
+            law,
         )
         if done.mean <= 0.0:
             return
@@ -129,7 +129,8 @@ class MujocoPenaltyContact:
         for body, sign in zip(bodies, (1.0, -1.0), strict=True):
             act(scene, body, sign * force, np.zeros(3), position)
         at, direction = tuple(position.tolist()), tuple(normal.tolist())
-        self.last.append(Contact(*pair, at, direction, depth, done.reading, "penalty", self._step * done.mean, speed))
+        impulse, energy = self._step * done.mean, self.springs.energy(pair)
+        self.last.append(Contact(*pair, at, direction, depth, done.reading, "penalty", impulse, speed, energy))
 
     def _corners(self, near: _Near) -> list[faces.Corner]:
         poses = [self._scene.pose(self._scene.bodies[geom.body]) for geom in (near.a, near.b)]

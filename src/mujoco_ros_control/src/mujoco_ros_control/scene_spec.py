@@ -14,7 +14,7 @@ from operator import add
 import mujoco
 import numpy as np
 
-from hric_control.plants import Losses, Model, Surface, combine, masked
+from hric_control.plants import ContactLaw, Losses, Model, Surface, combine, masked
 from hric_control.plants.faces import Solid
 from hric_control.plants.models import moving_body
 from hric_core.errors import DescriptionError
@@ -31,8 +31,8 @@ _HALF_LENGTHS: dict[str, Callable[[Sequence[float]], list[float]]] = {
     "plane": lambda size: [0.0, 0.0, 0.05],
 }
 """Functions from URDF dimensions to MuJoCo's dimensions of a shape [m]; for a plane, the spacing of drawn lines."""
-Law = tuple[float, float, float]
-"""Stiffness [N/m], damping [N s/m] and friction coefficient [1] of penalty contact."""
+Law = tuple[ContactLaw, float]
+"""Law of the normal force and friction coefficient [1] of penalty contact."""
 MIMIC = 1.0
 """Value by which mimic.h recognises an equality constraint as a mimic law; MuJoCo does not use that entry."""
 UNSOLVED = 1.0

@@ -1,4 +1,4 @@
-"""Contact forces in one step of an OpenSim plant: penalty contact (spring and damper) and rigid contact.
+"""Contact forces in one step of an OpenSim plant: penalty contact and rigid contact.
 
 Penalty contact is one spring per pair of links, at the centre of the overlap area. Its force is constant over the step:
 the mean force of the spring's motion through the step, which transfers the same energy
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from hric_control.plants import Springs
+from hric_control.plants import ContactLaw, Springs
 from hric_core.geometry import FloatArray
 
 RETURN = 0.2
@@ -43,11 +43,12 @@ class ContactPoint:
         normal: unit vector from b to a.
         depth: penetration depth, negative for a gap [m].
         J: Jacobian of the velocity of a relative to b at the point, shape (3, nu).
-        law: (stiffness [N/m], damping [N s/m], friction coefficient [1]); stiffness None for rigid contact.
+        law: law of the normal force, None for rigid contact, and friction coefficient [1].
         key: key that identifies the same point in the previous step.
         force: force on a, constant over the last step, shape (3,) [N].
         reading: normal force as a sensor reads it [N]; None: that of `force`.
         closing: approach speed of penalty contact at the start of the step [m/s].
+        energy: largest work of the bodies on penalty contact since it began [J].
     """
 
     a: str
@@ -57,11 +58,12 @@ class ContactPoint:
     normal: FloatArray
     depth: float
     J: FloatArray
-    law: tuple[float | None, float, float]
+    law: tuple[ContactLaw | None, float]
     key: tuple[object, ...]
     force: FloatArray
     reading: float | None = None
     closing: float | None = None
+    energy: float | None = None
 
     @property
     def normal_force(self) -> float:
@@ -84,15 +86,14 @@ def push_apart(
     """
     efforts = np.zeros_like(u)
     for point in points:
-        stiffness, damping, friction = point.law
-        assert stiffness is not None
+        law, friction = point.law
+        assert law is not None
         row = point.normal @ point.J
         speed, measured = -float(row @ u), -float(row @ (u - before)) / springs.time_step
         depth = point.depth - 0.5 * springs.time_step * speed
-        done = springs.push(
-            (point.a, point.b), depth, speed, measured, float(row @ response @ row), (stiffness, damping)
-        )
+        done = springs.push((point.a, point.b), depth, speed, measured, float(row @ response @ row), law)
         point.reading, point.closing, point.force = done.reading, speed, np.zeros(3)
+        point.energy = springs.energy((point.a, point.b))
         if done.mean > 0.0:
             relative = np.array([point.J @ u, point.J @ before])
             rub = springs.rub(
@@ -159,7 +160,7 @@ class RigidContact:
         rows = np.vstack([R @ point.J for R, point in zip(axes, points, strict=True)])
         response = rows @ gain @ rows.T
         min_speeds = np.array([self._min_speed(point.depth) for point in points])
-        friction = np.array([point.law[2] for point in points])
+        friction = np.array([point.law[1] for point in points])
         before = np.array([self._before.get(point.key, (0.0, 0.0, 0.0)) for point in points]).ravel()
         f = _forces(_Problem(response, rows @ v, min_speeds, friction), before)
         self._before.clear()

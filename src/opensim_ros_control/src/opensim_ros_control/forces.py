@@ -6,7 +6,7 @@ from itertools import groupby
 import numpy as np
 
 from hric_control.plant import Contact, JointReaction
-from hric_control.plants import Springs, Surface, Wrenches, combine
+from hric_control.plants import ContactLaw, Springs, Surface, Wrenches, combine
 from hric_control.plants.faces import centre
 from hric_core.geometry.transforms import FloatArray, cross
 from opensim_ros_control.bodies import BodyForce, Kinematics, Reactions
@@ -59,7 +59,7 @@ class Forces:
         """
         self._kinematics, self._reactions, self._surfaces = kinematics, reactions, surfaces
         self.look_at(collisions)
-        self._laws: dict[tuple[str, str], tuple[float | None, float, float]] = {}
+        self._laws: dict[tuple[str, str], tuple[ContactLaw | None, float]] = {}
         self._points, self._pushed, self._before = [], [], None
 
     def look_at(self, collisions: Collisions) -> None:
@@ -112,16 +112,13 @@ class Forces:
             self._pushed.append(load)
         return efforts
 
-    def _law(self, a: Collider, b: Collider) -> tuple[float | None, float, float]:
-        """Return the contact law of two colliders: (stiffness [N/m], damping [N s/m], friction coefficient [1]).
-
-        A stiffness of None means rigid contact.
-        """
+    def _law(self, a: Collider, b: Collider) -> tuple[ContactLaw | None, float]:
+        """Return the contact law of two colliders, None for rigid contact, and their friction coefficient [1]."""
         pair = (a.link, b.link)
         if pair not in self._laws:
             first, second = self._surfaces[a.link], self._surfaces[b.link]
             law = combine(first, second) if a.model != b.model else None  # within the robot contact is rigid
-            self._laws[pair] = law or (None, 0.0, first.friction * second.friction)
+            self._laws[pair] = law or (None, first.friction * second.friction)
         return self._laws[pair]
 
     def _meet(self, near: Sequence[int]) -> None:
@@ -139,7 +136,7 @@ class Forces:
                     if depth > -MARGIN:
                         self._add(meeting.a, meeting.b, (point, meeting.touch.normal, depth), law, (number, k))
 
-    def _add_spring(self, meetings: Sequence[Meeting], law: tuple[float | None, float, float]) -> None:
+    def _add_spring(self, meetings: Sequence[Meeting], law: tuple[ContactLaw | None, float]) -> None:
         """Add one spring for a pair of links, so that several shapes do not make a link stiffer."""
         deepest = max(meetings, key=lambda m: m.touch.depth)
         normal = sum((max(m.touch.depth, 0.0) * m.touch.normal for m in meetings), np.zeros(3))
@@ -161,7 +158,7 @@ class Forces:
         a: Collider,
         b: Collider,
         where: tuple[FloatArray, FloatArray, float],
-        law: tuple[float | None, float, float],
+        law: tuple[ContactLaw | None, float],
         key: tuple[int, ...],
     ) -> None:
         """Add a contact point between two colliders.
@@ -205,6 +202,7 @@ class Forces:
                         kind,
                         self._dt * mean,
                         point.closing,
+                        point.energy,
                     )
                 )
         return result

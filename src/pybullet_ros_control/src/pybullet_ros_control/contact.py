@@ -1,4 +1,4 @@
-"""Contacts in PyBullet: the engine's rigid contacts, and penalty contact (spring and damper) with realistic forces.
+"""Contacts in PyBullet: the engine's rigid contacts, and penalty contact with realistic forces.
 
 With a step of 1 ms, the peak force of the engine's own compliant contact is 9 to 26 % below the formula of ISO/TS
 15066. Penalty contact is therefore computed here: one spring per pair of links pushes both by external forces, at the
@@ -15,7 +15,7 @@ import numpy as np
 import pybullet
 
 from hric_control.plant import Contact, FloatArray
-from hric_control.plants import Springs, Surface, combine, faces
+from hric_control.plants import ContactLaw, Springs, Surface, combine, faces
 from hric_core.geometry.transforms import cross, homogeneous, inverse, rotation_from_quaternion
 from pybullet_ros_control.engine import LoadedBody, PhysicsClient
 from pybullet_ros_control.external_forces import ExternalForces, Mobility
@@ -27,8 +27,8 @@ LOOK_AHEAD = 5.0
 
 EngineLink = tuple[int, int]
 """PyBullet's numbers of a body and of one of its links."""
-Laws = dict[tuple[int, int], tuple[float, float, float]]
-"""Contact laws (stiffness [N/m], damping [N s/m], friction coefficient [1]) by link indices of two bodies."""
+Laws = dict[tuple[int, int], tuple[ContactLaw, float]]
+"""Contact laws and friction coefficients [1] by link indices of two bodies."""
 
 
 @dataclass
@@ -156,7 +156,7 @@ class PybulletPenaltyContact:
         self, pair: PenaltyPair, links: tuple[int, int], points: list[tuple[Any, ...]], forces: ExternalForces
     ) -> None:
         a, b = self._link(pair.a, links[0]), self._link(pair.b, links[1])
-        stiffness, damping, friction = pair.laws[links]
+        law, friction = pair.laws[links]
         normal = faces.mean_normal([(-point[8], np.array(point[7])) for point in points])
         corners = [corner for point in points for corner in self._corners(a, b, point)]
         step = self._engine.time_step
@@ -175,7 +175,7 @@ class PybulletPenaltyContact:
             speed,
             (speed - before) / step,
             inverse_mass(normal),
-            (stiffness, damping),
+            law,
         )
         if done.mean <= 0.0:
             return
@@ -184,9 +184,8 @@ class PybulletPenaltyContact:
         force = (done.mean * normal + rub).tolist()
         forces.apply(a.body, a.index, force, None, at)
         forces.apply(b.body, b.index, [-f for f in force], None, at)
-        self.last.append(
-            Contact(name_a, name_b, at, direction, depth, done.reading, "penalty", step * done.mean, speed)
-        )
+        impulse, energy = step * done.mean, self.springs.energy((name_a, name_b))
+        self.last.append(Contact(name_a, name_b, at, direction, depth, done.reading, "penalty", impulse, speed, energy))
 
     def _corners(self, a: _Link, b: _Link, point: tuple[Any, ...]) -> list[faces.Corner]:
         """Return the intersections of the shapes that a closest point belongs to."""

@@ -105,6 +105,8 @@ def assess(
     limits: Limits,
     signals: Sequence[str] = (),
     approach: LimitRatio | None = None,
+    *,
+    held: bool = False,
 ) -> Finding:
     """Return the finding about one contact: its outcome, with reason and numbers.
 
@@ -114,6 +116,7 @@ def assess(
         limits: limits of the body regions.
         signals: topics from which the contact was recorded, for the finding.
         approach: approach speed at impact and its limit; None: the speed is not judged.
+        held: True if the contact counts as quasi-static from its begin.
 
     Raises:
         HricError: a region or an area does not exist, or the contact area is not positive.
@@ -121,6 +124,7 @@ def assess(
     if site.contact_area is not None:
         check_positive("contact_area", site.contact_area, "m^2")
     limit, doubts = limits.at(site.regions, site.area, site.dominant), () if episode is None else episode.doubts
+    limit = limit.held() if limit is not None and held else limit
     force = None if episode is None or site.kind != PENALTY or not episode.known else episode
     outcome, reason, ratios = _judged(force, doubts, site, limit, limits, approach)
     return Finding(

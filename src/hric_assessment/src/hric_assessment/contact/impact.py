@@ -202,7 +202,7 @@ class ClosedFormModels:
         self._human = Mechanism(urdf.read(described), joints, [0.0] * len(joints), T_world_root)
         rules = Surfaces((*load_surfaces(config.world), *config.surfaces), config.contact_stiffness)
         self._name = self._robot.tree.name
-        self._skin = rules.of_model("human", body.regions, Surface(), surfaces(body))
+        self._skin = rules.of_model("human", body.regions, Surface(), surfaces(body, settings.contact_law))
         self._hull = rules.of_model(self._name, self._robot.tree.links, Surface())
         self._torque = definition.get("robot", {}).get("hw") in OWN_WEIGHT
 
@@ -229,7 +229,7 @@ class ClosedFormModels:
         link = contact.other.rpartition("::")[2]
         law, speed = combine(self._skin[contact.link], self._hull[link]), contact.begin_speed or 0.0
         point, normal = contact.begin_point, contact.begin_normal
-        if law is None or law[1] or point is None or normal is None or speed <= 0.0:
+        if law is None or not law[0].elastic or point is None or normal is None or speed <= 0.0:
             return None
         log, record = self._log, self._record
         if not (_recorded(contact.begin, log.time) and _recorded(contact.begin, record.time)):
@@ -239,7 +239,7 @@ class ClosedFormModels:
         human_mass = self._human.reflected_mass(q_human, contact.link, point, normal)
         if math.isinf(robot_mass) and math.isinf(human_mass):
             return None
-        return ClosedFormImpact(speed, robot_mass, human_mass, law[0])
+        return ClosedFormImpact(speed, robot_mass, human_mass, law[0].stiffness)
 
     def robot_masses(self, contact: RegionContact, load: float) -> RobotMasses:
         """Return the robot's masses in a contact of which `impact` returns the closed form; load: held mass [kg]."""

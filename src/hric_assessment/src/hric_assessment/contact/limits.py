@@ -8,7 +8,7 @@ If several regions or areas may be in contact and it is unknown which, the lowes
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from hric_assessment.tables import (
@@ -75,6 +75,28 @@ class ContactLimit:
     permitted: bool
     stiffness: float
     missing: tuple[str, ...]
+
+    def held(self) -> "ContactLimit":
+        """Return the limits of a contact that is quasi-static from its begin."""
+        force, pressure = replace(self.force, transient=None), self.pressure
+        return replace(self, force=force, pressure=None if pressure is None else replace(pressure, transient=None))
+
+
+@dataclass(frozen=True)
+class EnergyLimit:
+    """Largest energy of a contact with one region.
+
+    Attributes:
+        region: the region.
+        energy: largest energy [J].
+        stiffness: stiffness of the region [N/m].
+        mark: how well the value is confirmed, with its sources, or how it was computed.
+    """
+
+    region: str
+    energy: float
+    stiffness: float
+    mark: str
 
 
 class Limits:
@@ -148,6 +170,27 @@ class Limits:
                 if not any(row.region == region for row in rows)
             ),
         )
+
+    def energy(self, region: str, *, held: bool) -> EnergyLimit | None:
+        """Return the largest energy of a contact with one region; None: the table has no limit for it.
+
+        Without a row of the table, and for a held contact, it is F^2/(2 k) with the limit F of the force.
+
+        Args:
+            region: region of `hric_human.body.regions`, or the foot.
+            held: True for a contact that is quasi-static from its begin.
+        """
+        limit = self.at((region,))
+        force = None if limit is None else limit.force.quasi_static if held else limit.force.transient
+        if limit is None or force is None:
+            return None
+        for row in () if held else self.table.energies:
+            if row.region == region:
+                sources = ", ".join(self.table.source_of(row)) or "no source given"
+                return EnergyLimit(region, row.transient, limit.stiffness, f"{self.table.mark_of(row)} ({sources})")
+        kind = "quasi-static" if held else "transient"
+        mark = f"F^2/(2 k) of the {kind} force limit (computed; the table has no such energy)"
+        return EnergyLimit(region, force * force / (2.0 * limit.stiffness), limit.stiffness, mark)
 
     def areas(self, regions: Iterable[str]) -> list[str]:
         """Return the names of the specific areas that the table has in some regions."""

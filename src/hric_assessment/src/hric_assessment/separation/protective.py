@@ -1,4 +1,4 @@
-"""Protective separation distance, term by term: ISO/TS 15066:2016, with speeds and intrusion of ISO 13855.
+"""Protective separation distance, term by term: ISO/TS 15066:2016, with speeds and intrusion of ISO 13855:2010.
 
     S_p = S_h + S_r + S_s + C + Z_d + Z_r
     S_h = v_h (T_r + T_s),   S_r = v_r T_r,   S_s = v_r T_s / 2 (constant braking) or v_r T_s (nothing known)

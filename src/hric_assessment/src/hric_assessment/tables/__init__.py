@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from hric_assessment.tables.base import MARKS, AreaTable, NioshTable, TableFile, ValueTable
-from hric_assessment.tables.limits import FOOT, REGIONS, ForceRow, LimitRow, LimitTable, PressureRow
+from hric_assessment.tables.limits import FOOT, REGIONS, EnergyRow, ForceRow, LimitRow, LimitTable, PressureRow
 from hric_assessment.tables.posture import Adder, Band, Condition, PostureTable, RebaTable, RulaTable
 from hric_core.errors import check_known
 from hric_core.parameters import package_yaml, read_yaml, unknown
@@ -28,6 +28,7 @@ __all__ = [
     "AreaTable",
     "Band",
     "Condition",
+    "EnergyRow",
     "ForceRow",
     "LimitRow",
     "LimitTable",

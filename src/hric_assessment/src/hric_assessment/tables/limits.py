@@ -69,6 +69,14 @@ class PressureRow(LimitRow):
 
 
 @dataclass(frozen=True)
+class EnergyRow(MarkedRow):
+    """Row with the largest energy of a transient contact [J]."""
+
+    region: str = choice(*REGIONS, default=REQUIRED, text="body region")
+    transient: float = number(above=0.0, maximum=LARGEST_LIMIT, text="largest energy of a transient contact")
+
+
+@dataclass(frozen=True)
 class LimitTable(TableFile):
     """Table of biomechanical limits of contacts: forces and pressures by body region."""
 
@@ -88,6 +96,9 @@ class LimitTable(TableFile):
     )
     forces: tuple[ForceRow, ...] = listing(section(ForceRow), text="rows [N], see below")
     pressures: tuple[PressureRow, ...] = listing(section(PressureRow), default=(), text="rows [N/cm^2], see below")
+    energies: tuple[EnergyRow, ...] = listing(
+        section(EnergyRow), default=(), text="rows [J]; a region without one has the energy of its force limit"
+    )
 
     def check(self, where: str) -> None:
         """Refuse duplicate rows, rows without a transient limit, and pressures of areas without a force."""
@@ -105,6 +116,12 @@ class LimitTable(TableFile):
                     self._check_row(row, labels, at)
                     if row.transient is None and factor is None:
                         raise refused(f"{at}.transient", None, f"a number, {NO_TRANSIENT}, or a {name} for all rows")
+        regions = [energy.region for energy in self.energies]
+        for index, energy in enumerate(self.energies):
+            with mistakes.noted():
+                check_sources(energy.source, self.sources, f"{where}energies[{index}]")
+                if regions.count(energy.region) > 1:
+                    raise refused(f"{where}energies[{index}]", energy.region, "each region once")
         mistakes.raise_all()
 
     def _check_row(self, row: LimitRow, labels: Sequence[Any], where: str) -> None:

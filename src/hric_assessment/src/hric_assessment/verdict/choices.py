@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
+from hric_assessment.contact.classes import BY_DURATION
 from hric_assessment.contact.limits import Limits
 from hric_assessment.contact.mass import LARGEST
 from hric_assessment.separation.protective import Stop
@@ -59,6 +60,7 @@ class AssessmentChoices:
         contact_area: area over which contacts act, the smaller of the robot's and the body's [m^2]; None: not known.
             If the recording has an area for a contact, the smaller of the two counts.
         robot_mass: mass of the robot by which contacts are judged, one of ROBOT_MASSES.
+        interpretation: interpretation of clamped contacts, one of `contact.classes.INTERPRETATIONS`.
         versions: versions of the tables of posture scoring methods, by the keys of `methods`.
         assumptions: assumptions behind the choices, one sentence each.
     """
@@ -69,6 +71,7 @@ class AssessmentChoices:
     robot_mass: str = LARGEST
     versions: Mapping[str, str] = field(default_factory=dict)
     assumptions: tuple[str, ...] = ()
+    interpretation: str = BY_DURATION
 
     def stated(self, experiment: Content) -> "AssessmentChoices":
         """Return a copy with the contact area that an experiment states, if the user chose none."""

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from hric_assessment.contact.area import check_area
+from hric_assessment.contact.classes import BY_DURATION, INTERPRETATIONS
 from hric_assessment.contact.limits import Limits
 from hric_assessment.contact.mass import LARGEST, ROBOT_MASSES
 from hric_assessment.ergonomics.scoring import methods
@@ -72,8 +73,14 @@ class AssessCommand(Command):
         if arguments.contact_area is not None:
             check_area(arguments.contact_area, name=AREA_OPTION)
         versions = {key: version for key in methods() if (version := getattr(arguments, f"{key}_table", ""))}
-        braking, area, mass = BrakingChoice(stops), arguments.contact_area, arguments.robot_mass
-        choices = AssessmentChoices(Limits.named(limits), braking, area, mass, versions)
+        choices = AssessmentChoices(
+            Limits.named(limits),
+            BrakingChoice(stops),
+            arguments.contact_area,
+            arguments.robot_mass,
+            versions,
+            interpretation=arguments.contact_class,
+        )
         verdicts = [_assessed(name, arguments.runs, choices) for name in (arguments.run, *arguments.compare)]
         only = [question for part in arguments.only for question in part]
         if arguments.compare:
@@ -127,6 +134,13 @@ def _choices_arguments() -> list[Argument]:
             default=LIMIT_TABLES[0],
             metavar="FILE|bgia2011",
             help=f"contact limits: {', '.join(LIMIT_TABLES)} (default: {LIMIT_TABLES[0]}), or a YAML file of your own",
+        ),
+        Argument(
+            "--contact-class",
+            choices=INTERPRETATIONS,
+            default=BY_DURATION,
+            help="interpretation of clamped contacts: by_duration, transient limits for the first half second of every "
+            "contact (default); by_clamping, quasi-static limits from the begin if the body part is clamped",
         ),
         Argument(
             "--stop",

@@ -13,7 +13,7 @@ from enum import StrEnum
 from typing import Annotated
 
 from hric_assessment.ergonomics.scoring import method_of
-from hric_assessment.findings import Finding, Missing, Outcome, UnjudgedValue
+from hric_assessment.findings import ENERGY, Finding, Missing, Outcome, UnjudgedValue
 from hric_assessment.tables import niosh_table
 from hric_assessment.typed_json import Content
 from hric_human.participant.settings import HumanSettings
@@ -124,7 +124,10 @@ def conclusions(
 
 
 def _of_person(question: str, findings: Sequence[Finding], missing: Sequence[Missing], person: str) -> Conclusion:
-    relevant = [item for item in findings if item.group == GROUPS[question] and item.person in ("", person)]
+    groups = (GROUPS[question], *([ENERGY] if question == CONTACT else []))
+    relevant = [item for item in findings if item.group in groups and item.person in ("", person)]
+    if question == CONTACT:  # of findings with the same outcome, that about the contact decides
+        relevant.sort(key=lambda item: (ORDER.index(item.outcome), item.group == ENERGY))
     if question == POSTURE:
         relevant = _posture(relevant)
     if not relevant:

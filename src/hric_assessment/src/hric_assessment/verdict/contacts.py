@@ -11,6 +11,8 @@ import numpy as np
 
 from hric_assessment.contact.area import check_area
 from hric_assessment.contact.assess import ContactSite, LimitRatio, approach_ratio, assess
+from hric_assessment.contact.classes import BY_CLAMPING, INTERPRETATIONS, ContactClass, contact_class
+from hric_assessment.contact.energy import energy_finding
 from hric_assessment.contact.episodes import PENALTY, Episode, episodes, window_of
 from hric_assessment.contact.impact import ClosedFormImpact, ClosedFormModels
 from hric_assessment.contact.mass import LARGEST, LOCKED, REFLECTED, STANDARD, RobotMasses
@@ -163,6 +165,10 @@ def _rest(
     return replace(finding, person=record.name)
 
 
+def _other(interpretation: str) -> str:
+    return next(name for name in INTERPRETATIONS if name != interpretation)
+
+
 class _Judge:
     """Assessment of the contacts of one person.
 
@@ -189,15 +195,17 @@ class _Judge:
         sprung = [contact for contact in contacts if contact.kind == PENALTY]
         stream = self._record.stream
         until = float(stream.time[-1]) if stream is not None and len(stream.time) else 0.0
-        judged = [self._with_force(episode) for episode in episodes(sprung, self._period, until)]
-        return findings + [finding.marked_near_limit() for finding in judged]
+        for episode in episodes(sprung, self._period, until):
+            findings += [finding.marked_near_limit() for finding in self._with_force(episode)]
+        return findings
 
     def _without_force(self, contacts: Sequence[RegionContact]) -> Finding:
         """Return one finding for all contacts of two bodies that have no meaningful force."""
         finding = self._assessed(None, self._site(contacts)[0], contacts, None)
         return replace(finding, notes=(*finding.notes, f"number of contacts: {len(contacts)}"))
 
-    def _with_force(self, episode: Episode) -> Finding:
+    def _with_force(self, episode: Episode) -> list[Finding]:
+        """Return the findings about force and energy of an episode; the latter may be missing."""
         site, notes = self._site(episode.contacts)
         try:
             approach, impact, doubts = self._expected.approach(episode.contacts, site, self._simulated)
@@ -205,25 +213,45 @@ class _Judge:
             approach, impact, doubts = None, None, []
         refused = [note for note in notes if note.startswith(("the recorded contact area", OTHER_REGION))]
         episode = replace(episode, doubts=(*episode.doubts, *doubts, *refused))
-        finding = self._assessed(episode, site, episode.contacts, approach)
+        kind, why = contact_class(episode.contacts, self._record.region_contacts, self._simulated)
+        chosen = self._choices.interpretation
+        held = chosen == BY_CLAMPING and kind != ContactClass.FREE
+        finding = self._assessed(episode, site, episode.contacts, approach, held=held)
+        classed = [f"class: {kind} ({why}); interpretation of the limits: {chosen}"]
+        if kind != ContactClass.FREE:
+            other = self._assessed(episode, site, episode.contacts, approach, held=not held)
+            if other.outcome != finding.outcome:
+                classed.append(f"interpretation {_other(chosen)}: {other.outcome}: {other.reason}")
         values, more, missing = self._expected.values(impact, site)
         if finding.outcome == Outcome.NOT_ASSESSABLE and episode.doubts:
             topic = f"{self._record.name}/contacts"
             remedy = f"record every message of {topic} until the bodies separate, with forces sampled at 1000 Hz"
             finding = replace(finding, remedy=remedy)
-        return replace(
+        finding = replace(
             finding,
             values={**finding.values, **values},
-            notes=(*finding.notes, *notes, *more),
+            notes=(*classed, *finding.notes, *notes, *more),
             missing=(*finding.missing, *missing),
         )
+        try:
+            energy = energy_finding(episode, site, self._choices.limits, held=held)
+        except HricError:  # the reason of the finding about the force
+            energy = None
+        about = {name: getattr(finding, name) for name in ("signals", "regions", "side", "window", "person")}
+        return [finding] if energy is None else [finding, replace(energy, notes=(*classed, *energy.notes), **about)]
 
     def _assessed(
-        self, episode: Episode | None, site: ContactSite, contacts: Sequence[RegionContact], approach: LimitRatio | None
+        self,
+        episode: Episode | None,
+        site: ContactSite,
+        contacts: Sequence[RegionContact],
+        approach: LimitRatio | None,
+        *,
+        held: bool = False,
     ) -> Finding:
         signals, limits = (f"{self._record.name}/contacts",), self._choices.limits
         try:
-            finding = assess(episode, site, limits, signals, approach)
+            finding = assess(episode, site, limits, signals, approach, held=held)
         except HricError as error:  # an unknown region affects only this contact
             finding = Finding(site.subject, Outcome.NOT_ASSESSABLE, str(error), limits.table.name, signals=signals)
         window, person, side = window_of(contacts), self._record.name, contacts[0].side

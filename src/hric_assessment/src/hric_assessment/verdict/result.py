@@ -8,9 +8,9 @@ from typing import Annotated, TypeVar
 import numpy as np
 
 from hric_assessment.ergonomics.scoring import methods
-from hric_assessment.findings import DISCLAIMER, Finding, Missing, Outcome, UnjudgedValue
+from hric_assessment.findings import DISCLAIMER, ENERGY, Finding, Missing, Outcome, UnjudgedValue
 from hric_assessment.typed_json import NAMES, JsonObject, closed, plain, schema_of
-from hric_assessment.verdict.conclusions import GROUPS, ORDER, Conclusion, headline, outcome
+from hric_assessment.verdict.conclusions import CONTACT, GROUPS, ORDER, Conclusion, headline, outcome
 from hric_assessment.verdict.moment import Moment
 from hric_assessment.verdict.person import PersonSummary
 from hric_core.errors import NOT_GOOD, NOT_KNOWN
@@ -158,6 +158,7 @@ class Verdict:
         lines += [str(item) for item in self.conclusions if not only or item.question in only]
         lines += ["", DISCLAIMER, ""]
         groups = [GROUPS[item] for item in only if item in GROUPS] if only else list(GROUPS.values())
+        groups += [ENERGY] if GROUPS[CONTACT] in groups else []
         decisive = [item.finding for item in self.conclusions if item.finding is not None]
         others = [item for index, item in enumerate(self.findings) if index not in decisive]
         first = ranked([self.findings[index] for index in decisive])

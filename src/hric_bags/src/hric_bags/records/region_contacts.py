@@ -168,16 +168,21 @@ def _region_contact(contact: _Contact, robot_time: Callable[[float], float]) -> 
         peak=float(last.peak) if known else None,
         peak_time=robot_time(last.peak_time) if known else None,
         impulse=float(last.impulse) if known else None,
+        energy=_number(getattr(last, "energy", math.nan)) or None,  # older recordings and sensors do not state it
         area=None if math.isnan(contact.area) or contact.area == math.inf else float(contact.area),
         point=_known(last.point),
         normal=_known(last.normal),
         begin_point=_known(last.begin_point),
         begin_normal=_known(last.begin_normal),
-        begin_speed=None if math.isnan(last.begin_speed) else float(last.begin_speed),
+        begin_speed=_number(last.begin_speed),
         series=series,
         ended=contact.ended,
         interrupted=contact.interrupted,
     )
+
+
+def _number(value: float) -> float | None:
+    return None if math.isnan(value) else float(value)
 
 
 def _known(v: Any) -> Vector | None:

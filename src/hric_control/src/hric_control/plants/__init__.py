@@ -6,6 +6,7 @@ Import all names from here, except those of `faces` (contact areas of two shapes
 from hric_control.plant import Surface
 from hric_control.plants.bushings import BushingLaw, Bushings, LinkMotion
 from hric_control.plants.config import GRAVITY, PlantConfig, WindowlessConfig, rotor_inertia
+from hric_control.plants.contact_law import ContactLaw
 from hric_control.plants.divergence import DivergedError, Divergence
 from hric_control.plants.driven_joints import DrivenJoints
 from hric_control.plants.engine_plant import EnginePlant
@@ -35,6 +36,7 @@ __all__ = [
     "PLAIN_LINK",
     "BushingLaw",
     "Bushings",
+    "ContactLaw",
     "DivergedError",
     "Divergence",
     "DrivenJoints",

@@ -4,12 +4,12 @@ An engine applies a constant force during its step, and an impact on a stiff sur
 spring were evaluated at one instant of the step, peak and impulse would depend on when in the step the contact begins.
 So the motion along the normal is integrated through the step,
 
-    x'' = a - w max(k x + c x', 0)    while x > 0,
+    x'' = a - w F(x, x', ...)    while x > 0,
 
-with penetration x, stiffness k, damping c, the pair's inverse effective mass w = n' J (M + B)^-1 J' n, and the
-acceleration a that the pair would have without the spring. The mean of the force, which has the same impulse, is
-applied. The reported force is that at the end of the step or, if it is larger, the maximum within the step: the reading
-of a sensor with peak hold that is sampled once per step.
+with penetration x, contact force F (`plants.contact_law`), the pair's inverse effective mass
+w = n' J (M + B)^-1 J' n, and the acceleration a that the pair would have without the spring. The mean of the force,
+which has the same impulse, is applied. The reported force is that at the end of the step or, if it is larger, the
+maximum within the step: the reading of a sensor with peak hold that is sampled once per step.
 
 In the tangential plane a bristle holds the two bodies, by the elasto-plastic law also used for joints
 (`plants.friction`): a spring that yields when its force reaches friction coefficient times normal force, so that a body
@@ -29,6 +29,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hric_control.plant import FloatArray
+from hric_control.plants.contact_law import ContactLaw, Strains
 
 _PARTS = 8
 """Smallest number of Runge-Kutta substeps of a step, used for soft contacts (project default, unconfirmed)."""
@@ -54,11 +55,15 @@ class SpringStep:
         mean: mean force, the impulse divided by the step [N].
         reading: force at the end of the step, or its maximum within the step if that is larger [N].
         ahead: depth at the end of the step, minus the depth that the engine reaches with the constant mean force [m].
+        works: work that the bodies have done on the contact until the end of each substep, ascending in time [J].
+        strains: deflections of the contact's layers at the end of the step.
     """
 
     mean: float
     reading: float
     ahead: float
+    works: tuple[float, ...] = ()
+    strains: Strains = ()
 
 
 NOTHING = SpringStep(0.0, 0.0, 0.0)
@@ -77,57 +82,104 @@ def _touch_time(depth: float, speed: float, acceleration: float, step: float) ->
 
 
 def spring_step(
-    depth: float, speed: float, acceleration: float, inverse_mass: float, stiffness: float, damping: float, step: float
+    depth: float,
+    speed: float,
+    acceleration: float,
+    inverse_mass: float,
+    law: ContactLaw,
+    step: float,
+    strains: Strains = (),
 ) -> SpringStep:
-    """Integrate the motion of two bodies along their contact normal, with a spring and damper, through one step.
+    """Integrate the motion of two bodies along their contact normal, with the contact's force, through one step.
 
     Args:
         depth: penetration at the start, negative for a gap [m].
         speed: closing speed at the start [m/s].
         acceleration: closing acceleration without the spring [m/s^2].
         inverse_mass: inverse effective mass of the pair along the normal [1/kg].
-        stiffness: stiffness of the contact [N/m].
-        damping: damping of the contact [N s/m].
+        law: law of the contact's force.
         step: time step of the engine [s].
+        strains: deflections of the contact's layers at the start; empty: zero.
     """
     left = step
-    x, v = depth, speed
+    x, v, z = depth, speed, strains or (0.0,) * len(law.layers)
     if depth <= 0.0:
         free = _touch_time(depth, speed, acceleration, step)
         left = step - free
         if left <= 0.0:
             return NOTHING
         x, v = 0.0, speed + acceleration * free
-    parts = min(_PARTS + int(_PARTS_PER_RADIAN * math.sqrt(stiffness * inverse_mass) * left), _MAX_PARTS)
+    parts = _substeps(law, max(x, x + v * left), inverse_mass, left)
     h = left / parts
-    half, impulse = 0.5 * h, 0.0
-    first = load = peak = _load(x, v, stiffness, damping)
+    impulse, work, works = 0.0, 0.0, list[float]()
+    first = load = peak = law.load(x, v, z)
     for _ in range(parts):
-        # Classical Runge-Kutta method of fourth order; the impulse is the weighted sum of the stages' forces.
-        a1 = acceleration - inverse_mass * load
-        v2 = v + half * a1
-        f2 = _load(x + half * v, v2, stiffness, damping)
-        v3 = v + half * (acceleration - inverse_mass * f2)
-        f3 = _load(x + half * v2, v3, stiffness, damping)
-        v4 = v + h * (acceleration - inverse_mass * f3)
-        f4 = _load(x + h * v3, v4, stiffness, damping)
-        part = h / 6.0 * (load + 2.0 * (f2 + f3) + f4)
-        x += h / 6.0 * (v + 2.0 * (v2 + v3) + v4)
-        v += h * acceleration - inverse_mass * part
+        x, v, z, part, done, middle = _substep(law, (x, v, z), load, acceleration, inverse_mass, h)
         impulse += part
-        load = _load(x, v, stiffness, damping)
-        peak = max(peak, f2, load)
+        work += done
+        load = law.load(x, v, z)
+        peak = max(peak, middle, load)
+        works.append(work)
     mean = impulse / step
     held = depth + step * (speed + 0.5 * step * (acceleration - inverse_mass * mean))
-    return SpringStep(mean, load if first >= peak else peak, x - held)
+    return SpringStep(mean, load if first >= peak else peak, x - held, tuple(works), z)
 
 
-def _load(x: float, v: float, stiffness: float, damping: float) -> float:
-    """Return the force of spring and damper [N], at least 0, as a contact never pulls."""
-    if x <= 0.0:
-        return 0.0
-    load = stiffness * x + damping * v
-    return load if load > 0.0 else 0.0
+def _substep(
+    law: ContactLaw,
+    state: tuple[float, float, Strains],
+    load: float,
+    acceleration: float,
+    inverse_mass: float,
+    h: float,
+) -> tuple[float, float, Strains, float, float, float]:
+    """Advance by a substep with the classical Runge-Kutta method of fourth order.
+
+    Args:
+        law: law of the contact's force.
+        state: penetration [m], closing speed [m/s], and deflections of the layers [m].
+        load: force in this state [N].
+        acceleration: closing acceleration without the spring [m/s^2].
+        inverse_mass: inverse effective mass of the pair along the normal [1/kg].
+        h: duration of the substep [s].
+
+    Returns:
+        the new state, impulse [N s] and work [J] of the force, and the force at the middle [N].
+    """
+    x, v, z = state
+    half = 0.5 * h
+    r1 = z and law.rates(z, load)
+    v2 = v + half * (acceleration - inverse_mass * load)
+    z2 = z and _moved(z, half, r1)
+    f2 = law.load(x + half * v, v2, z2)
+    r2 = z and law.rates(z2, f2)
+    v3 = v + half * (acceleration - inverse_mass * f2)
+    z3 = z and _moved(z, half, r2)
+    f3 = law.load(x + half * v2, v3, z3)
+    r3 = z and law.rates(z3, f3)
+    v4 = v + h * (acceleration - inverse_mass * f3)
+    z4 = z and _moved(z, h, r3)
+    f4 = law.load(x + h * v3, v4, z4)
+    # The impulse is the weighted sum of the stages' forces.
+    part = h / 6.0 * (load + 2.0 * (f2 + f3) + f4)
+    work = h / 6.0 * (load * v + 2.0 * (f2 * v2 + f3 * v3) + f4 * v4)
+    if z:
+        rates = zip(r1, r2, r3, law.rates(z4, f4), strict=True)
+        z = _moved(z, h / 6.0, tuple(a + 2.0 * (b + c) + d for a, b, c, d in rates))
+    x += h / 6.0 * (v + 2.0 * (v2 + v3) + v4)
+    v += h * acceleration - inverse_mass * part
+    return x, v, z, part, work, f2
+
+
+def _moved(strains: Strains, step: float, rates: Strains) -> Strains:
+    return tuple(z + step * rate for z, rate in zip(strains, rates, strict=True))
+
+
+def _substeps(law: ContactLaw, depth: float, inverse_mass: float, duration: float) -> int:
+    """Return the number of substeps for a duration [s], in which the penetration reaches about `depth` [m]."""
+    radians = math.sqrt(law.tangent(depth) * inverse_mass) * duration
+    radians = max([radians, *(duration / layer.relaxation_time for layer in law.layers)])
+    return min(_PARTS + int(_PARTS_PER_RADIAN * radians), _MAX_PARTS)
 
 
 @dataclass(slots=True)
@@ -138,11 +190,17 @@ class _Memory:
         push: reduction of the closing acceleration by the spring's mean force [m/s^2].
         ahead: error of the engine's depth, see SpringStep [m].
         rub: friction force on the first link, shape (3,) [N]; None: the contact has just begun.
+        strains: deflections of the contact's layers [m].
+        work: work that the bodies have done on the contact since it began [J].
+        energy: largest work so far [J].
     """
 
     push: float = 0.0
     ahead: float = 0.0
     rub: FloatArray | None = None
+    strains: Strains = ()
+    work: float = 0.0
+    energy: float = 0.0
 
 
 @dataclass
@@ -176,7 +234,7 @@ class Springs:
         speed: float,
         measured: float,
         inverse_mass: float,
-        law: tuple[float, float],
+        law: ContactLaw,
     ) -> SpringStep:
         """Compute the normal force between a pair of links in this step.
 
@@ -186,18 +244,26 @@ class Springs:
             speed: closing speed at the start of the step [m/s].
             measured: closing acceleration over the last step [m/s^2].
             inverse_mass: inverse effective mass of the pair along its normal [1/kg].
-            law: stiffness [N/m] and damping [N s/m].
+            law: law of the contact's force.
         """
         before = self._before.get(pair) or _Memory()
-        done = spring_step(depth + before.ahead, speed, measured + before.push, inverse_mass, *law, self.time_step)
-        memory = self._now[pair] = _Memory(inverse_mass * done.mean)
+        done = spring_step(
+            depth + before.ahead, speed, measured + before.push, inverse_mass, law, self.time_step, before.strains
+        )
+        memory = self._now[pair] = _Memory(inverse_mass * done.mean, strains=done.strains)
         if done.mean > 0.0:
             # In a smooth motion `ahead` is inverse_mass * mean * time_step^2 / 12; the bound keeps errors from adding
             # up if the mass is not known well.
             bound = inverse_mass * done.mean * self.time_step**2 / 4.0
             memory.ahead = min(max(before.ahead + done.ahead, -bound), bound)
+            memory.work = before.work + done.works[-1]
+            memory.energy = max(before.energy, before.work + max(done.works))
             self._peaks[pair] = max(self._peaks.get(pair, 0.0), done.reading)
         return done
+
+    def energy(self, pair: tuple[str, str]) -> float:
+        """Return the largest work that a pair of links has done on its contact since this began [J]."""
+        return self._now[pair].energy
 
     def rub(
         self,

@@ -1,29 +1,53 @@
-"""Contact surfaces of links: rigid contact or penalty contact (spring and damper), and friction."""
+"""Contact surfaces of links: rigid contact or penalty contact, its law, and friction."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 
 from hric_control.plant import Surface
+from hric_control.plants.contact_law import ContactLaw, Layer, in_series
 from hric_core.errors import ParameterError, UnknownNameError, check_known
-from hric_core.parameters import Settings, choice, number, text
+from hric_core.parameters import Settings, choice, number, refuse_void, text
+
+VISCOELASTIC = "viscoelastic"
+LAWS = {
+    "penalty": ("damping",),
+    "hunt_crossley": ("exponent", "dissipation"),
+    VISCOELASTIC: ("relaxing", "relaxation_time"),
+}
+"""Laws of penalty contact, each with the settings that only it has."""
 
 
 @dataclass(frozen=True)
 class SurfaceSettings(Settings):
     """Settings of a contact surface in world files and parameters; settings that are left out do not change."""
 
-    contact: str | None = choice("rigid", "penalty", default=None, text="contact law")
-    stiffness: float | None = number(None, above=0.0, unit="N/m", text="stiffness of penalty contact")
-    damping: float = number(0.0, minimum=0.0, unit="N s/m", text="damping of penalty contact")
+    contact: str | None = choice(
+        "rigid",
+        *LAWS,
+        default=None,
+        text="contact law: `rigid`, of the engine; `penalty`, spring and damper; `hunt_crossley`; `viscoelastic`, a "
+        "layer that relaxes",
+    )
+    stiffness: float | None = number(None, above=0.0, unit="N/m", text="stiffness; with an exponent n in N/m^n")
+    damping: float = number(0.0, minimum=0.0, unit="N s/m", text="with `penalty`: damping")
+    exponent: float = number(1.0, minimum=1.0, maximum=3.0, text="with `hunt_crossley`: exponent of the penetration")
+    dissipation: float = number(0.0, minimum=0.0, unit="s/m", text="with `hunt_crossley`: dissipation")
+    relaxing: float = number(0.0, minimum=0.0, unit="N/m", text="with `viscoelastic`: stiffness that relaxes")
+    relaxation_time: float | None = number(None, above=0.0, unit="s", text="with `viscoelastic`: relaxation time")
     friction: float | None = number(
         None, minimum=0.0, maximum=10.0, text="friction coefficient; two bodies in contact have the product of both"
     )
 
     def check(self, where: str) -> None:
-        """Refuse stiffness or damping without `contact: penalty`."""
-        if self.contact != "penalty" and (self.stiffness is not None or self.damping):
-            raise ParameterError(f"{where}stiffness and {where}damping need {where}contact: penalty")
+        """Refuse values of another contact law, and a viscoelastic layer without its relaxation."""
+        if self.contact not in LAWS and self.stiffness is not None:
+            raise ParameterError(f"{where}stiffness needs {where}contact: {' or '.join(LAWS)}")
+        for law, names in LAWS.items():
+            for name in names if self.contact != law else ():
+                refuse_void(self, name, where, f"{where}contact: {law}")
+        if self.contact == VISCOELASTIC and not (self.relaxing and self.relaxation_time):
+            raise ParameterError(f"{where}contact: {VISCOELASTIC} needs {where}relaxing and {where}relaxation_time")
 
     def over(self, base: Surface, default_stiffness: float) -> Surface:
         """Return the surface `base` with these settings applied; `default_stiffness`: used if none is set [N/m]."""
@@ -32,7 +56,9 @@ class SurfaceSettings(Settings):
             return replace(base, friction=friction)
         if self.contact == "rigid":
             return Surface(None, 0.0, friction)
-        return Surface(self.stiffness or default_stiffness, self.damping, friction)
+        names = [name for of_law in LAWS.values() for name in of_law]
+        law = {name: getattr(self, name) for name in names}
+        return Surface(self.stiffness or default_stiffness, friction=friction, **law)
 
 
 def _split(link: str) -> str:
@@ -86,11 +112,27 @@ class Surfaces:
         return surfaces
 
 
-def combine(first: Surface, second: Surface) -> tuple[float, float, float] | None:
-    """Return (stiffness [N/m], damping [N s/m], friction coefficient) of two surfaces; None if both are rigid.
+def combine(first: Surface, second: Surface) -> tuple[ContactLaw, float] | None:
+    """Return the law of the normal force between two surfaces and their friction coefficient [1]; None: both are rigid.
 
-    The stiffness is that of both springs in series, or of the only spring if one surface is rigid."""
-    stiffnesses = [s.stiffness for s in (first, second) if s.stiffness is not None]
-    if not stiffnesses:
+    Raises:
+        ParameterError: the laws of the surfaces have different exponents.
+    """
+    laws = [_law(surface) for surface in (first, second) if surface.stiffness is not None]
+    if not laws:
         return None
-    return 1.0 / sum(1.0 / k for k in stiffnesses), max(first.damping, second.damping), first.friction * second.friction
+    exponents = {law.exponent for law in laws}
+    if len(exponents) > 1 or (exponents != {1.0} and any(law.layers for law in laws)):
+        raise ParameterError(
+            f"two surfaces in contact have the exponents {' and '.join(f'{law.exponent:g}' for law in laws)}; valid: "
+            "the same exponent for both, 1 with a viscoelastic surface, or contact: rigid for one of them"
+        )
+    return in_series(laws), first.friction * second.friction
+
+
+def _law(surface: Surface) -> ContactLaw:
+    assert surface.stiffness is not None
+    if surface.relaxation_time is not None:
+        layer = Layer(surface.stiffness, surface.relaxing, surface.relaxation_time)
+        return ContactLaw(surface.stiffness, layers=(layer,))
+    return ContactLaw(surface.stiffness, surface.damping, surface.exponent, surface.dissipation)

@@ -57,6 +57,38 @@ REGION_MODELS = {
 The standard's text was not opened; the values are equal in two or more public sources (papers and code). The standard
 gives the stiffness in N/mm, and no damping.
 """
+
+
+class TissueLaw(NamedTuple):
+    """Contact law of skin and tissue, beside the stiffness of the region.
+
+    Attributes:
+        dissipation: dissipation of Hunt and Crossley [s/m].
+        relaxing_ratio: stiffness that relaxes, relative to the stiffness of the region [1].
+        relaxation_time: relaxation time [s]; None: the tissue does not relax.
+    """
+
+    dissipation: float = 0.0
+    relaxing_ratio: float = 0.0
+    relaxation_time: float | None = None
+
+
+TISSUE_LAWS = {
+    "spring": TissueLaw(),
+    "hunt_crossley": TissueLaw(dissipation=2.0),
+    "viscoelastic": TissueLaw(relaxing_ratio=1.0, relaxation_time=4e-3),
+}
+"""Contact laws of the person's surface, which `human.contact_law` selects.
+
+spring: the law of ISO/TS 15066, without loss of energy.
+hunt_crossley: 2 s/m is the dissipation of the sole of the foot in OpenSim's model 2D_gait (confirmed twice, in public
+copies of the model; unconfirmed for other regions). The exponent 1 is chosen here: without dissipation the law is then
+that of the standard.
+viscoelastic: 4 ms is the shortest of the three relaxation times of the human fingerpad (4 ms, 70 ms, 1.4 s), Pawluk and
+Howe, J Biomech Eng 121(2), 1999, abstract (confirmed once; unconfirmed for other regions). The abstract has no
+amplitudes: the ratio 1 is chosen here. The relaxed tissue has the stiffness of the standard, so that a fast impact has
+a higher peak than with the standard's spring.
+"""
 SPRING_OF = {"head": "skull, forehead", "torso": "chest"}
 """Region whose spring is used for a segment of several regions, since a link has one contact stiffness.
 
@@ -88,14 +120,20 @@ def regions(segments: Sequence[BodySegment], dominant_hand: str) -> dict[str, tu
     return by_link
 
 
-def surfaces(body: Body) -> dict[str, Surface]:
+def surfaces(body: Body, law: str = "spring") -> dict[str, Surface]:
     """Return the contact surface of each link for `Plant.spawn`, with the stiffness of the ISO/TS 15066 body model.
 
-    A link without a region, such as a foot, is left out and stays rigid.
+    A link without a region, such as a foot, is left out and stays rigid. `law`: a key of TISSUE_LAWS.
     """
-    by_link = {}
+    tissue, by_link = TISSUE_LAWS[law], {}
     for segment in body.segments.values():
         names = REGIONS[segment.kind]
         if names:
-            by_link[segment.link] = Surface(REGION_MODELS[SPRING_OF.get(segment.kind, names[0])].stiffness)
+            stiffness = REGION_MODELS[SPRING_OF.get(segment.kind, names[0])].stiffness
+            by_link[segment.link] = Surface(
+                stiffness,
+                dissipation=tissue.dissipation,
+                relaxing=tissue.relaxing_ratio * stiffness,
+                relaxation_time=tissue.relaxation_time,
+            )
     return by_link

@@ -60,7 +60,7 @@ class Human(Participant):
         walk = settings.walk
         self._walk = None if walk is None else Walk(walk, self._body, settings.heading)
         urdf = self._body.urdf if self._walk is None else self._walk.urdf
-        plant.spawn(name, urdf, self._root.transform(), fixed=True, surfaces=surfaces(self._body))
+        plant.spawn(name, urdf, self._root.transform(), fixed=True, surfaces=surfaces(self._body, settings.contact_law))
         self._requests: deque[tuple[Future[str], Callable[[], object]]] = deque()
         self._topics = Topics(node, name, self._control.person, self._root, walks=walk is not None)
         self._hand = f"{name}::{self._body.segments[f'{self._control.person.hand.side}_hand'].link}"

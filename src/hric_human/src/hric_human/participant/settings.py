@@ -25,6 +25,7 @@ from hric_core.parameters import (
 )
 from hric_human.body import Body, Subject, describe, load
 from hric_human.body.joints import joints
+from hric_human.body.regions import TISSUE_LAWS
 from hric_human.body.segments import SIDES, link_name
 from hric_human.body.subject import PARTS
 from hric_human.control.human_control import checked, hand_side
@@ -181,6 +182,11 @@ class HumanSettings(Settings):
         unit="m^2",
         default_text="not known",
         text="contact area from which the verdict computes pressures: the smaller of the robot's and the body's",
+    )
+    contact_law: str = choice(
+        *TISSUE_LAWS,
+        text="contact law of the person's surface: `spring`, of ISO/TS 15066; `hunt_crossley`; `viscoelastic`, a layer "
+        "that relaxes",
     )
     rate: float = number(200.0, above=0.0, maximum=1000.0, unit="Hz", text="of the person's topics")
     seed: int = whole(0, minimum=0, text="of all random variation")

@@ -170,7 +170,7 @@ def _contact(contact: RegionContact, epoch: float) -> Any:
     message.link, message.other, message.kind = contact.link, contact.other, contact.kind
     message.begin, message.duration = epoch + contact.begin, contact.duration
     message.peak_time = math.nan if contact.peak_time is None else epoch + contact.peak_time
-    for name in ("force", "peak", "impulse", "area", "begin_speed"):
+    for name in ("force", "peak", "impulse", "energy", "area", "begin_speed"):
         value = getattr(contact, name)
         setattr(message, name, math.nan if value is None else value)
     for name in ("point", "normal", "begin_point", "begin_normal"):

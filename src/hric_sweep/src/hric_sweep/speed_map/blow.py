@@ -74,12 +74,17 @@ class Blows:
         return ImpactApproach(q, direction, dq, mass, float(allowed.min()))
 
     def peak(self, approach: ImpactApproach, body: HitBody, speed: float) -> float:
-        """Simulate an impact; return the device's peak force within the duration of a transient contact [N].
+        """Return the device's peak force within the duration of a transient contact [N]; arguments: see `measured`."""
+        return self.measured(approach, body, speed, TRANSIENT_TIME).peak
+
+    def measured(self, approach: ImpactApproach, body: HitBody, speed: float, duration: float) -> MeasuringDevice:
+        """Simulate an impact until both have separated; return the device with its readings.
 
         Args:
             approach: motion of the arm.
             body: spring and mass of the device, which represent a body region.
             speed: closing speed [m/s]; if the arm cannot reach it, the body moves towards the arm at the difference.
+            duration: longest time that is simulated [s].
         """
         robot, dt, arm_speed = self._robot, self._robot.plant.time_step, min(speed, SHARE * approach.fastest)
         dq = arm_speed * approach.dq
@@ -90,7 +95,7 @@ class Blows:
             robot.box.move(MoveRequest(ControllerMode.EXTERNAL, GeneratorMode.NONE))
         device = MeasuringDevice(body, approach.mass, dt, speed - arm_speed)
         begin = float(approach.direction @ self._position(approach.q))
-        for cycle in range(1, round(TRANSIENT_TIME / dt)):
+        for cycle in range(1, round(duration / dt)):
             q, v = (np.array(part) for part in robot.plant.engine_state())
             along = approach.direction @ robot.model.zero_jacobian(FrankaFrame.END_EFFECTOR, q)[:3]
             force = device.push(float(approach.direction @ self._position(q)) - begin, float(along @ v))
@@ -100,7 +105,7 @@ class Blows:
             robot.plant.apply(self._torque(approach.q + (cycle - 1) * dt * dq - q, dq - v, q, v))
             robot.plant.step()
             robot.read(cycle * dt, dt)
-        return device.peak
+        return device
 
     def _position(self, q: FloatArray) -> FloatArray:
         """Return the position of the end effector in the base frame, shape (3,) [m]."""

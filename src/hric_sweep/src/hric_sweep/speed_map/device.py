@@ -1,12 +1,13 @@
 """Virtual measuring device: a mass with a spring of a body region's stiffness; its force is read each millisecond.
 
 The device touches the end effector from the first instant and moves along one direction only; at first it moves towards
-the arm if the closing speed is higher than the arm's speed. Unlike a real device (ISO/PAS 5672) it has no extension, no
-foil and no mounting.
+the arm if the closing speed is higher than the arm's speed. A pad may lie on the spring. An infinite mass is a device
+that is fixed to a rigid support. Filter and film of a real device (ISO/PAS 5672) are in `hric_sweep.measuring`.
 """
 
 from dataclasses import dataclass, field
 
+from hric_control.plants.contact_law import ContactLaw, Layer, in_series
 from hric_control.plants.spring_step import Springs
 
 PAIR = ("device", "arm")
@@ -19,12 +20,20 @@ class HitBody:
     Attributes:
         mass: mass behind the spring, free to move along the direction [kg].
         stiffness: stiffness of the spring [N/m].
-        damping: damping of the spring [N s/m].
+        damping: damping of the spring [N s/m]; with a pad, the pad damps instead.
+        pad: viscoelastic layer on the spring; None: there is none.
     """
 
     mass: float
     stiffness: float
     damping: float = 0.0
+    pad: Layer | None = None
+
+    @property
+    def law(self) -> ContactLaw:
+        """Law of the device's force."""
+        spring = ContactLaw(self.stiffness, self.damping)
+        return spring if self.pad is None else in_series([spring, ContactLaw(self.pad.stiffness, layers=(self.pad,))])
 
 
 @dataclass
@@ -40,6 +49,8 @@ class MeasuringDevice:
 
     Attributes:
         peak: peak force so far [N].
+        readings: force at each time step [N].
+        energy: largest work of arm and device on the spring so far [J].
         apart: True if arm and device have touched and separated again.
     """
 
@@ -48,6 +59,8 @@ class MeasuringDevice:
     time_step: float
     approach: float = 0.0
     peak: float = 0.0
+    energy: float = 0.0
+    readings: list[float] = field(default_factory=list)
     apart: bool = False
     _travel: float = 0.0
     _speed: float = field(init=False)
@@ -66,9 +79,11 @@ class MeasuringDevice:
         """
         depth, closing = travel - self._travel, speed - self._speed
         measured = 0.0 if self._closing is None else (closing - self._closing) / self.time_step
-        law = (self.body.stiffness, self.body.damping)
         self._springs.begin()
-        done = self._springs.push(PAIR, depth, closing, measured, 1.0 / self.robot_mass + 1.0 / self.body.mass, law)
+        inverse_mass = 1.0 / self.robot_mass + 1.0 / self.body.mass
+        done = self._springs.push(PAIR, depth, closing, measured, inverse_mass, self.body.law)
+        self.energy = max(self.energy, self._springs.energy(PAIR))
+        self.readings.append(done.reading)
         acceleration = done.mean / self.body.mass
         self._travel += self.time_step * (self._speed + 0.5 * self.time_step * acceleration)
         self._speed += self.time_step * acceleration
