@@ -13,9 +13,13 @@ from memory, unconfirmed:
 A subject's strength is proportional to the mass: a project default, unconfirmed.
 """
 
+import math
+from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
+from hric_core.geometry import Vector
 from hric_human.body import Body
+from hric_human.control.controller import Person
 
 STOBBE = "Stobbe 1982, from memory, unconfirmed"
 OWN = "project default, unconfirmed"
@@ -70,3 +74,25 @@ def strength(body: Body) -> tuple[list[float], list[float]]:
     shares = [scale * (row.women if subject.sex == "female" else 1.0) for row in rows]
     weakest = [-share * row.negative for share, row in zip(shares, rows, strict=True)]
     return weakest, [share * row.positive for share, row in zip(shares, rows, strict=True)]
+
+
+def hand_force(person: Person, q: Sequence[float], direction: Vector, joints: Collection[str] = ()) -> float:
+    """Return the largest static force that the hand can exert along a direction [N], tau = g(q) + J(q)' f u.
+
+    0: a joint is too weak for the body's own weight.
+
+    Args:
+        person: person who exerts the force.
+        q: joint positions, n floats [rad].
+        direction: unit vector u in axes of the body's root link.
+        joints: names of the joints whose strength limits the force; empty: all joints of the hand's chain.
+    """
+    chain = person.hand.posed(q)
+    weight, largest = person.own_weight(q), math.inf
+    columns = chain.velocities(chain.point(person.hand.p_link_hand))
+    for index, column in zip(person.hand.joints, columns, strict=True):
+        arm = sum(a * b for a, b in zip(column, direction, strict=True))
+        if arm and (not joints or person.joints[index] in joints):
+            limit = person.strongest[index] if arm > 0.0 else person.weakest[index]
+            largest = min(largest, (limit - weight[index]) / arm)
+    return max(0.0, largest)

@@ -1,0 +1,51 @@
+"""Data sets that cannot ship with the workspace: columns of a CSV or HDF5 file, read from a path of the user."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas
+
+from hric_core.errors import HricError
+from hric_sweep.reproduction.definition import DataSet
+
+ENDINGS = (".csv", ".h5", ".hdf5")
+"""Endings of data set files."""
+
+
+def find(path: Path, name: str) -> Path:
+    """Return the data set of an experiment: `path` itself, or the file in it that is named like the experiment.
+
+    Raises:
+        HricError: there is no such file.
+    """
+    candidates = [path / f"{name}{ending}" for ending in ENDINGS] if path.is_dir() else [path]
+    for candidate in candidates:
+        if candidate.is_file() and candidate.suffix in ENDINGS:
+            return candidate
+    raise HricError(f"no data set {' or '.join(map(str, candidates))}; valid: a file with the ending {', '.join(ENDINGS)}")
+
+
+def read(path: Path) -> DataSet:
+    """Return the columns of a data set: columns of a CSV file, or one-dimensional data sets at the root of HDF5.
+
+    Raises:
+        HricError: the file cannot be read, or a value is not a finite number.
+    """
+    try:
+        columns = _hdf5(path) if path.suffix != ".csv" else dict(pandas.read_csv(path, comment="#").items())
+        data = {str(name): np.asarray(values, dtype=np.float64) for name, values in columns.items()}
+    except (OSError, ValueError) as error:
+        raise HricError(f"cannot read the data set {path}: {error}; valid: columns of numbers") from error
+    for name, values in data.items():
+        if not len(values) or not np.isfinite(values).all():
+            raise HricError(f"{path}: column {name} is empty or has values that are not finite; valid: numbers")
+    return data
+
+
+def _hdf5(path: Path) -> DataSet:
+    try:
+        import h5py  # imported here: needed for this format only
+    except ImportError:
+        raise HricError(f"{path} needs the library h5py, which is not installed; valid: a CSV file, or pip install h5py")
+    with h5py.File(path) as file:
+        return {name: item[()] for name, item in file.items() if isinstance(item, h5py.Dataset) and item.ndim == 1}
