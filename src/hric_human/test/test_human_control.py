@@ -22,7 +22,7 @@ from hric_human.body import Body
 from hric_human.control import HumanControl, HumanController, OutOfReachError, Person, Senses
 from hric_human.control.impedance import STIFFNESS
 from hric_human.control.kinematics import own_weight
-from hric_human.control.strength import MEAN_MASS, STRENGTH, strength
+from hric_human.control.strength import MASS_EXPONENT, MEAN_MASS, STRENGTH, hand_force, strength
 
 ARM = body(parts="right_arm")
 REST = HumanControl(ARM, {}, 0).person.rest
@@ -140,7 +140,19 @@ def test_strength_goes_with_sex_and_mass_and_each_row_says_its_source() -> None:
     row = STRENGTH["el_flex"]
     assert (weak[3], strong[3]) == (-row.negative, row.positive)
     weak, strong = strength(body("P50_female", parts="right_arm", mass=2 * MEAN_MASS["female"]))
-    assert (weak[3], strong[3]) == pytest.approx((-2 * row.women * row.negative, 2 * row.women * row.positive))
+    share = 2**MASS_EXPONENT * row.women
+    assert (weak[3], strong[3]) == pytest.approx((-share * row.negative, share * row.positive))
+
+
+def test_largest_hand_force_loads_one_joint_to_its_strength() -> None:
+    person = HumanControl(ARM, {}, 0).person
+    q, direction = list(person.rest), (0.0, 0.0, 1.0)
+    force = hand_force(person, q, direction)
+    chain = person.hand.posed(q)
+    columns = np.array(chain.velocities(chain.point(person.hand.p_link_hand)))
+    tau = np.array(person.own_weight(q)) + columns @ np.multiply(force, direction)
+    shares = np.maximum(tau / person.strongest, tau / person.weakest)
+    assert shares.max() == pytest.approx(1.0)
 
 
 class Simulated:
