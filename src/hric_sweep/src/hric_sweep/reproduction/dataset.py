@@ -43,9 +43,7 @@ def read(path: Path) -> DataSet:
 
 
 def _hdf5(path: Path) -> DataSet:
-    try:
-        import h5py  # imported here: needed for this format only
-    except ImportError:
-        raise HricError(f"{path} needs the library h5py, which is not installed; valid: a CSV file, or pip install h5py")
+    import h5py  # imported here: slow to load, and needed for this format only
+
     with h5py.File(path) as file:
         return {name: item[()] for name, item in file.items() if isinstance(item, h5py.Dataset) and item.ndim == 1}
