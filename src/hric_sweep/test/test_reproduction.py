@@ -141,3 +141,8 @@ def test_data_for_an_experiment_without_data_is_refused(capsys: pytest.CaptureFi
 def test_quantity_without_any_value_is_refused() -> None:
     with pytest.raises(HricError, match="mean"):
         MeasuredValue(text="torque")
+
+
+def test_folder_without_its_data_set_is_no_result(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["reproduce", str(write_experiment(tmp_path)), "--data", str(tmp_path)]) == 0
+    assert "1 no data set" in capsys.readouterr().out

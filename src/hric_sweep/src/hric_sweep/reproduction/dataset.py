@@ -12,17 +12,19 @@ ENDINGS = (".csv", ".h5", ".hdf5")
 """Endings of data set files."""
 
 
-def find(path: Path, name: str) -> Path:
-    """Return the data set of an experiment: `path` itself, or the file in it that is named like the experiment.
+def find(path: Path, name: str) -> Path | None:
+    """Return the data set of an experiment: a file itself, or the file of a folder that is named like the experiment.
+
+    None: the folder has no such file.
 
     Raises:
-        HricError: there is no such file.
+        HricError: `path` is neither a folder nor a data set.
     """
-    candidates = [path / f"{name}{ending}" for ending in ENDINGS] if path.is_dir() else [path]
-    for candidate in candidates:
-        if candidate.is_file() and candidate.suffix in ENDINGS:
-            return candidate
-    raise HricError(f"no data set {' or '.join(map(str, candidates))}; valid: a file with the ending {', '.join(ENDINGS)}")
+    if path.is_dir():
+        return next((path / f"{name}{ending}" for ending in ENDINGS if (path / f"{name}{ending}").is_file()), None)
+    if not path.is_file() or path.suffix not in ENDINGS:
+        raise HricError(f"no data set {path}; valid: a folder, or a file with the ending {', '.join(ENDINGS)}")
+    return path
 
 
 def read(path: Path) -> DataSet:

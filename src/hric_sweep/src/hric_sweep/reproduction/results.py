@@ -10,7 +10,7 @@ from pathlib import Path
 from hric_bags import files
 from hric_core.errors import HricError
 from hric_report.html.table import number
-from hric_sweep.reproduction.definition import MeasuredValue, PublishedExperiment
+from hric_sweep.reproduction.definition import DataSet, MeasuredValue, PublishedExperiment
 
 HEAD = ("experiment", "quantity", "n", "measured", "simulated", "ratio", "0 to 2 times the mean", "result", "source")
 WIDTH = 20
@@ -79,9 +79,9 @@ class Reproduction:
         return [ReproducedValue(name, value, self.simulated.get(name)) for name, value in quantities.items()]
 
 
-def simulate(name: str, experiment: PublishedExperiment, data: Mapping[str, object]) -> Reproduction:
+def simulate(name: str, experiment: PublishedExperiment, data: DataSet) -> Reproduction:
     """Simulate a published experiment. Raises HricError: the simulation fails, or a value is missing or not finite."""
-    simulated = dict(experiment.simulation(data))  # type: ignore[arg-type]
+    simulated = dict(experiment.simulation(data))
     if simulated.keys() != experiment.quantities.keys():
         raise HricError(f"{name}: the simulation gives {', '.join(simulated)}; valid: {', '.join(experiment.quantities)}")
     wrong = [key for key, value in simulated.items() if not math.isfinite(value)]

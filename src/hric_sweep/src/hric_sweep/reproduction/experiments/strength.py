@@ -17,6 +17,8 @@ from hric_sweep.reproduction.experiments.person import (
     strengths,
 )
 
+MEASURED_MEN, MEASURED_WOMEN = 217, 283
+"""Numbers of people in the publication of forearm torques."""
 PLANAR = {"sh_flex": 90.0, "sh_abd": 45.0, "sh_rot": 70.0, "el_flex": 90.0}
 """Upper arm at the height of the shoulder, 45 deg outward, forearm inward and raised by 20 deg, since the range of the
 shoulder's rotation ends there [deg]."""
@@ -24,6 +26,7 @@ SAGITTAL = {"sh_flex": 45.0, "el_flex": 45.0}
 """Hand in front of the body at the height of the chest [deg]."""
 EIGHT = 2.0 * np.pi * np.arange(8) / 8.0
 """Angles of eight directions in a plane [rad]."""
+
 
 
 def capacity(data: DataSet) -> dict[str, float]:
@@ -52,7 +55,7 @@ def elbow_of_women(data: DataSet) -> dict[str, float]:
 def forearm(data: DataSet) -> dict[str, float]:
     """Return pronation and supination [N m], weighted by the numbers of men and women."""
     men, women = strengths(AVERAGE_MAN, "pro_sup"), strengths(AVERAGE_WOMAN, "pro_sup")
-    pronation, supination = ((217.0 * man + 283.0 * woman) / 500.0 for man, woman in zip(men, women, strict=True))
+    pronation, supination = np.average([men, women], axis=0, weights=(MEASURED_MEN, MEASURED_WOMEN)).tolist()
     return {"pronation": pronation, "supination": supination}
 
 
