@@ -65,7 +65,9 @@ class PublishedExperiment(FileSettings):
 
     title: str = text(empty=False, text="title of the page")
     source: str = text(empty=False, text="publication")
-    mark: str = choice(*MARKS, default=REQUIRED, text="confirmed: the values were read in the publication or its abstract")
+    mark: str = choice(
+        *MARKS, default=REQUIRED, text="confirmed: the values were read in the publication or its abstract"
+    )
     measured: str = text(empty=False, text="how the values were measured, in words")
     simulated: str = text(empty=False, text="how the simulation repeats it, in words")
     simulate: str = text(empty=False, text="MODULE:FUNCTION of the simulation: data set to values by quantity")

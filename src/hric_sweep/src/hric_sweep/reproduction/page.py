@@ -23,7 +23,8 @@ def build(reproduction: Reproduction) -> str:
         ends += [end / middle for end in spread] if spread is not None and middle else []
     columns = tuple(index for index, name in enumerate(HEAD) if name not in ("experiment", "source", HEAD[6]))
     table = PageTable("", [HEAD[k] for k in columns], [[row[k] for k in columns] for row in rows([reproduction])])
-    return templates.environment(ASSETS).get_template("reproduction.html").render(
+    template = templates.environment(ASSETS).get_template("reproduction.html")
+    return template.render(
         reproduction=reproduction,
         chart_axis=Axis(min(0.0, *ends), 1.05 * max(ends), LEFT, RIGHT),
         table_of_values=table,

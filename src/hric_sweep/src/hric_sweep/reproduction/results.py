@@ -83,7 +83,9 @@ def simulate(name: str, experiment: PublishedExperiment, data: DataSet) -> Repro
     """Simulate a published experiment. Raises HricError: the simulation fails, or a value is missing or not finite."""
     simulated = dict(experiment.simulation(data))
     if simulated.keys() != experiment.quantities.keys():
-        raise HricError(f"{name}: the simulation gives {', '.join(simulated)}; valid: {', '.join(experiment.quantities)}")
+        raise HricError(
+            f"{name}: the simulation gives {', '.join(simulated)}; valid: {', '.join(experiment.quantities)}"
+        )
     wrong = [key for key, value in simulated.items() if not math.isfinite(value)]
     if wrong:
         raise HricError(f"{name}: the simulated {', '.join(wrong)} is not finite; valid: finite numbers")

@@ -69,6 +69,8 @@ def impacts(data: DataSet) -> dict[str, float]:
         blows = Blows(robot, ArmBehaviour.DRIVEN)
         forces = [
             blows.peak(blows.approach(position, direction), HitBody(CLAMPED, float(stiffness)), float(speed))
-            for position, direction, speed, stiffness in zip(q, directions, data["speed"], data["stiffness"], strict=True)
+            for position, direction, speed, stiffness in zip(
+                q, directions, data["speed"], data["stiffness"], strict=True
+            )
         ]
     return {"force": float(np.mean(forces))}

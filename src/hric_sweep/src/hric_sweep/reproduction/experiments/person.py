@@ -16,9 +16,7 @@ NO_GRAVITY: Vector = (0.0, 0.0, 0.0)
 """Gravity for an arm that is supported against its weight [m/s^2]."""
 
 
-def control(
-    name: str, gravity: Vector = GRAVITY, points: Sequence[Mapping[str, float]] | None = None
-) -> HumanControl:
+def control(name: str, gravity: Vector = GRAVITY, points: Sequence[Mapping[str, float]] | None = None) -> HumanControl:
     """Return the control of a shipped subject's right arm with default settings.
 
     Args:

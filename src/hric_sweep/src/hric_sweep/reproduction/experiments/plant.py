@@ -27,7 +27,8 @@ class ArmInPlant:
     """
 
     def __init__(self, control: HumanControl) -> None:
-        self._control, self._plant = control, plugins.find(plugins.PLANT, "mujoco_ros_control/MujocoPlant")(POST, ["axle"], {})
+        plant = plugins.find(plugins.PLANT, "mujoco_ros_control/MujocoPlant")
+        self._control, self._plant = control, plant(POST, ["axle"], {})
         self._plant.spawn(NAME, control.person.body.urdf, np.eye(4), fixed=True)
         self._time = 0.0
         self._plant.set_joints(NAME, control.posture)
@@ -36,7 +37,9 @@ class ArmInPlant:
     def __enter__(self) -> "ArmInPlant":
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         self._plant.close()
 
     def moved(self, duration: float) -> FloatArray:

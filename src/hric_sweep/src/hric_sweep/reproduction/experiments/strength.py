@@ -28,7 +28,6 @@ EIGHT = 2.0 * np.pi * np.arange(8) / 8.0
 """Angles of eight directions in a plane [rad]."""
 
 
-
 def capacity(data: DataSet) -> dict[str, float]:
     """Return shoulder adduction and wrist extension [N m] and their ratio, means of the shipped subjects."""
     adduction = [strengths(name, "sh_abd")[1] for name in (*WOMEN, *MEN)]
