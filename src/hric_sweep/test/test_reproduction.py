@@ -96,7 +96,7 @@ def test_outcome_compares_with_published_spread(
 
 
 def test_bar_shows_spread_mean_and_simulation() -> None:
-    assert results.bar(value(15.0, mean=10.0, sd=2.0)) == "........[.|.]..o....."
+    assert results.bar(value(15.0, mean=10.0, sd=2.0)) == "........[.+.]..o....."
 
 
 def test_data_set_gives_mean_deviation_and_count(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -11,7 +11,7 @@ from hric_bags import files
 from hric_bags import text as text_table
 from hric_core.command import Argument, Command
 from hric_core.errors import HricError
-from hric_sweep.reproduction import dataset, definition, page, results
+from hric_sweep.reproduction import dataset, definition, results
 from hric_sweep.reproduction.results import Reproduction
 from hric_sweep.task import code_version
 
@@ -95,5 +95,5 @@ def reproduced(
         results.store(path, key.hexdigest(), reproduction)
     else:
         reproduction = Reproduction(name, experiment, simulated)
-    files.write_text(arguments.out / f"{name}.html", page.build(reproduction))
+    files.write_text(arguments.out / f"{name}.html", results.page(reproduction))
     return reproduction

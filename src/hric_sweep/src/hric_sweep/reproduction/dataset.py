@@ -8,8 +8,8 @@ import pandas
 from hric_core.errors import HricError
 from hric_sweep.reproduction.definition import DataSet
 
-ENDINGS = (".csv", ".h5", ".hdf5")
-"""Endings of data set files."""
+SUFFIXES = (".csv", ".h5", ".hdf5")
+"""Suffixes of data set files."""
 
 
 def find(path: Path, name: str) -> Path | None:
@@ -21,9 +21,9 @@ def find(path: Path, name: str) -> Path | None:
         HricError: `path` is neither a folder nor a data set.
     """
     if path.is_dir():
-        return next((path / f"{name}{ending}" for ending in ENDINGS if (path / f"{name}{ending}").is_file()), None)
-    if not path.is_file() or path.suffix not in ENDINGS:
-        raise HricError(f"no data set {path}; valid: a folder, or a file with the ending {', '.join(ENDINGS)}")
+        return next((path / f"{name}{suffix}" for suffix in SUFFIXES if (path / f"{name}{suffix}").is_file()), None)
+    if not path.is_file() or path.suffix not in SUFFIXES:
+        raise HricError(f"no data set {path}; valid: a folder, or a file with the suffix {', '.join(SUFFIXES)}")
     return path
 
 

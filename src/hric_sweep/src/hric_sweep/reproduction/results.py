@@ -1,4 +1,4 @@
-"""Results of reproduced experiments: comparison of simulated with measured values, their file and their table."""
+"""Results of reproduced experiments: comparison of simulated with measured values, their file, table and HTML page."""
 
 import json
 import math
@@ -9,10 +9,15 @@ from pathlib import Path
 
 from hric_bags import files
 from hric_core.errors import HricError
-from hric_report.html.table import number
+from hric_report.html import templates
+from hric_report.html.chart import Axis
+from hric_report.html.table import PageTable, number
 from hric_sweep.reproduction.definition import DataSet, MeasuredValue, PublishedExperiment
 
 HEAD = ("experiment", "quantity", "n", "measured", "simulated", "ratio", "0 to 2 times the mean", "result", "source")
+ASSETS = Path(__file__).parent / "assets"
+LEFT, RIGHT = 20, 770
+"""Horizontal ends of the axis of a page's chart [px]."""
 WIDTH = 20
 """Number of steps of a bar, from 0 to twice the measured mean."""
 
@@ -24,6 +29,10 @@ class ReproductionOutcome(Enum):
     OUTSIDE = "outside"
     NO_SPREAD = "no published spread"
     NO_DATA = "no data set"
+
+
+LOOKS = {ReproductionOutcome.WITHIN: "good", ReproductionOutcome.OUTSIDE: "bad"}
+"""Look of an outcome on a page; all others are warnings."""
 
 
 @dataclass(frozen=True)
@@ -128,6 +137,8 @@ def rows(reproductions: list[Reproduction]) -> Iterator[tuple[str, ...]]:
 
 
 def _measured(value: MeasuredValue) -> str:
+    if value.middle is None:
+        return "-"
     unit = "" if value.unit == "1" else f" {value.unit}"
     if value.low is not None:
         mean = "" if value.mean is None else f"{number(value.mean)}, "
@@ -136,11 +147,11 @@ def _measured(value: MeasuredValue) -> str:
 
 
 def bar(value: ReproducedValue) -> str:
-    """Return a bar of text: [ and ] are the ends of the published spread, | the mean, o the simulated value."""
+    """Return a bar of text: [ and ] are the ends of the published spread, + the mean, o the simulated value."""
     middle, cells = value.measured.middle, ["."] * (WIDTH + 1)
     if not middle:
         return "-"
-    marks = [("|", middle)]
+    marks = [("+", middle)]
     if value.measured.spread is not None:
         marks = [("[", value.measured.spread[0]), ("]", value.measured.spread[1]), *marks]
     if value.simulated is not None:
@@ -168,3 +179,21 @@ def counted(reproductions: list[Reproduction]) -> str:
     outcomes = [value.outcome for item in reproductions for value in item.values]
     counts = [f"{outcomes.count(outcome)} {outcome.value}" for outcome in ReproductionOutcome if outcome in outcomes]
     return f"{len(outcomes)} quantities of {len(reproductions)} experiments: {', '.join(counts)}."
+
+
+def page(reproduction: Reproduction) -> str:
+    """Return the HTML page of a reproduced experiment."""
+    values = reproduction.values
+    ends = [1.0, *(value.ratio for value in values if value.ratio is not None)]
+    for value in values:
+        spread, middle = value.measured.spread, value.measured.middle
+        ends += [end / middle for end in spread] if spread is not None and middle else []
+    columns = tuple(index for index, name in enumerate(HEAD) if name not in ("experiment", "source", HEAD[6]))
+    table = PageTable("", [HEAD[k] for k in columns], [[row[k] for k in columns] for row in rows([reproduction])])
+    template = templates.environment(ASSETS).get_template("reproduction.html")
+    return template.render(
+        reproduction=reproduction,
+        chart_axis=Axis(min(0.0, *ends), 1.05 * max(ends), LEFT, RIGHT),
+        table_of_values=table,
+        verdicts=[(LOOKS.get(value.outcome, "warning"), f"{value.name}: {value.outcome.value}") for value in values],
+    )

@@ -23,7 +23,7 @@ from hric_sweep.speed_map.measured import limit_speed
 
 HAND = "hand, fingers"
 CLAMPED = 1e6
-"""Mass of a measuring device that stands on a table [kg]."""
+"""Mass of a measuring device that is fixed to a table [kg]."""
 POINTS = ((0.3, 0.7, 3), (-0.3, 0.3, 3), (0.1, 0.5, 3))
 """Grid of contacts in the base frame: lowest and highest coordinate [m], number of points."""
 SPEED = 0.25

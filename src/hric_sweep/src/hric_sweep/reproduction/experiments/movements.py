@@ -1,8 +1,12 @@
-"""Simulation of published reaching movements."""
+"""Simulation of published reaching movements and handovers."""
 
 import numpy as np
 
 from hric_core.geometry import FloatArray
+from hric_run.definition import experiment
+from hric_run.simulation import Simulation
+from hric_sweep.observed import Observed
+from hric_sweep.outputs import SweepOutput
 from hric_sweep.reproduction.definition import DataSet
 from hric_sweep.reproduction.experiments.person import AVERAGE_MAN, control
 from hric_sweep.reproduction.experiments.plant import CYCLE, ArmInPlant
@@ -13,6 +17,11 @@ BEGIN, DURATION, AFTER = 0.5, 0.5, 0.5
 """Time at rest before the movement, duration of the desired movement, and time at rest after it [s]."""
 THRESHOLD = 0.05
 """Share of the peak speed above which the hand counts as moving [1]."""
+OUTPUTS = {
+    "overlap": SweepOutput(path="human.handovers.*.overlap", unit="s"),
+    "force": SweepOutput(path="human.handovers.*.force_max", unit="N"),
+}
+"""Time for which giver and taker hold the object, and largest force of the taker's hand meanwhile."""
 
 
 def intermediate_speed(data: DataSet) -> dict[str, float]:
@@ -37,3 +46,12 @@ def _speed() -> FloatArray:
         speed = np.linalg.norm(np.diff(arm.moved(BEGIN + DURATION + AFTER), axis=0), axis=1) / CYCLE
     moving = np.flatnonzero(speed > THRESHOLD * speed.max())
     return np.asarray(speed[moving[0] : moving[-1] + 1])
+
+
+def handover(data: DataSet) -> dict[str, float]:
+    """Return overlap [s] and largest force [N] of the experiment `handover`."""
+    with Simulation(experiment.load("handover", ["simulator:=mujoco"])) as simulation:
+        observed = Observed(simulation, {"human"})
+        simulation.run()
+        values = observed.values()
+    return {name: output.measured(values) for name, output in OUTPUTS.items()}
