@@ -20,9 +20,9 @@ from hric_core.errors import HricError, ParameterError
 from hric_core.geometry import Pose, Vector
 from hric_human.body import Body
 from hric_human.control import HumanControl, HumanController, OutOfReachError, Person, Senses
-from hric_human.control.impedance import STIFFNESS
+from hric_human.control.impedance import CROSS, STIFFNESS
 from hric_human.control.kinematics import own_weight
-from hric_human.control.strength import MEAN_MASS, STRENGTH, strength
+from hric_human.control.strength import MASS_EXPONENT, MEAN_MASS, STRENGTH, hand_force, strength
 
 ARM = body(parts="right_arm")
 REST = HumanControl(ARM, {}, 0).person.rest
@@ -140,7 +140,19 @@ def test_strength_goes_with_sex_and_mass_and_each_row_says_its_source() -> None:
     row = STRENGTH["el_flex"]
     assert (weak[3], strong[3]) == (-row.negative, row.positive)
     weak, strong = strength(body("P50_female", parts="right_arm", mass=2 * MEAN_MASS["female"]))
-    assert (weak[3], strong[3]) == pytest.approx((-2 * row.women * row.negative, 2 * row.women * row.positive))
+    share = 2**MASS_EXPONENT * row.women
+    assert (weak[3], strong[3]) == pytest.approx((-share * row.negative, share * row.positive))
+
+
+def test_largest_hand_force_loads_one_joint_to_its_strength() -> None:
+    person = HumanControl(ARM, {}, 0).person
+    q, direction = list(person.rest), (0.0, 0.0, 1.0)
+    force = hand_force(person, q, direction)
+    chain = person.hand.posed(q)
+    columns = np.array(chain.velocities(chain.point(person.hand.p_link_hand)))
+    tau = np.array(person.own_weight(q)) + columns @ np.multiply(force, direction)
+    shares = np.maximum(tau / person.strongest, tau / person.weakest)
+    assert shares.max() == pytest.approx(1.0)
 
 
 class Simulated:
@@ -180,10 +192,42 @@ def test_the_law_is_that_of_a_spring_a_damper_and_the_own_weight() -> None:
     q, dq = [a + 0.01 for a in REST], [0.1] * 7
     held = human.person.own_weight(q)
     assert human.update(0.0, q, dq) == pytest.approx([-10.0 * 0.01 - 0.1 * (k + 1) + g for k, g in enumerate(held)])
-    published = HumanControl(ARM, {}, 0).update(0.0, q, dq)
+
+
+def stiffness_of(posture: Sequence[float]) -> np.ndarray:
+    """Return the stiffness of the default law at a posture that is held, without the weight, shape (7, 7) [N m/rad]."""
+    points = {"program": "joints", "points": [{"time": 0.0, **dict(zip(ARM.joints, posture, strict=True))}]}
+    person = HumanControl(ARM, {}, 0).person
+    columns = []
+    for joint in range(7):
+        q = list(posture)
+        q[joint] += 0.01
+        tau = HumanControl(ARM, impedance(reference=points), 0).update(0.0, q, ZERO)
+        columns.append(np.subtract(person.own_weight(q), tau) / 0.01)
+    return np.transpose(columns)
+
+
+def test_published_stiffness_of_joints_grows_with_their_weight() -> None:
     rows = [STIFFNESS[joint.row.name] for joint in ARM.joints.values()]
-    K = [row.relaxed + row.growth * abs(g) for row, g in zip(rows, held, strict=True)]
-    assert published == pytest.approx([-k * (0.01 + 0.05 * 0.1) + g for k, g in zip(K, held, strict=True)])
+    held = [[REST[k] + 0.01 * (k == joint) for k in range(7)] for joint in range(7)]
+    weights = [abs(HumanControl(ARM, {}, 0).person.own_weight(q)[joint]) for joint, q in enumerate(held)]
+    expected = [row.relaxed + row.growth * weight for row, weight in zip(rows, weights, strict=True)]
+    assert np.diag(stiffness_of(REST)) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(("rotation", "coupled"), [(0.0, 0), (-math.pi / 2, 1)])
+def test_elbow_couples_to_the_shoulder_about_its_axis(rotation: float, coupled: int) -> None:
+    K = stiffness_of([0.0, 0.0, rotation, 1.4, 0.0, 0.0, 0.0])
+    assert K[coupled, 3] > CROSS.relaxed
+    assert K[1 - coupled, 3] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_coupled_stiffness_is_positive_in_any_posture() -> None:
+    low, high = np.transpose([joint.range for joint in ARM.joints.values()])
+    drawn = np.random.default_rng(0).uniform(low, high, (20, 7))
+    for posture in np.minimum(drawn, high - 0.02).tolist():
+        K = stiffness_of(posture)
+        assert np.linalg.eigvalsh(0.5 * (K + K.T)).min() > 0.0
 
 
 def swing_after(delay: float, reflex: float) -> list[float]:

@@ -11,7 +11,7 @@ from scipy.optimize import linprog, lsq_linear
 
 from hric_core.errors import HricError
 from hric_human.control.kinematics import HandChain, own_weight
-from hric_human.control.strength import MEAN_MASS, STRENGTH
+from hric_human.control.strength import MASS_EXPONENT, MEAN_MASS, STRENGTH
 from hric_human.muscles import BUILT_IN, MuscleSet, load
 
 ANATOMY = load(BUILT_IN)
@@ -225,7 +225,8 @@ def test_lengths_scale_with_segments_and_strength_with_mass_and_sex():
     ]
     assert [muscle.scale for muscle in of] == pytest.approx(lengths)
     mass = [body(name).subject.mass for name in ("P50_male", "P50_female")]
-    share = STRENGTH["el_flex"].women * (mass[1] / MEAN_MASS["female"]) / (mass[0] / MEAN_MASS["male"])
+    heavier = (mass[1] / MEAN_MASS["female"]) / (mass[0] / MEAN_MASS["male"])
+    share = STRENGTH["el_flex"].women * heavier**MASS_EXPONENT
     assert of[1].force / of[0].force == pytest.approx(share)
 
 

@@ -49,6 +49,35 @@ STIFFNESS = {
 The growth of single-joint stiffness with the joint's torque is in the abstract of Gomi & Osu; equal stiffness about all
 axes of the shoulder is a project default.
 """
+CROSS = StiffnessRow(2.67, 2.25, f"{GOMI}; means of both off-diagonal terms; growth with the torque of the elbow")
+"""Stiffness between shoulder and elbow, from muscles that span both.
+
+The abstract of Gomi & Osu has its correlation with the elbow's torque. It was measured with parallel axes; at the
+shoulder it acts about the axis of the elbow.
+"""
+CROSS_LIMIT = 0.9
+"""Limit of the stiffness between two joints, relative to the geometric mean of their own stiffness [1]; with 1 or more
+the arm would be unstable. Project default."""
+
+
+class ElbowCoupling(NamedTuple):
+    """Indices of the joints of one arm that muscles of both shoulder and elbow couple."""
+
+    flexion: int
+    abduction: int
+    rotation: int
+    elbow: int
+
+    def axis(self, q: Sequence[float]) -> tuple[float, float]:
+        """Return the components of the elbow's axis along the axes of shoulder flexion and abduction [1]."""
+        return math.cos(q[self.abduction]) * math.cos(q[self.rotation]), -math.sin(q[self.rotation])
+
+
+def couplings(joints: Sequence[str]) -> list[ElbowCoupling]:
+    """Return the couplings of all arms of a body with these joints."""
+    sides = [name.removesuffix("_el_flex") for name in joints if name.endswith("_el_flex")]
+    names = ("sh_flex", "sh_abd", "sh_rot", "el_flex")
+    return [ElbowCoupling(*(joints.index(f"{side}_{name}") for name in names)) for side in sides]
 
 
 @dataclass(frozen=True)
@@ -89,6 +118,7 @@ class ImpedanceArmSettings(Settings):
 class ImpedanceArm(HumanController):
     """Joint impedance: tau = K (q_ref - q) + D (dq_ref - dq) + g(q), K = K_0 + k |g(q)|, D = 0.05 s K.
 
+    With the published stiffness K has terms between shoulder and elbow, see CROSS; otherwise it is diagonal.
     g: gravity torque of the body and the expected load, at the delayed joint positions. K and D act on a weighted mean
     of q and dq: the share `reflex` is delayed (reflexes), the rest is not (mechanical response of the muscles).
     """
@@ -103,6 +133,7 @@ class ImpedanceArm(HumanController):
         growth = settings.growth or [row.growth if published else 0.0 for row in rows]
         self._lead = DAMPING if settings.damping is None else 0.0
         self._impedance = list(zip(stiffness, growth, settings.damping or [0.0] * len(rows), strict=True))
+        self._couplings = couplings(person.joints) if published else []
         self._reflex, self._weight = settings.reflex, person.own_weight
         if settings.load > 0.0:
             hand = person.body.segments[f"{person.side}_hand"].link
@@ -147,9 +178,18 @@ class ImpedanceArm(HumanController):
         reflex, lead = self._reflex, self._lead  # lead: damping per stiffness [s]; d below: damping set separately
         q = [now + reflex * (late - now) for now, late in zip(q, senses.q, strict=True)]
         dq = [now + reflex * (late - now) for now, late in zip(dq, senses.dq, strict=True)]
-        return [
-            (k + s * abs(g)) * (a - b + lead * (v - w)) + d * (v - w) + g
-            for (k, s, d), g, a, b, v, w in zip(
-                self._impedance, self._weight(senses.q), q_ref, q, dq_ref, dq, strict=True
-            )
+        weight = self._weight(senses.q)
+        stiffness = [k + s * abs(g) for (k, s, _), g in zip(self._impedance, weight, strict=True)]
+        behind = [a - b + lead * (v - w) for a, b, v, w in zip(q_ref, q, dq_ref, dq, strict=True)]
+        tau = [
+            k * e + d * (v - w) + g
+            for k, e, (_, _, d), v, w, g in zip(stiffness, behind, self._impedance, dq_ref, dq, weight, strict=True)
         ]
+        for arm in self._couplings:
+            own = min(stiffness[arm.flexion], stiffness[arm.abduction]) * stiffness[arm.elbow]
+            cross = min(CROSS.relaxed + CROSS.growth * abs(weight[arm.elbow]), CROSS_LIMIT * math.sqrt(own))
+            flexion, abduction = arm.axis(senses.q)
+            tau[arm.flexion] += cross * flexion * behind[arm.elbow]
+            tau[arm.abduction] += cross * abduction * behind[arm.elbow]
+            tau[arm.elbow] += cross * (flexion * behind[arm.flexion] + abduction * behind[arm.abduction])
+        return tau

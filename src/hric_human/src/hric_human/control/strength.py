@@ -10,17 +10,25 @@ from memory, unconfirmed:
   in flexors, abductors and external rotators of the shoulder", 96 men and 90 women); wrist 0.64 (J. Funct. Morphol.
   Kinesiol. 10:377, 2025); all others 0.5 to 0.65 from Stobbe 1982.
 
-A subject's strength is proportional to the mass: a project default, unconfirmed.
+A subject's strength grows with a power of the mass that is below 1, see MASS_EXPONENT.
 """
 
+import math
+from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
-from hric_human.body import Body
+from hric_core.geometry import Vector
+from hric_human.body import Body, Subject
+from hric_human.control.controller import Person
 
 STOBBE = "Stobbe 1982, from memory, unconfirmed"
 OWN = "project default, unconfirmed"
 MEAN_MASS = {"female": 61.9, "male": 73.0}
 """Body mass of the subjects whose strength STRENGTH gives [kg]: de Leva's means (project default, unconfirmed)."""
+MASS_EXPONENT = 0.68
+"""Exponent of the body mass in a joint's strength [1]: published for torques of people with more than 20 % of body fat,
+as many adults have (Folland et al., Eur. J. Appl. Physiol. 102:739, 2008, abstract: knee extension of 86 men; 1.0 for
+leaner men). That it holds for all joints and for women is a project default, unconfirmed."""
 
 
 class StrengthRow(NamedTuple):
@@ -62,11 +70,38 @@ STRENGTH = {
 """Strength of each joint, named without its side."""
 
 
+def mass_factor(subject: Subject) -> float:
+    """Return the strength of a subject by that of a person of the same sex and of mean mass [1]."""
+    return float((subject.mass / MEAN_MASS[subject.sex]) ** MASS_EXPONENT)
+
+
 def strength(body: Body) -> tuple[list[float], list[float]]:
     """Return the minimum (negative) and maximum torque that each joint's muscles can exert, n floats each [N m]."""
     subject = body.subject
-    scale = subject.mass / MEAN_MASS[subject.sex]
+    scale = mass_factor(subject)
     rows = [STRENGTH[joint.row.name] for joint in body.joints.values()]
     shares = [scale * (row.women if subject.sex == "female" else 1.0) for row in rows]
     weakest = [-share * row.negative for share, row in zip(shares, rows, strict=True)]
     return weakest, [share * row.positive for share, row in zip(shares, rows, strict=True)]
+
+
+def hand_force(person: Person, q: Sequence[float], direction: Vector, joints: Collection[str] = ()) -> float:
+    """Return the largest static force that the hand can exert along a direction [N], tau = g(q) + J(q)' f u.
+
+    0: a joint is too weak for the body's own weight.
+
+    Args:
+        person: person who exerts the force.
+        q: joint positions, n floats [rad].
+        direction: unit vector u in axes of the body's root link.
+        joints: names of the joints whose strength limits the force; empty: all joints of the hand's chain.
+    """
+    chain = person.hand.posed(q)
+    weight, largest = person.own_weight(q), math.inf
+    columns = chain.velocities(chain.point(person.hand.p_link_hand))
+    for index, column in zip(person.hand.joints, columns, strict=True):
+        arm = sum(a * b for a, b in zip(column, direction, strict=True))
+        if arm and (not joints or person.joints[index] in joints):
+            limit = person.strongest[index] if arm > 0.0 else person.weakest[index]
+            largest = min(largest, (limit - weight[index]) / arm)
+    return max(0.0, largest)

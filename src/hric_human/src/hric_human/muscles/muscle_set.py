@@ -16,7 +16,7 @@ from hric_core.geometry import FloatArray
 from hric_core.native import load
 from hric_human.body import Body
 from hric_human.body.joints import ARM
-from hric_human.control.strength import MEAN_MASS, STRENGTH, strength
+from hric_human.control.strength import STRENGTH, mass_factor, strength
 from hric_human.muscles import curves
 from hric_human.muscles.anatomy import Anatomy, Muscle
 from hric_human.muscles.polynomial import IntArray, Polynomial
@@ -187,7 +187,7 @@ class MuscleSet:
         share = women if subject.sex == "female" else 1.0
         return ScaledMuscle(
             f"{side}_{muscle.name}",
-            self._factor * subject.mass / MEAN_MASS[subject.sex] * share * muscle.max_force,
+            self._factor * mass_factor(subject) * share * muscle.max_force,
             scale * muscle.optimal_length,
             scale * muscle.slack_length,
             scale,

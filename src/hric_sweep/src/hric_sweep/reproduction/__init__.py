@@ -1,0 +1,1 @@
+"""Published experiments that are simulated again and compared with the measured values."""

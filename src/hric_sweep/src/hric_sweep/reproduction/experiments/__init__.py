@@ -1,0 +1,1 @@
+"""Published experiments: one YAML file each, and the functions that simulate them."""
