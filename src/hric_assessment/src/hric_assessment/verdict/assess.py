@@ -5,8 +5,9 @@ from dataclasses import replace
 
 from hric_assessment.ergonomics.scoring import methods
 from hric_assessment.findings import Finding, Missing, UnjudgedValue
+from hric_assessment.verdict.certainty import Certainty, with_certainty
 from hric_assessment.verdict.choices import AssessmentChoices
-from hric_assessment.verdict.conclusions import conclusions, with_remedy
+from hric_assessment.verdict.conclusions import CONTACT, DISTANCE, conclusions, with_remedy
 from hric_assessment.verdict.contacts import contact_findings, silence_assumed
 from hric_assessment.verdict.inputs import AssessmentInput
 from hric_assessment.verdict.interaction import interaction, productivity
@@ -16,6 +17,7 @@ from hric_assessment.verdict.moment import moment
 from hric_assessment.verdict.person import AssessedPerson, people_of
 from hric_assessment.verdict.postures import posture_finding, scored
 from hric_assessment.verdict.result import RecordingSummary, ScoreCurve, TableTitle, Timelines, Verdict, ranked
+from hric_assessment.verdict.sensitivity import Sensitivity, posture_certainty
 from hric_assessment.verdict.separating import PersonSeparation, not_separated, separated, separation_finding
 from hric_core.errors import HricError
 
@@ -84,7 +86,7 @@ def assess(source: AssessmentInput, choices: AssessmentChoices | None = None, *,
     each = [loads(source, person, muscles=muscles) for person in people] or [loads(source, None, muscles=muscles)]
     activation = next((curves for item in each if (curves := item.timeline()) is not None), None)
     figures = (*_figures(each, people), *verdict.figures)
-    drawn = conclusions(verdict.findings, figures, verdict.missing, source.run)
+    drawn = with_certainty(conclusions(verdict.findings, figures, verdict.missing, source.run), verdict.certainty)
     timelines = replace(verdict.timelines, activation=activation)
     return replace(verdict, figures=figures, timelines=timelines, conclusions=drawn)
 
@@ -119,8 +121,9 @@ def judge(source: AssessmentInput, choices: AssessmentChoices | None = None) -> 
         tuple(missing(source, first)),
         Timelines(scores, None if nearest is None else nearest.timeline()),
     )
-    drawn = conclusions(verdict.findings, verdict.figures, verdict.missing, source.run)
-    verdict = replace(verdict, conclusions=drawn)
+    certain = _certainty(source, choices, verdict.findings, distances)
+    drawn = with_certainty(conclusions(verdict.findings, verdict.figures, verdict.missing, source.run), certain)
+    verdict = replace(verdict, conclusions=drawn, certainty=certain)
     try:
         return replace(verdict, moment=moment(source, people, drawn, verdict.findings))
     except HricError:  # the same error is the reason of a finding
@@ -139,6 +142,17 @@ def _separation(
         return []
     distances.append(apart)
     return [separation_finding(apart)]
+
+
+def _certainty(
+    source: AssessmentInput,
+    choices: AssessmentChoices,
+    findings: Sequence[Finding],
+    distances: Sequence[PersonSeparation],
+) -> tuple[Certainty, ...]:
+    sensitivity = Sensitivity(source, choices, distances)
+    each = [sensitivity.certainty(question, findings) for question in (CONTACT, DISTANCE)]
+    return tuple(item for item in (*each, posture_certainty(findings)) if item is not None)
 
 
 def _figures(each: Sequence[Loads], people: Sequence[AssessedPerson]) -> list[UnjudgedValue]:

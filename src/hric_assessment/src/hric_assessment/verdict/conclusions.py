@@ -142,6 +142,11 @@ def _posture(findings: Sequence[Finding]) -> list[Finding]:
     return [item for item in findings if not main or item in main or item.outcome != Outcome.NOT_ASSESSABLE]
 
 
+def decisive(findings: Sequence[Finding]) -> Finding | None:
+    """Return the finding that decides the question about posture, the first of the worst; None: there is none."""
+    return next(iter(_posture(findings)), None)
+
+
 def _by(question: str, finding: Finding, findings: Sequence[Finding]) -> Conclusion:
     number, at = _number(finding), findings.index(finding)
     about = finding.reason, finding.remedy, finding.person

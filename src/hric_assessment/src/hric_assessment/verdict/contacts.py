@@ -36,6 +36,7 @@ SILENT_GAP = 0.075
 
 It is 1.5 times the 50 ms after which an empty message is due (`hric_human.participant.topics.SILENCE`).
 """
+NOT_VARIED = "the peak force is not that of an impact with a closed form: how masses and stiffness change it is not known"
 SPEED_STEP = 1e-3
 """Time step assumed for a plant that does not state one [s]: 1 kHz, as in every run of this workspace."""
 
@@ -164,7 +165,9 @@ class _Judge:
     def __init__(self, source: AssessmentInput, record: HumanRecord, choices: AssessmentChoices) -> None:
         self._record, self._choices = record, choices
         self._body = body_of(source, record)
-        self._expected = ExpectedImpacts(source, record, choices)
+        self._expected = self._nominal = ExpectedImpacts(source, record, choices)
+        if choices.factors:
+            self._nominal = ExpectedImpacts(source, record, replace(choices, factors={}))
         self._simulated = bool(source.definition.get("human"))
         self._period = float(source.plant.get("time_step", SPEED_STEP)) if self._simulated else np.inf
 
@@ -193,7 +196,7 @@ class _Judge:
         except HricError:  # a region that does not exist becomes the reason of the finding in _assessed
             approach, impact, doubts = None, None, []
         refused = [note for note in notes if note.startswith(("the recorded contact area", OTHER_REGION))]
-        episode = replace(episode, doubts=(*episode.doubts, *doubts, *refused))
+        episode = self._varied(replace(episode, doubts=(*episode.doubts, *doubts, *refused)))
         finding = self._assessed(episode, site, episode.contacts, approach)
         values, more, missing = self._expected.values(impact, site)
         if finding.outcome == Outcome.NOT_ASSESSABLE and episode.doubts:
@@ -205,6 +208,21 @@ class _Judge:
             values={**finding.values, **values},
             notes=(*finding.notes, *notes, *more),
             missing=(*finding.missing, *missing),
+        )
+
+    def _varied(self, episode: Episode) -> Episode:
+        """Return a simulated episode whose impact has the force that the closed form predicts with the factors."""
+        peak, contact = episode.transient, max(episode.contacts, key=lambda contact: contact.peak or 0.0)
+        if self._nominal is self._expected or not self._simulated or not episode.known:
+            return episode
+        before, after = self._nominal.form(contact), self._expected.form(contact)
+        if before is None or after is None or peak.peak_time > contact.begin + before.duration:
+            return replace(episode, notes=(*episode.notes, NOT_VARIED))
+        force = peak.peak * after.peak / before.peak
+        held = episode.quasi_static
+        largest = max(force, 0.0 if held is None else held.peak)
+        return replace(
+            episode, transient=replace(peak, peak=force), overall=replace(episode.overall, peak=largest)
         )
 
     def _assessed(
@@ -266,13 +284,18 @@ class ExpectedImpacts:
             self._why = "for the closed form: the robot's description and the person's position (run folder)"
             return
         try:
-            self._forms = ClosedFormModels(source.run, source.description, log, record)
+            self._forms = ClosedFormModels(source.run, source.description, log, record, choices.factors)
         except HricError as error:
             self._why = f"for the closed form: {error}"
             return
         moving, tool = masses(urdf.read(source.description), log.joint_names)
         load = float((source.definition.get("robot", {}).get("load") or {}).get("mass", 0.0))
         self._moving, self._payload, self._standard = moving - tool, tool + load, 0.5 * (moving - tool) + tool + load
+
+    def form(self, contact: RegionContact) -> ClosedFormImpact | None:
+        """Return the closed form of a contact; None: it has none, or the motion at that time is not known."""
+        form = None if self._forms is None else self._forms.impact(contact)
+        return form if form is not None and np.isfinite(form.peak) else None
 
     def approach(
         self, contacts: Sequence[RegionContact], site: ContactSite, simulated: bool
@@ -296,9 +319,7 @@ class ExpectedImpacts:
             )  # the speed is negative if the bodies separate when the contact is first reported
             if not speed > 0.0:
                 continue
-            form = None if self._forms is None else self._forms.impact(contact)
-            if form is not None and not np.isfinite(form.peak):
-                form = None  # the arm's motion is not known at that time
+            form = self.form(contact)
             if (limit := self._lowest(form, site)) is not None:
                 label = f"{limit.region}, {'robot of unknown mass' if form is None else 'heavier of both masses'}"
                 approaches.append((approach_ratio(speed, float(limit.transient), label, form is not None), form))

@@ -1,0 +1,120 @@
+"""Certainty of a verdict's answers: the unconfirmed numbers that move each answer, ranked, and an interval.
+
+The interval has the root of the summed squares of the changes to either side, as for independent errors. It is no
+confidence interval: the ranges of most numbers are choices of this project (config/tables/uncertain.yaml).
+"""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated
+
+from hric_assessment.verdict.conclusions import DISTANCE, POSTURE, QUESTIONS, Conclusion, Reply
+
+SHOWN = 5
+"""Maximum number of influences on one answer that texts show; verdict.json has all."""
+NEGLIGIBLE = 5e-3
+"""Relative change of a quantity below which texts do not show it [1]; project default."""
+RULE = "root of the summed squares of the changes to either side"
+
+
+@dataclass(frozen=True)
+class Influence:
+    """Change of an answer by one number that is not confirmed, at that end of its range which changes it most.
+
+    Attributes:
+        number: name of the number.
+        end: value at that end, as a factor or a difference, such as "x 2".
+        mark: how well the number is confirmed.
+        lower, upper: largest changes of the answer's value down and up, at either end, in its unit; 0: none.
+        effects: relative changes of further quantities at that end [1], by name.
+    """
+
+    number: str
+    end: Annotated[str, "as a factor or a difference"]
+    mark: Annotated[str, "how well the number is confirmed"]
+    lower: Annotated[float, "largest change down, 0 or below, in the unit of the answer's value"]
+    upper: Annotated[float, "largest change up, 0 or above"]
+    effects: Annotated[Mapping[str, float], ("description", "relative changes at that end [1]")]
+
+    @property
+    def change(self) -> float:
+        """Change at the end that is named, in the unit of the answer's value."""
+        return self.upper if self.upper >= -self.lower else self.lower
+
+
+@dataclass(frozen=True)
+class Certainty:
+    """Certainty of the answer to one question.
+
+    Attributes:
+        question: one of QUESTIONS.
+        quantity: quantity that the answer compares with its limit.
+        value, limit: that quantity, and its limit, in `unit`; limit None: it is the limit itself.
+        unit: unit of value, limit, and changes.
+        low, high: interval of the value.
+        moved_by: influences of unconfirmed numbers, the largest first.
+        unknown: effects that are not known, one sentence each; the interval does not contain them.
+    """
+
+    question: Annotated[str, ("enum", QUESTIONS)]
+    quantity: str
+    value: float
+    limit: Annotated[float | None, "null: the value is the limit itself"]
+    unit: str
+    low: Annotated[float, "lower end of the interval"]
+    high: Annotated[float, "upper end of the interval"]
+    moved_by: Annotated[tuple[Influence, ...], "the largest first"]
+    unknown: Annotated[tuple[str, ...], "effects that are not known and that the interval does not contain"] = ()
+
+    @classmethod
+    def of(
+        cls,
+        question: str,
+        quantity: tuple[str, float, float | None, str],
+        influences: Sequence[Influence],
+        unknown: Sequence[str] = (),
+    ) -> "Certainty":
+        """Return the certainty that follows from some influences; quantity: its name, value, limit and unit."""
+        name, value, limit, unit = quantity
+        ends = (math.hypot(*(getattr(item, side) for item in influences)) for side in ("lower", "upper"))
+        low, high = next(ends), next(ends)
+        order = sorted(influences, key=lambda item: -abs(item.change))
+        return cls(question, name, value, limit, unit, value - low, value + high, tuple(order), tuple(unknown))
+
+    @property
+    def doubtful(self) -> bool:
+        """True if the value is within its limit, and the upper end of the interval is not."""
+        return self.limit is not None and self.value <= self.limit < self.high
+
+    @property
+    def interval(self) -> str:
+        """Sentence with the interval."""
+        form = ".3f" if self.unit == "m" else ".3g"
+        if self.question == POSTURE:
+            form = ".0f"
+        unit = f" {self.unit}" if self.unit else ""
+        return f"{self.quantity} {self.low:{form}} to {self.high:{form}}{unit} within the ranges of unconfirmed numbers"
+
+    def lines(self) -> Iterator[str]:
+        """Yield the interval, and a line for each of the largest influences, and each effect that is not known."""
+        moved = [item for item in self.moved_by if item.change]
+        yield self.interval if moved else f"no unconfirmed number moves the {self.quantity}"
+        for item in moved[:SHOWN]:
+            parts = [f"{item.change:+.2g} {self.unit}".rstrip()]
+            parts += [f"{name} {100.0 * e:+.0f} %" for name, e in item.effects.items() if abs(e) >= NEGLIGIBLE]
+            yield f"moved by {item.number} {item.end} ({item.mark}): {', '.join(parts)}"
+        if len(moved) > SHOWN:
+            yield f"and by {len(moved) - SHOWN} more, none of them more than these: see verdict.json"
+        yield from self.unknown
+
+
+def with_certainty(conclusions: Sequence[Conclusion], certainties: Sequence[Certainty]) -> tuple[Conclusion, ...]:
+    """Return conclusions in which a "yes" that is "no" within its interval is a warning."""
+    doubtful = {item.question: item for item in certainties if item.doubtful}
+    return tuple(
+        replace(item, reply=Reply.WARNING, reason=f"{doubtful[item.question].interval}; {item.reason}")
+        if item.question in doubtful and item.reply == Reply.YES
+        else item
+        for item in conclusions
+    )

@@ -1,0 +1,119 @@
+"""Sensitivity of a verdict: the assessment is repeated with each unconfirmed number at both ends of its range.
+
+Only the parts that a number changes are assessed again. The peak force of a simulated impact is not simulated again, but
+changed as its closed form v sqrt(mu k); a force that a sensor measured does not change.
+"""
+
+from collections.abc import Mapping, Sequence
+
+from hric_assessment.ergonomics.scoring import VARIATION, method_of
+from hric_assessment.findings import CONTACT, POSTURE, SEPARATION, Finding
+from hric_assessment.tables import AREA, LIMITS, uncertain_table
+from hric_assessment.verdict import conclusions
+from hric_assessment.verdict.certainty import Certainty, Influence
+from hric_assessment.verdict.choices import AssessmentChoices
+from hric_assessment.verdict.contacts import NOT_VARIED, contact_findings
+from hric_assessment.verdict.inputs import AssessmentInput
+from hric_assessment.verdict.separating import PersonSeparation, separation_finding
+
+SHARE = ("share of the limit", 100.0, "%")
+PEAK, PERMITTED, PROTECTIVE = "transient peak [N]", "permitted speed", "S_p [m]"
+
+
+class Sensitivity:
+    """Sensitivity of the verdict on one recording.
+
+    Args:
+        source: recording with the files next to it.
+        choices: choices with the contact area that the experiment states.
+        separations: distances of the persons from the arm.
+    """
+
+    def __init__(
+        self, source: AssessmentInput, choices: AssessmentChoices, separations: Sequence[PersonSeparation]
+    ) -> None:
+        self._source, self._choices, self._separations = source, choices, separations
+
+    def findings(self, question: str, factors: Mapping[str, float]) -> list[Finding]:
+        """Return the findings about contact or distance with unconfirmed numbers changed by factors [1]."""
+        choices = self._choices.varied(factors)
+        if question == conclusions.CONTACT:
+            return [item for item in contact_findings(self._source, choices) if item.share is not None]
+        return [separation_finding(apart.braked(choices.braking)) for apart in self._separations]
+
+    def level(self, question: str, factors: Mapping[str, float]) -> float | None:
+        """Return the largest share of the limit [1] with changed numbers; None: no share is known."""
+        return max((item.share for item in self.findings(question, factors) if item.share is not None), default=None)
+
+    def numbers(self, question: str) -> list[str]:
+        """Return the names of the unconfirmed numbers that the answer to a question may depend on."""
+        lacking = {AREA} if self._choices.contact_area is None else set()
+        table = self._choices.limits.table
+        lacking |= {LIMITS} if table.scaled(2.0) == table else set()
+        return [
+            name for name, item in uncertain_table().numbers.items() if item.changes == question and name not in lacking
+        ]
+
+    def certainty(self, question: str, findings: Sequence[Finding]) -> Certainty | None:
+        """Return the certainty of the answer about contact or distance; None: nothing can be compared with a limit.
+
+        findings: findings of the verdict.
+        """
+        group = CONTACT if question == conclusions.CONTACT else SEPARATION
+        nominal = _worst([item for item in findings if item.group == group])
+        if nominal is None or not nominal.values:
+            return None
+        influences, unknown = [], dict[str, None]()
+        for name in self.numbers(question):
+            number = uncertain_table().numbers[name]
+            ends = [(f, _worst(self.findings(question, {name: f}))) for f in (number.low, number.high)]
+            known = [(f, item) for f, item in ends if item is not None]
+            unknown |= dict.fromkeys(NOT_VARIED for _, item in known if NOT_VARIED in item.notes)
+            mark = uncertain_table().mark_of(number)
+            influences.append(_influence(number.about, mark, nominal, known))
+        value, limit = _value(nominal), None if nominal.share is None else SHARE[1]
+        name, unit = (SHARE[0], SHARE[2]) if nominal.share is not None else ("protective distance S_p", "m")
+        return Certainty.of(question, (name, value, limit, unit), influences, [*unknown])
+
+
+def _worst(findings: Sequence[Finding]) -> Finding | None:
+    return max(findings, key=lambda item: item.share or 0.0, default=None)
+
+
+def _value(finding: Finding) -> float:
+    """Return the share of the limit [%], or S_p [m] if the distance is not compared with it."""
+    return SHARE[1] * finding.share if finding.share is not None else finding.values.get(PROTECTIVE) or 0.0
+
+
+def _influence(text: str, mark: str, nominal: Finding, ends: Sequence[tuple[float, Finding]]) -> Influence:
+    before = _value(nominal)
+    changes = [_value(item) - before for _, item in ends]
+    factor, largest = max(ends, key=lambda end: abs(_value(end[1]) - before), default=(1.0, nominal))
+    first, then = _quantities(nominal), _quantities(largest)
+    effects = {name: then[name] / value - 1.0 for name, value in first.items() if value and name in then}
+    return Influence(text, f"x {factor:g}", mark, min([0.0, *changes]), max([0.0, *changes]), effects)
+
+
+def _quantities(finding: Finding) -> dict[str, float]:
+    """Return the quantities of a finding that its influences state: peak force, lowest permitted speed, S_p."""
+    permitted = [value for name, value in finding.values.items() if name.startswith(PERMITTED) and value is not None]
+    found = {"peak force": finding.values.get(PEAK), PERMITTED: min(permitted, default=None)}
+    found["S_p"] = finding.values.get(PROTECTIVE)
+    return {name: value for name, value in found.items() if value is not None}
+
+
+def posture_certainty(findings: Sequence[Finding]) -> Certainty | None:
+    """Return the certainty of the answer about posture, from the scores with shifted thresholds of this project."""
+    scored = [item for item in findings if item.group == POSTURE and item.values and method_of(item.subject)]
+    decisive = conclusions.decisive(scored)
+    if decisive is None or (method := method_of(decisive.subject)) is None:
+        return None
+    score, stricter, looser = (
+        decisive.values.get(f"score that counts{end}") or 0.0
+        for end in ("", ", chosen thresholds 5 deg smaller", ", chosen thresholds 5 deg larger")
+    )
+    changes = [stricter - score, looser - score]
+    end = "smaller" if abs(changes[0]) >= abs(changes[1]) else "larger"
+    about = f"{VARIATION:g} deg {end}"
+    moved = Influence("posture thresholds", about, "chosen here", min(0.0, *changes), max(0.0, *changes), {})
+    return Certainty.of(conclusions.POSTURE, ("score", score, method.table().warning.value, ""), [moved])
