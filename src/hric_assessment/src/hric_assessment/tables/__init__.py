@@ -39,6 +39,7 @@ __all__ = [
     "ROTORS",
     "STIFFNESS",
     "STOPPING",
+    "TIME_STEP",
     "UNITS",
     "Adder",
     "AreaTable",
@@ -100,6 +101,8 @@ VERDICT_NAMES = (
     "active",
     "very_active",
     "weak_shoulder",
+    "grid_safety",
+    "grid_order",
 )
 """Names of the values that config/tables/verdict.yaml must have."""
 UNCERTAIN_NAMES = ROTORS, STIFFNESS, MASS, LIMITS, AREA, REACTION, STOPPING = (
@@ -111,6 +114,8 @@ UNCERTAIN_NAMES = ROTORS, STIFFNESS, MASS, LIMITS, AREA, REACTION, STOPPING = (
     "reaction_time",
     "stopping",
 )
+TIME_STEP = "time_step"
+"""Name of the factor that stands for the numerical error of a peak force; its range comes from a twin run."""
 """Names of the numbers that config/tables/uncertain.yaml may have."""
 UNITS = {"force": 1.0, "pressure": 1e4, "stiffness": 1e3, "length": 1e-2}
 """Factors from the printed units N, N/cm^2, N/mm and cm to SI."""

@@ -16,6 +16,7 @@ from hric_assessment.verdict.loads import Loads, loads
 from hric_assessment.verdict.moment import moment
 from hric_assessment.verdict.person import AssessedPerson, people_of
 from hric_assessment.verdict.postures import posture_finding, scored
+from hric_assessment.verdict.refined import with_bars
 from hric_assessment.verdict.result import RecordingSummary, ScoreCurve, TableTitle, Timelines, Verdict, ranked
 from hric_assessment.verdict.sensitivity import Sensitivity, posture_certainty
 from hric_assessment.verdict.separating import PersonSeparation, not_separated, separated, separation_finding
@@ -108,6 +109,7 @@ def judge(source: AssessmentInput, choices: AssessmentChoices | None = None) -> 
         findings += [*_separation(source, person, choices, distances), *lift_findings(source, person)]
     if len({finding.person for finding in findings}) < 2:
         findings = [replace(finding, person="") for finding in findings]  # with one person no name is needed
+    findings = with_bars(findings, source.run)
     nearest = min(distances, key=lambda item: item.margin, default=None)
     table, first = choices.limits.table, people[0] if people else None
     assumptions = [line for person in people for line in person.assumptions]
@@ -142,6 +144,13 @@ def _separation(
         return []
     distances.append(apart)
     return [separation_finding(apart)]
+
+
+def sensitivity_of(source: AssessmentInput, choices: AssessmentChoices | None = None) -> Sensitivity:
+    """Return the sensitivity of the verdict on a recording; arguments: see `assess`."""
+    choices = (choices or AssessmentChoices()).stated(source.definition)
+    each = [separated(source, person, choices) for person in people_of(source)]
+    return Sensitivity(source, choices, [apart for apart in each if apart is not None])
 
 
 def _certainty(

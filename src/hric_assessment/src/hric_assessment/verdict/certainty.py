@@ -9,7 +9,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated
 
-from hric_assessment.verdict.conclusions import DISTANCE, POSTURE, QUESTIONS, Conclusion, Reply
+from hric_assessment.typed_json import Content
+from hric_assessment.verdict.conclusions import POSTURE, QUESTIONS, Conclusion, Reply
 
 SHOWN = 5
 """Maximum number of influences on one answer that texts show; verdict.json has all."""
@@ -26,6 +27,7 @@ class Influence:
         number: name of the number.
         end: value at that end, as a factor or a difference, such as "x 2".
         mark: how well the number is confirmed.
+        change: change of the answer's value at that end, in its unit.
         lower, upper: largest changes of the answer's value down and up, at either end, in its unit; 0: none.
         effects: relative changes of further quantities at that end [1], by name.
     """
@@ -33,14 +35,20 @@ class Influence:
     number: str
     end: Annotated[str, "as a factor or a difference"]
     mark: Annotated[str, "how well the number is confirmed"]
+    change: Annotated[float, "at that end, in the unit of the answer's value"]
     lower: Annotated[float, "largest change down, 0 or below, in the unit of the answer's value"]
     upper: Annotated[float, "largest change up, 0 or above"]
     effects: Annotated[Mapping[str, float], ("description", "relative changes at that end [1]")]
 
     @property
-    def change(self) -> float:
-        """Change at the end that is named, in the unit of the answer's value."""
-        return self.upper if self.upper >= -self.lower else self.lower
+    def shown_effects(self) -> list[str]:
+        """Effects that are not negligible, as text; of several permitted speeds the one that changes most."""
+        largest: dict[str, tuple[str, float]] = {}
+        for name, effect in self.effects.items():
+            kind = " ".join(name.split()[:2])
+            if abs(effect) >= max(NEGLIGIBLE, abs(largest.get(kind, ("", 0.0))[1])):
+                largest[kind] = name, effect
+        return [f"{name} {100.0 * effect:+.0f} %" for name, effect in largest.values()]
 
 
 @dataclass(frozen=True)
@@ -79,8 +87,14 @@ class Certainty:
         name, value, limit, unit = quantity
         ends = (math.hypot(*(getattr(item, side) for item in influences)) for side in ("lower", "upper"))
         low, high = next(ends), next(ends)
-        order = sorted(influences, key=lambda item: -abs(item.change))
+        order = sorted(influences, key=lambda item: (-abs(item.change), -max(map(abs, item.effects.values()), default=0.0)))
         return cls(question, name, value, limit, unit, value - low, value + high, tuple(order), tuple(unknown))
+
+    @classmethod
+    def read(cls, entry: Content) -> "Certainty":
+        """Return the certainty from its entry in verdict.json."""
+        moved = tuple(Influence(**item) for item in entry["moved_by"])
+        return cls(**{**entry, "moved_by": moved, "unknown": tuple(entry["unknown"])})
 
     @property
     def doubtful(self) -> bool:
@@ -98,11 +112,10 @@ class Certainty:
 
     def lines(self) -> Iterator[str]:
         """Yield the interval, and a line for each of the largest influences, and each effect that is not known."""
-        moved = [item for item in self.moved_by if item.change]
+        moved = [item for item in self.moved_by if item.change or item.shown_effects]
         yield self.interval if moved else f"no unconfirmed number moves the {self.quantity}"
         for item in moved[:SHOWN]:
-            parts = [f"{item.change:+.2g} {self.unit}".rstrip()]
-            parts += [f"{name} {100.0 * e:+.0f} %" for name, e in item.effects.items() if abs(e) >= NEGLIGIBLE]
+            parts = [f"{item.change:+.2g} {self.unit}".rstrip(), *item.shown_effects]
             yield f"moved by {item.number} {item.end} ({item.mark}): {', '.join(parts)}"
         if len(moved) > SHOWN:
             yield f"and by {len(moved) - SHOWN} more, none of them more than these: see verdict.json"

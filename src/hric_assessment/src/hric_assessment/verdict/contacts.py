@@ -15,7 +15,7 @@ from hric_assessment.contact.episodes import PENALTY, Episode, episodes, window_
 from hric_assessment.contact.impact import ClosedFormImpact, ClosedFormModels
 from hric_assessment.contact.speed import SpeedLimit, half_mass, permitted_speed, speed_limit
 from hric_assessment.findings import CONTACT, Evidence, Finding, NotAssessableError, Outcome
-from hric_assessment.tables import verdict_table
+from hric_assessment.tables import MASS, ROTORS, STIFFNESS, TIME_STEP, verdict_table
 from hric_assessment.verdict.choices import AssessmentChoices
 from hric_assessment.verdict.inputs import AssessmentInput
 from hric_assessment.verdict.person import body_of
@@ -212,18 +212,18 @@ class _Judge:
 
     def _varied(self, episode: Episode) -> Episode:
         """Return a simulated episode whose impact has the force that the closed form predicts with the factors."""
-        peak, contact = episode.transient, max(episode.contacts, key=lambda contact: contact.peak or 0.0)
-        if self._nominal is self._expected or not self._simulated or not episode.known:
+        factors, peak, held = self._choices.factors, episode.transient, episode.quasi_static
+        if not factors or not self._simulated or not episode.known:
             return episode
-        before, after = self._nominal.form(contact), self._expected.form(contact)
-        if before is None or after is None or peak.peak_time > contact.begin + before.duration:
-            return replace(episode, notes=(*episode.notes, NOT_VARIED))
-        force = peak.peak * after.peak / before.peak
-        held = episode.quasi_static
-        largest = max(force, 0.0 if held is None else held.peak)
-        return replace(
-            episode, transient=replace(peak, peak=force), overall=replace(episode.overall, peak=largest)
-        )
+        ratio, contact = factors.get(TIME_STEP, 1.0), max(episode.contacts, key=lambda contact: contact.peak or 0.0)
+        if factors.keys() & {MASS, ROTORS, STIFFNESS}:
+            before, after = self._nominal.form(contact), self._expected.form(contact)
+            if before is None or after is None or peak.peak_time > contact.begin + before.duration:
+                return replace(episode, notes=(*episode.notes, NOT_VARIED))
+            ratio *= after.peak / before.peak
+        largest = max(ratio * peak.peak, 0.0 if held is None else held.peak)
+        overall = replace(episode.overall, peak=largest)
+        return replace(episode, transient=replace(peak, peak=ratio * peak.peak), overall=overall)
 
     def _assessed(
         self, episode: Episode | None, site: ContactSite, contacts: Sequence[RegionContact], approach: LimitRatio | None

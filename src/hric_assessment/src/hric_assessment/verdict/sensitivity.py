@@ -8,12 +8,13 @@ from collections.abc import Mapping, Sequence
 
 from hric_assessment.ergonomics.scoring import VARIATION, method_of
 from hric_assessment.findings import CONTACT, POSTURE, SEPARATION, Finding
-from hric_assessment.tables import AREA, LIMITS, uncertain_table
+from hric_assessment.tables import AREA, LIMITS, TIME_STEP, uncertain_table
 from hric_assessment.verdict import conclusions
 from hric_assessment.verdict.certainty import Certainty, Influence
 from hric_assessment.verdict.choices import AssessmentChoices
 from hric_assessment.verdict.contacts import NOT_VARIED, contact_findings
 from hric_assessment.verdict.inputs import AssessmentInput
+from hric_assessment.verdict.refined import relative_bar
 from hric_assessment.verdict.separating import PersonSeparation, separation_finding
 
 SHARE = ("share of the limit", 100.0, "%")
@@ -71,6 +72,10 @@ class Sensitivity:
             unknown |= dict.fromkeys(NOT_VARIED for _, item in known if NOT_VARIED in item.notes)
             mark = uncertain_table().mark_of(number)
             influences.append(_influence(number.about, mark, nominal, known))
+        if (bar := relative_bar(nominal)) is not None and question == conclusions.CONTACT:
+            ends = [(f, _worst(self.findings(question, {TIME_STEP: f}))) for f in (1.0 - bar, 1.0 + bar)]
+            known = [(f, item) for f, item in ends if item is not None]
+            influences.append(_influence("numerical error of the peak force", "half time step", nominal, known))
         value, limit = _value(nominal), None if nominal.share is None else SHARE[1]
         name, unit = (SHARE[0], SHARE[2]) if nominal.share is not None else ("protective distance S_p", "m")
         return Certainty.of(question, (name, value, limit, unit), influences, [*unknown])
@@ -86,20 +91,24 @@ def _value(finding: Finding) -> float:
 
 
 def _influence(text: str, mark: str, nominal: Finding, ends: Sequence[tuple[float, Finding]]) -> Influence:
-    before = _value(nominal)
-    changes = [_value(item) - before for _, item in ends]
-    factor, largest = max(ends, key=lambda end: abs(_value(end[1]) - before), default=(1.0, nominal))
-    first, then = _quantities(nominal), _quantities(largest)
-    effects = {name: then[name] / value - 1.0 for name, value in first.items() if value and name in then}
-    return Influence(text, f"x {factor:g}", mark, min([0.0, *changes]), max([0.0, *changes]), effects)
+    before, first = _value(nominal), _quantities(nominal)
+    moved = []
+    for factor, item in ends:
+        then = _quantities(item)
+        effects = {name: then[name] / value - 1.0 for name, value in first.items() if value and name in then}
+        moved.append((_value(item) - before, factor, effects))
+    change, factor, effects = max(
+        moved, key=lambda end: (abs(end[0]), *sorted(map(abs, end[2].values()), reverse=True)), default=(0.0, 1.0, {})
+    )
+    changes = [0.0, *(end[0] for end in moved)]
+    return Influence(text, f"x {factor:g}", mark, change, min(changes), max(changes), effects)
 
 
 def _quantities(finding: Finding) -> dict[str, float]:
-    """Return the quantities of a finding that its influences state: peak force, lowest permitted speed, S_p."""
-    permitted = [value for name, value in finding.values.items() if name.startswith(PERMITTED) and value is not None]
-    found = {"peak force": finding.values.get(PEAK), PERMITTED: min(permitted, default=None)}
-    found["S_p"] = finding.values.get(PROTECTIVE)
-    return {name: value for name, value in found.items() if value is not None}
+    """Return the quantities of a finding that its influences state: peak force, permitted speeds, S_p."""
+    values = {PEAK: "peak force", PROTECTIVE: "S_p"}
+    values |= {name: name.removesuffix(" [m/s]") for name in finding.values if name.startswith(PERMITTED)}
+    return {text: value for name, text in values.items() if (value := finding.values.get(name)) is not None}
 
 
 def posture_certainty(findings: Sequence[Finding]) -> Certainty | None:
@@ -115,5 +124,6 @@ def posture_certainty(findings: Sequence[Finding]) -> Certainty | None:
     changes = [stricter - score, looser - score]
     end = "smaller" if abs(changes[0]) >= abs(changes[1]) else "larger"
     about = f"{VARIATION:g} deg {end}"
-    moved = Influence("posture thresholds", about, "chosen here", min(0.0, *changes), max(0.0, *changes), {})
+    low, high = min(0.0, *changes), max(0.0, *changes)
+    moved = Influence("posture thresholds", about, "chosen here", max(changes, key=abs), low, high, {})
     return Certainty.of(conclusions.POSTURE, ("score", score, method.table().warning.value, ""), [moved])

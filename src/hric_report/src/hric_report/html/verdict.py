@@ -16,6 +16,7 @@ from markupsafe import Markup
 
 from hric_assessment.ergonomics.scoring import PostureMethod, methods
 from hric_assessment.verdict import assess, moment, opened
+from hric_assessment.verdict.certainty import Certainty
 from hric_assessment.verdict.command import FILE
 from hric_assessment.verdict.conclusions import CONTACT, DISTANCE, EFFORT, POSTURE, TASK, Conclusion
 from hric_assessment.verdict.inputs import AssessmentInput
@@ -121,6 +122,7 @@ def part(verdict: VerdictFile) -> Markup:
         .render(
             verdict=verdict,
             conclusions=conclusions_of(verdict),
+            certain={entry["question"]: [*Certainty.read(entry).lines()] for entry in verdict["certainty"]},
             questions=BY_DEFAULT,
             replies=REPLIES,
             moment=scene and Markup(moment.picture(moment.Moment.of(scene))),
