@@ -46,9 +46,10 @@ class LimitRow(MarkedRow):
         return float(self.transient) if self.transient is not None else self.quasi_static * (factor or 1.0)
 
     def scaled(self, factor: float) -> Self:
-        """Return the row with its limits multiplied by a factor [1]."""
-        transient = factor * self.transient if isinstance(self.transient, float) else self.transient
-        return replace(self, quasi_static=factor * self.quasi_static, transient=transient)
+        """Return the row with its limits multiplied by a factor [1], up to the largest accepted limit."""
+        held, short = min(factor * self.quasi_static, LARGEST_LIMIT), self.transient
+        short = min(factor * short, LARGEST_LIMIT) if isinstance(short, float) else short
+        return replace(self, quasi_static=held, transient=short)
 
 
 @dataclass(frozen=True)

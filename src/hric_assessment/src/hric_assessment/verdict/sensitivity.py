@@ -50,7 +50,7 @@ class Sensitivity:
         """Return the names of the unconfirmed numbers that the answer to a question may depend on."""
         lacking = {AREA} if self._choices.contact_area is None else set()
         table = self._choices.limits.table
-        lacking |= {LIMITS} if table.scaled(2.0) == table else set()
+        lacking |= {LIMITS} if table.scaled(0.5) == table else set()
         return [
             name for name, item in uncertain_table().numbers.items() if item.changes == question and name not in lacking
         ]
