@@ -41,7 +41,9 @@ def influence(lower: float, upper: float) -> Influence:
 
 def finding(group: str, begin: float, **values: float) -> Finding:
     name = PEAK if group == CONTACT else DISTANCE
-    return Finding("a contact", Outcome.WITHIN, "", "", None, {name: values["value"]}, (begin, begin + 0.1), group=group)
+    return Finding(
+        "a contact", Outcome.WITHIN, "", "", None, {name: values["value"]}, (begin, begin + 0.1), group=group
+    )
 
 
 def test_the_interval_sums_squares_to_either_side() -> None:

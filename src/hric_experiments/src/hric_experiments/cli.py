@@ -17,7 +17,6 @@ from hric_run.definition import experiment, overrides
 from hric_run.definition.experiment import Experiment
 from hric_sweep.study import definition as study
 
-
 TIME_STEP = "robot.plant.time_step"
 """Key of the time step of the plant in an experiment."""
 

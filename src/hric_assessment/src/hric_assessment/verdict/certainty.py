@@ -87,7 +87,9 @@ class Certainty:
         name, value, limit, unit = quantity
         ends = (math.hypot(*(getattr(item, side) for item in influences)) for side in ("lower", "upper"))
         low, high = next(ends), next(ends)
-        order = sorted(influences, key=lambda item: (-abs(item.change), -max(map(abs, item.effects.values()), default=0.0)))
+        order = sorted(
+            influences, key=lambda item: (-abs(item.change), -max(map(abs, item.effects.values()), default=0.0))
+        )
         return cls(question, name, value, limit, unit, value - low, value + high, tuple(order), tuple(unknown))
 
     @classmethod

@@ -83,9 +83,7 @@ class AssessmentChoices:
         factors: factors by the names in config/tables/uncertain.yaml; a missing one is 1.
         """
         area = None if self.contact_area is None else factors.get(AREA, 1.0) * self.contact_area
-        braking = replace(
-            self.braking, reaction=factors.get(REACTION, 1.0), stopping=factors.get(STOPPING, 1.0)
-        )
+        braking = replace(self.braking, reaction=factors.get(REACTION, 1.0), stopping=factors.get(STOPPING, 1.0))
         limits = self.limits.varied(factors)
         return replace(self, limits=limits, braking=braking, contact_area=area, factors=factors)
 

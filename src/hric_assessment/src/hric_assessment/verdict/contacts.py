@@ -36,7 +36,9 @@ SILENT_GAP = 0.075
 
 It is 1.5 times the 50 ms after which an empty message is due (`hric_human.participant.topics.SILENCE`).
 """
-NOT_VARIED = "the peak force is not that of an impact with a closed form: how masses and stiffness change it is not known"
+NOT_VARIED = (
+    "the peak force is not that of an impact with a closed form: how masses and stiffness change it is not known"
+)
 SPEED_STEP = 1e-3
 """Time step assumed for a plant that does not state one [s]: 1 kHz, as in every run of this workspace."""
 

@@ -5,6 +5,7 @@ changed as its closed form v sqrt(mu k); a force that a sensor measured does not
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from hric_assessment.ergonomics.scoring import VARIATION, method_of
 from hric_assessment.findings import CONTACT, POSTURE, SEPARATION, Finding
@@ -17,7 +18,8 @@ from hric_assessment.verdict.inputs import AssessmentInput
 from hric_assessment.verdict.refined import relative_bar
 from hric_assessment.verdict.separating import PersonSeparation, separation_finding
 
-SHARE = ("share of the limit", 100.0, "%")
+SHARE, S_P = ("share of the limit", "%"), ("protective distance S_p", "m")
+"""Quantity and unit of an answer; S_p if a distance is not compared with it, as in a contact."""
 PEAK, PERMITTED, PROTECTIVE = "transient peak [N]", "permitted speed", "S_p [m]"
 
 
@@ -40,7 +42,8 @@ class Sensitivity:
         choices = self._choices.varied(factors)
         if question == conclusions.CONTACT:
             return [item for item in contact_findings(self._source, choices) if item.share is not None]
-        return [separation_finding(apart.braked(choices.braking)) for apart in self._separations]
+        moved = [apart.braked(choices.braking) for apart in self._separations]
+        return [replace(separation_finding(apart), share=apart.share) for apart in moved]
 
     def level(self, question: str, factors: Mapping[str, float]) -> float | None:
         """Return the largest share of the limit [1] with changed numbers; None: no share is known."""
@@ -62,41 +65,44 @@ class Sensitivity:
         """
         group = CONTACT if question == conclusions.CONTACT else SEPARATION
         nominal = _worst([item for item in findings if item.group == group])
-        if nominal is None or not nominal.values:
+        if nominal is None or not nominal.values or (nominal.share is None and group == CONTACT):
             return None
+        about = SHARE if nominal.share is not None else S_P
         influences, unknown = [], dict[str, None]()
         for name in self.numbers(question):
-            number = uncertain_table().numbers[name]
-            ends = [(f, _worst(self.findings(question, {name: f}))) for f in (number.low, number.high)]
-            known = [(f, item) for f, item in ends if item is not None]
-            unknown |= dict.fromkeys(NOT_VARIED for _, item in known if NOT_VARIED in item.notes)
-            mark = uncertain_table().mark_of(number)
-            influences.append(_influence(number.about, mark, nominal, known))
-        if (bar := relative_bar(nominal)) is not None and question == conclusions.CONTACT:
-            ends = [(f, _worst(self.findings(question, {TIME_STEP: f}))) for f in (1.0 - bar, 1.0 + bar)]
-            known = [(f, item) for f, item in ends if item is not None]
-            influences.append(_influence("numerical error of the peak force", "half time step", nominal, known))
-        value, limit = _value(nominal), None if nominal.share is None else SHARE[1]
-        name, unit = (SHARE[0], SHARE[2]) if nominal.share is not None else ("protective distance S_p", "m")
-        return Certainty.of(question, (name, value, limit, unit), influences, [*unknown])
+            number, mark = uncertain_table().numbers[name], uncertain_table().mark_of(uncertain_table().numbers[name])
+            ends = self._ends(question, name, (number.low, number.high))
+            unknown |= dict.fromkeys(NOT_VARIED for _, item in ends if NOT_VARIED in item.notes)
+            influences.append(_influence(number.about, mark, nominal, ends, about[1]))
+        if (bar := relative_bar(nominal)) is not None:
+            ends = self._ends(question, TIME_STEP, (1.0 - bar, 1.0 + bar))
+            influences.append(
+                _influence("numerical error of the peak force", "half time step", nominal, ends, about[1])
+            )
+        limit = 100.0 if about is SHARE else None
+        return Certainty.of(question, (about[0], _value(nominal, about[1]), limit, about[1]), influences, [*unknown])
+
+    def _ends(self, question: str, name: str, factors: Sequence[float]) -> list[tuple[float, Finding]]:
+        """Return each factor of a number with the worst finding of a question that has a share of its limit."""
+        ends = [(factor, _worst(self.findings(question, {name: factor}))) for factor in factors]
+        return [(factor, item) for factor, item in ends if item is not None]
 
 
 def _worst(findings: Sequence[Finding]) -> Finding | None:
     return max(findings, key=lambda item: item.share or 0.0, default=None)
 
 
-def _value(finding: Finding) -> float:
-    """Return the share of the limit [%], or S_p [m] if the distance is not compared with it."""
-    return SHARE[1] * finding.share if finding.share is not None else finding.values.get(PROTECTIVE) or 0.0
+def _value(finding: Finding, unit: str) -> float:
+    """Return the share of the limit [%], or S_p [m]."""
+    return 100.0 * (finding.share or 0.0) if unit == SHARE[1] else finding.values.get(PROTECTIVE) or 0.0
 
 
-def _influence(text: str, mark: str, nominal: Finding, ends: Sequence[tuple[float, Finding]]) -> Influence:
-    before, first = _value(nominal), _quantities(nominal)
-    moved = []
+def _influence(text: str, mark: str, nominal: Finding, ends: Sequence[tuple[float, Finding]], unit: str) -> Influence:
+    first, moved = _quantities(nominal), []
     for factor, item in ends:
         then = _quantities(item)
         effects = {name: then[name] / value - 1.0 for name, value in first.items() if value and name in then}
-        moved.append((_value(item) - before, factor, effects))
+        moved.append((_value(item, unit) - _value(nominal, unit), factor, effects))
     change, factor, effects = max(
         moved, key=lambda end: (abs(end[0]), *sorted(map(abs, end[2].values()), reverse=True)), default=(0.0, 1.0, {})
     )

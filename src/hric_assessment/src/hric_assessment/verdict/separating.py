@@ -82,6 +82,13 @@ class PersonSeparation:
         margins = self.distances.distance - self.protective
         return float(np.nanmin(margins)) if np.isfinite(margins).any() else float("inf")
 
+    @property
+    def share(self) -> float | None:
+        """Largest ratio of S_p to the distance while the arm moves [1]; None: never moved, or always in touch."""
+        distance = self.distances.distance
+        ratio = np.where(distance > TOUCHING, self.protective / np.maximum(distance, TOUCHING), np.nan)
+        return float(np.nanmax(ratio)) if np.isfinite(ratio).any() else None
+
     def timeline(self) -> SeparationCurve:
         """Return distance and protective distance over time as curves of the verdict."""
         curves = self.distances.time, self.distances.distance, self.protective
@@ -235,7 +242,6 @@ def separation_finding(approach: PersonSeparation) -> Finding:
     """Return the finding about the protective separation distance."""
     distances, protective, table = approach.distances, approach.protective, separation_table()
     violations = distances.violations(protective)
-    ratio = np.where(distances.distance > TOUCHING, protective / np.maximum(distances.distance, TOUCHING), np.nan)
     if violations:
         worst = min(violations, key=lambda violation: violation.margin)
         at = int(np.searchsorted(distances.time, worst.time))
@@ -260,7 +266,7 @@ def separation_finding(approach: PersonSeparation) -> Finding:
         outcome,
         reason,
         table.name,
-        None if (violations and not approach.relied) or not np.isfinite(ratio).any() else float(np.nanmax(ratio)),
+        None if violations and not approach.relied else approach.share,
         _values(approach, at),
         window,
         ("/control_log", *approach.person.signals),
