@@ -6,9 +6,9 @@ from typing import Any
 import pytest
 
 from hric_assessment.tables import MASS, ROTORS, STIFFNESS
-from hric_assessment.verdict.assess import sensitivity_of
 from hric_assessment.verdict.conclusions import CONTACT
 from hric_assessment.verdict.inputs import AssessmentInput
+from hric_assessment.verdict.sensitivity import sensitivity_of
 from hric_core.errors import HricError
 from hric_run.simulation import Simulation
 from hric_sweep.observed import Observed

@@ -9,16 +9,11 @@ from hric_assessment.typed_json import Content
 from hric_bags import text
 from hric_bags.arguments import RUNS
 from hric_bags.run_folder import RunFolder
-from hric_control.plants import PlantConfig
 from hric_core.command import Argument, Command
 from hric_core.parameters import whole
 from hric_core.processes import INTERRUPTED_CODE
 from hric_run.definition import experiment, overrides
-from hric_run.definition.experiment import Experiment
 from hric_sweep.study import definition as study
-
-TIME_STEP = "robot.plant.time_step"
-"""Key of the time step of the plant in an experiment."""
 
 
 class RunCommand(Command):
@@ -84,6 +79,7 @@ class RunCommand(Command):
 
 def _run_experiment(arguments: argparse.Namespace) -> int:
     definition = experiment.load(arguments.experiment, arguments.overrides)
+    from hric_experiments import refine
     from hric_report import headless  # slow to import: errors are reported before
 
     if not arguments.quiet and definition.human is not None:
@@ -92,7 +88,9 @@ def _run_experiment(arguments: argparse.Namespace) -> int:
 
         if lacking := unknown_beforehand(definition.human):
             print(lacking, file=sys.stderr)
-    twin = _run_twin(definition, arguments) if arguments.refine else None  # first: the run itself is then the latest
+    twin = (
+        refine.run_twin(definition, arguments) if arguments.refine else None
+    )  # first: the run itself is then the latest
     result = headless.run(
         definition,
         arguments.overrides,
@@ -102,7 +100,7 @@ def _run_experiment(arguments: argparse.Namespace) -> int:
         figures=not arguments.no_figures,
     )
     if twin is not None and not result.interrupted:
-        _add_errors(result.folder, *twin)
+        refine.add_errors(result.folder, *twin)
     if not arguments.quiet:
         text.show(f"\n{result.metrics['report']}")
     else:
@@ -118,47 +116,6 @@ def _run_experiment(arguments: argparse.Namespace) -> int:
         print("interrupted; the bag contains all messages up to now", file=sys.stderr)
         return INTERRUPTED_CODE
     return 0
-
-
-def _run_twin(definition: Experiment, arguments: argparse.Namespace) -> tuple[RunFolder, float]:
-    """Run an experiment with half the time step; return the run folder and that time step [s].
-
-    Raises:
-        HricError: the experiment has no simulated person, or the run fails.
-        KeyboardInterrupt: Ctrl-C.
-    """
-    from hric_report import headless
-
-    if definition.human is None:
-        raise experiment.ExperimentError(
-            f"--refine compares contacts and distances of a simulated person; {definition.name} has no section human"
-        )
-    plant = PlantConfig.of({k: v for k, v in definition.robot.plant.items() if k == "time_step"}, "robot.plant.")
-    step = 0.5 * plant.time_step
-    words = [word for word in arguments.overrides if not word.startswith(f"{TIME_STEP}:=")] + [f"{TIME_STEP}:={step!r}"]
-    result = headless.run(
-        experiment.load(arguments.experiment, words),
-        words,
-        seed=arguments.seed,
-        root=arguments.runs,
-        progress=not arguments.quiet,
-        figures=False,
-    )
-    if result.interrupted:
-        raise KeyboardInterrupt
-    return result.folder, step
-
-
-def _add_errors(folder: RunFolder, twin: RunFolder, step: float) -> None:
-    """Write to run.yaml how the twin of a run with a smaller time step [s] differs, and print the error bars."""
-    from hric_assessment.verdict import opened
-    from hric_assessment.verdict.assess import judge
-    from hric_assessment.verdict.refined import line, refinement
-
-    values = refinement(*(judge(opened(str(path))).findings for path in (folder.path, twin.path)))
-    folder.update(refined={"run": twin.path.name, "time_step": step, "values": values})
-    for row in values:
-        print(line(row))
 
 
 def experiment_arguments(what: str) -> list[Argument]:

@@ -115,7 +115,7 @@ UNCERTAIN_NAMES = ROTORS, STIFFNESS, MASS, LIMITS, AREA, REACTION, STOPPING = (
     "stopping",
 )
 TIME_STEP = "time_step"
-"""Name of the factor that stands for the numerical error of a peak force; its range comes from a twin run."""
+"""Name of the factor of the numerical error of a peak force; its range comes from a twin run."""
 """Names of the numbers that config/tables/uncertain.yaml may have."""
 UNITS = {"force": 1.0, "pressure": 1e4, "stiffness": 1e3, "length": 1e-2}
 """Factors from the printed units N, N/cm^2, N/mm and cm to SI."""

@@ -113,7 +113,7 @@ class UncertainNumber(MarkedRow):
         low, high: ends of the range, as factors of the value that the verdict uses [1].
         about: name of the number in verdicts.
         reason: reason for the range.
-        changes: question of the verdict whose answer the number changes.
+        changes: question of the verdict on which the number has an effect.
     """
 
     low: float = number(above=0.0, maximum=1.0, unit="1")

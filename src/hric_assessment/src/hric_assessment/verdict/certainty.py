@@ -1,4 +1,4 @@
-"""Certainty of a verdict's answers: the unconfirmed numbers that move each answer, ranked, and an interval.
+"""Certainty of a verdict's conclusions: the unconfirmed numbers that move each of them, ranked, and an interval.
 
 The interval has the root of the summed squares of the changes to either side, as for independent errors. It is no
 confidence interval: the ranges of most numbers are choices of this project (config/tables/uncertain.yaml).
@@ -6,37 +6,36 @@ confidence interval: the ranges of most numbers are choices of this project (con
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated
 
 from hric_assessment.typed_json import Content
-from hric_assessment.verdict.conclusions import POSTURE, QUESTIONS, Conclusion, Reply
+from hric_assessment.verdict.conclusions import POSTURE, QUESTIONS
 
 SHOWN = 5
-"""Maximum number of influences on one answer that texts show; verdict.json has all."""
+"""Maximum number of influences on one conclusion that texts show; verdict.json has all."""
 NEGLIGIBLE = 5e-3
 """Relative change of a quantity below which texts do not show it [1]; project default."""
-RULE = "root of the summed squares of the changes to either side"
 
 
 @dataclass(frozen=True)
 class Influence:
-    """Change of an answer by one number that is not confirmed, at that end of its range which changes it most.
+    """Change of a conclusion by one number that is not confirmed, at that end of its range which changes it most.
 
     Attributes:
         number: name of the number.
         end: value at that end, as a factor or a difference, such as "x 2".
         mark: how well the number is confirmed.
-        change: change of the answer's value at that end, in its unit.
-        lower, upper: largest changes of the answer's value down and up, at either end, in its unit; 0: none.
+        change: change of the conclusion's value at that end, in its unit.
+        lower, upper: largest changes of the conclusion's value down and up, at either end, in its unit; 0: none.
         effects: relative changes of further quantities at that end [1], by name.
     """
 
     number: str
     end: Annotated[str, "as a factor or a difference"]
     mark: Annotated[str, "how well the number is confirmed"]
-    change: Annotated[float, "at that end, in the unit of the answer's value"]
-    lower: Annotated[float, "largest change down, 0 or below, in the unit of the answer's value"]
+    change: Annotated[float, "at that end, in the unit of the value"]
+    lower: Annotated[float, "largest change down, 0 or below, in the unit of the value"]
     upper: Annotated[float, "largest change up, 0 or above"]
     effects: Annotated[Mapping[str, float], ("description", "relative changes at that end [1]")]
 
@@ -53,11 +52,11 @@ class Influence:
 
 @dataclass(frozen=True)
 class Certainty:
-    """Certainty of the answer to one question.
+    """Certainty of the conclusion about one question.
 
     Attributes:
         question: one of QUESTIONS.
-        quantity: quantity that the answer compares with its limit.
+        quantity: quantity that the conclusion compares with its limit.
         value, limit: that quantity, and its limit, in `unit`; limit None: it is the limit itself.
         unit: unit of value, limit, and changes.
         low, high: interval of the value.
@@ -122,14 +121,3 @@ class Certainty:
         if len(moved) > SHOWN:
             yield f"and by {len(moved) - SHOWN} more, none of them more than these: see verdict.json"
         yield from self.unknown
-
-
-def with_certainty(conclusions: Sequence[Conclusion], certainties: Sequence[Certainty]) -> tuple[Conclusion, ...]:
-    """Return conclusions in which a "yes" that is "no" within its interval is a warning."""
-    doubtful = {item.question: item for item in certainties if item.doubtful}
-    return tuple(
-        replace(item, reply=Reply.WARNING, reason=f"{doubtful[item.question].interval}; {item.reason}")
-        if item.question in doubtful and item.reply == Reply.YES
-        else item
-        for item in conclusions
-    )

@@ -1,8 +1,8 @@
 """Numerical error of a run's peak forces and smallest distances, from a twin with half the time step.
 
-With the order p of convergence, the values f of the run and g of the twin, the error of f is about |f - g| 2^p/(2^p - 1)
-(Richardson's extrapolation). The error bar is this times a safety factor, that of the grid convergence index for two
-grids (config/tables/verdict.yaml, grid_order and grid_safety).
+Let p be the order of convergence, f a value of the run and g that of the twin. By Richardson's extrapolation the error
+of f is about |f - g| 2^p/(2^p - 1). The error bar is this times a safety factor, that of the grid convergence index for
+two grids (config/tables/verdict.yaml, grid_order and grid_safety).
 """
 
 from collections.abc import Mapping, Sequence

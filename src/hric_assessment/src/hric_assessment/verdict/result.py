@@ -9,7 +9,7 @@ import numpy as np
 
 from hric_assessment.ergonomics.scoring import methods
 from hric_assessment.findings import DISCLAIMER, Finding, Missing, Outcome, UnjudgedValue
-from hric_assessment.typed_json import NAMES, JsonObject, closed, plain, schema_of
+from hric_assessment.typed_json import NAMES, Content, JsonObject, closed, plain, schema_of
 from hric_assessment.verdict.certainty import Certainty
 from hric_assessment.verdict.conclusions import GROUPS, ORDER, Conclusion, headline, outcome
 from hric_assessment.verdict.moment import Moment
@@ -119,7 +119,7 @@ class Verdict:
         timelines: curves over time.
         conclusions: replies to the five questions.
         moment: arm and person at the worst moment; None: not known.
-        certainty: how unconfirmed numbers move the answers about contact, distance and posture.
+        certainty: how unconfirmed numbers move the conclusions about contact, distance and posture.
     """
 
     input: RecordingSummary
@@ -132,7 +132,7 @@ class Verdict:
     timelines: Timelines = field(default_factory=Timelines)
     conclusions: tuple[Conclusion, ...] = ()
     moment: Annotated[Moment | None, "capsules of arm and person at the worst moment of the worst answer"] = None
-    certainty: Annotated[tuple[Certainty, ...], "how unconfirmed numbers move the answers"] = ()
+    certainty: Annotated[tuple[Certainty, ...], "how unconfirmed numbers move the conclusions"] = ()
 
     @property
     def outcome(self) -> Outcome:
@@ -195,6 +195,11 @@ class Verdict:
         for title, content in parts.items():
             lines += [f"{title}:", *(f"- {item}" for item in content), ""] if content else []
         return lines
+
+
+def certainty_lines(entry: Content) -> list[str]:
+    """Return the lines of an entry `certainty` of verdict.json."""
+    return [*Certainty.read(entry).lines()]
 
 
 def verdict_schema() -> JsonObject:

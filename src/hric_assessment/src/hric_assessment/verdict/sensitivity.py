@@ -1,7 +1,7 @@
 """Sensitivity of a verdict: the assessment is repeated with each unconfirmed number at both ends of its range.
 
-Only the parts that a number changes are assessed again. The peak force of a simulated impact is not simulated again, but
-changed as its closed form v sqrt(mu k); a force that a sensor measured does not change.
+Only the parts that a number changes are assessed again. The peak force of a simulated impact is not simulated again: it
+changes as its closed form v sqrt(mu k). A force that a sensor measured does not change.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,11 +15,12 @@ from hric_assessment.verdict.certainty import Certainty, Influence
 from hric_assessment.verdict.choices import AssessmentChoices
 from hric_assessment.verdict.contacts import NOT_VARIED, contact_findings
 from hric_assessment.verdict.inputs import AssessmentInput
+from hric_assessment.verdict.person import people_of
 from hric_assessment.verdict.refined import relative_bar
-from hric_assessment.verdict.separating import PersonSeparation, separation_finding
+from hric_assessment.verdict.separating import PersonSeparation, separated, separation_finding
 
 SHARE, S_P = ("share of the limit", "%"), ("protective distance S_p", "m")
-"""Quantity and unit of an answer; S_p if a distance is not compared with it, as in a contact."""
+"""Quantity and unit of a conclusion; S_p if a distance is not compared with it, as in a contact."""
 PEAK, PERMITTED, PROTECTIVE = "transient peak [N]", "permitted speed", "S_p [m]"
 
 
@@ -50,7 +51,7 @@ class Sensitivity:
         return max((item.share for item in self.findings(question, factors) if item.share is not None), default=None)
 
     def numbers(self, question: str) -> list[str]:
-        """Return the names of the unconfirmed numbers that the answer to a question may depend on."""
+        """Return the names of the unconfirmed numbers that the conclusion about a question may depend on."""
         lacking = {AREA} if self._choices.contact_area is None else set()
         table = self._choices.limits.table
         lacking |= {LIMITS} if table.scaled(0.5) == table else set()
@@ -59,7 +60,7 @@ class Sensitivity:
         ]
 
     def certainty(self, question: str, findings: Sequence[Finding]) -> Certainty | None:
-        """Return the certainty of the answer about contact or distance; None: nothing can be compared with a limit.
+        """Return the certainty of the conclusion about contact or distance; None: nothing can be compared with a limit.
 
         findings: findings of the verdict.
         """
@@ -118,7 +119,7 @@ def _quantities(finding: Finding) -> dict[str, float]:
 
 
 def posture_certainty(findings: Sequence[Finding]) -> Certainty | None:
-    """Return the certainty of the answer about posture, from the scores with shifted thresholds of this project."""
+    """Return the certainty of the conclusion about posture, from the scores with shifted thresholds of this project."""
     scored = [item for item in findings if item.group == POSTURE and item.values and method_of(item.subject)]
     decisive = conclusions.decisive(scored)
     if decisive is None or (method := method_of(decisive.subject)) is None:
@@ -133,3 +134,24 @@ def posture_certainty(findings: Sequence[Finding]) -> Certainty | None:
     low, high = min(0.0, *changes), max(0.0, *changes)
     moved = Influence("posture thresholds", about, "chosen here", max(changes, key=abs), low, high, {})
     return Certainty.of(conclusions.POSTURE, ("score", score, method.table().warning.value, ""), [moved])
+
+
+def certainties(sensitivity: Sensitivity, findings: Sequence[Finding]) -> tuple[Certainty, ...]:
+    """Return the certainty of the conclusions about contact, distance and posture, where it is known.
+
+    findings: findings of the verdict.
+    """
+    each = [sensitivity.certainty(question, findings) for question in (conclusions.CONTACT, conclusions.DISTANCE)]
+    return tuple(item for item in (*each, posture_certainty(findings)) if item is not None)
+
+
+def doubts(certain: Sequence[Certainty]) -> dict[str, str]:
+    """Return the intervals that reach beyond their limits, as sentences by question."""
+    return {item.question: item.interval for item in certain if item.doubtful}
+
+
+def sensitivity_of(source: AssessmentInput, choices: AssessmentChoices | None = None) -> Sensitivity:
+    """Return the sensitivity of the verdict on a recording; choices: None: the defaults."""
+    choices = (choices or AssessmentChoices()).stated(source.definition)
+    each = [separated(source, person, choices) for person in people_of(source)]
+    return Sensitivity(source, choices, [apart for apart in each if apart is not None])

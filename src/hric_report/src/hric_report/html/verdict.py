@@ -16,11 +16,10 @@ from markupsafe import Markup
 
 from hric_assessment.ergonomics.scoring import PostureMethod, methods
 from hric_assessment.verdict import assess, moment, opened
-from hric_assessment.verdict.certainty import Certainty
 from hric_assessment.verdict.command import FILE
 from hric_assessment.verdict.conclusions import CONTACT, DISTANCE, EFFORT, POSTURE, TASK, Conclusion
 from hric_assessment.verdict.inputs import AssessmentInput
-from hric_assessment.verdict.result import VERSION
+from hric_assessment.verdict.result import VERSION, certainty_lines
 from hric_bags import files
 from hric_bags.run_folder import RunFolder
 from hric_report.html import body_picture, templates
@@ -122,7 +121,7 @@ def part(verdict: VerdictFile) -> Markup:
         .render(
             verdict=verdict,
             conclusions=conclusions_of(verdict),
-            certain={entry["question"]: [*Certainty.read(entry).lines()] for entry in verdict["certainty"]},
+            certain={entry["question"]: certainty_lines(entry) for entry in verdict["certainty"]},
             questions=BY_DEFAULT,
             replies=REPLIES,
             moment=scene and Markup(moment.picture(moment.Moment.of(scene))),

@@ -6,9 +6,8 @@ import numpy as np
 
 from hric_assessment.tables import uncertain_table
 from hric_assessment.verdict import AssessmentChoices, opened
-from hric_assessment.verdict.assess import sensitivity_of
 from hric_assessment.verdict.conclusions import CONTACT, DISTANCE
-from hric_assessment.verdict.sensitivity import Sensitivity
+from hric_assessment.verdict.sensitivity import Sensitivity, sensitivity_of
 from hric_bags.arguments import run_arguments
 from hric_bags.text import rows
 from hric_core.command import Argument, Command
