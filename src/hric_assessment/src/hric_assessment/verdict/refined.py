@@ -5,6 +5,7 @@ of f is about |f - g| 2^p/(2^p - 1). The error bar is this times a safety factor
 two grids (config/tables/verdict.yaml, grid_order and grid_safety).
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -22,7 +23,7 @@ SAME = 1e-9
 def error_bar(value: float, refined: float) -> float:
     """Return the error bar of a value, from that of a run with half the time step; all in one unit."""
     table = verdict_table()
-    ratio = 2.0 ** table["grid_order"]
+    ratio = math.pow(2.0, table["grid_order"])
     return table["grid_safety"] * abs(value - refined) * ratio / (ratio - 1.0)
 
 
