@@ -17,7 +17,7 @@ from hric_assessment.verdict.contacts import NOT_VARIED, contact_findings
 from hric_assessment.verdict.inputs import AssessmentInput
 from hric_assessment.verdict.person import people_of
 from hric_assessment.verdict.refined import relative_bar
-from hric_assessment.verdict.separating import PersonSeparation, separated, separation_finding
+from hric_assessment.verdict.separating import TOUCHING, PersonSeparation, separated, separation_finding
 
 SHARE, S_P = ("share of the limit", "%"), ("protective distance S_p", "m")
 """Quantity and unit of a conclusion; S_p if a distance is not compared with it, as in a contact."""
@@ -49,6 +49,11 @@ class Sensitivity:
     def level(self, question: str, factors: Mapping[str, float]) -> float | None:
         """Return the largest share of the limit [1] with changed numbers; None: no share is known."""
         return max((item.share for item in self.findings(question, factors) if item.share is not None), default=None)
+
+    @property
+    def touching(self) -> bool:
+        """True if a person touches the arm, so that the distance cannot be compared with S_p by a ratio."""
+        return any(apart.distances.closest.distance <= TOUCHING for apart in self._separations)
 
     def numbers(self, question: str) -> list[str]:
         """Return the names of the unconfirmed numbers that the conclusion about a question may depend on."""

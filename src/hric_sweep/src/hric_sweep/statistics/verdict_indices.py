@@ -52,6 +52,8 @@ def _table(sensitivity: Sensitivity, question: str, count: int) -> str:
     names = sensitivity.numbers(question)
     if not names or sensitivity.level(question, {}) is None:
         return ""
+    if question == DISTANCE and sensitivity.touching:
+        return f"{question}: arm and person touch, so the distance is no share of a limit"
     numbers = uncertain_table().numbers
     ranges = {name: LogUniform(low=numbers[name].low, high=numbers[name].high) for name in names}
     space = Space({name: Variable(paths=(name,), distribution=ranges[name]) for name in names})
