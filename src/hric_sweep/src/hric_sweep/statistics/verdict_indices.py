@@ -13,6 +13,7 @@ from hric_bags.text import rows
 from hric_core.command import Argument, Command
 from hric_core.errors import HricError
 from hric_core.geometry import FloatArray
+from hric_core.parameters import as_number
 from hric_sweep.samplers.designs import Saltelli
 from hric_sweep.space import Space
 from hric_sweep.statistics.sensitivity import FEWEST, indices
@@ -59,7 +60,8 @@ def _table(sensitivity: Sensitivity, question: str, count: int) -> str:
     space = Space({name: Variable(paths=(name,), distribution=ranges[name]) for name in names})
     sampler = Saltelli().sampler(space, count * (len(names) + 2), SEED)
     points = np.array([point.u for point in sampler.ask()])
-    shares = [sensitivity.level(question, factors) for factors in space.values(points)]
+    cases = [{name: as_number(value) for name, value in case.items()} for case in space.values(points)]
+    shares = [sensitivity.level(question, factors) for factors in cases]
     output: FloatArray = np.array([np.nan if share is None else 100.0 * share for share in shares])
     if np.nanmin(output) == np.nanmax(output):
         return f"{question}: no unconfirmed number moves the share of the limit, {output[0]:.3g} %"
