@@ -77,6 +77,7 @@ MADE: dict[str, Any] = {
     "limits": {"title": "ISO/TS 15066", "edition": "2016"},
     "person": None,
     "assumptions": ["a body of the middle"],
+    "certainty": [],
     "findings": [
         finding("contact", "above limits", 1.25, regions=[HAND], side="right", window=[1.2, 1.3]),
         finding("contact", "above limits", None, regions=[FACE], window=[0.2, 0.3]),

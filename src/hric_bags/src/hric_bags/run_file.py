@@ -43,6 +43,14 @@ class RunNotes(TypedDict, total=False):
     arm_error: str
 
 
+class Refinement(TypedDict):
+    """Comparison of a run with its twin of half the time step [s]: name of its run folder, and the compared values."""
+
+    run: str
+    time_step: float
+    values: Sequence[NodeParameters]
+
+
 class RunFile(RunNotes, total=False):
     """Contents of run.yaml; interval: begin and end of the robot time that the metrics cover [s]; limits: by joint."""
 
@@ -69,6 +77,7 @@ class RunFile(RunNotes, total=False):
     interval: Sequence[float] | None
     state_sha256: str
     salvaged: bool
+    refined: Refinement
 
 
 def robot_parameters(run: RunFile) -> NodeParameters:

@@ -45,6 +45,12 @@ class RunCommand(Command):
             ),
             Argument("--no-figures", action="store_true", help="draw no figures"),
             Argument(
+                "--refine",
+                action="store_true",
+                help="also run a twin with half the time step; its differences give the verdict error bars of peak "
+                "forces and smallest distances",
+            ),
+            Argument(
                 "--html",
                 action="store_true",
                 help="also write report.html: one file with plots, tables and a 3D replay",
@@ -57,6 +63,11 @@ class RunCommand(Command):
         whole(minimum=0).checked(arguments.seed, "--seed")
         log_to_terminal(arguments.quiet)
         if study.is_study(arguments.experiment):
+            if arguments.refine:
+                raise experiment.ExperimentError(
+                    f"--refine is for one experiment, and {arguments.experiment} is a study; valid: "
+                    f"{', '.join(experiment.names())}, or the path of a YAML file"
+                )
             return _run_study(arguments)
         if arguments.form:
             raise experiment.ExperimentError(
@@ -68,6 +79,7 @@ class RunCommand(Command):
 
 def _run_experiment(arguments: argparse.Namespace) -> int:
     definition = experiment.load(arguments.experiment, arguments.overrides)
+    from hric_experiments import refine
     from hric_report import headless  # slow to import: errors are reported before
 
     if not arguments.quiet and definition.human is not None:
@@ -76,6 +88,9 @@ def _run_experiment(arguments: argparse.Namespace) -> int:
 
         if lacking := unknown_beforehand(definition.human):
             print(lacking, file=sys.stderr)
+    twin = (
+        refine.run_twin(definition, arguments) if arguments.refine else None
+    )  # first: the run itself is then the latest
     result = headless.run(
         definition,
         arguments.overrides,
@@ -84,6 +99,8 @@ def _run_experiment(arguments: argparse.Namespace) -> int:
         progress=not arguments.quiet,
         figures=not arguments.no_figures,
     )
+    if twin is not None and not result.interrupted:
+        refine.add_errors(result.folder, *twin)
     if not arguments.quiet:
         text.show(f"\n{result.metrics['report']}")
     else:

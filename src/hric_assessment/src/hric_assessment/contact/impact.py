@@ -7,12 +7,14 @@ point along the contact normal. Other forces during the contact and the rotation
 """
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
 from hric_assessment.contact.mass import Mechanism, RobotMasses
-from hric_assessment.tables import episode_table, verdict_table
+from hric_assessment.tables import MASS, ROTORS, STIFFNESS, episode_table, verdict_table
 from hric_assessment.typed_json import Content, JsonObject
 from hric_bags.reader import ControlRecord, FloatArray, RunRecord
 from hric_bags.records.human_record import HumanRecord
@@ -173,13 +175,21 @@ class ClosedFormModels:
         description: URDF of the robot.
         log: control log of the robot.
         human: recording of the human.
+        factors: factors of unconfirmed numbers, by their names in config/tables/uncertain.yaml; a missing one is 1.
 
     Raises:
         HricError: a description, a world file or a parameter is no longer usable, the recorded joints are those of
             another body, or the position of a walking person is not recorded.
     """
 
-    def __init__(self, run: Content, description: str, log: ControlRecord, human: HumanRecord) -> None:
+    def __init__(
+        self,
+        run: Content,
+        description: str,
+        log: ControlRecord,
+        human: HumanRecord,
+        factors: Mapping[str, float] = MappingProxyType({}),
+    ) -> None:
         definition, parameters = run.get("definition") or {}, (run.get("parameters") or {}).get("robot") or {}
         known = ("rotor_inertia", "surfaces", "world", "contact_stiffness")
         plant = {name: value for name, value in (parameters.get("plant") or {}).items() if name in known}
@@ -198,11 +208,18 @@ class ClosedFormModels:
             walked = human.root.at(human.time)[:, :2] - np.array(root.position[:2])
             self._human_q = np.hstack([walked, human.position])
         tree = urdf.read(description)
-        self._robot = Mechanism(tree, log.joint_names, rotor_inertia(plant, log.joint_names, tree))
+        rotors = [factors.get(ROTORS, 1.0) * value for value in rotor_inertia(plant, log.joint_names, tree)]
+        self._robot = Mechanism(tree, log.joint_names, rotors)
         self._human = Mechanism(urdf.read(described), joints, [0.0] * len(joints), T_world_root)
         rules = Surfaces((*load_surfaces(config.world), *config.surfaces), config.contact_stiffness)
         self._name = self._robot.tree.name
         self._skin = rules.of_model("human", body.regions, Surface(), surfaces(body, settings.contact_law))
+        self._skin |= {
+            link: replace(surface, stiffness=factors.get(STIFFNESS, 1.0) * surface.stiffness)
+            for link, surface in self._skin.items()
+            if surface.stiffness is not None
+        }
+        self._heavier = factors.get(MASS, 1.0)
         self._hull = rules.of_model(self._name, self._robot.tree.links, Surface())
         self._torque = definition.get("robot", {}).get("hw") in OWN_WEIGHT
 
@@ -236,7 +253,7 @@ class ClosedFormModels:
             return None
         q_robot, q_human = _at(contact.begin, log.time, log.position), _at(contact.begin, record.time, self._human_q)
         robot_mass = self._robot.reflected_mass(q_robot, link, point, normal)
-        human_mass = self._human.reflected_mass(q_human, contact.link, point, normal)
+        human_mass = self._heavier * self._human.reflected_mass(q_human, contact.link, point, normal)
         if math.isinf(robot_mass) and math.isinf(human_mass):
             return None
         return ClosedFormImpact(speed, robot_mass, human_mass, law[0].stiffness)

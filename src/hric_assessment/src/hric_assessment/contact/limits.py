@@ -7,13 +7,17 @@ If several regions or areas may be in contact and it is unknown which, the lowes
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 
 from hric_assessment.tables import (
     LIMIT_TABLES,
+    LIMITS,
+    MASS,
     REGIONS,
+    STIFFNESS,
     UNITS,
     LimitRow,
     LimitTable,
@@ -104,10 +108,19 @@ class Limits:
 
     Args:
         table: table of limits.
+        factors: factors of unconfirmed numbers, by their names in config/tables/uncertain.yaml; a missing one is 1.
     """
 
-    def __init__(self, table: LimitTable) -> None:
-        self.table = table
+    def __init__(self, table: LimitTable, factors: Mapping[str, float] = MappingProxyType({})) -> None:
+        self.table, self._factors = table.scaled(factors.get(LIMITS, 1.0)), factors
+
+    def varied(self, factors: Mapping[str, float]) -> "Limits":
+        """Return the limits with unconfirmed numbers changed; factors: see the class."""
+        return Limits(self.table, factors)
+
+    def mass(self, region: str) -> float:
+        """Return the effective mass of a region in the body model [kg]."""
+        return REGION_MODELS[region].mass * self._factors.get(MASS, 1.0)
 
     @classmethod
     def named(cls, which: str | Path = LIMIT_TABLES[0]) -> "Limits":
@@ -162,7 +175,7 @@ class Limits:
             self._lowest(forces, UNITS["force"], self.table.force_factor),
             self._lowest(pressures, UNITS["pressure"], self.table.pressure_factor) if pressures else None,
             not any(region in NOT_PERMITTED for region in regions),
-            max(springs),
+            max(springs) * self._factors.get(STIFFNESS, 1.0),
             tuple(
                 f"{name} of {region}"
                 for name, rows in (("force", forces), ("pressure", pressures))

@@ -100,7 +100,7 @@ def speed_limit(
         raise NotAssessableError(
             f"{limits.table.title} has no permitted speed for {region!r}; valid: {', '.join(REGION_MODELS)}"
         )
-    mu = reduced_mass(REGION_MODELS[region].mass, robot_mass)
+    mu = reduced_mass(limits.mass(region), robot_mass)
     speeds = [_of_area(limits, region, row.area, mu, contact_area, dominant) for row in rows]
     return min(speeds, key=lambda speed: (speed.transient.max(), speed.quasi_static.max()))
 

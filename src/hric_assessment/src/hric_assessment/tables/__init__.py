@@ -2,6 +2,7 @@
 
     limits = limit_table("iso_ts_15066")        # or "bgia2011", or a Path to a user's own file
     rula_table(), reba_table(), niosh_table(), separation_table(), episode_table(), area_table(), verdict_table()
+    uncertain_table()
 
 Each file has the values in their printed units, their sources, and a mark for each value: how many public sources
 confirm it. The tables contain printed units; code that uses a table converts them to SI.
@@ -12,17 +13,33 @@ from functools import cache
 from pathlib import Path
 from typing import TypeVar
 
-from hric_assessment.tables.base import MARKS, AreaTable, NioshTable, TableFile, ValueTable
+from hric_assessment.tables.base import (
+    MARKS,
+    AreaTable,
+    NioshTable,
+    TableFile,
+    UncertainNumber,
+    UncertainTable,
+    ValueTable,
+)
 from hric_assessment.tables.limits import FOOT, REGIONS, EnergyRow, ForceRow, LimitRow, LimitTable, PressureRow
 from hric_assessment.tables.posture import Adder, Band, Condition, PostureTable, RebaTable, RulaTable
 from hric_core.errors import check_known
 from hric_core.parameters import package_yaml, read_yaml, unknown
 
 __all__ = [
+    "AREA",
     "FOOT",
+    "LIMITS",
     "LIMIT_TABLES",
     "MARKS",
+    "MASS",
+    "REACTION",
     "REGIONS",
+    "ROTORS",
+    "STIFFNESS",
+    "STOPPING",
+    "TIME_STEP",
     "UNITS",
     "Adder",
     "AreaTable",
@@ -38,6 +55,7 @@ __all__ = [
     "RebaTable",
     "RulaTable",
     "TableFile",
+    "UncertainNumber",
     "ValueTable",
     "area_table",
     "episode_table",
@@ -46,6 +64,7 @@ __all__ = [
     "reba_table",
     "rula_table",
     "separation_table",
+    "uncertain_table",
     "verdict_table",
 ]
 LIMIT_TABLES = ("iso_ts_15066", "bgia2011")
@@ -83,8 +102,22 @@ VERDICT_NAMES = (
     "active",
     "very_active",
     "weak_shoulder",
+    "grid_safety",
+    "grid_order",
 )
 """Names of the values that config/tables/verdict.yaml must have."""
+UNCERTAIN_NAMES = ROTORS, STIFFNESS, MASS, LIMITS, AREA, REACTION, STOPPING = (
+    "rotor_inertia",
+    "region_stiffness",
+    "body_mass",
+    "unconfirmed_limits",
+    "contact_area",
+    "reaction_time",
+    "stopping",
+)
+TIME_STEP = "time_step"
+"""Name of the factor of the numerical error of a peak force; its range comes from a twin run."""
+"""Names of the numbers that config/tables/uncertain.yaml may have."""
 UNITS = {"force": 1.0, "pressure": 1e4, "stiffness": 1e3, "length": 1e-2}
 """Factors from the printed units N, N/cm^2, N/mm and cm to SI."""
 
@@ -142,6 +175,14 @@ def area_table() -> AreaTable:
 def verdict_table() -> ValueTable:
     """Return the thresholds of the verdict (config/tables/verdict.yaml)."""
     return _built_in(ValueTable, "verdict", VERDICT_NAMES)
+
+
+@cache
+def uncertain_table() -> UncertainTable:
+    """Return the numbers that are not confirmed, with their ranges (config/tables/uncertain.yaml)."""
+    table = _built_in(UncertainTable, "uncertain")
+    check_known("number", table.numbers, UNCERTAIN_NAMES, "uncertain.yaml")
+    return table
 
 
 def _built_in(kind: type[T], name: str, values: Sequence[str] = ()) -> T:

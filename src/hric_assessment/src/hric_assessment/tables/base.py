@@ -4,9 +4,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from hric_core.node import REQUIRED
 from hric_core.parameters import Settings, choice, listing, mapping, number, numbers, section, text, unknown
 
-MARKS = ("confirmed twice", "confirmed once", "unconfirmed", "chosen here")
+MARKS = _, _, UNCONFIRMED, _ = ("confirmed twice", "confirmed once", "unconfirmed", "chosen here")
 """Marks that state how well a table's value is confirmed.
 
 In order: by two or more independent public sources, by one, from memory only, chosen by this project without a source.
@@ -103,3 +104,28 @@ class AreaTable(ValueTable):
     """Possible areas of a contact between robot and person, by body region [m^2]."""
 
     largest: Mapping[str, float] = mapping(number(above=0.0), text="by region")
+
+
+@dataclass(frozen=True)
+class UncertainNumber(MarkedRow):
+    """Number on which verdicts depend and whose value is not confirmed, with the range in which it may lie.
+
+    Attributes:
+        low, high: ends of the range, as factors of the value that the verdict uses [1].
+        about: name of the number in verdicts.
+        reason: reason for the range.
+        changes: question of the verdict on which the number has an effect.
+    """
+
+    low: float = number(above=0.0, maximum=1.0, unit="1")
+    high: float = number(minimum=1.0, unit="1")
+    about: str = text(empty=False)
+    reason: str = text(empty=False, figures=True)
+    changes: str = choice("contact", "distance", default=REQUIRED)
+
+
+@dataclass(frozen=True)
+class UncertainTable(TableFile):
+    """Numbers of verdicts that are not confirmed, with their ranges."""
+
+    numbers: Mapping[str, UncertainNumber] = mapping(section(UncertainNumber))

@@ -1,10 +1,10 @@
 """Contact limit tables (ISO/TS 15066, BG/BGIA, or a user's), as they stand in their files."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Self
 
-from hric_assessment.tables.base import MarkedRow, TableFile, check_sources
+from hric_assessment.tables.base import UNCONFIRMED, MarkedRow, TableFile, check_sources
 from hric_core.node import REQUIRED
 from hric_core.parameters import Mistakes, choice, either, listing, number, refused, section, text, whole
 from hric_human.body.regions import REGION_MODELS
@@ -44,6 +44,12 @@ class LimitRow(MarkedRow):
         if self.transient == NO_TRANSIENT:
             return None
         return float(self.transient) if self.transient is not None else self.quasi_static * (factor or 1.0)
+
+    def scaled(self, factor: float) -> Self:
+        """Return the row with its limits multiplied by a factor [1], up to the largest accepted limit."""
+        held, short = min(factor * self.quasi_static, LARGEST_LIMIT), self.transient
+        short = min(factor * short, LARGEST_LIMIT) if isinstance(short, float) else short
+        return replace(self, quasi_static=held, transient=short)
 
 
 @dataclass(frozen=True)
@@ -133,6 +139,14 @@ class LimitTable(TableFile):
             raise refused(where, ", ".join(filter(None, label)), "each region, area and hand once")
         if isinstance(row, PressureRow) and not self.force_rows(row.region, row.area):
             raise refused(f"{where}.region", row.region, "a region and area that also have a row in forces")
+
+    def scaled(self, factor: float) -> "LimitTable":
+        """Return a copy in which the limits of rows with the mark "unconfirmed" are multiplied by a factor [1]."""
+        if factor == 1.0:
+            return self
+        forces = tuple(row.scaled(factor) if self.mark_of(row) == UNCONFIRMED else row for row in self.forces)
+        pressures = tuple(row.scaled(factor) if self.mark_of(row) == UNCONFIRMED else row for row in self.pressures)
+        return replace(self, forces=forces, pressures=pressures)
 
     def force_rows(self, region: str, area: str | None = None) -> list[ForceRow]:
         """Return the force rows for an area of a region; without an area, all force rows of the region.

@@ -4,19 +4,18 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from hric_assessment.ergonomics.scoring import methods
-from hric_assessment.findings import Finding, Missing, UnjudgedValue
+from hric_assessment.findings import Missing, UnjudgedValue
+from hric_assessment.verdict.all_findings import all_findings
 from hric_assessment.verdict.choices import AssessmentChoices
 from hric_assessment.verdict.conclusions import conclusions, with_remedy
-from hric_assessment.verdict.contacts import contact_findings, silence_assumed
+from hric_assessment.verdict.contacts import silence_assumed
 from hric_assessment.verdict.inputs import AssessmentInput
 from hric_assessment.verdict.interaction import interaction, productivity
-from hric_assessment.verdict.lifts import lift_findings
 from hric_assessment.verdict.loads import Loads, loads
 from hric_assessment.verdict.moment import moment
 from hric_assessment.verdict.person import AssessedPerson, people_of
-from hric_assessment.verdict.postures import posture_finding, scored
-from hric_assessment.verdict.result import RecordingSummary, ScoreCurve, TableTitle, Timelines, Verdict, ranked
-from hric_assessment.verdict.separating import PersonSeparation, not_separated, separated, separation_finding
+from hric_assessment.verdict.result import RecordingSummary, TableTitle, Timelines, Verdict, ranked
+from hric_assessment.verdict.sensitivity import Sensitivity, certainties, doubts
 from hric_core.errors import HricError
 
 ANGLES = "joint angles of a person (hric/human/joint_states, hric/person/joint_states, or markers of the body)"
@@ -84,7 +83,7 @@ def assess(source: AssessmentInput, choices: AssessmentChoices | None = None, *,
     each = [loads(source, person, muscles=muscles) for person in people] or [loads(source, None, muscles=muscles)]
     activation = next((curves for item in each if (curves := item.timeline()) is not None), None)
     figures = (*_figures(each, people), *verdict.figures)
-    drawn = conclusions(verdict.findings, figures, verdict.missing, source.run)
+    drawn = conclusions(verdict.findings, figures, verdict.missing, source.run, doubts(verdict.certainty))
     timelines = replace(verdict.timelines, activation=activation)
     return replace(verdict, figures=figures, timelines=timelines, conclusions=drawn)
 
@@ -96,17 +95,8 @@ def judge(source: AssessmentInput, choices: AssessmentChoices | None = None) -> 
     """
     choices = (choices or AssessmentChoices()).stated(source.definition)
     people, signals = people_of(source), source.recording
-    findings = contact_findings(source, choices)
-    scores: dict[str, list[ScoreCurve]] = {key: [] for key in methods()}
-    distances: list[PersonSeparation] = []
-    for person in people:
-        for arm in scored(person, person.record, (signals.begin, signals.end), choices.versions):
-            findings.append(replace(posture_finding(arm, person), person=person.name))
-            scores[arm.key].append(arm.timeline())
-        findings += [*_separation(source, person, choices, distances), *lift_findings(source, person)]
-    if len({finding.person for finding in findings}) < 2:
-        findings = [replace(finding, person="") for finding in findings]  # with one person no name is needed
-    nearest = min(distances, key=lambda item: item.margin, default=None)
+    judged = all_findings(source, people, choices)
+    findings, nearest = judged.findings, judged.nearest
     table, first = choices.limits.table, people[0] if people else None
     assumptions = [line for person in people for line in person.assumptions]
     verdict = Verdict(
@@ -117,28 +107,15 @@ def judge(source: AssessmentInput, choices: AssessmentChoices | None = None) -> 
         ranked([with_remedy(finding, source.name, source.run.get("experiment", "EXPERIMENT")) for finding in findings]),
         (*interaction(source), *productivity(nearest, signals.safety)),
         tuple(missing(source, first)),
-        Timelines(scores, None if nearest is None else nearest.timeline()),
+        Timelines(judged.scores, None if nearest is None else nearest.timeline()),
     )
-    drawn = conclusions(verdict.findings, verdict.figures, verdict.missing, source.run)
-    verdict = replace(verdict, conclusions=drawn)
+    certain = certainties(Sensitivity(source, choices, judged.separations), verdict.findings)
+    drawn = conclusions(verdict.findings, verdict.figures, verdict.missing, source.run, doubts(certain))
+    verdict = replace(verdict, conclusions=drawn, certainty=certain)
     try:
         return replace(verdict, moment=moment(source, people, drawn, verdict.findings))
     except HricError:  # the same error is the reason of a finding
         return verdict
-
-
-def _separation(
-    source: AssessmentInput, person: AssessedPerson, choices: AssessmentChoices, distances: list[PersonSeparation]
-) -> list[Finding]:
-    """Return the finding about a person's distance from the arm, and add the distances to `distances`."""
-    try:
-        apart = separated(source, person, choices)
-    except HricError as error:  # an unusable description or root must not hide a contact
-        return [not_separated(str(error), person.name)]
-    if apart is None:
-        return []
-    distances.append(apart)
-    return [separation_finding(apart)]
 
 
 def _figures(each: Sequence[Loads], people: Sequence[AssessedPerson]) -> list[UnjudgedValue]:

@@ -3,12 +3,14 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from hric_assessment.contact.classes import BY_DURATION
 from hric_assessment.contact.limits import Limits
 from hric_assessment.contact.mass import LARGEST
 from hric_assessment.separation.protective import Stop
 from hric_assessment.separation.stopping import StopTable
-from hric_assessment.tables import verdict_table
+from hric_assessment.tables import AREA, REACTION, STOPPING, verdict_table
 from hric_assessment.typed_json import Content
 from hric_core.geometry import FloatArray
 from hric_core.parameters import as_number
@@ -20,9 +22,12 @@ class BrakingChoice:
 
     Attributes:
         stops: table of the arm's stops by speed and load; None: not known.
+        reaction, stopping: factors of the reaction time, and of stopping time and distance [1].
     """
 
     stops: StopTable | None = None
+    reaction: float = 1.0
+    stopping: float = 1.0
 
     def text(self, load: float) -> str:
         """Return a text with the assumption about the braking, or its source; load: load of the arm [kg]."""
@@ -45,9 +50,12 @@ class BrakingChoice:
             NotAssessableError: the speed or load is higher than in any known stop.
         """
         rules = verdict_table()
-        if self.stops is not None:
-            return self.stops.stop(speed, load, rules["reaction_time"])
-        return Stop(rules["reaction_time"], 0.0 * speed + rules["stopping_time"])
+        reaction = self.reaction * rules["reaction_time"]
+        if self.stops is None:
+            return Stop(reaction, 0.0 * speed + self.stopping * rules["stopping_time"])
+        stop = self.stops.stop(speed, load, reaction)
+        distance = None if stop.distance is None else np.multiply(self.stopping, stop.distance)
+        return stop._replace(time=np.multiply(self.stopping, stop.time), distance=distance)
 
 
 @dataclass(frozen=True)
@@ -63,6 +71,7 @@ class AssessmentChoices:
         interpretation: interpretation of clamped contacts, one of `contact.classes.INTERPRETATIONS`.
         versions: versions of the tables of posture scoring methods, by the keys of `methods`.
         assumptions: assumptions behind the choices, one sentence each.
+        factors: factors of unconfirmed numbers, by their names in config/tables/uncertain.yaml; a missing one is 1.
     """
 
     limits: Limits = field(default_factory=Limits.named)
@@ -72,6 +81,17 @@ class AssessmentChoices:
     versions: Mapping[str, str] = field(default_factory=dict)
     assumptions: tuple[str, ...] = ()
     interpretation: str = BY_DURATION
+    factors: Mapping[str, float] = field(default_factory=dict)
+
+    def varied(self, factors: Mapping[str, float]) -> "AssessmentChoices":
+        """Return a copy with unconfirmed numbers changed; the contact area must be known already, see `stated`.
+
+        factors: factors by the names in config/tables/uncertain.yaml; a missing one is 1.
+        """
+        area = None if self.contact_area is None else factors.get(AREA, 1.0) * self.contact_area
+        braking = replace(self.braking, reaction=factors.get(REACTION, 1.0), stopping=factors.get(STOPPING, 1.0))
+        limits = self.limits.varied(factors)
+        return replace(self, limits=limits, braking=braking, contact_area=area, factors=factors)
 
     def stated(self, experiment: Content) -> "AssessmentChoices":
         """Return a copy with the contact area that an experiment states, if the user chose none."""

@@ -7,7 +7,7 @@ effort    How much effort does the run cost the person? Only lifts have a limit.
 task      Was the run completed?
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Annotated
@@ -105,7 +105,11 @@ class Conclusion:
 
 
 def conclusions(
-    findings: Sequence[Finding], figures: Sequence[UnjudgedValue], missing: Sequence[Missing], run: Content
+    findings: Sequence[Finding],
+    figures: Sequence[UnjudgedValue],
+    missing: Sequence[Missing],
+    run: Content,
+    doubts: Mapping[str, str] = {},
 ) -> tuple[Conclusion, ...]:
     """Return the conclusions about all questions, each for the person with the worst finding.
 
@@ -114,12 +118,16 @@ def conclusions(
         figures: numbers without a limit.
         missing: signals that the recording lacks.
         run: contents of run.yaml; empty without a run folder.
+        doubts: reason why a "yes" to a question may be wrong, one sentence, by question; such a reply is a warning.
     """
     persons = list(dict.fromkeys(finding.person for finding in findings if finding.person)) or [""]
     worst = []
     for question in BY_DEFAULT:
         each = [_of_person(question, findings, missing, person) for person in persons]
-        worst.append(min(each, key=lambda conclusion: ORDER.index(OUTCOMES[conclusion.reply])))
+        first = min(each, key=lambda conclusion: ORDER.index(OUTCOMES[conclusion.reply]))
+        if question in doubts and first.reply == Reply.YES:
+            first = replace(first, reply=Reply.WARNING, reason=f"{doubts[question]}; {first.reason}")
+        worst.append(first)
     return (*worst, _effort(findings, figures, missing), _task(run))
 
 
@@ -143,6 +151,11 @@ def _posture(findings: Sequence[Finding]) -> list[Finding]:
     """
     main = [item for item in findings if not ((method := method_of(item.subject)) and method.supplements)]
     return [item for item in findings if not main or item in main or item.outcome != Outcome.NOT_ASSESSABLE]
+
+
+def decisive(findings: Sequence[Finding]) -> Finding | None:
+    """Return the finding that decides the question about posture, the first of the worst; None: there is none."""
+    return next(iter(_posture(findings)), None)
 
 
 def _by(question: str, finding: Finding, findings: Sequence[Finding]) -> Conclusion:

@@ -18,7 +18,7 @@ from hric_assessment.contact.impact import ClosedFormImpact, ClosedFormModels
 from hric_assessment.contact.mass import LARGEST, LOCKED, REFLECTED, STANDARD, RobotMasses
 from hric_assessment.contact.speed import SpeedLimit, permitted_speed, speed_limit
 from hric_assessment.findings import CONTACT, Evidence, Finding, NotAssessableError, Outcome
-from hric_assessment.tables import verdict_table
+from hric_assessment.tables import MASS, ROTORS, STIFFNESS, TIME_STEP, verdict_table
 from hric_assessment.verdict.choices import AssessmentChoices
 from hric_assessment.verdict.inputs import AssessmentInput
 from hric_assessment.verdict.person import body_of
@@ -49,6 +49,9 @@ PERMITTED = tuple(f"permitted speed by {mass} [m/s]" for mass in ("m_u", "M/2 + 
 """Names of the speeds that the robot's three masses permit, in the order of `RobotMasses`."""
 Impact = tuple[ClosedFormImpact, RobotMasses]
 """Closed form of an impact as simulated, and the masses of the robot by which it can be judged."""
+NOT_VARIED = (
+    "the peak force is not that of an impact with a closed form: how masses and stiffness change it is not known"
+)
 SPEED_STEP = 1e-3
 """Time step assumed for a plant that does not state one [s]: 1 kHz, as in every run of this workspace."""
 
@@ -181,7 +184,9 @@ class _Judge:
     def __init__(self, source: AssessmentInput, record: HumanRecord, choices: AssessmentChoices) -> None:
         self._record, self._choices = record, choices
         self._body = body_of(source, record)
-        self._expected = ExpectedImpacts(source, record, choices)
+        self._expected = self._nominal = ExpectedImpacts(source, record, choices)
+        if choices.factors:
+            self._nominal = ExpectedImpacts(source, record, replace(choices, factors={}))
         self._simulated = bool(source.definition.get("human"))
         self._period = float(source.plant.get("time_step", SPEED_STEP)) if self._simulated else np.inf
 
@@ -212,7 +217,7 @@ class _Judge:
         except HricError:  # a region that does not exist becomes the reason of the finding in _assessed
             approach, impact, doubts = None, None, []
         refused = [note for note in notes if note.startswith(("the recorded contact area", OTHER_REGION))]
-        episode = replace(episode, doubts=(*episode.doubts, *doubts, *refused))
+        episode = self._varied(replace(episode, doubts=(*episode.doubts, *doubts, *refused)))
         kind, why = contact_class(episode.contacts, self._record.region_contacts, self._simulated)
         chosen = self._choices.interpretation
         held = chosen == BY_CLAMPING and kind != ContactClass.FREE
@@ -239,6 +244,21 @@ class _Judge:
             energy = None
         about = {name: getattr(finding, name) for name in ("signals", "regions", "side", "window", "person")}
         return [finding] if energy is None else [finding, replace(energy, notes=(*classed, *energy.notes), **about)]
+
+    def _varied(self, episode: Episode) -> Episode:
+        """Return a simulated episode whose impact has the force that the closed form predicts with the factors."""
+        factors, peak, held = self._choices.factors, episode.transient, episode.quasi_static
+        if not factors or not self._simulated or not episode.known:
+            return episode
+        ratio, contact = factors.get(TIME_STEP, 1.0), max(episode.contacts, key=lambda contact: contact.peak or 0.0)
+        if factors.keys() & {MASS, ROTORS, STIFFNESS}:
+            before, after = self._nominal.form(contact), self._expected.form(contact)
+            if before is None or after is None or peak.peak_time > contact.begin + before.duration:
+                return replace(episode, notes=(*episode.notes, NOT_VARIED))
+            ratio *= after.peak / before.peak
+        largest = max(ratio * peak.peak, 0.0 if held is None else held.peak)
+        overall = replace(episode.overall, peak=largest)
+        return replace(episode, transient=replace(peak, peak=ratio * peak.peak), overall=overall)
 
     def _assessed(
         self,
@@ -305,11 +325,16 @@ class ExpectedImpacts:
             self._why = "for the closed form: the robot's description and the person's position (run folder)"
             return
         try:
-            self._forms = ClosedFormModels(source.run, source.description, log, record)
+            self._forms = ClosedFormModels(source.run, source.description, log, record, choices.factors)
         except HricError as error:
             self._why = f"for the closed form: {error}"
             return
         self._load = float((source.definition.get("robot", {}).get("load") or {}).get("mass", 0.0))
+
+    def form(self, contact: RegionContact) -> ClosedFormImpact | None:
+        """Return the closed form of a contact; None: it has none, or the motion at that time is not known."""
+        form = None if self._forms is None else self._forms.impact(contact)
+        return form if form is not None and np.isfinite(form.peak) else None
 
     def approach(
         self, contacts: Sequence[RegionContact], site: ContactSite, simulated: bool
@@ -333,9 +358,8 @@ class ExpectedImpacts:
             )  # the speed is negative if the bodies separate when the contact is first reported
             if not speed > 0.0:
                 continue
-            form = None if self._forms is None else self._forms.impact(contact)
-            impact = None
-            if self._forms is not None and form is not None and np.isfinite(form.peak):  # the arm's motion is known
+            form, impact = self.form(contact), None
+            if self._forms is not None and form is not None:
                 impact = form, self._forms.robot_masses(contact, self._load)
             if (limit := self._lowest(impact, site)) is not None:
                 label = f"{limit.region}, {'robot of unknown mass' if impact is None else MASS_TEXTS[self._which]}"

@@ -9,7 +9,8 @@ import numpy as np
 
 from hric_assessment.ergonomics.scoring import methods
 from hric_assessment.findings import DISCLAIMER, ENERGY, Finding, Missing, Outcome, UnjudgedValue
-from hric_assessment.typed_json import NAMES, JsonObject, closed, plain, schema_of
+from hric_assessment.typed_json import NAMES, Content, JsonObject, closed, plain, schema_of
+from hric_assessment.verdict.certainty import Certainty
 from hric_assessment.verdict.conclusions import CONTACT, GROUPS, ORDER, Conclusion, headline, outcome
 from hric_assessment.verdict.moment import Moment
 from hric_assessment.verdict.person import PersonSummary
@@ -17,7 +18,7 @@ from hric_core.errors import NOT_GOOD, NOT_KNOWN
 from hric_core.geometry import FloatArray
 
 T = TypeVar("T", Finding, UnjudgedValue)
-VERSION = 3
+VERSION = 4
 """Version of verdict.json, whose schema is config/verdict.schema.json."""
 EXIT_CODES = {Outcome.WITHIN: 0, Outcome.WARNING: 0, Outcome.ABOVE: NOT_GOOD, Outcome.NOT_ASSESSABLE: NOT_KNOWN}
 SHOWN_LINES = 15
@@ -118,6 +119,7 @@ class Verdict:
         timelines: curves over time.
         conclusions: replies to the five questions.
         moment: arm and person at the worst moment; None: not known.
+        certainty: how unconfirmed numbers move the conclusions about contact, distance and posture.
     """
 
     input: RecordingSummary
@@ -130,6 +132,7 @@ class Verdict:
     timelines: Timelines = field(default_factory=Timelines)
     conclusions: tuple[Conclusion, ...] = ()
     moment: Annotated[Moment | None, "capsules of arm and person at the worst moment of the worst answer"] = None
+    certainty: Annotated[tuple[Certainty, ...], "how unconfirmed numbers move the conclusions"] = ()
 
     @property
     def outcome(self) -> Outcome:
@@ -155,7 +158,11 @@ class Verdict:
         """
         span = f"{self.input.begin:.2f} to {self.input.end:.2f} s"
         lines = [f"{self.input.name}, {span}: {headline(self.conclusions, only)}", ""]
-        lines += [str(item) for item in self.conclusions if not only or item.question in only]
+        certain = {item.question: item for item in self.certainty}
+        for item in self.conclusions:
+            if not only or item.question in only:
+                known = certain.get(item.question)
+                lines += [str(item), *(f"{'':20}{line}" for line in (known.lines() if known else ()))]
         lines += ["", DISCLAIMER, ""]
         groups = [GROUPS[item] for item in only if item in GROUPS] if only else list(GROUPS.values())
         groups += [ENERGY] if GROUPS[CONTACT] in groups else []
@@ -189,6 +196,11 @@ class Verdict:
         for title, content in parts.items():
             lines += [f"{title}:", *(f"- {item}" for item in content), ""] if content else []
         return lines
+
+
+def certainty_lines(entry: Content) -> list[str]:
+    """Return the lines of an entry `certainty` of verdict.json."""
+    return [*Certainty.read(entry).lines()]
 
 
 def verdict_schema() -> JsonObject:

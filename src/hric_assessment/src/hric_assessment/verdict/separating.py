@@ -18,7 +18,7 @@ from hric_assessment.separation.capsules import CapsuleMotion, capsules_of, move
 from hric_assessment.separation.minima import Separation, separation
 from hric_assessment.separation.protective import Terms, person_speed, protective_distance
 from hric_assessment.tables import separation_table, verdict_table
-from hric_assessment.verdict.choices import AssessmentChoices
+from hric_assessment.verdict.choices import AssessmentChoices, BrakingChoice
 from hric_assessment.verdict.inputs import AssessmentInput
 from hric_assessment.verdict.person import AssessedPerson
 from hric_assessment.verdict.result import SeparationCurve, thinned
@@ -49,6 +49,7 @@ class PersonSeparation:
         evidence: evidence of the arm's log, with the share of its motion in which the person is known.
         relied: True if only the distance protected the person: contacts are not judged by force, and nothing is held.
         shapeless: links of the arm with mesh shapes, which the distances ignore.
+        load: load of the arm [kg].
     """
 
     distances: Separation
@@ -63,6 +64,12 @@ class PersonSeparation:
     evidence: Evidence
     relied: bool
     shapeless: tuple[str, ...]
+    load: float
+
+    def braked(self, braking: BrakingChoice) -> "PersonSeparation":
+        """Return the same distances with the protective distance of another braking."""
+        human, terms = _protective(self.speed, self.person, braking, self.load)
+        return replace(self, human=human, terms=terms)
 
     @property
     def protective(self) -> FloatArray:
@@ -74,6 +81,13 @@ class PersonSeparation:
         """Smallest distance minus S_p while the arm moves [m]; infinite if the arm never moves."""
         margins = self.distances.distance - self.protective
         return float(np.nanmin(margins)) if np.isfinite(margins).any() else float("inf")
+
+    @property
+    def share(self) -> float | None:
+        """Largest ratio of S_p to the distance while the arm moves [1]; None: never moved, or always in touch."""
+        distance = self.distances.distance
+        ratio = np.where(distance > TOUCHING, self.protective / np.maximum(distance, TOUCHING), np.nan)
+        return float(np.nanmax(ratio)) if np.isfinite(ratio).any() else None
 
     def timeline(self) -> SeparationCurve:
         """Return distance and protective distance over time as curves of the verdict."""
@@ -108,9 +122,7 @@ def separated(source: AssessmentInput, person: AssessedPerson, choices: Assessme
     distances = separation(float(begin), float(end), arm, robot.radii, bodies, body.radii)
     speed = speeds(arm, distances.time)
     load = float((source.definition.get("robot") or {}).get("load", {}).get("mass", 0.0))
-    stop = choices.braking.stop(speed, load)
-    human = person_speed(speed, stop, 0.0, person.uncertainty, 0.0)
-    terms = protective_distance(speed, human, stop, 0.0, person.uncertainty, 0.0)
+    human, terms = _protective(speed, person, choices.braking, load)
     notes = _notes(person, choices.braking.text(load), unknown_share)
     relied = _relied(person, notes)
     return PersonSeparation(
@@ -126,7 +138,17 @@ def separated(source: AssessmentInput, person: AssessedPerson, choices: Assessme
         _evidence(source, log, person, arm),
         relied,
         tuple(dict.fromkeys(left_out)),
+        load,
     )
+
+
+def _protective(
+    speed: FloatArray, person: AssessedPerson, braking: BrakingChoice, load: float
+) -> tuple[FloatArray, Terms]:
+    """Return the assumed speed of a person, shape (n,) [m/s], and the terms of S_p; arguments: see PersonSeparation."""
+    stop = braking.stop(speed, load)
+    human = person_speed(speed, stop, 0.0, person.uncertainty, 0.0)
+    return human, protective_distance(speed, human, stop, 0.0, person.uncertainty, 0.0)
 
 
 def _relied(person: AssessedPerson, notes: list[str]) -> bool:
@@ -220,7 +242,6 @@ def separation_finding(approach: PersonSeparation) -> Finding:
     """Return the finding about the protective separation distance."""
     distances, protective, table = approach.distances, approach.protective, separation_table()
     violations = distances.violations(protective)
-    ratio = np.where(distances.distance > TOUCHING, protective / np.maximum(distances.distance, TOUCHING), np.nan)
     if violations:
         worst = min(violations, key=lambda violation: violation.margin)
         at = int(np.searchsorted(distances.time, worst.time))
@@ -245,7 +266,7 @@ def separation_finding(approach: PersonSeparation) -> Finding:
         outcome,
         reason,
         table.name,
-        None if (violations and not approach.relied) or not np.isfinite(ratio).any() else float(np.nanmax(ratio)),
+        None if violations and not approach.relied else approach.share,
         _values(approach, at),
         window,
         ("/control_log", *approach.person.signals),

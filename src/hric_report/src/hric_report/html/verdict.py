@@ -19,7 +19,7 @@ from hric_assessment.verdict import assess, moment, opened
 from hric_assessment.verdict.command import FILE
 from hric_assessment.verdict.conclusions import CONTACT, DISTANCE, EFFORT, POSTURE, TASK, Conclusion
 from hric_assessment.verdict.inputs import AssessmentInput
-from hric_assessment.verdict.result import VERSION
+from hric_assessment.verdict.result import VERSION, certainty_lines
 from hric_bags import files
 from hric_bags.run_folder import RunFolder
 from hric_report.html import body_picture, templates
@@ -121,6 +121,7 @@ def part(verdict: VerdictFile) -> Markup:
         .render(
             verdict=verdict,
             conclusions=conclusions_of(verdict),
+            certain={entry["question"]: certainty_lines(entry) for entry in verdict["certainty"]},
             questions=BY_DEFAULT,
             replies=REPLIES,
             moment=scene and Markup(moment.picture(moment.Moment.of(scene))),

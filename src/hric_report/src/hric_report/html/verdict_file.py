@@ -62,3 +62,4 @@ class VerdictFile(_Conclusions):
     findings: Sequence[FindingEntry]
     timelines: Content
     moment: Content | None
+    certainty: Sequence[Content]
