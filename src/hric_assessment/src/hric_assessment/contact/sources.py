@@ -4,7 +4,7 @@ for table in sources(groups, regions, limits_titles):
     table.file, table.table.name, table.numbers
 """
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ from hric_human.body.regions import REGION_MODELS
 
 CONFIRMED = MARKS[:2]
 """Marks of numbers that at least one public source confirms."""
-BY_GROUP = {
+BY_GROUP: Mapping[str, Mapping[str, Callable[[], tables.TableFile]]] = {
     CONTACT: {"episodes": tables.episode_table, "contact_areas": tables.area_table},
     SEPARATION: {"separation": tables.separation_table},
     LIFT: {"niosh": tables.niosh_table},

@@ -165,7 +165,9 @@ class Supervisor:
     ) -> None:
         self._frames = {WORLD: np.eye(4)} if frames is None else frames
         self.settings, self._arm = settings, arm
-        self._mechanism = Mechanism(arm.tree, arm.joints, np.zeros(len(arm.joints)) if rotors is None else rotors)
+        self._mechanism = Mechanism(
+            arm.tree, arm.joints, [0.0] * len(arm.joints) if rotors is None else rotors.tolist()
+        )
         self._limits = Limits.named(settings.table)
         self._stopping = StoppingModel(settings)
         self._protective = Protective(settings, self._stopping)

@@ -55,8 +55,8 @@ class ReproduceCommand(Command):
     def run(self, arguments: argparse.Namespace) -> None:
         """Print the list of experiments, or simulate experiments and print and write their results."""
         if arguments.name is None:
-            experiments = [(name, definition.load(name).title) for name in definition.names()]
-            print("\n".join(text_table.rows([("NAME", "published experiment"), *experiments])))
+            listed = [(name, definition.load(name).title) for name in definition.names()]
+            print("\n".join(text_table.rows([("NAME", "published experiment"), *listed])))
             return
         names = definition.names() if arguments.name == ALL else [arguments.name]
         experiments = {Path(name).stem: definition.load(name) for name in names}

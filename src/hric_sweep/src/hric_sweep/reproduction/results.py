@@ -105,7 +105,7 @@ def restore(path: Path, key: str) -> Mapping[str, float] | None:
     """Return the simulated values of a finished experiment; None: not finished, or `key` (code, data) has changed."""
     try:
         content = json.loads(path.read_text())
-        return content["simulated"] if content["key"] == key else None  # type: ignore[no-any-return]
+        return content["simulated"] if content["key"] == key else None
     except FileNotFoundError:
         return None
     except (OSError, ValueError, KeyError, TypeError) as error:

@@ -8,8 +8,8 @@ import numpy as np
 
 from franka_sim.franka_hw_sim import FrankaHWSim
 from hric_assessment.contact.limits import Limits
+from hric_assessment.contact.mass import moving_masses
 from hric_assessment.contact.speed import half_mass, permitted_speed
-from hric_assessment.verdict.contacts import masses
 from hric_core import urdf
 from hric_human.body.regions import REGION_MODELS
 from hric_run.definition import experiment
@@ -33,7 +33,9 @@ SPEED = 0.25
 @contextmanager
 def _robot() -> Iterator[FrankaHWSim]:
     with Simulation(experiment.load(experiment.NONE, ["simulator:=mujoco"])) as simulation:
-        yield simulation.app.hw
+        robot = simulation.app.hw
+        assert isinstance(robot, FrankaHWSim), "the robot of an experiment without a robot section"
+        yield robot
 
 
 def downward_contacts(data: DataSet) -> dict[str, float]:
@@ -47,7 +49,7 @@ def downward_contacts(data: DataSet) -> dict[str, float]:
     body, down = HitBody(CLAMPED, stiffness), np.array(DIRECTIONS["-z"])
     with _robot() as robot:
         postures, blows = Postures(robot), Blows(robot, ArmBehaviour.DRIVEN)
-        moving, tool = masses(urdf.read(robot.description), robot.model.joint_names)
+        moving, tool = moving_masses(urdf.read(robot.description), robot.model.joint_names)
         standard = float(permitted_speed(limit.force.quasi_static, half_mass(moving - tool, tool), stiffness))
         forces, speeds = [], []
         for point in grid.points(*POINTS):

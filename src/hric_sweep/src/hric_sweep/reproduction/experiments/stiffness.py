@@ -44,7 +44,7 @@ def resting_hand(data: DataSet) -> dict[str, float]:
     with ArmInPlant(control(AVERAGE_MAN)) as arm:
         still = arm.pulled((0.0, 0.0, 0.0), SETTLED)
         moved = [arm.pulled(force, SETTLED) - still for force in ((PULL, 0.0, 0.0), (0.0, PULL, 0.0))]
-    return {"ratio": _ratio(np.linalg.inv(np.array(moved)[:, :2].T / PULL))}
+    return {"ratio": _ratio(np.asarray(np.linalg.inv(np.array(moved)[:, :2].T / PULL)))}
 
 
 def joint_stiffness(q: Sequence[float], joints: Sequence[int]) -> FloatArray:
