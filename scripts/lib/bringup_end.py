@@ -81,10 +81,13 @@ def end_nodes(monitor: Any, impatient: Callable[[], bool]) -> None:
 def _wait(alive: Sequence[Any], impatient: Callable[[], bool]) -> None:
     began = time.monotonic()
     due = began + PROGRESS_AFTER
+    killed = set[str]()
     while alive := [process for process in alive if process.popen.poll() is None]:
         now = time.monotonic()
         for process in alive:
-            if impatient() or now - began > LONGER.get(_name(process), LIMIT):
+            overdue = now - began > LONGER.get(_name(process), LIMIT)
+            if process.name not in killed and (overdue or impatient()):
+                killed.add(process.name)
                 _signal(process, signal.SIGKILL)
                 reason = "at your request" if impatient() else f"after {now - began:.0f} s"
                 lost = "; close its bag by: hric health --salvage"

@@ -15,6 +15,7 @@ from websockets.typing import Origin
 
 pytestmark = [
     pytest.mark.alone,
+    pytest.mark.live,  # a browser that draws in software takes the processors that others need
     pytest.mark.skipif(not installed(), reason="no chromium; scripts/setup --with checks installs it"),
 ]
 JOINT1 = "report.replay.robots[0].position.at(-report.replay.robots[0].columns)"

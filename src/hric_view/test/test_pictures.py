@@ -1,4 +1,4 @@
-"""What only the picture says: plates whose force is not known, and a second run beside the first."""
+"""Pictures of plates whose force is not known, and of a second run beside the first."""
 
 import base64
 import io

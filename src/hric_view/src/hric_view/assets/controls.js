@@ -141,7 +141,7 @@
     if (frame.pace !== undefined) showPace(frame.pace?.requested);
     if (!frame.control) return;
     const { holder, mode, stands, simulated, controllers, gripper, recovery } = frame.control;
-    find("holder").textContent = holder ? `${holder} controls.` : "Nobody controls.";
+    find("holder").textContent = mine ? "You control the arm." : holder ? `${holder} controls the arm.` : "Nobody controls the arm.";
     find("mode").textContent = mode;
     find("stands").textContent = stands ? ", time stands still" : "";
     for (const [kind, shown] of [[".of-sim", simulated], [".of-gripper", gripper], [".of-franka", recovery]]) document.querySelectorAll(kind).forEach((element) => { element.hidden = !shown; });
