@@ -15,6 +15,7 @@ from hric_assessment.contact.episodes import Episode, split
 from hric_assessment.contact.limits import Limits
 from hric_assessment.findings import CONTACT, ENERGY, Finding, Outcome
 from hric_assessment.tables import episode_table
+from hric_assessment.tables.limits import EnergyRow
 from hric_assessment.verdict import AssessmentChoices, Verdict, opened
 from hric_assessment.verdict.assess import judge
 from hric_assessment.verdict.conclusions import Reply
@@ -93,7 +94,8 @@ def test_an_unknown_class_counts_as_clamped(tmp_path: Path, chosen: str, outcome
 def test_a_recorded_energy_is_compared_with_its_limit() -> None:
     finding = energy_of(hit(100.0, touch(energy=0.3)))
     assert (finding.outcome, finding.share) == (Outcome.WITHIN, pytest.approx(0.3 / 0.49))
-    assert MEASURED in finding.notes[0] and "unconfirmed" in finding.notes[1]
+    assert MEASURED in finding.notes[0]
+    assert finding.notes[1] == "energy limit: unconfirmed (memory); F^2/(2 k) of the transient force limit: 0.523 J"
 
 
 def test_an_unknown_energy_is_that_of_the_spring() -> None:
@@ -122,6 +124,12 @@ def test_a_table_without_energies_has_computed_ones() -> None:
 @pytest.mark.parametrize("site", [replace(HAND, regions=("face",)), replace(HAND, kind="rigid")])
 def test_no_energy_is_judged_without_a_limit(site: ContactSite) -> None:
     assert energy_finding(hit(100.0), site, ISO) is None
+
+
+@pytest.mark.parametrize("row", ISO.table.energies, ids=lambda row: row.region)
+def test_each_energy_follows_from_its_force(row: EnergyRow) -> None:
+    computed = Limits(replace(ISO.table, energies=())).energy(row.region, held=False)
+    assert computed is not None and 0.92 * computed.energy < row.transient <= round(computed.energy, 1)
 
 
 def test_energies_of_one_robot_are_added() -> None:

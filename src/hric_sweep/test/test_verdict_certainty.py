@@ -5,8 +5,9 @@ from typing import Any
 
 import pytest
 
+import panda_description
+from hric_assessment.findings import CONTACT
 from hric_assessment.tables import MASS, ROTORS, STIFFNESS
-from hric_assessment.verdict.conclusions import CONTACT
 from hric_assessment.verdict.inputs import AssessmentInput
 from hric_assessment.verdict.sensitivity import sensitivity_of
 from hric_core.errors import HricError
@@ -18,8 +19,6 @@ LINK = "human::r_elbow"
 """Forearm of the person, which the arm hits."""
 SPRING = 40e3
 """Stiffness of the lower arm in ISO/TS 15066 [N/m]."""
-ROTOR = 0.1
-"""Rotor inertia of a plant whose parameters state none [kg m^2]."""
 
 
 def simulated(**plant: Any) -> AssessmentInput:
@@ -41,7 +40,7 @@ def nominal() -> AssessmentInput:
 
 def changed(name: str, factor: float) -> dict[str, Any]:
     if name == ROTORS:
-        return {"rotor_inertia": factor * ROTOR}
+        return {"rotor_inertia": [factor * value for value in panda_description.rotor_inertia()]}
     return {"surfaces": [{"link": LINK, "contact": "penalty", "stiffness": factor * SPRING}]}
 
 

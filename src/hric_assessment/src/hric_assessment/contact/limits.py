@@ -197,13 +197,14 @@ class Limits:
         force = None if limit is None else limit.force.quasi_static if held else limit.force.transient
         if limit is None or force is None:
             return None
+        computed, kind = force * force / (2.0 * limit.stiffness), "quasi-static" if held else "transient"
         for row in () if held else self.table.energies:
             if row.region == region:
                 sources = ", ".join(self.table.source_of(row)) or "no source given"
-                return EnergyLimit(region, row.transient, limit.stiffness, f"{self.table.mark_of(row)} ({sources})")
-        kind = "quasi-static" if held else "transient"
+                mark = f"{self.table.mark_of(row)} ({sources}); F^2/(2 k) of the {kind} force limit: {computed:.3f} J"
+                return EnergyLimit(region, row.transient, limit.stiffness, mark)
         mark = f"F^2/(2 k) of the {kind} force limit (computed; the table has no such energy)"
-        return EnergyLimit(region, force * force / (2.0 * limit.stiffness), limit.stiffness, mark)
+        return EnergyLimit(region, computed, limit.stiffness, mark)
 
     def areas(self, regions: Iterable[str]) -> list[str]:
         """Return the names of the specific areas that the table has in some regions."""

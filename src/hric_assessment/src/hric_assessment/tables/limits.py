@@ -81,6 +81,10 @@ class EnergyRow(MarkedRow):
     region: str = choice(*REGIONS, default=REQUIRED, text="body region")
     transient: float = number(above=0.0, maximum=LARGEST_LIMIT, text="largest energy of a transient contact")
 
+    def scaled(self, factor: float) -> Self:
+        """Return the row with its energy multiplied by a factor [1], up to the largest accepted limit."""
+        return replace(self, transient=min(factor * self.transient, LARGEST_LIMIT))
+
 
 @dataclass(frozen=True)
 class LimitTable(TableFile):
@@ -146,7 +150,8 @@ class LimitTable(TableFile):
             return self
         forces = tuple(row.scaled(factor) if self.mark_of(row) == UNCONFIRMED else row for row in self.forces)
         pressures = tuple(row.scaled(factor) if self.mark_of(row) == UNCONFIRMED else row for row in self.pressures)
-        return replace(self, forces=forces, pressures=pressures)
+        energies = tuple(row.scaled(factor) if self.mark_of(row) == UNCONFIRMED else row for row in self.energies)
+        return replace(self, forces=forces, pressures=pressures, energies=energies)
 
     def force_rows(self, region: str, area: str | None = None) -> list[ForceRow]:
         """Return the force rows for an area of a region; without an area, all force rows of the region.

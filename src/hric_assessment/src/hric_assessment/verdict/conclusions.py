@@ -131,13 +131,17 @@ def conclusions(
     return (*worst, _effort(findings, figures, missing), _task(run))
 
 
-def _of_person(question: str, findings: Sequence[Finding], missing: Sequence[Missing], person: str) -> Conclusion:
+def _relevant(question: str, findings: Sequence[Finding]) -> list[Finding]:
+    """Return the findings about contact, distance or posture; the first of them decides the question."""
     groups = (GROUPS[question], *([ENERGY] if question == CONTACT else []))
-    relevant = [item for item in findings if item.group in groups and item.person in ("", person)]
+    relevant = [item for item in findings if item.group in groups]
     if question == CONTACT:  # of findings with the same outcome, that about the contact decides
         relevant.sort(key=lambda item: (ORDER.index(item.outcome), item.group == ENERGY))
-    if question == POSTURE:
-        relevant = _posture(relevant)
+    return _posture(relevant) if question == POSTURE else relevant
+
+
+def _of_person(question: str, findings: Sequence[Finding], missing: Sequence[Missing], person: str) -> Conclusion:
+    relevant = _relevant(question, [item for item in findings if item.person in ("", person)])
     if not relevant:
         return Conclusion(question, Reply.UNKNOWN, "not recorded", remedy=_lacking(question, missing), person=person)
     return _by(question, relevant[0], findings)
@@ -153,9 +157,12 @@ def _posture(findings: Sequence[Finding]) -> list[Finding]:
     return [item for item in findings if not main or item in main or item.outcome != Outcome.NOT_ASSESSABLE]
 
 
-def decisive(findings: Sequence[Finding]) -> Finding | None:
-    """Return the finding that decides the question about posture, the first of the worst; None: there is none."""
-    return next(iter(_posture(findings)), None)
+def decisive(question: str, findings: Sequence[Finding]) -> Finding | None:
+    """Return the finding that decides a question about limits of a person; None: there is none.
+
+    findings: findings from the worst to the best.
+    """
+    return next(iter(_relevant(question, findings)), None)
 
 
 def _by(question: str, finding: Finding, findings: Sequence[Finding]) -> Conclusion:

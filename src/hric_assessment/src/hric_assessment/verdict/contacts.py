@@ -246,19 +246,24 @@ class _Judge:
         return [finding] if energy is None else [finding, replace(energy, notes=(*classed, *energy.notes), **about)]
 
     def _varied(self, episode: Episode) -> Episode:
-        """Return a simulated episode whose impact has the force that the closed form predicts with the factors."""
+        """Return a simulated episode whose impact has the force and energy of the closed form with the factors."""
         factors, peak, held = self._choices.factors, episode.transient, episode.quasi_static
         if not factors or not self._simulated or not episode.known:
             return episode
         ratio, contact = factors.get(TIME_STEP, 1.0), max(episode.contacts, key=lambda contact: contact.peak or 0.0)
+        work = ratio * ratio
         if factors.keys() & {MASS, ROTORS, STIFFNESS}:
             before, after = self._nominal.form(contact), self._expected.form(contact)
             if before is None or after is None or peak.peak_time > contact.begin + before.duration:
                 return replace(episode, notes=(*episode.notes, NOT_VARIED))
             ratio *= after.peak / before.peak
+            work *= after.mass / before.mass
         largest = max(ratio * peak.peak, 0.0 if held is None else held.peak)
         overall = replace(episode.overall, peak=largest)
-        return replace(episode, transient=replace(peak, peak=ratio * peak.peak), overall=overall)
+        contacts = tuple(
+            item if item.energy is None else replace(item, energy=work * item.energy) for item in episode.contacts
+        )
+        return replace(episode, transient=replace(peak, peak=ratio * peak.peak), overall=overall, contacts=contacts)
 
     def _assessed(
         self,

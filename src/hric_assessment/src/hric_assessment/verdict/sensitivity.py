@@ -1,14 +1,14 @@
 """Sensitivity of a verdict: the assessment is repeated with each unconfirmed number at both ends of its range.
 
 Only the parts that a number changes are assessed again. The peak force of a simulated impact is not simulated again: it
-changes as its closed form v sqrt(mu k). A force that a sensor measured does not change.
+changes as its closed form v sqrt(mu k), and its energy as mu v^2/2. A force that a sensor measured does not change.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from hric_assessment.ergonomics.scoring import VARIATION, method_of
-from hric_assessment.findings import CONTACT, POSTURE, SEPARATION, Finding
+from hric_assessment.findings import CONTACT, ENERGY, POSTURE, SEPARATION, Finding
 from hric_assessment.tables import AREA, LIMITS, TIME_STEP, uncertain_table
 from hric_assessment.verdict import conclusions
 from hric_assessment.verdict.certainty import Certainty, Influence
@@ -38,17 +38,23 @@ class Sensitivity:
     ) -> None:
         self._source, self._choices, self._separations = source, choices, separations
 
-    def findings(self, question: str, factors: Mapping[str, float]) -> list[Finding]:
-        """Return the findings about contact or distance with unconfirmed numbers changed by factors [1]."""
+    def findings(self, group: str, factors: Mapping[str, float]) -> list[Finding]:
+        """Return the findings of a group with unconfirmed numbers changed by factors [1].
+
+        group: CONTACT, ENERGY or SEPARATION of `findings`.
+        """
         choices = self._choices.varied(factors)
-        if question == conclusions.CONTACT:
-            return [item for item in contact_findings(self._source, choices) if item.share is not None]
+        if group != SEPARATION:
+            contacts = contact_findings(self._source, choices)
+            return [item for item in contacts if item.group == group and item.share is not None]
         moved = [apart.braked(choices.braking) for apart in self._separations]
         return [replace(separation_finding(apart), share=apart.share) for apart in moved]
 
     def level(self, question: str, factors: Mapping[str, float]) -> float | None:
         """Return the largest share of the limit [1] with changed numbers; None: no share is known."""
-        return max((item.share for item in self.findings(question, factors) if item.share is not None), default=None)
+        groups = (CONTACT, ENERGY) if question == conclusions.CONTACT else (SEPARATION,)
+        each = [item.share for group in groups for item in self.findings(group, factors)]
+        return max((share for share in each if share is not None), default=None)
 
     @property
     def touching(self) -> bool:
@@ -69,28 +75,29 @@ class Sensitivity:
 
         findings: findings of the verdict.
         """
-        group = CONTACT if question == conclusions.CONTACT else SEPARATION
+        decisive = conclusions.decisive(question, findings)
+        group = "" if decisive is None else decisive.group
         nominal = _worst([item for item in findings if item.group == group])
-        if nominal is None or not nominal.values or (nominal.share is None and group == CONTACT):
+        if nominal is None or not nominal.values or (nominal.share is None and group != SEPARATION):
             return None
         about = SHARE if nominal.share is not None else S_P
         influences, unknown = [], dict[str, None]()
         for name in self.numbers(question):
             number, mark = uncertain_table().numbers[name], uncertain_table().mark_of(uncertain_table().numbers[name])
-            ends = self._ends(question, name, (number.low, number.high))
+            ends = self._ends(group, name, (number.low, number.high))
             unknown |= dict.fromkeys(NOT_VARIED for _, item in ends if NOT_VARIED in item.notes)
             influences.append(_influence(number.about, mark, nominal, ends, about[1]))
         if (bar := relative_bar(nominal)) is not None:
-            ends = self._ends(question, TIME_STEP, (1.0 - bar, 1.0 + bar))
+            ends = self._ends(group, TIME_STEP, (1.0 - bar, 1.0 + bar))
             influences.append(
                 _influence("numerical error of the peak force", "half time step", nominal, ends, about[1])
             )
         limit = 100.0 if about is SHARE else None
         return Certainty.of(question, (about[0], _value(nominal, about[1]), limit, about[1]), influences, [*unknown])
 
-    def _ends(self, question: str, name: str, factors: Sequence[float]) -> list[tuple[float, Finding]]:
-        """Return each factor of a number with the worst finding of a question that has a share of its limit."""
-        ends = [(factor, _worst(self.findings(question, {name: factor}))) for factor in factors]
+    def _ends(self, group: str, name: str, factors: Sequence[float]) -> list[tuple[float, Finding]]:
+        """Return each factor of a number with the worst finding of a group that has a share of its limit."""
+        ends = [(factor, _worst(self.findings(group, {name: factor}))) for factor in factors]
         return [(factor, item) for factor, item in ends if item is not None]
 
 
@@ -126,7 +133,7 @@ def _quantities(finding: Finding) -> dict[str, float]:
 def posture_certainty(findings: Sequence[Finding]) -> Certainty | None:
     """Return the certainty of the conclusion about posture, from the scores with shifted thresholds of this project."""
     scored = [item for item in findings if item.group == POSTURE and item.values and method_of(item.subject)]
-    decisive = conclusions.decisive(scored)
+    decisive = conclusions.decisive(conclusions.POSTURE, scored)
     if decisive is None or (method := method_of(decisive.subject)) is None:
         return None
     score, stricter, looser = (
