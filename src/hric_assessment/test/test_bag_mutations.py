@@ -11,7 +11,7 @@ import pytest
 from bag_mutations import RATES, Mutation, RawBag, clip, cut, drop, lose, mutations, nan, shift, strip, throttle
 from mutation_law import Judged, Recorded, faults_of, judged, still_shown, tally
 
-from hric_assessment.findings import Outcome
+from hric_assessment.findings import CONTACT, Outcome
 from hric_assessment.verdict.choices import AssessmentChoices
 from hric_human.body import describe
 from hric_human.participant.settings import HumanSettings
@@ -64,7 +64,8 @@ def test_a_peak_between_two_messages_of_a_contact_counts(loss: Mutation, tmp_pat
     assert max(force(recorded.with_bag(loss.apply(recorded.bag)))) < 280.0, "no message has a force above the limit"
     assert damaged.outcomes["contact"] is Outcome.ABOVE
     assert damaged.verdict is not None
-    assert damaged.verdict.findings[0].share == pytest.approx(350.0 / 280.0, rel=1e-3)
+    finding = next(item for item in damaged.verdict.findings if item.group == CONTACT)
+    assert finding.share == pytest.approx(350.0 / 280.0, rel=1e-3)
 
 
 def force(recorded: Recorded) -> list[float]:

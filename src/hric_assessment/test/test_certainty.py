@@ -86,7 +86,8 @@ def test_an_energy_that_decides_has_the_interval(tmp_path: Path) -> None:
     found = contact(verdict(tmp_path, 275.0, None))
     low = uncertain_table().numbers["unconfirmed_limits"].low
     assert found.value == pytest.approx(100.0 * 275.0**2 / 150e3 / 0.49, rel=0.01)
-    assert found.moved_by[0].upper == pytest.approx(found.value * (1.0 / low - 1.0))
+    upper = {item.number: item.upper for item in found.moved_by}
+    assert upper["limits that are marked unconfirmed"] == pytest.approx(found.value * (1.0 / low - 1.0))
 
 
 def test_without_an_area_it_moves_nothing(tmp_path: Path) -> None:

@@ -8,10 +8,11 @@ import pytest
 from contact_courses import expected_peak
 
 from hric_assessment.contact.limits import Limits
+from hric_assessment.contact.measured import quantities
 from hric_assessment.findings import DISCLAIMER
 from hric_control.plants.contact_law import ContactLaw, Layer
 from hric_core.command import main
-from hric_sweep.measuring.instrument import Instrument, quantities
+from hric_sweep.measuring.instrument import Instrument
 from hric_sweep.speed_map.device import HitBody, MeasuringDevice
 
 STEP, PAD = 1e-3, Layer(50e3, 50e3, 5e-3)
@@ -55,7 +56,8 @@ def test_a_film_reads_whole_cells(film: float | None, area: float | None, expect
 
 
 def test_an_unknown_pressure_is_never_within_limits() -> None:
-    rows = {row.name: row for row in quantities(PULSE, STEP, 0.1, Instrument(), Limits.named(), "hand, fingers")}
+    measured = quantities(PULSE, STEP, 0.1, Instrument().pressure, Limits.named(), "hand, fingers")
+    rows = {row.name: row for row in measured}
     assert rows["transient force [N]"].result == f"{100.0 * PULSE.max() / 280.0:.0f} % of the limit"
     assert rows["transient mean pressure [N/cm^2]"].result == "not known"
     assert rows["energy [J]"].result == "20 % of the limit"

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 from hric_assessment.ergonomics.scoring import VARIATION, method_of
 from hric_assessment.findings import CONTACT, ENERGY, POSTURE, SEPARATION, Finding
-from hric_assessment.tables import AREA, LIMITS, TIME_STEP, uncertain_table
+from hric_assessment.tables import AREA, LIMITS, TIME_STEP, UncertainNumber, uncertain_table
 from hric_assessment.verdict import conclusions
 from hric_assessment.verdict.certainty import Certainty, Influence
 from hric_assessment.verdict.choices import AssessmentChoices
@@ -61,14 +61,13 @@ class Sensitivity:
         """True if a person touches the arm, so that the distance cannot be compared with S_p by a ratio."""
         return any(apart.distances.closest.distance <= TOUCHING for apart in self._separations)
 
-    def numbers(self, question: str) -> list[str]:
-        """Return the names of the unconfirmed numbers that the conclusion about a question may depend on."""
+    def numbers(self, question: str) -> dict[str, UncertainNumber]:
+        """Return the unconfirmed numbers that the conclusion about a question may depend on, by their names."""
         lacking = {AREA} if self._choices.contact_area is None else set()
         table = self._choices.limits.table
         lacking |= {LIMITS} if table.scaled(0.5) == table else set()
-        return [
-            name for name, item in uncertain_table().numbers.items() if item.changes == question and name not in lacking
-        ]
+        every = uncertain_table().numbers
+        return {name: item for name, item in every.items() if item.changes == question and name not in lacking}
 
     def certainty(self, question: str, findings: Sequence[Finding]) -> Certainty | None:
         """Return the certainty of the conclusion about contact or distance; None: nothing can be compared with a limit.
@@ -82,11 +81,10 @@ class Sensitivity:
             return None
         about = SHARE if nominal.share is not None else S_P
         influences, unknown = [], dict[str, None]()
-        for name in self.numbers(question):
-            number, mark = uncertain_table().numbers[name], uncertain_table().mark_of(uncertain_table().numbers[name])
+        for name, number in self.numbers(question).items():
             ends = self._ends(group, name, (number.low, number.high))
             unknown |= dict.fromkeys(NOT_VARIED for _, item in ends if NOT_VARIED in item.notes)
-            influences.append(_influence(number.about, mark, nominal, ends, about[1]))
+            influences.append(_influence(number.about, uncertain_table().mark_of(number), nominal, ends, about[1]))
         if (bar := relative_bar(nominal)) is not None:
             ends = self._ends(group, TIME_STEP, (1.0 - bar, 1.0 + bar))
             influences.append(

@@ -11,6 +11,7 @@ from franka_sim.franka_hw_sim import FrankaHWSim
 from hric_assessment.contact.area import check_area
 from hric_assessment.contact.classes import ContactClass
 from hric_assessment.contact.limits import Limits
+from hric_assessment.contact.measured import quantities
 from hric_assessment.findings import DISCLAIMER
 from hric_control.plants.contact_law import Layer
 from hric_core.command import Argument, Command
@@ -20,7 +21,7 @@ from hric_human.body.regions import REGION_MODELS
 from hric_run.definition import experiment, overrides
 from hric_run.simulation import Simulation
 from hric_sweep.measuring import sheet
-from hric_sweep.measuring.instrument import Instrument, quantities
+from hric_sweep.measuring.instrument import Instrument
 from hric_sweep.speed_map.blow import ArmBehaviour, Blows
 from hric_sweep.speed_map.device import HitBody
 from hric_sweep.speed_map.grid import DIRECTIONS, Postures
@@ -99,7 +100,7 @@ class MeasureContactCommand(Command):
             device, step = blows.measured(approach, body, arguments.speed, DURATION), robot.plant.time_step
         raw, time = np.array(device.readings), step * np.arange(1, len(device.readings) + 1)
         force = instrument.filtered(device.readings, step)
-        rows = quantities(force, step, device.energy, instrument, limits, arguments.region)
+        rows = quantities(force, step, device.energy, instrument.pressure, limits, arguments.region)
         for row in rows:
             shown = "not known" if row.value is None else f"{row.value:.4g}"
             print(f"{row.name:36} {shown:>10}  {row.result} {f'({row.note})' if row.note else ''}")

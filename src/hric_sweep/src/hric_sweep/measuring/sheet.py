@@ -8,12 +8,12 @@ import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
 
 from hric_assessment.contact.limits import TRANSIENT_TIME
+from hric_assessment.contact.measured import MeasuredQuantity
 from hric_assessment.findings import DISCLAIMER
 from hric_bags import files
 from hric_core.geometry import FloatArray
 from hric_report import style
 from hric_report.drawing import INCH, STYLE
-from hric_sweep.measuring.instrument import Quantity
 
 PAGE = (210.0, 297.0)
 """Size of the page, A4 [mm]."""
@@ -30,7 +30,7 @@ def write(
     path: Path,
     title: str,
     facts: Mapping[str, str],
-    rows: Sequence[Quantity],
+    rows: Sequence[MeasuredQuantity],
     curves: Mapping[str, tuple[FloatArray, FloatArray]],
     limits: str,
 ) -> None:
@@ -69,7 +69,7 @@ def write(
         plt.close(page)
 
 
-def _table(ax: Axes, rows: Sequence[Quantity]) -> None:
+def _table(ax: Axes, rows: Sequence[MeasuredQuantity]) -> None:
     ax.set_axis_off()
     cells = [[row.name, _text(row.value), _text(row.limit), row.result, "", ""] for row in rows]
     table = ax.table(

@@ -4,7 +4,6 @@ import argparse
 
 import numpy as np
 
-from hric_assessment.tables import uncertain_table
 from hric_assessment.verdict import AssessmentChoices, opened
 from hric_assessment.verdict.conclusions import CONTACT, DISTANCE
 from hric_assessment.verdict.sensitivity import Sensitivity, sensitivity_of
@@ -50,15 +49,14 @@ class AssessSobolCommand(Command):
 
 def _table(sensitivity: Sensitivity, question: str, count: int) -> str:
     """Return the text table of one question; empty: nothing can be compared with a limit."""
-    names = sensitivity.numbers(question)
-    if not names or sensitivity.level(question, {}) is None:
+    numbers = sensitivity.numbers(question)
+    if not numbers or sensitivity.level(question, {}) is None:
         return ""
     if question == DISTANCE and sensitivity.touching:
         return f"{question}: arm and person touch, so the distance is no share of a limit"
-    numbers = uncertain_table().numbers
-    ranges = {name: LogUniform(low=numbers[name].low, high=numbers[name].high) for name in names}
-    space = Space({name: Variable(paths=(name,), distribution=ranges[name]) for name in names})
-    sampler = Saltelli().sampler(space, count * (len(names) + 2), SEED)
+    ranges = {name: LogUniform(low=number.low, high=number.high) for name, number in numbers.items()}
+    space = Space({name: Variable(paths=(name,), distribution=ranges[name]) for name in numbers})
+    sampler = Saltelli().sampler(space, count * (len(numbers) + 2), SEED)
     points = np.array([point.u for point in sampler.ask()])
     cases = [{name: as_number(value) for name, value in case.items()} for case in space.values(points)]
     shares = [sensitivity.level(question, factors) for factors in cases]

@@ -44,19 +44,18 @@ def downward_contacts(data: DataSet) -> dict[str, float]:
     The arm moves down on a clamped device with the stiffness of a hand.
     """
     stiffness = REGION_MODELS[HAND].stiffness
-    limit = Limits.named().at((HAND,))
-    assert limit is not None, "the table has a limit for the hand"
+    limit = Limits.named().held_force((HAND,))
     body, down = HitBody(CLAMPED, stiffness), np.array(DIRECTIONS["-z"])
     with _robot() as robot:
         postures, blows = Postures(robot), Blows(robot, ArmBehaviour.DRIVEN)
         moving, tool = moving_masses(urdf.read(robot.description), robot.model.joint_names)
-        standard = float(permitted_speed(limit.force.quasi_static, half_mass(moving - tool, tool), stiffness))
+        standard = float(permitted_speed(limit, half_mass(moving - tool, tool), stiffness))
         forces, speeds = [], []
         for point in grid.points(*POINTS):
             if (q := postures.at(point)) is not None:
                 approach = blows.approach(q, down)
                 forces.append(blows.peak(approach, body, SPEED))
-                speeds.append(limit_speed(partial(blows.peak, approach, body), limit.force.quasi_static, standard))
+                speeds.append(limit_speed(partial(blows.peak, approach, body), limit, standard))
     return {"variation": max(forces) / min(forces) - 1.0, "limit": max(speeds) / standard}
 
 
