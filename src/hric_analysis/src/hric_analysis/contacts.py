@@ -1,10 +1,12 @@
 """Assessment of a run's contacts as in its verdict, for sweeps and the benchmark. No ROS."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
-from hric_assessment.findings import Finding, Outcome
+from hric_assessment.findings import ENERGY, Finding, Outcome
 from hric_assessment.verdict.choices import AssessmentChoices
+from hric_assessment.verdict.conclusions import CONTACT, decisive
 from hric_assessment.verdict.contacts import contact_findings
 from hric_assessment.verdict.inputs import AssessmentInput
 from hric_bags.parts import Bag
@@ -28,8 +30,22 @@ def given_of(run: RunFile, bag: Bag, description: str) -> AssessmentInput:
 
 
 def findings(source: AssessmentInput) -> list[Finding]:
-    """Return the findings (assessment results) on all contacts; CONTACT_AREA replaces an unknown area."""
-    return contact_findings(source, AssessmentChoices(contact_area=CONTACT_AREA))
+    """Return one finding (assessment result) on each contact; CONTACT_AREA replaces an unknown area.
+
+    Of the findings about force and energy of a contact the worse counts; it has the values of both.
+    """
+    contacts = list[Finding]()
+    for finding in contact_findings(source, AssessmentChoices(contact_area=CONTACT_AREA)):
+        if finding.group == ENERGY:  # that of the contact before it
+            finding = _worse(contacts.pop(), finding)
+        contacts.append(finding)
+    return contacts
+
+
+def _worse(contact: Finding, energy: Finding) -> Finding:
+    worst = decisive(CONTACT, [contact, energy])
+    assert worst is not None
+    return replace(worst, values={**contact.values, **energy.values})
 
 
 def counted_share(finding: Finding) -> float:

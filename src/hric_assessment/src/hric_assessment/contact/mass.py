@@ -100,8 +100,11 @@ class Mechanism:
     def locked_mass(self, q: FloatArray, point: Sequence[float], normal: Sequence[float]) -> float:
         """Return the mass at a point along a normal with all joints locked [kg]; NaN if the links have no mass.
 
-        All links beyond the first joint are one free rigid body. Point and normal are in the world frame.
+        All links beyond the first joint are one free rigid body. Point and normal are in the world frame. The mass is
+        infinite if a joint position is not known (NaN).
         """
+        if not np.isfinite(q).all():
+            return math.inf
         T = self.tree.poses(dict(zip(self.joints, q, strict=True)))
         links = [(link.mass, T[name]) for name, link in self.tree.links.items() if name in self._moving]
         body = sum((mass.moved(T_link) for mass, T_link in links if mass is not None), MassProperties())

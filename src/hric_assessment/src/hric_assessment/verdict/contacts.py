@@ -57,7 +57,10 @@ SPEED_STEP = 1e-3
 
 
 def contact_findings(source: AssessmentInput, choices: AssessmentChoices) -> list[Finding]:
-    """Return the findings about all contacts of each person, or that contacts are not recorded."""
+    """Return the findings about all contacts of each person, or that contacts are not recorded.
+
+    A finding about the energy of a contact follows that about its force.
+    """
     humans = source.recording.humans
     findings = [finding for record in humans.values() for finding in _of_person(source, record, choices)]
     on_camera = (source.definition.get("mocap") or {}).get("human")
