@@ -80,7 +80,7 @@ def test_the_joint_law_is_a_spring_and_a_damper_on_each_joint(model) -> None:
     K, D = gains_by_differences(law, READY)
     np.testing.assert_allclose(K, np.diag([600.0, 600.0, 600.0, 600.0, 250.0, 150.0, 50.0]), atol=1e-4)
     np.testing.assert_allclose(D, np.diag(law.damping), atol=1e-4)
-    assert law.damping[0] < 130.0 * (600.0 / 3000.0) ** 0.5 + 1e-9
+    assert law.damping[0] < defaults()["damping"][0] * (600.0 / 3000.0) ** 0.5 + 1e-9
 
 
 def test_the_cartesian_law_gives_the_wrench_of_its_stiffness_in_the_axes_of_the_stiffness_frame(model) -> None:

@@ -163,7 +163,7 @@ def test_the_arm_stands_where_the_scale_is_zero_and_reaches_its_goal_afterwards(
     rig.run(0.5)
     assert np.abs(np.array(rig.state.O_T_EE[12:15]) - start).max() < 1e-4
     scale.request(ScaleRequest(1.0))
-    rig.run(3.0, lambda time: scale.advance(time, DT))
+    rig.run(5.0, lambda time: scale.advance(time, DT))
     assert rig.state.O_T_EE[12] == pytest.approx(start[0] + 0.05, abs=2e-3)
 
 

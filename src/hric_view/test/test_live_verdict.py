@@ -1,5 +1,6 @@
 """The verdict so far is that of the same recording, and does not know what only the end of a run shows."""
 
+import math
 from typing import Any
 
 import pytest
@@ -43,7 +44,7 @@ def lived(force: float | None, seconds: float = 2.0, begin: float = 0.0, of: Liv
 def contact(force: float, duration: float) -> RegionContact:
     return RegionContact(
         ["lower arm, wrist"], False, "r_elbow", "panda::hand", "penalty", 0.0, duration, force, force, 0.0, force,
-        1e-3, Point(), Vector3(0.0, 0.0, 1.0), Point(), Vector3(0.0, 0.0, 1.0), 0.0,
+        math.nan, 1e-3, Point(), Vector3(0.0, 0.0, 1.0), Point(), Vector3(0.0, 0.0, 1.0), 0.0,
     )  # fmt: skip
 
 
