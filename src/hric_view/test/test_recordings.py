@@ -78,6 +78,16 @@ def test_the_list_has_every_run_and_the_fault_of_a_broken_one(root: Path, names:
     assert "run.yaml" in broken.fault and broken.verdict == ""
 
 
+def test_only_the_file_says_that_it_needs_no_network(root: Path, names: dict[str, list[str]]) -> None:
+    window, query = RecordedWindow(root), {"run": names["pd_step"][0]}
+    says = {}
+    for path in ("/", "/new", "/run", "/report"):
+        served = window.page(visit(path, **query))
+        assert served is not None
+        says[path] = b"loads nothing from the network" in served.body
+    assert says == {"/": False, "/new": False, "/run": False, "/report": True}
+
+
 def test_a_run_that_was_not_assessed_is_not_known(root: Path, names: dict[str, list[str]]) -> None:
     assert entry(RunFolder(root / names["pd_step"][0])).verdict == "no person"
     folder = RunFolder(root / names["contact"][0])
