@@ -78,6 +78,15 @@ def test_the_list_has_every_run_and_the_fault_of_a_broken_one(root: Path, names:
     assert "run.yaml" in broken.fault and broken.verdict == ""
 
 
+def test_the_list_tells_runs_of_an_experiment_apart(root: Path, names: dict[str, list[str]], tmp_path: Path) -> None:
+    rows = [entry(RunFolder(root / name)) for name in names["pd_step"]]
+    assert sorted(row.arguments for row in rows) == ["", "kp:=200"] and {row.mode for row in rows} == {"headless"}
+    listed = RecordedWindow(root).page(visit("/"))
+    assert listed is not None and b"<td>kp:=200</td><td>headless</td>" in listed.body
+    (tmp_path / "run.yaml").write_text("arguments: 3")
+    assert (entry(RunFolder(tmp_path)).arguments, entry(RunFolder(tmp_path)).mode) == ("", "")
+
+
 def test_only_the_file_says_that_it_needs_no_network(root: Path, names: dict[str, list[str]]) -> None:
     window, query = RecordedWindow(root), {"run": names["pd_step"][0]}
     says = {}
