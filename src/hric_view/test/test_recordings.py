@@ -212,6 +212,13 @@ class TestInABrowser:
             browser.wait("typeof report !== 'undefined' && report.started === true")
             labels = browser.evaluate("report.replay.robots.map(({ label }) => label)")
             assert sorted(label for label in labels if label) == names["pd_step"]
+            lines = "[...document.querySelectorAll('#view-legend span')]"
+            assert browser.evaluate(f"{lines}.map((line) => line.textContent)") == [label for label in labels if label]
+            assert len(browser.evaluate(f"[...new Set({lines}.map((line) => line.style.color))]")) == 2
+            assert browser.evaluate("document.getElementById('view').innerText") == ""  # nothing lies on the picture
+            assert browser.evaluate("document.getElementById('notes').textContent") != ""
+            browser.evaluate("(report.begin = -1, report.setTime(-0.001))")
+            assert browser.evaluate("document.getElementById('now').textContent") == "0.00 s"
             browser.evaluate("document.querySelectorAll('nav a')[1].click()")
             browser.wait("typeof report !== 'undefined' && report.ready === true")
             assert browser.problems == []
