@@ -20,7 +20,7 @@ from hric_assessment.verdict.assess import assess
 from hric_core.command import main
 from hric_core.errors import FailureError, HricError
 from hric_view.server import ViewServer, Visit
-from hric_view.tryout import SLIDERS, Tryout, checked, overrides
+from hric_view.tryout import SLIDERS, Tryout, checked, overrides, run
 from hric_view.tryout_figures import figures_of
 from hric_view.tryout_window import TryoutWindow
 
@@ -92,6 +92,13 @@ def crash(values: Mapping[str, float]) -> str:
     return str(os.getpid())
 
 
+def refuse_defaults(values: Mapping[str, float]) -> str:
+    """Refuse the first run of a page, as on a busy machine."""
+    if values == checked({}):
+        raise HricError("not in time")
+    return run(values)
+
+
 @pytest.mark.parametrize(
     ("values", "text"),
     [
@@ -152,6 +159,18 @@ def test_a_message_of_no_page_closes_the_connection(server: ViewServer, message:
         viewer.send(message)
         for _ in range(3):
             viewer.recv(60)
+
+
+def test_a_refused_first_run_can_be_followed_by_another() -> None:
+    tryout = Tryout(refuse_defaults)
+    window = TryoutWindow(tryout)
+    server = ViewServer(window, receiver=window)
+    with client(server) as viewer:
+        assert json.loads(viewer.recv(60)) == {"type": "refused", "text": "not in time"}
+        viewer.send('{"command":"run","values":{"speed":1.6}}')
+        assert json.loads(viewer.recv(60))["values"]["speed"] == 1.6
+    server.close()
+    tryout.close()
 
 
 def client(server: ViewServer) -> Any:
@@ -239,6 +258,19 @@ class TestInABrowser:
         page.wait("document.getElementById('changes').textContent.endsWith('to 0.2 rad/s')")
         note, now, _, change, mark, *_ = rows(page)["largest contact force"]
         assert (note, now, change, mark) == ("nothing touched the person", "not known", "", "no longer known")
+
+    def test_a_change_after_a_refused_first_run_is_simulated(self, tmp_path: Path) -> None:
+        tryout = Tryout(refuse_defaults)
+        window = TryoutWindow(tryout)
+        server = ViewServer(window, receiver=window)
+        with Browser(tmp_path) as page:
+            page.open_address(server.address)
+            page.wait("document.getElementById('running').textContent === 'refused: not in time.'")
+            slide(page, speed=1.6)
+            page.wait("report.started === true")
+            assert page.problems == []
+        server.close()
+        tryout.close()
 
     def test_figures_of_other_conditions_look_old(self, window: HeldWindow, page: Browser) -> None:
         window.begin.set()

@@ -87,7 +87,7 @@
     done(asked ? `done in ${((performance.now() - asked) / 1000).toFixed(1)} s` : "", false);
     if (!matchMedia("(prefers-reduced-motion: reduce)").matches) find("play").click();
   });
-  report.on("refused", ({ text }) => done(`refused: ${text}. The figures below are those of the last run.`, true));
+  report.on("refused", ({ text }) => done(`refused: ${text}.${chosen ? " The figures below are those of the last run." : ""}`, true));
   report.on("lost", () => {
     running = again = true; // until the connection is there again, whose first message is a run
     tell("The connection is lost. Trying again.", true);
