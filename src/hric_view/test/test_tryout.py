@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import threading
 import time
@@ -45,7 +46,7 @@ def figures(message: str) -> dict[str, dict[str, Any]]:
 
 
 def test_figures_are_those_of_the_recorded_run(tryout: Tryout, tmp_path: Path) -> None:
-    values = checked({"speed": 1.5, "mass": 60, "female": 1})
+    values = checked({"speed": 1.5, "mass": 60, "sex": 1})
     assert main(["run", "try_contact", *overrides(values), "--quiet", "--no-figures", "--runs", str(tmp_path)]) == 0
     (folder,) = (path.parent for path in tmp_path.glob("*_*/run.yaml"))
     expected = {one.name: (one.value, one.limit, one.reply) for one in figures_of(assess(opened(str(folder))))}
@@ -127,8 +128,10 @@ def test_a_process_that_dies_between_runs_is_replaced() -> None:
 
 
 def test_without_a_contact_the_force_is_not_known(tryout: Tryout) -> None:
-    force = figures(tryout.result({"speed": 0.2}))["largest contact force"]
-    assert force["value"] is None and "nothing touched the person" in force["reason"]
+    shown = figures(tryout.result({"speed": 0.2}))
+    for name, reply in (("largest contact force", ""), ("contact, share of its limit", "no contact")):
+        assert (shown[name]["value"], shown[name]["reply"]) == (None, reply)
+        assert "nothing touched the person" in shown[name]["reason"]
 
 
 @pytest.mark.parametrize(
@@ -137,6 +140,7 @@ def test_without_a_contact_the_force_is_not_known(tryout: Tryout) -> None:
         ({"speed": 3.0}, "largest joint speed is 3.0; valid: 0.2 to 2 rad/s"),
         ({"speed": "fast"}, "valid: 0.2 to 2"),
         ({"speed": True}, "valid: 0.2 to 2"),
+        ({"sex": 0.5}, "sex of the person is 0.5"),
         ({"spede": 1.0}, "did you mean speed"),
     ],
 )
@@ -250,6 +254,7 @@ class TestInABrowser:
             for name in ("speed at which they met", "contact, share of its limit"):
                 assert shown[name][4] == mark
             assert shown["effort, largest joint torque"][4] == ""  # it has no limit
+            assert "shoulder" in shown["effort, largest joint torque"][0]
 
     def test_a_figure_that_is_lost_is_marked(self, window: HeldWindow, page: Browser) -> None:
         window.begin.set()
@@ -258,6 +263,26 @@ class TestInABrowser:
         page.wait("document.getElementById('changes').textContent.endsWith('to 0.2 rad/s')")
         note, now, _, change, mark, *_ = rows(page)["largest contact force"]
         assert (note, now, change, mark) == ("nothing touched the person", "not known", "", "no longer known")
+        note, now, _, change, mark, _, reply = rows(page)["contact, share of its limit"]
+        assert (note, now, change, mark, reply) == ("nothing touched the person", "no contact", "", "", "")
+
+    def test_lengths_are_shown_to_the_millimetre(self, window: HeldWindow, page: Browser) -> None:
+        window.begin.set()
+        page.wait("report.started === true")
+        slide(page, speed=1.6)
+        page.wait("document.getElementById('changes').textContent !== ''")
+        now = rows(page)["smallest distance"][1]
+        assert re.fullmatch(r"0 m|-?\d\.\d{1,3} m", now)
+
+    def test_the_sex_is_chosen_in_words(self, window: HeldWindow, page: Browser) -> None:
+        window.begin.set()
+        page.wait("report.started === true")
+        assert page.evaluate("[...document.querySelector('[name=sex]').options].map(({ text }) => text)") == [
+            "male",
+            "female",
+        ]
+        slide(page, sex=1)
+        page.wait("document.getElementById('changes').textContent === 'sex: male to female'")
 
     def test_a_change_after_a_refused_first_run_is_simulated(self, tmp_path: Path) -> None:
         tryout = Tryout(refuse_defaults)
