@@ -29,7 +29,7 @@ class TryoutWindow:
         return page.render("Try a contact", visit, sliders=sliders, waiting="running the experiment for the first time")
 
     def scene(self, visit: Visit) -> str:
-        """Return the run with the default conditions, or why it failed: the page can then ask for another one."""
+        """Return the run with the default conditions, or why it failed: the page can then request another one."""
         try:
             return self._tryout.result({})
         except HricError as error:

@@ -108,7 +108,9 @@ def _strength(source: AssessmentInput, person: AssessedPerson | None) -> list[Un
             continue
         largest, mean = float(np.nanmax(share)), float(np.nanmean(share))
         note = f"mean {mean:.3g}; {MODEL}"
-        figures.append(UnjudgedValue("strength", f"largest torque of {in_words(name)} over its strength", largest, "1", note))
+        figures.append(
+            UnjudgedValue("strength", f"largest torque of {in_words(name)} over its strength", largest, "1", note)
+        )
         if "_sh_" in name:
             note = f"mean {mean / factor:.3g}; with {factor:g} times the modelled strength of the shoulder"
             label = f"largest torque of {in_words(name)}, weaker shoulder"
