@@ -254,7 +254,7 @@ class TestInABrowser:
             for name in ("speed at which they met", "contact, share of its limit"):
                 assert shown[name][4] == mark
             assert shown["effort, largest joint torque"][4] == ""  # it has no limit
-            assert "shoulder" in shown["effort, largest joint torque"][0]
+            assert "right shoulder flexion" in shown["effort, largest joint torque"][0]
 
     def test_a_figure_that_is_lost_is_marked(self, window: HeldWindow, page: Browser) -> None:
         window.begin.set()
