@@ -17,7 +17,7 @@ from hric_human.participant.settings import HUMAN, HumanSettings
 from hric_msgs.msg import RegionContacts
 from hric_report.html.scene import SceneRobot, SceneSkin
 from hric_skin import fitted
-from hric_view import page, topics, world
+from hric_view import page, topics
 from hric_view.control_node import controls_of
 from hric_view.feeds import Feeds
 from hric_view.live import LiveForces, LiveJoints
@@ -61,7 +61,7 @@ class BrowserWindow(NodeApp):
         self._add(str(self._root.param(settings.robot_description)), "joint_states")
         if self._root.has_param(f"hric/{HUMAN}/robot_description"):
             self._add_human()
-        for robot, live in world.objects(self._root, self._feeds):
+        for robot, live in topics.of_world(self._root, self._feeds):
             self._robots.append(robot)
             self._joints.append(live)
         self._parts += topics.of_arm(self._root, self._feeds, self._robots[0], settings.rate)
