@@ -1,7 +1,7 @@
 """Node `window`: the window of a running system in a browser."""
 
 import threading
-import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,14 +17,12 @@ from hric_human.participant.settings import HUMAN, HumanSettings
 from hric_msgs.msg import RegionContacts
 from hric_report.html.scene import SceneRobot, SceneSkin
 from hric_skin import fitted
-from hric_view import page, topics
+from hric_view import page, topics, world
 from hric_view.control_node import controls_of
 from hric_view.feeds import Feeds
 from hric_view.live import LiveForces, LiveJoints
 from hric_view.page import Part
 from hric_view.server import LOOPBACK, ViewServer, Visit, WebPage
-from hric_view.verdict import PERIOD as VERDICTS
-from hric_view.verdict import LiveVerdict
 
 
 @dataclass(frozen=True)
@@ -57,11 +55,11 @@ class BrowserWindow(NodeApp):
         self._joints, self._forces = list[LiveJoints](), LiveForces()
         self._parts: list[Part] = [self._forces]
         self._stop, self._period = threading.Event(), 1.0 / settings.rate
-        self._verdict: LiveVerdict | None = None
+        self._watching: list[Callable[[threading.Event, Callable[[], bool]], None]] = []
         self._add(str(self._root.param(settings.robot_description)), "joint_states")
         if self._root.has_param(f"hric/{HUMAN}/robot_description"):
             self._add_human()
-        for robot, live in topics.of_world(self._root, self._feeds):
+        for robot, live in world.objects(self._root, self._feeds):
             self._robots.append(robot)
             self._joints.append(live)
         self._parts += topics.of_arm(self._root, self._feeds, self._robots[0], settings.rate)
@@ -70,16 +68,15 @@ class BrowserWindow(NodeApp):
         if settings.control:
             self._controls, actions = controls_of(self._root, self._feeds, self._robots[0].description, self._joints[0])
             self._parts.append(self._controls)
+            self._watching.append(actions.watch)
         self._server = ViewServer(self, settings.host, settings.port, self._controls)
         self._root.set_param("hric/view/address", self._server.address)
         rospy.loginfo("The window is open at %s", self._server.address)
         self._thread = threading.Thread(target=self._run, name="frames", daemon=True)
         self._thread.start()
-        if settings.control:
-            watching = (self._stop, lambda: bool(self._server.viewers))
-            threading.Thread(target=actions.watch, args=watching, name="controls", daemon=True).start()
-        if self._verdict is not None:
-            threading.Thread(target=self._judge, args=(self._verdict,), name="verdict", daemon=True).start()
+        for watch in self._watching:
+            arguments = (self._stop, lambda: bool(self._server.viewers))
+            threading.Thread(target=watch, args=arguments, name=watch.__qualname__, daemon=True).start()
 
     def close(self) -> None:
         """Stop sending and listening."""
@@ -116,15 +113,9 @@ class BrowserWindow(NodeApp):
             robot.pose, robot.skin = settings.root(body), SceneSkin.of(fitted(body, settings.gripping(body)))
         self._feeds.show(f"hric/{HUMAN}/root", PoseStamped, self._joints[-1].push_root, lasting=True)
         self._feeds.show(f"hric/{HUMAN}/contacts", RegionContacts, self._forces.push, depth=100)
-        self._verdict = topics.verdict(self._root, self._feeds, self._robots[0])
-        self._parts += [*topics.of_person(self._root, self._feeds, robot), self._verdict]
-
-    def _judge(self, verdict: LiveVerdict) -> None:
-        due = 0.0
-        while not self._stop.wait(VERDICTS):
-            verdict.collect()
-            if self._server.viewers and time.monotonic() > due:
-                due = verdict.judge() + time.monotonic()
+        verdict = topics.verdict(self._root, self._feeds, self._robots[0])
+        self._parts += [*topics.of_person(self._root, self._feeds, robot), verdict]
+        self._watching.append(verdict.watch)
 
     def _run(self) -> None:
         while not self._stop.wait(self._period):

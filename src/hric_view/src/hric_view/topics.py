@@ -1,21 +1,16 @@
 """Parts of the window on the topics of a running system."""
 
 from functools import partial
-from typing import Any
 
-import numpy as np
-from geometry_msgs.msg import PoseStamped, WrenchStamped
+from geometry_msgs.msg import WrenchStamped
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
 from control_msgs.msg import JointTrajectoryControllerState
 from franka_msgs.msg import FrankaState
-from gazebo_msgs.msg import ModelStates
 from hric_assessment.contact.limits import Limits
-from hric_bags.records.object_record import models
 from hric_bags.run_file import RunFile
 from hric_control.limits import load_limits
-from hric_core.geometry import pose_of_transform
 from hric_core.node import Node
 from hric_core.urdf import read
 from hric_human.participant.settings import HUMAN
@@ -29,7 +24,6 @@ from hric_msgs.msg import (
 )
 from hric_report.html.scene import SceneRobot
 from hric_view.feeds import Feeds
-from hric_view.live import LiveJoints
 from hric_view.page import Part
 from hric_view.parts import LiveHand, LiveMocap, LiveMuscles, LivePlates, LiveStatics, LiveTouches
 from hric_view.readings import SETPOINTS, LiveEmg, LiveLimits, LivePace, LiveSafety, LiveSetpoint
@@ -62,25 +56,6 @@ def of_arm(root: Node, feeds: Feeds, arm: SceneRobot, rate: float) -> list[Part]
     for name in SETPOINTS:
         feeds.show(f"{name}/state", JointTrajectoryControllerState, setpoint.push)
     return [hand, mocap, plates, efforts, setpoint, emg, safety, pace]
-
-
-def of_world(root: Node, feeds: Feeds) -> list[tuple[SceneRobot, LiveJoints]]:
-    """Return the objects of the simulated world with their newest poses, with their topic."""
-    known = {model.name: model for model in models(root.param("robot/plant", {})) if not model.planes}
-    live = {name: LiveJoints(()) for name in known}
-
-    def push(message: Any) -> None:
-        for name, pose in zip(message.name, message.pose, strict=True):
-            if name in live:
-                live[name].push_root(PoseStamped(pose=pose))
-
-    if known:
-        feeds.show("sim/model_states", ModelStates, push, lasting=True)
-    none = np.zeros(1), np.zeros((1, 0))
-    return [
-        (SceneRobot("", model.xml, (), *none, pose=pose_of_transform(model.T_world_start)), live[name])
-        for name, model in known.items()
-    ]
 
 
 def of_person(root: Node, feeds: Feeds, person: SceneRobot) -> list[Part]:

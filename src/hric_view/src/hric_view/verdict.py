@@ -7,7 +7,7 @@ time: the longer the run, the older the shown verdict may be, and it says until 
 import threading
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -72,6 +72,14 @@ class LiveVerdict:
     def push(self, topic: str, data: bytes) -> None:
         """Store a serialised message; topic: ARM, or the full name of one of the person."""
         self._queue.append((topic, data))
+
+    def watch(self, stop: threading.Event, needed: Callable[[], bool]) -> None:
+        """Take over messages, and judge while somebody needs it, until the event is set."""
+        due = 0.0
+        while not stop.wait(PERIOD):
+            self.collect()
+            if needed() and time.monotonic() > due:
+                due = self.judge() + time.monotonic()
 
     def collect(self) -> None:
         """Take over the messages that were stored; called in the thread of `judge`."""
