@@ -13,8 +13,8 @@ from typing import Any
 
 from hric_core.node import Node
 
-REST = 0.02
-"""Rest of a thread that receives, after a message [s of wall time]; shorter than the period of frames."""
+REST = 0.03
+"""Rest of a thread that receives, after a message [s of wall time]: about the period of frames; project default."""
 WAITED = 1e-3
 """Time without a message from which on a thread has waited for the next one [s of wall time]."""
 STALE = 0.25
