@@ -27,6 +27,8 @@ import numpy as np
 import numpy.typing as npt
 from rosbags.highlevel import AnyReader
 
+from hric_bags.memory import FIRST
+
 LEFT_OUT = {
     "/robot_description data": "names folders of the machine; what it says acts in the states",
     "/controller_manager/statistics controller.*time.*": "how long the controllers took, by the wall clock",
@@ -48,7 +50,7 @@ BLOCK_DIGITS = 8
 """Number of hexadecimal digits of the hash of a block."""
 MOST_LAST = 7
 BAG_TIME = "bag_time"
-"""Field of each topic: robot time at which each message was written [ns]."""
+"""Field of each topic: robot time at which each message was written [ns]; FIRST in a bag stands for 0."""
 Digest = dict[str, Any]
 """Digest of a topic (`type`, `messages`, `sha256`, `fields`), or of a field (see the docstring of the module)."""
 
@@ -125,7 +127,7 @@ def read(bag: Path) -> dict[str, Topic]:
     types: dict[str, str] = {}
     with AnyReader([bag]) as reader:
         for connection, time, raw in reader.messages():
-            values: dict[str, list[Any]] = {BAG_TIME: [np.int64(time)]}
+            values: dict[str, list[Any]] = {BAG_TIME: [np.int64(0 if time == FIRST else time)]}
             _flatten(reader.deserialize(raw, connection.msgtype), "", values)
             messages.setdefault(connection.topic, []).append(values)
             types[connection.topic] = connection.msgtype

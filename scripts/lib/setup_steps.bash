@@ -73,13 +73,15 @@ stop_step() {
 }
 
 show_progress() {
-  local pid=$1 log=$2 share=$3 started=$4 expected=$5 ticks=0 every=100 line
+  local pid=$1 log=$2 share=$3 started=$4 expected=$5 ticks=0 every=100 line estimate
   [ ! -t 1 ] || every=10
   while kill -0 "$pid" 2>/dev/null; do
     sleep 0.1
     ticks=$((ticks + 1))
     [ $((ticks % every)) = 0 ] || continue
-    line=$(printf '%3d %%  %d s of about %d s on an idle machine' "$("share_$share" "$log" 2>/dev/null || echo 0)" $((SECONDS - started)) "$expected")
+    estimate=" of about $expected s on an idle machine"
+    [ $((SECONDS - started)) -lt "$expected" ] || estimate=
+    line=$(printf '%3d %%  %d s%s' "$("share_$share" "$log" 2>/dev/null || echo 0)" $((SECONDS - started)) "$estimate")
     if [ -t 1 ]; then printf '\r\033[K    %s' "$line"; else printf '    %s\n' "$line"; fi
   done
   [ ! -t 1 ] || printf '\r\033[K'

@@ -26,6 +26,7 @@ from hric_bags.export import exporting, recording
 from hric_bags.export.anonymous import STAYS, Anonymiser
 from hric_bags.export.exporting import FORMATS, ExportRequest
 from hric_bags.export.recording import ExportSource
+from hric_bags.memory import FIRST
 from hric_bags.run_folder import RunFolder
 from hric_core.command import perform
 from hric_core.errors import HricError
@@ -137,7 +138,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> RunFolder:
                     for _, time, raw in reader.messages([c]):
                         message = times_later(reader.deserialize(raw, c.msgtype))
                         data = reader.typestore.serialize_ros1(message, c.msgtype)
-                        writer.write(target, time + WALL * 10**9, data)
+                        writer.write(target, (0 if time == FIRST else time) + WALL * 10**9, data)
     folder.write({**RUN, "bag": folder.bag_path.name})
     folder.metrics_path.write_text(json.dumps(METRICS))
     return folder

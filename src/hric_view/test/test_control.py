@@ -1,15 +1,23 @@
 """One viewer at a time controls a window, and only valid commands reach the system."""
 
+import json
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from browser import Browser, installed
 
 from hric_core.errors import HricError
+from hric_report.html.scene import SceneRobot
+from hric_view import page
 from hric_view.control import MAX_PUSH, Controls
-from hric_view.server import ForeignMessageError
+from hric_view.live import LiveJoints
+from hric_view.server import ForeignMessageError, ViewServer, Visit, WebPage
 
 LIMITS = {"joint1": (-1.0, 2.0), "joint2": (0.0, 1.0)}
+ARM = '<robot name="arm"><link name="base"/></robot>'
 
 
 class Noted:
@@ -17,13 +25,30 @@ class Noted:
 
     def __init__(self) -> None:
         self.done: list[object] = []
+        self.mode = "move"
 
     def __getattr__(self, name: str) -> Any:
         return lambda *values: self.done.append((name, *values))
 
     def summary(self) -> Mapping[str, object]:
-        """Return nothing."""
-        return {}
+        """Return the state of an arm."""
+        state = {"simulated": True, "stands": False, "gripper": False, "recovery": True, "controllers": []}
+        return {**state, "mode": self.mode}
+
+
+class ShownArm:
+    """Window with the controls of an arm."""
+
+    def __init__(self, controls: Controls) -> None:
+        self._controls = controls
+
+    def page(self, visit: Visit) -> WebPage | None:
+        """Return the page."""
+        return page.render("live", visit, control=True, live=True)
+
+    def scene(self, visit: Visit) -> str:
+        """Return the scene."""
+        return page.scene_message([SceneRobot("", ARM, (), np.zeros(1), np.zeros((1, 0)))], [self._controls], live=True)
 
 
 class Person:
@@ -155,3 +180,19 @@ def test_a_message_of_no_page_is_bad(controls: Controls, actions: Noted, anna: P
     with pytest.raises(ForeignMessageError):
         controls.receive(anna, message)  # type: ignore[arg-type]
     assert actions.done == [("begin",)]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not installed(), reason="no chromium; scripts/setup --with checks installs it")
+def test_only_an_arm_with_an_error_can_recover(controls: Controls, actions: Noted, tmp_path: Path) -> None:
+    server, joints = ViewServer(ShownArm(controls), receiver=controls), LiveJoints(())
+    with Browser(tmp_path) as browser:
+        browser.open_address(server.address)
+        browser.wait("report.live === true")
+        for actions.mode, disabled in (("move", "true"), ("reflex", "false"), ("idle", "false"), ("move", "true")):
+            frame = {**json.loads(page.frame_message([joints])), "control": {"holder": "", **actions.summary()}}
+            server.send(json.dumps(frame))
+            browser.wait(f"document.getElementById('mode').textContent === '{actions.mode}'")
+            assert browser.evaluate(f"document.getElementById('recover').disabled === {disabled}")
+        assert browser.problems == []
+    server.close()

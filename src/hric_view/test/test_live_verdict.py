@@ -1,6 +1,7 @@
 """The verdict so far is that of the same recording, and does not know what only the end of a run shows."""
 
 import math
+from io import BytesIO
 from typing import Any
 
 import pytest
@@ -26,17 +27,21 @@ def verdict() -> LiveVerdict:
     return LiveVerdict(ARM, ["joint1"], RUN, PERSON)
 
 
+def data(message: Any) -> bytes:
+    message.serialize(buffer := BytesIO())
+    return buffer.getvalue()
+
+
 def lived(force: float | None, seconds: float = 2.0, begin: float = 0.0, of: LiveVerdict | None = None) -> LiveVerdict:
     """Feed a resting arm and person, with an unchanging contact force [N], or contacts unknown."""
     judged = of or verdict()
     for cycle in range(round(100 * seconds)):
         stamp = Header(stamp=stamps.to_time(begin + 0.01 * cycle), seq=cycle)
-        judged.push("joint_states", JointState(stamp, ["joint1"], [0.1], [0.0], [0.0]))
-        judged.push(f"{PERSON}/joint_states", JointState(stamp, JOINTS, [1.5, 0.0], [0.0] * 2, [0.0] * 2))
+        judged.push("joint_states", data(JointState(stamp, ["joint1"], [0.1], [0.0], [0.0])))
+        judged.push(f"{PERSON}/joint_states", data(JointState(stamp, JOINTS, [1.5, 0.0], [0.0] * 2, [0.0] * 2)))
         if force is not None:
-            judged.push(
-                f"{PERSON}/contacts", RegionContacts(stamp, [contact(force, 0.01 * cycle)] if force else [], [])
-            )
+            touching = [contact(force, 0.01 * cycle)] if force else []
+            judged.push(f"{PERSON}/contacts", data(RegionContacts(stamp, touching, [])))
     judged.judge()
     return judged
 
@@ -62,9 +67,9 @@ def test_states_of_the_hand_do_not_hide_the_arm() -> None:
     judged = verdict()
     for cycle in range(200):
         stamp = Header(stamp=stamps.to_time(0.01 * cycle))
-        judged.push("joint_states", JointState(stamp, ["finger"], [0.0], [0.0], [0.0]))
-        judged.push("joint_states", JointState(stamp, ["joint1"], [0.1], [0.0], [0.0]))
-        judged.push(f"{PERSON}/joint_states", JointState(stamp, JOINTS, [1.5, 0.0], [0.0] * 2, [0.0] * 2))
+        judged.push("joint_states", data(JointState(stamp, ["finger"], [0.0], [0.0], [0.0])))
+        judged.push("joint_states", data(JointState(stamp, ["joint1"], [0.1], [0.0], [0.0])))
+        judged.push(f"{PERSON}/joint_states", data(JointState(stamp, JOINTS, [1.5, 0.0], [0.0] * 2, [0.0] * 2)))
     judged.judge()
     shown: Any = judged.frame()["verdict"]
     assert next(line["number"] for line in shown["lines"] if line["question"] == "distance").startswith("0.42")

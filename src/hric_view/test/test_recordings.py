@@ -78,6 +78,25 @@ def test_the_list_has_every_run_and_the_fault_of_a_broken_one(root: Path, names:
     assert "run.yaml" in broken.fault and broken.verdict == ""
 
 
+def test_the_list_tells_runs_of_an_experiment_apart(root: Path, names: dict[str, list[str]], tmp_path: Path) -> None:
+    rows = [entry(RunFolder(root / name)) for name in names["pd_step"]]
+    assert sorted(row.arguments for row in rows) == ["", "kp:=200"] and {row.mode for row in rows} == {"headless"}
+    listed = RecordedWindow(root).page(visit("/"))
+    assert listed is not None and b"<td>kp:=200</td><td>headless</td>" in listed.body
+    (tmp_path / "run.yaml").write_text("arguments: 3")
+    assert (entry(RunFolder(tmp_path)).arguments, entry(RunFolder(tmp_path)).mode) == ("", "")
+
+
+def test_only_the_file_says_that_it_needs_no_network(root: Path, names: dict[str, list[str]]) -> None:
+    window, query = RecordedWindow(root), {"run": names["pd_step"][0]}
+    says = {}
+    for path in ("/", "/new", "/run", "/report"):
+        served = window.page(visit(path, **query))
+        assert served is not None
+        says[path] = b"loads nothing from the network" in served.body
+    assert says == {"/": False, "/new": False, "/run": False, "/report": True}
+
+
 def test_a_run_that_was_not_assessed_is_not_known(root: Path, names: dict[str, list[str]]) -> None:
     assert entry(RunFolder(root / names["pd_step"][0])).verdict == "no person"
     folder = RunFolder(root / names["contact"][0])
@@ -193,6 +212,13 @@ class TestInABrowser:
             browser.wait("typeof report !== 'undefined' && report.started === true")
             labels = browser.evaluate("report.replay.robots.map(({ label }) => label)")
             assert sorted(label for label in labels if label) == names["pd_step"]
+            lines = "[...document.querySelectorAll('#view-legend span')]"
+            assert browser.evaluate(f"{lines}.map((line) => line.textContent)") == [label for label in labels if label]
+            assert len(browser.evaluate(f"[...new Set({lines}.map((line) => line.style.color))]")) == 2
+            assert browser.evaluate("document.getElementById('view').innerText") == ""  # nothing lies on the picture
+            assert browser.evaluate("document.getElementById('notes').textContent") != ""
+            browser.evaluate("(report.begin = -1, report.setTime(-0.001))")
+            assert browser.evaluate("document.getElementById('now').textContent") == "0.00 s"
             browser.evaluate("document.querySelectorAll('nav a')[1].click()")
             browser.wait("typeof report !== 'undefined' && report.ready === true")
             assert browser.problems == []

@@ -107,7 +107,7 @@ class Robot:
         root = PoseStamped()
         root.pose.position.x, root.pose.orientation.w = 0.9, 1.0
         self.root.publish(root)
-        contact = RegionContact(link="r_elbow", regions=["lower arm, wrist"], force=30.0, peak=30.0)
+        contact = RegionContact(link="r_elbow", regions=["lower arm, wrist"], force=30.0, peak=30.0, area=1e-3)
         contact.point.x, contact.normal.z = 0.4, -1.0
         self.contacts.publish(RegionContacts(touching=[contact]))
         self.say_sensors()

@@ -11,7 +11,7 @@ from rosbags.interfaces import Connection
 
 from hric_bags import files
 from hric_bags.chunked_writer import ChunkedWriter
-from hric_core.robot_time.stamps import to_time
+from hric_bags.memory import nanoseconds
 
 
 class BagWriter:
@@ -50,7 +50,7 @@ class BagWriter:
         connection = self._connections.get((topic, kind)) or self._connect(topic, kind)
         data = BytesIO()
         message.serialize(data)
-        stamp: int = to_time(max(time, 0.0)).to_nsec()
+        stamp = nanoseconds(time)
         with self._errors():
             self._writer.write(connection, stamp, data.getbuffer())
         return stamp

@@ -26,6 +26,7 @@ from hric_core.urdf import Robot, read
 from hric_dynamics.tree import Tree
 from hric_msgs.srv import SetRealTimeFactor, StepSimulation
 from hric_view.control import PERIOD, Controls
+from hric_view.feeds import Feeds
 from hric_view.live import LiveJoints
 
 PATIENCE = 2.0
@@ -57,12 +58,13 @@ class SystemActions:
 
     Args:
         root: node in the namespace of the robot.
+        feeds: topics of the window.
         robot: description of the robot.
         joints: present positions of its joints.
         moved: joints that can be moved, in the order of the arm.
     """
 
-    def __init__(self, root: RosNode, robot: Robot, joints: LiveJoints, moved: Sequence[str]) -> None:
+    def __init__(self, root: RosNode, feeds: Feeds, robot: Robot, joints: LiveJoints, moved: Sequence[str]) -> None:
         self._root, self._joints, self._moved = root, joints, moved
         self._tree = Tree(robot, moved)
         self._tip = max(self._tree.index, key=lambda link: self._tree.index[link])
@@ -80,7 +82,7 @@ class SystemActions:
         """Controller of the last motion, and what the window commanded: positions by joint, or T_base_ee.
 
         An arm that sags keeps its setpoint."""
-        root.subscribe("franka_state_controller/franka_states", FrankaState, self._note, queue_size=1)
+        feeds.keep("franka_state_controller/franka_states", FrankaState, self._note)
 
     def watch(self, stop: threading.Event, needed: Callable[[], bool]) -> None:
         """Read regularly what can be commanded, while somebody needs to know it, until the event is set."""
@@ -218,7 +220,8 @@ class SystemActions:
         goal = ErrorRecoveryActionGoal(header=Header(stamp=rospy.Time.now()), goal_id=_goal_id())
         self._send(self._recovery, goal, "franka_control/error_recovery")
 
-    def _note(self, message: Any) -> None:
+    def _note(self, data: bytes) -> None:
+        message = FrankaState().deserialize(data)
         with self._lock:
             self._state = message
         if message.robot_mode != FrankaState.ROBOT_MODE_MOVE:
@@ -285,11 +288,12 @@ class SystemActions:
             raise FailureError(f"the robot's node has not responded within {PATIENCE:g} s") from None
 
 
-def controls_of(root: RosNode, description: str, joints: LiveJoints) -> tuple[Controls, SystemActions]:
+def controls_of(root: RosNode, feeds: Feeds, description: str, joints: LiveJoints) -> tuple[Controls, SystemActions]:
     """Return the receiver of commands for an arm, and what executes them.
 
     Args:
         root: node in the namespace of the robot.
+        feeds: topics of the window.
         description: URDF of the arm.
         joints: present positions of its joints.
     """
@@ -299,7 +303,7 @@ def controls_of(root: RosNode, description: str, joints: LiveJoints) -> tuple[Co
         for name, joint in robot.joints.items()
         if joint.type == "revolute" and joint.limit is not None
     }
-    actions = SystemActions(root, robot, joints, list(moved))
+    actions = SystemActions(root, feeds, robot, joints, list(moved))
     return Controls(actions, moved, list(robot.links)), actions
 
 

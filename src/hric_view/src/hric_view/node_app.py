@@ -1,7 +1,7 @@
 """Node `window`: the window of a running system in a browser."""
 
 import threading
-import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,11 +19,10 @@ from hric_report.html.scene import SceneRobot, SceneSkin
 from hric_skin import fitted
 from hric_view import page, topics, world
 from hric_view.control_node import controls_of
+from hric_view.feeds import Feeds
 from hric_view.live import LiveForces, LiveJoints
 from hric_view.page import Part
 from hric_view.server import LOOPBACK, ViewServer, Visit, WebPage
-from hric_view.verdict import PERIOD as VERDICTS
-from hric_view.verdict import LiveVerdict
 
 
 @dataclass(frozen=True)
@@ -52,32 +51,32 @@ class BrowserWindow(NodeApp):
     def __init__(self, node: RosNode) -> None:
         settings = WindowSettings.read(node)
         self._root, self._robots = RosNode(), list[SceneRobot]()
+        self._feeds = Feeds(self._root)
         self._joints, self._forces = list[LiveJoints](), LiveForces()
         self._parts: list[Part] = [self._forces]
         self._stop, self._period = threading.Event(), 1.0 / settings.rate
-        self._verdict: LiveVerdict | None = None
+        self._watching: list[Callable[[threading.Event, Callable[[], bool]], None]] = []
         self._add(str(self._root.param(settings.robot_description)), "joint_states")
         if self._root.has_param(f"hric/{HUMAN}/robot_description"):
             self._add_human()
-        for robot, live in world.objects(self._root):
+        for robot, live in world.objects(self._root, self._feeds):
             self._robots.append(robot)
             self._joints.append(live)
-        self._parts += topics.of_arm(self._root, self._robots[0], settings.rate)
+        self._parts += topics.of_arm(self._root, self._feeds, self._robots[0], settings.rate)
         self._title = f"{self._root.namespace.strip('/') or 'robot'}, live"
         self._controls = None
         if settings.control:
-            self._controls, actions = controls_of(self._root, self._robots[0].description, self._joints[0])
+            self._controls, actions = controls_of(self._root, self._feeds, self._robots[0].description, self._joints[0])
             self._parts.append(self._controls)
+            self._watching.append(actions.watch)
         self._server = ViewServer(self, settings.host, settings.port, self._controls)
         self._root.set_param("hric/view/address", self._server.address)
         rospy.loginfo("The window is open at %s", self._server.address)
         self._thread = threading.Thread(target=self._run, name="frames", daemon=True)
         self._thread.start()
-        if settings.control:
-            watching = (self._stop, lambda: bool(self._server.viewers))
-            threading.Thread(target=actions.watch, args=watching, name="controls", daemon=True).start()
-        if self._verdict is not None:
-            threading.Thread(target=self._judge, args=(self._verdict,), name="verdict", daemon=True).start()
+        for watch in self._watching:
+            arguments = (self._stop, lambda: bool(self._server.viewers))
+            threading.Thread(target=watch, args=arguments, name=watch.__qualname__, daemon=True).start()
 
     def close(self) -> None:
         """Stop sending and listening."""
@@ -101,7 +100,7 @@ class BrowserWindow(NodeApp):
         names = tuple(joint.name for joint in joints.values() if joint.type != "fixed" and joint.name not in laws)
         live = LiveJoints(names)
         self._joints.append(live)
-        self._root.subscribe(topic, JointState, live.push, queue_size=10)
+        self._feeds.show(topic, JointState, live.push, depth=10, lasting=True)
         robot = SceneRobot("", description, names, np.zeros(1), np.zeros((1, len(names))))
         self._robots.append(robot)
         return robot
@@ -112,19 +111,14 @@ class BrowserWindow(NodeApp):
         if (settings := HumanSettings.beside_robot(self._root)) is not None:
             body = settings.body()
             robot.pose, robot.skin = settings.root(body), SceneSkin.of(fitted(body, settings.gripping(body)))
-        self._root.subscribe(f"hric/{HUMAN}/root", PoseStamped, self._joints[-1].push_root, queue_size=1)
-        self._root.subscribe(f"hric/{HUMAN}/contacts", RegionContacts, self._forces.push, queue_size=100)
-        self._verdict = topics.verdict(self._root, self._robots[0])
-        self._parts += [*topics.of_person(self._root, robot), self._verdict]
-
-    def _judge(self, verdict: LiveVerdict) -> None:
-        due = 0.0
-        while not self._stop.wait(VERDICTS):
-            verdict.collect()
-            if self._server.viewers and time.monotonic() > due:
-                due = verdict.judge() + time.monotonic()
+        self._feeds.show(f"hric/{HUMAN}/root", PoseStamped, self._joints[-1].push_root, lasting=True)
+        self._feeds.show(f"hric/{HUMAN}/contacts", RegionContacts, self._forces.push, depth=100)
+        verdict = topics.verdict(self._root, self._feeds, self._robots[0])
+        self._parts += [*topics.of_person(self._root, self._feeds, robot), verdict]
+        self._watching.append(verdict.watch)
 
     def _run(self) -> None:
         while not self._stop.wait(self._period):
             if self._server.viewers:
+                self._feeds.deliver()
                 self._server.send(page.frame_message(self._joints, self._parts))

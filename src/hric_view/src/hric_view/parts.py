@@ -14,6 +14,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from hric_assessment.contact.limits import TRANSIENT_TIME, Limits
+from hric_core.geometry import quaternion_from_rotation
 from hric_human.body.segments import SIDES
 from hric_human.muscles.lines import ACTIVATION_COLOURS
 from hric_report.html.body_picture import region_keys
@@ -126,7 +127,7 @@ class LiveHand(LiveState):
         force = -np.array(message.O_F_ext_hat_K[:3])  # the message has the force of the arm on its surroundings
         if not (np.isfinite(T_base_ee).all() and np.isfinite(force).all() and T_base_ee[3, 3] == 1.0):
             return {}
-        quaternion = Rotation.from_matrix(T_base_ee[:3, :3]).as_quat()
+        quaternion = quaternion_from_rotation(T_base_ee[:3, :3])
         pose = np.round([*T_base_ee[:3, 3], *quaternion], DIGITS).tolist()
         point = np.round((T_base_ee @ T_ee_k)[:3, 3], DIGITS).tolist()
         force = np.round(force, FORCE_DIGITS).tolist()

@@ -30,6 +30,8 @@ class RunEntry:
     Attributes:
         name: name of the run folder.
         experiment, started, status: values of run.yaml; "": not known.
+        arguments: arguments that changed the experiment's file.
+        mode: "headless" or "live"; "": not known.
         verdict: outcome of the assessment, or why there is none.
         fault: why the run cannot be shown; "": it can.
     """
@@ -38,6 +40,8 @@ class RunEntry:
     experiment: str = ""
     started: str = ""
     status: str = ""
+    arguments: str = ""
+    mode: str = ""
     verdict: str = ""
     fault: str = ""
 
@@ -59,7 +63,9 @@ def entry(folder: RunFolder) -> RunEntry:
         outcome = _verdict(folder, run)
     except HricError as error:
         return RunEntry(folder.path.name, fault=str(error))
-    values = {name: str(run.get(name) or "") for name in ("experiment", "started", "status")}
+    values = {name: str(run.get(name) or "") for name in ("experiment", "started", "status", "mode")}
+    words = run.get("arguments")
+    values["arguments"] = " ".join(map(str, words)) if isinstance(words, list) else ""
     fault = "" if folder.bag_of(run).is_file() else "no bag: nothing was recorded, or the bag was removed"
     return RunEntry(folder.path.name, **values, verdict=outcome, fault=fault)
 

@@ -2,7 +2,7 @@
 
 from functools import partial
 
-from geometry_msgs.msg import PoseStamped, WrenchStamped
+from geometry_msgs.msg import WrenchStamped
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
@@ -16,8 +16,6 @@ from hric_core.urdf import read
 from hric_human.participant.settings import HUMAN
 from hric_msgs.msg import (
     ClockPair,
-    HumanGrip,
-    JointTorque,
     MocapData,
     MuscleActivation,
     RegionContacts,
@@ -25,69 +23,62 @@ from hric_msgs.msg import (
     SampleChunk,
 )
 from hric_report.html.scene import SceneRobot
+from hric_view.feeds import Feeds
 from hric_view.page import Part
 from hric_view.parts import LiveHand, LiveMocap, LiveMuscles, LivePlates, LiveStatics, LiveTouches
 from hric_view.readings import SETPOINTS, LiveEmg, LiveLimits, LivePace, LiveSafety, LiveSetpoint
-from hric_view.verdict import LiveVerdict
-
-PERSON = {
-    "joint_states": JointState,
-    "joint_torque": JointTorque,
-    "root": PoseStamped,
-    "grip": HumanGrip,
-    "contacts": RegionContacts,
-}
-"""Topics of the person that the verdict needs."""
+from hric_view.verdict import ARM, PERSON, LiveVerdict
 
 
-def of_arm(root: Node, arm: SceneRobot, rate: float) -> list[Part]:
-    """Return the parts of the arm and of the sensors, subscribed to their topics.
+def of_arm(root: Node, feeds: Feeds, arm: SceneRobot, rate: float) -> list[Part]:
+    """Return the parts of the arm and of the sensors, with their topics.
 
     Args:
         root: node in the namespace of the robot.
+        feeds: topics of the window.
         arm: the arm.
         rate: rate of the frames [Hz].
     """
     tree = read(arm.description)
     hand = LiveHand(next((name for name in tree.links if name.endswith("_link0")), tree.root))
-    statics = LiveStatics(list(tree.links), lambda plate: _add_plate(root, plates, plate))
+    statics = LiveStatics(list(tree.links), lambda plate: _add_plate(feeds, plates, plate))
     mocap, plates, emg, safety = LiveMocap(statics), LivePlates(statics), LiveEmg(rate), LiveSafety()
     pace = LivePace()
     limits = {joint.name: joint for joint in load_limits(arm.description, root, _turning(arm))}
     efforts, setpoint = LiveLimits(arm.joint_names, limits), LiveSetpoint(arm.joint_names)
-    root.subscribe("franka_state_controller/franka_states", FrankaState, hand.push, queue_size=1)
     root.subscribe("/tf_static", TFMessage, statics.push, queue_size=100)
-    root.subscribe("hric/perception/mocap", MocapData, mocap.push, queue_size=1)
-    root.subscribe("joint_states", JointState, efforts.push, queue_size=10)
-    root.subscribe("hric/perception/emg/envelope", SampleChunk, emg.push, queue_size=100)
-    root.subscribe("hric/safety/state", SafetyState, safety.push, queue_size=1)
-    root.subscribe("hric/clock", ClockPair, pace.push, queue_size=1)
+    feeds.show("franka_state_controller/franka_states", FrankaState, hand.push)
+    feeds.show("hric/perception/mocap", MocapData, mocap.push)
+    feeds.show("joint_states", JointState, efforts.push, depth=10)
+    feeds.show("hric/perception/emg/envelope", SampleChunk, emg.push, depth=100)
+    feeds.show("hric/safety/state", SafetyState, safety.push)
+    feeds.show("hric/clock", ClockPair, pace.push)
     for name in SETPOINTS:
-        root.subscribe(f"{name}/state", JointTrajectoryControllerState, setpoint.push, queue_size=1)
+        feeds.show(f"{name}/state", JointTrajectoryControllerState, setpoint.push)
     return [hand, mocap, plates, efforts, setpoint, emg, safety, pace]
 
 
-def of_person(root: Node, person: SceneRobot) -> list[Part]:
-    """Return the parts of the simulated person, subscribed to their topics; `person` gets the lines of the muscles."""
+def of_person(root: Node, feeds: Feeds, person: SceneRobot) -> list[Part]:
+    """Return the parts of the simulated person, with their topics; `person` gets the lines of the muscles."""
     touches = LiveTouches(Limits.named())
-    root.subscribe(f"hric/{HUMAN}/contacts", RegionContacts, touches.push, queue_size=100)
+    feeds.show(f"hric/{HUMAN}/contacts", RegionContacts, touches.push, depth=100)
     if not (lines := root.param(f"hric/{HUMAN}/muscle_lines", {})):
         return [touches]
     muscles = LiveMuscles(lines)
     person.lines = muscles.lines
-    root.subscribe(f"hric/{HUMAN}/activation", MuscleActivation, muscles.push, queue_size=1)
+    feeds.show(f"hric/{HUMAN}/activation", MuscleActivation, muscles.push)
     return [touches, muscles]
 
 
-def verdict(root: Node, arm: SceneRobot) -> LiveVerdict:
-    """Return the verdict of the simulated person beside an arm, subscribed to their topics."""
+def verdict(root: Node, feeds: Feeds, arm: SceneRobot) -> LiveVerdict:
+    """Return the verdict of the simulated person beside an arm, with their topics."""
     human = {key: value for key, value in root.param(f"robot/participants/{HUMAN}", {}).items() if key != "type"}
     parameters = {"robot": {"plant": root.param("robot/plant", {})}}
     run: RunFile = {"definition": {"human": human or None}, "parameters": parameters}
     name = root.resolve(f"hric/{HUMAN}")
     so_far = LiveVerdict(arm.description, _turning(arm), run, name)
-    for topic, kind in [("joint_states", JointState), *((f"{name}/{end}", kind) for end, kind in PERSON.items())]:
-        root.subscribe(topic, kind, partial(so_far.push, topic), queue_size=100)
+    for topic, kind in [(ARM, JointState), *((f"{name}/{end}", kind) for end, kind in PERSON.items())]:
+        feeds.keep(topic, kind, partial(so_far.push, topic))
     return so_far
 
 
@@ -95,6 +86,5 @@ def _turning(arm: SceneRobot) -> list[str]:
     return [joint.name for joint in read(arm.description).joints.values() if joint.type == "revolute"]
 
 
-def _add_plate(root: Node, plates: LivePlates, plate: str) -> None:
-    topic = f"hric/perception/force_plate/{plate}/wrench"
-    root.subscribe(topic, WrenchStamped, plates.add(plate), queue_size=1)
+def _add_plate(feeds: Feeds, plates: LivePlates, plate: str) -> None:
+    feeds.show(f"hric/perception/force_plate/{plate}/wrench", WrenchStamped, plates.add(plate))

@@ -38,6 +38,7 @@ MEMORY = 4 * 2**30
 RATE = 60.0
 """Instants of the replay per second [Hz]."""
 PD, SUBJECT = "parameters.joint_pd_controller", "human.subject"
+SEXES = ("male", "female")
 
 
 @dataclass(frozen=True)
@@ -50,6 +51,7 @@ class Slider:
         unit: unit of the value.
         lower, upper, default: range and default.
         step: step of the slider.
+        choices: words for the values 0, 1, ..., which are chosen from a list; empty: a slider.
     """
 
     name: str
@@ -59,6 +61,7 @@ class Slider:
     upper: float
     default: float
     step: float
+    choices: tuple[str, ...] = ()
 
 
 SLIDERS = (
@@ -66,7 +69,7 @@ SLIDERS = (
     Slider("speed", "largest joint speed", "rad/s", 0.2, 2.0, 1.0, 0.1),
     Slider("mass", "mass of the person", "kg", 45.0, 120.0, 79.0, 1.0),
     Slider("height", "height of the person", "m", 1.50, 2.00, 1.76, 0.01),
-    Slider("female", "body: 0 male, 1 female", "", 0.0, 1.0, 0.0, 1.0),
+    Slider("sex", "sex of the person", "", 0.0, 1.0, 0.0, 1.0, choices=SEXES),
     Slider("hand", "height of the person's hand", "m", 0.45, 0.73, 0.58, 0.01),
 )
 """Conditions; ranges are project defaults: bodies of adults, and postures in which the arm can reach the forearm."""
@@ -82,7 +85,8 @@ def checked(values: Mapping[str, Any]) -> dict[str, float]:
     result = {slider.name: slider.default for slider in SLIDERS} | dict(values)
     for slider in SLIDERS:
         value = result[slider.name]
-        if isinstance(value, bool) or not isinstance(value, int | float) or not slider.lower <= value <= slider.upper:
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if not number or not slider.lower <= value <= slider.upper or (slider.choices and value % 1.0):
             valid = f"{slider.lower:g} to {slider.upper:g} {slider.unit}".strip()
             raise HricError(f"{slider.text} is {value!r}; valid: {valid}")
     return result
@@ -90,7 +94,7 @@ def checked(values: Mapping[str, Any]) -> dict[str, float]:
 
 def overrides(values: Mapping[str, float]) -> list[str]:
     """Return the overrides of the experiment, as on the command line, for checked conditions."""
-    sex = "female" if values["female"] >= 0.5 else "male"
+    sex = SEXES[round(values["sex"])]
     body = f"{{code: T01, mass: {values['mass']:g}, height: {values['height']:g}, sex: {sex}}}"
     return [
         f"{PD}.kp:={values['stiffness']:g}",

@@ -1,7 +1,7 @@
 """Figures of a run in `hric try`: what its verdict knows; whatever the verdict does not know has no value."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from hric_assessment.ergonomics.scoring import method_of, methods
 from hric_assessment.findings import POSTURE as POSTURES
@@ -15,7 +15,8 @@ MET = "speed at which they met [m/s]"
 """Names of values in findings about contacts."""
 SCORE, WORST = "score that counts", "score that counts, unknown at its worst"
 """Names of values in findings about postures."""
-NO_CONTACT = "nothing touched the person"
+NO_CONTACT, NOTHING = "no contact", "nothing touched the person"
+"""Reply to the question about contacts without a contact, and its reason; it is not shown as "within"."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,7 @@ class TryoutFigure:
         value: value in `unit`; None: not known.
         limit: limit in `unit`; None: there is none, or it is not known.
         unit: unit.
-        reply: reply of the verdict to the figure's question; "": the figure has none.
+        reply: reply of the verdict to the figure's question, or NO_CONTACT; "": the figure has none.
         reason: why the reply is as it is, or why the value is not known.
         lower: True if values below the limit are beyond it.
     """
@@ -43,9 +44,12 @@ class TryoutFigure:
 
 def figures_of(verdict: Verdict) -> Iterator[TryoutFigure]:
     """Yield the figures of a verdict."""
-    yield from _contact([finding for finding in verdict.findings if finding.group == CONTACT])
+    contacts = [finding for finding in verdict.findings if finding.group == CONTACT]
+    yield from _contact(contacts)
     by_question = {conclusion.question: conclusion for conclusion in verdict.conclusions}
-    yield _concluded("contact, share of its limit", by_question[CONTACT])
+    share = _concluded("contact, share of its limit", by_question[CONTACT])
+    apart = share.reply == Reply.YES and not _touches(contacts)
+    yield replace(share, value=None, reply=NO_CONTACT, reason=NOTHING) if apart else share
     yield _concluded("smallest distance", by_question[DISTANCE])
     postures = [finding for finding in verdict.findings if finding.group == POSTURES]
     for title in (method.table().title for method in methods().values()):
@@ -70,10 +74,10 @@ def _contact(contacts: Sequence[Finding]) -> Iterator[TryoutFigure]:
             larger.
     """
     unknown = next((finding for finding in contacts if finding.outcome == Outcome.NOT_ASSESSABLE), None)
-    touches = [finding for finding in contacts if not (finding.outcome == Outcome.WITHIN and finding.share == 0.0)]
+    touches = _touches(contacts)
     forces: list[float] = []
     speeds: list[tuple[float, float]] = []
-    why = "" if touches else NO_CONTACT if contacts else "contacts are not assessed"
+    why = "" if touches else NOTHING if contacts else "contacts are not assessed"
     no_force = no_speed = why if unknown is None else f"{unknown.subject}: {unknown.reason}"
     for finding in touches:
         peaks = [peak for name in PEAKS if (peak := finding.values.get(name)) is not None]
@@ -90,6 +94,11 @@ def _contact(contacts: Sequence[Finding]) -> Iterator[TryoutFigure]:
     yield TryoutFigure("largest contact force", force, None, "N", reason=no_force)
     yield TryoutFigure("speed at which they met", met, limit, "m/s", reason=no_speed)
     yield TryoutFigure("permitted speed", limit, None, "m/s", reason=no_speed)
+
+
+def _touches(contacts: Sequence[Finding]) -> list[Finding]:
+    """Return the findings about contacts that happened, or may have happened."""
+    return [finding for finding in contacts if not (finding.outcome == Outcome.WITHIN and finding.share == 0.0)]
 
 
 def _score(title: str, postures: Sequence[Finding]) -> TryoutFigure:

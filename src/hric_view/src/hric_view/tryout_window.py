@@ -1,9 +1,11 @@
 """Window of `hric try`: sliders, the run with their values, and its figures beside those of the run before."""
 
+import json
 from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
+from hric_core.errors import HricError
 from hric_view import page
 from hric_view.server import ForeignMessageError, Viewer, Visit, WebPage
 from hric_view.tryout import SLIDERS, Tryout, checked
@@ -27,12 +29,11 @@ class TryoutWindow:
         return page.render("Try a contact", visit, sliders=sliders, waiting="running the experiment for the first time")
 
     def scene(self, visit: Visit) -> str:
-        """Return the run with the default conditions.
-
-        Raises:
-            HricError: the run failed.
-        """
-        return self._tryout.result({})
+        """Return the run with the default conditions, or why it failed: the page can then request another one."""
+        try:
+            return self._tryout.result({})
+        except HricError as error:
+            return json.dumps({"type": "refused", "text": str(error)})
 
     def receive(self, viewer: Viewer, message: Mapping[str, Any]) -> None:
         """Run the experiment with the conditions of a viewer, and send them the result; see server.Receiver."""

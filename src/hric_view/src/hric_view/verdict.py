@@ -7,26 +7,27 @@ time: the longer the run, the older the shown verdict may be, and it says until 
 import threading
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from geometry_msgs.msg import PoseStamped
+from sensor_msgs.msg import JointState
 
 from hric_assessment.verdict.assess import judge
 from hric_assessment.verdict.conclusions import EFFORT, TASK, Conclusion, Reply
 from hric_assessment.verdict.inputs import AssessmentInput
 from hric_bags.reader import ControlRecord
-from hric_bags.records.human_record import GRIP_TYPE, TORQUE_TYPE, HumanMessages
+from hric_bags.records.human_record import HumanMessages
 from hric_bags.records.recording import Recording
-from hric_bags.records.region_contacts import CONTACTS_TYPE
-from hric_bags.records.rows import RecordRows
+from hric_bags.records.rows import RecordRows, Thinning, stamp_of
 from hric_bags.run_file import RunFile
 from hric_core.errors import HricError
+from hric_msgs.msg import HumanGrip, JointTorque, RegionContacts
 
-PERIOD, SHARE = 1.0, 19.0
+PERIOD, SHARE = 1.0, 39.0
 """Shortest time between two verdicts [s], and rest after one as a multiple of its duration [1]; project default."""
 RATE = 50.0
 """Highest rate at which postures, torques and grips are stored [Hz]; contacts are all stored."""
@@ -37,15 +38,14 @@ NOT_YET = {
 """Reasons for which a question has no reply while the system runs."""
 ARM = "joint_states"
 """Topic of the arm."""
-STATES_TYPE = "sensor_msgs/msg/JointState"
-KINDS = {
-    "joint_states": STATES_TYPE,
-    "joint_torque": TORQUE_TYPE,
-    "root": "geometry_msgs/msg/PoseStamped",
-    "grip": GRIP_TYPE,
-    "contacts": CONTACTS_TYPE,
+PERSON = {
+    "joint_states": JointState,
+    "joint_torque": JointTorque,
+    "root": PoseStamped,
+    "grip": HumanGrip,
+    "contacts": RegionContacts,
 }
-"""Types of the topics of the person that are judged, by their last name."""
+"""Topics of the person that are judged, by their last name, and the types of their messages."""
 
 
 class LiveVerdict:
@@ -60,46 +60,53 @@ class LiveVerdict:
 
     def __init__(self, description: str, joints: Sequence[str], run: RunFile, name: str) -> None:
         self._description, self._joints, self._run, self._name = description, tuple(joints), run, name
-        self._queue, self._last = deque[tuple[str, str, float, Any]](), dict[tuple[str, str], float]()
+        self._queue = deque[tuple[str, bytes]]()
         self._lock, self._sent = threading.Lock(), 0.0
         self._lines: dict[str, object] = {}
         self._clear()
 
     def _clear(self) -> None:
-        self._times, self._topics = dict[str, float](), dict[str, int]()
-        self._arm, self._person = RecordRows("position", "velocity", "effort"), HumanMessages(self._name)
+        self._times, self._topics, self._thin = dict[str, float](), dict[str, int](), Thinning(RATE)
+        self._arm, self._person = RecordRows("position", "velocity", "effort"), HumanMessages(self._name, RATE)
 
-    def push(self, topic: str, message: Any) -> None:
-        """Store a message; topic: ARM, or the full name of one of the person."""
-        stamp, kind = message.header.stamp.to_sec(), KINDS[topic.rpartition("/")[2]]
-        if topic == ARM and not set(self._joints) <= set(message.name):
-            return  # of the hand
-        stream = topic, message.name if kind == GRIP_TYPE else ""
-        if kind != CONTACTS_TYPE and abs(stamp - self._last.get(stream, -1.0)) < 0.99 / RATE:
-            return
-        self._last[stream] = stamp
-        self._queue.append((topic, kind, stamp, message))
+    def push(self, topic: str, data: bytes) -> None:
+        """Store a serialised message; topic: ARM, or the full name of one of the person."""
+        self._queue.append((topic, data))
+
+    def watch(self, stop: threading.Event, needed: Callable[[], bool]) -> None:
+        """Take over messages, and judge while somebody needs it, until the event is set."""
+        due = 0.0
+        while not stop.wait(PERIOD):
+            self.collect()
+            if needed() and time.monotonic() > due:
+                due = self.judge() + time.monotonic()
 
     def collect(self) -> None:
         """Take over the messages that were stored; called in the thread of `judge`."""
         while self._queue:
-            topic, kind, stamp, message = self._queue.popleft()
+            topic, data = self._queue.popleft()
+            stamp = 1e-9 * stamp_of(data)
             if stamp < self._times.get(topic, stamp) - 1.0:
                 self._clear()  # the simulation began again
             self._times[topic] = stamp
             self._topics[topic] = self._topics.get(topic, 0) + 1
-            if kind == CONTACTS_TYPE:
-                message.serialize(raw := BytesIO())
-                self._person.note(_Connection(topic, kind), raw.getvalue())
             if topic == ARM:
-                self._add_arm(stamp, message)
+                self._add_arm(stamp, data)
             else:
-                self._person.add(topic, kind, message)
+                self._add_person(topic, data)
 
-    def _add_arm(self, stamp: float, message: Any) -> None:
+    def _add_person(self, topic: str, data: bytes) -> None:
+        kind = PERSON[topic.rpartition("/")[2]]
+        connection = _Connection(topic, _name_in_bags(kind))
+        self._person.note(connection, data)
+        if self._person.due(connection, data):
+            self._person.add(topic, connection.msgtype, kind().deserialize(data))
+
+    def _add_arm(self, stamp: float, data: bytes) -> None:
+        message = JointState().deserialize(data)
         values = zip(message.position, message.velocity, message.effort, strict=False)
         rows = dict(zip(message.name, values, strict=False))
-        if set(self._joints) <= set(rows):
+        if set(self._joints) <= set(rows) and self._thin.due(ARM, data):  # not of the hand
             self._arm.add(stamp, _Row(self._joints, *zip(*(rows[name] for name in self._joints), strict=True)))
 
     def judge(self) -> float:
@@ -122,7 +129,7 @@ class LiveVerdict:
         log = ControlRecord(self._joints, ("none",) * len(self._joints), at, q, dq, tau, none, none, 0, (), ())
         recording = Recording(
             dict(self._topics),
-            frozenset(KINDS.values()),
+            frozenset(map(_name_in_bags, PERSON.values())),
             min(ends),
             max(ends),
             float,  # stamps are robot time
@@ -158,6 +165,12 @@ class _Row:
 
     def __init__(self, name: Sequence[str], position: Any, velocity: Any, effort: Any) -> None:
         self.name, self.position, self.velocity, self.effort = name, position, velocity, effort
+
+
+def _name_in_bags(kind: Any) -> str:
+    """Return the name of a message type as a reader of bags has it, e.g. "sensor_msgs/msg/JointState"."""
+    name: str = kind._type
+    return name.replace("/", "/msg/")
 
 
 def _lines(source: AssessmentInput) -> list[dict[str, str]]:

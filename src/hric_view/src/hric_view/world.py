@@ -10,11 +10,12 @@ from hric_bags.records.object_record import models
 from hric_core.geometry import pose_of_transform
 from hric_core.node import Node
 from hric_report.html.scene import SceneRobot
+from hric_view.feeds import Feeds
 from hric_view.live import LiveJoints
 
 
-def objects(root: Node) -> list[tuple[SceneRobot, LiveJoints]]:
-    """Return the objects of the simulated world with their newest poses, subscribed to their topic."""
+def objects(root: Node, feeds: Feeds) -> list[tuple[SceneRobot, LiveJoints]]:
+    """Return the objects of the simulated world with their newest poses, with their topic."""
     known = {model.name: model for model in models(root.param("robot/plant", {})) if not model.planes}
     live = {name: LiveJoints(()) for name in known}
 
@@ -24,7 +25,7 @@ def objects(root: Node) -> list[tuple[SceneRobot, LiveJoints]]:
                 live[name].push_root(PoseStamped(pose=pose))
 
     if known:
-        root.subscribe("sim/model_states", ModelStates, push, queue_size=1)
+        feeds.show("sim/model_states", ModelStates, push, lasting=True)
     none = np.zeros(1), np.zeros((1, 0))
     return [
         (SceneRobot("", model.xml, (), *none, pose=pose_of_transform(model.T_world_start)), live[name])

@@ -15,6 +15,7 @@ from hric_bags.records.human_record import HumanRecord
 from hric_bags.records.recording import Columns
 from hric_core.errors import HricError
 from hric_core.geometry import FloatArray, Pose
+from hric_human.body.joints import in_words
 from hric_human.control.whole_body import RootMotion
 from hric_human.muscles.after_run import CUTOFF, MuscleLoad, RecordedMotion
 from hric_human.muscles.anatomy import Anatomy
@@ -107,10 +108,12 @@ def _strength(source: AssessmentInput, person: AssessedPerson | None) -> list[Un
             continue
         largest, mean = float(np.nanmax(share)), float(np.nanmean(share))
         note = f"mean {mean:.3g}; {MODEL}"
-        figures.append(UnjudgedValue("strength", f"largest torque of {name} over its strength", largest, "1", note))
+        figures.append(
+            UnjudgedValue("strength", f"largest torque of {in_words(name)} over its strength", largest, "1", note)
+        )
         if "_sh_" in name:
             note = f"mean {mean / factor:.3g}; with {factor:g} times the modelled strength of the shoulder"
-            label = f"largest torque of {name}, weaker shoulder"
+            label = f"largest torque of {in_words(name)}, weaker shoulder"
             figures.append(UnjudgedValue("strength", label, largest / factor, "1", note))
     return sorted(figures, key=lambda figure: -(figure.value or 0.0))
 

@@ -135,6 +135,15 @@ LEG = (
 )
 LIMBS = {"trunk": TRUNK, "arm": ARM, "leg": LEG}
 ROWS = {row.name: row for limb in LIMBS.values() for row in limb}
+_WORDS = {
+    **{"sh": "shoulder", "el": "elbow", "wr": "wrist", "flex": "flexion", "abd": "abduction", "rot": "rotation"},
+    **{"bend": "bending", "dev": "deviation", "inv": "inversion", "pro": "pronation and", "sup": "supination"},
+}
+
+
+def in_words(name: str) -> str:
+    """Return the name of a joint in words: "right shoulder flexion" for right_sh_flex."""
+    return " ".join(_WORDS.get(part, part) for part in name.split("_"))
 
 
 @dataclass(frozen=True)

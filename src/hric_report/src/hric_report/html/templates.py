@@ -1,8 +1,8 @@
 """Jinja2 templates of all HTML pages; each page is one file that makes no network requests.
 
 Texts are escaped automatically, and an unknown name in a template is an error. A template ends with
-`{% include "frame.html" %}`, which shows its variables `title`, `subtitle`, `verdicts`, `main` and `foot`, and
-`scripts` if the page may run scripts.
+`{% include "frame.html" %}`, which shows its variables `title`, `subtitle`, `verdicts`, `main` and `foot` (empty:
+a page of a server, not a file), and `scripts` if the page may run scripts.
 """
 
 import re

@@ -144,6 +144,8 @@
     find("holder").textContent = mine ? "You control the arm." : holder ? `${holder} controls the arm.` : "Nobody controls the arm.";
     find("mode").textContent = mode;
     find("stands").textContent = stands ? ", time stands still" : "";
+    find("recover").disabled = mode === "move";
+    find("recover").title = mode === "move" ? "the arm has no error" : "";
     for (const [kind, shown] of [[".of-sim", simulated], [".of-gripper", gripper], [".of-franka", recovery]]) document.querySelectorAll(kind).forEach((element) => { element.hidden = !shown; });
     showControllers(controllers);
   });

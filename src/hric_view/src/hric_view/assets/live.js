@@ -10,7 +10,7 @@
 
   const dispatch = (message) => {
     if (message.type === "scene") wanted = message.live || Boolean(report.follow); // a recorded scene is complete
-    if (message.type === "refused" && !report.data) wanted = false; // there is no such scene
+    if (message.type === "refused" && !report.data && !report.follow) wanted = false; // there is no such scene
     for (const handler of handlers.get(message.type) || []) handler(message);
   };
 

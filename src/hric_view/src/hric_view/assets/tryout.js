@@ -1,13 +1,14 @@
 "use strict";
-// Sliders of `hric try`: each change asks for a run; while one runs, only the newest change waits.
+// Conditions of `hric try`: each change asks for a run; while one runs, only the newest change waits.
 {
   const find = (id) => document.getElementById(id);
-  const form = find("conditions"), inputs = [...form.querySelectorAll("input")];
-  const FINEST = 0.0005; // size of a number below which it is shown as 0
+  const form = find("conditions"), inputs = [...form.querySelectorAll("input, select")];
+  const FINEST = 0.0005; // size of a number below which it is shown as 0; also half of the step of a shown length [m]
   let running = true, waiting = false, again = false, before = new Map(), now = new Map(), chosen, asked = 0;
 
-  const values = () => Object.fromEntries(inputs.map(({ name, valueAsNumber }) => [name, valueAsNumber]));
-  const label = () => inputs.forEach((input) => { input.nextElementSibling.textContent = `${input.value} ${input.dataset.unit}`; });
+  const values = () => Object.fromEntries(inputs.map(({ name, value }) => [name, Number(value)]));
+  const worded = ({ options, dataset }, value) => (options ? options[value].text : `${value} ${dataset.unit}`);
+  const label = () => inputs.filter(({ type }) => type === "range").forEach((input) => { input.nextElementSibling.textContent = worded(input, input.value); });
   const differing = (a, b) => inputs.filter(({ name }) => a[name] !== b[name]);
 
   // Say what goes on; old: the figures are not those of the conditions above them.
@@ -32,14 +33,18 @@
     ask();
   };
 
-  const rounded = (value) => (Math.abs(value) < FINEST ? 0 : Number(value.toPrecision(3)));
-  const written = (value, unit) => (value === null ? "not known" : `${rounded(value)} ${unit}`.trim());
+  const rounded = (value, unit) => {
+    if (Math.abs(value) < FINEST) return 0;
+    return unit === "m" ? Number(value.toFixed(3)) : Number(value.toPrecision(3));
+  };
+  const apart = ({ reply }) => reply === "no contact";
+  const written = (figure) => (apart(figure) ? "no contact" : figure.value === null ? "not known" : `${rounded(figure.value, figure.unit)} ${figure.unit}`.trim());
 
   // Return the difference of two shown values; "": there is none to be shown.
-  const change = (value, earlier) => {
-    if (value === null || earlier === undefined || earlier === null) return "";
-    const step = rounded(rounded(value) - rounded(earlier));
-    return step ? `${step > 0 ? "+" : "\u2212"}${Math.abs(step)}` : "=";
+  const change = ({ value, unit }, earlier) => {
+    if (value === null || (earlier?.value ?? null) === null) return "";
+    const step = rounded(rounded(value, unit) - rounded(earlier.value, unit), unit);
+    return step ? `${step > 0 ? "+" : "\u2212"}${Math.abs(step)}` : "same";
   };
 
   // Return how far a figure is beyond its limit, negative: within it; null: not known, or there is no limit.
@@ -47,16 +52,16 @@
 
   // Return whether a figure is worse or better than before: nearer to its limit or farther from it; "": neither, or not known.
   const trend = (figure, earlier) => {
-    if (!earlier) return "";
+    if (!earlier || apart(figure) || apart(earlier)) return "";
     if ((figure.value === null) !== (earlier.value === null)) return figure.value === null ? "no longer known" : "now known";
     const [now, then] = [beyond(figure), beyond(earlier)];
-    if (now === null || then === null || !rounded(now - then)) return "";
+    if (now === null || then === null || !rounded(now - then, figure.unit)) return "";
     return now > then ? "worse" : "better";
   };
 
   const row = (figure) => {
     const { name, value, limit, unit, reply, reason } = figure, line = document.createElement("tr"), earlier = before.get(name);
-    const texts = [name, written(value, unit), earlier ? written(earlier.value, unit) : "", change(value, earlier?.value), limit === null ? "" : written(limit, unit), reply];
+    const texts = [name, written(figure), earlier ? written(earlier) : "", change(figure, earlier), limit === null ? "" : written({ value: limit, unit }), apart(figure) ? "" : reply];
     texts.forEach((text, k) => {
       const cell = line.insertCell();
       cell.textContent = text;
@@ -79,7 +84,7 @@
     if (!chosen || changed.length) {
       before = now;
       now = new Map(message.figures.map((figure) => [figure.name, figure]));
-      find("changes").textContent = changed.map(({ name, dataset }) => `${name}: ${chosen[name]} to ${message.values[name]} ${dataset.unit}`.trim()).join(", ");
+      find("changes").textContent = changed.map((input) => `${input.name}: ${input.options ? worded(input, chosen[input.name]) : chosen[input.name]} to ${worded(input, message.values[input.name])}`.trim()).join(", ");
       chosen = message.values;
     }
     find("figures").tBodies[0].replaceChildren(...message.figures.map(row));
@@ -87,7 +92,7 @@
     done(asked ? `done in ${((performance.now() - asked) / 1000).toFixed(1)} s` : "", false);
     if (!matchMedia("(prefers-reduced-motion: reduce)").matches) find("play").click();
   });
-  report.on("refused", ({ text }) => done(`refused: ${text}. The figures below are those of the last run.`, true));
+  report.on("refused", ({ text }) => done(`refused: ${text}.${chosen ? " The figures below are those of the last run." : ""}`, true));
   report.on("lost", () => {
     running = again = true; // until the connection is there again, whose first message is a run
     tell("The connection is lost. Trying again.", true);

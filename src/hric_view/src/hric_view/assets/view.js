@@ -22,7 +22,7 @@
   report.setTime = (t) => {
     report.time = Math.min(Math.max(t, report.begin), report.end);
     Object.assign(find("time"), { min: report.begin, max: report.end, value: report.time });
-    find("now").textContent = report.time.toFixed(2) + " s";
+    find("now").textContent = report.fixed(report.time, 2) + " s";
     report.forces?.show(report.time);
     report.replay?.pose(report.time);
     for (const part of report.timed) part(report.time);
@@ -41,11 +41,12 @@
     report.replay?.renderer.dispose();
     report.replay = report.makeReplay(fresh);
     if (seenFrom) for (const key of ["target", "distance", "azimuth", "elevation"]) report.replay.orbit[key] = seenFrom[key];
+    paint();
     report.forces = report.replay && new report.Forces(report.replay.scene);
     lost = false;
     find("live").hidden = !message.live;
     find("link").textContent = message.live ? "connected; nothing has been received from the robot" : "";
-    if (report.data.notes.length) find("view-note").textContent = report.data.notes.join("; ");
+    find("notes").textContent = report.data.notes.join("; ");
     live = message.live;
     report.setTime(report.begin);
     report.started = !message.live;
@@ -92,6 +93,7 @@
   const paint = () => {
     document.documentElement.dataset.theme = dark.matches ? "dark" : "light";
     report.replay?.paint();
+    if (report.replay?.robots.some(({ label }) => label)) report.showLegend();
   };
 
   find("theme").hidden = true;

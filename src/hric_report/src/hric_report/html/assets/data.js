@@ -25,4 +25,7 @@ report.countUntil = (times, value) => {
   return low;
 };
 
+// Return a value with a number of digits, without the sign of a zero.
+report.fixed = (value, digits) => (Number(value.toFixed(digits)) || 0).toFixed(digits);
+
 report.colour = (role) => getComputedStyle(document.documentElement).getPropertyValue("--" + role.replace(/^s(\d+)$/, (_, k) => "s" + (k % 10))).trim();

@@ -16,7 +16,7 @@
   report.setTime = (t) => {
     report.time = Math.min(Math.max(t, report.begin), report.end);
     find("time").value = report.time;
-    find("now").textContent = report.time.toFixed(3) + " s";
+    find("now").textContent = report.fixed(report.time, 3) + " s";
     if (report.replay) report.replay.pose(report.time);
     for (const plot of report.plots) plot.moveCursor();
     for (const strip of strips) strip.moveCursor();
@@ -51,20 +51,6 @@
     find("theme").textContent = "theme: " + theme;
     if (report.replay) { report.replay.paint(); if (printed) report.replay.draw(); }
     if (printed) report.drawAll(); else for (const plot of report.plots) plot.show();
-  };
-
-  const legend = () => {
-    const words = [], several = report.replay.robots.some(({ label }) => label);
-    for (const robot of report.replay.robots) {
-      const count = (kind) => robot.tracks.filter((track) => track.kind === kind);
-      const frames = count("frame").map((track) => track.name), markers = count("marker").length;
-      const line = document.createElement("span");
-      const trails = robot.trails.map(({ role }) => (role === "marker" ? "marker (orange)" : "end effector (blue)"));
-      line.textContent = [several ? robot.label : "", markers ? markers + " markers" : "", frames.length ? "frames: " + frames.join(", ") : "", robot.plates.map((plate) => plate.object.name).join(", "), robot.arrows.map(({ name }) => name).join(", "), robot.lines ? robot.lines.title + ", coloured as in its plot" : "", trails.length && !several ? "trails of 8 s: " + [...new Set(trails)].join(", ") : ""].filter(Boolean).join("; ");
-      if (several) line.style.color = report.colour(robot.role);
-      words.push(line, document.createElement("br"));
-    }
-    find("view-legend").replaceChildren(...words);
   };
 
   const connect = () => {
@@ -102,7 +88,7 @@
   document.documentElement.dataset.theme = dark.matches ? "dark" : "light";
   report.makePlots();
   report.replay = report.makeReplay(document.querySelector("#view canvas"));
-  if (report.replay) legend();
+  if (report.replay) report.showLegend();
   connect();
   report.setTime(report.begin);
   report.ready = true;

@@ -171,4 +171,19 @@
     document.getElementById("view-note").textContent = report.data.scene.robots.length ? "No replay: this browser does not support WebGL 2." : "No replay in this run.";
     return null;
   };
+
+  // Say below the picture what is drawn; of several runs in the colour of each.
+  report.showLegend = () => {
+    const words = [], several = report.replay.robots.some(({ label }) => label);
+    for (const robot of report.replay.robots) {
+      const count = (kind) => robot.tracks.filter((track) => track.kind === kind);
+      const frames = count("frame").map((track) => track.name), markers = count("marker").length;
+      const line = document.createElement("span");
+      const trails = robot.trails.map(({ role }) => (role === "marker" ? "marker (orange)" : "end effector (blue)"));
+      line.textContent = [several ? robot.label : "", markers ? markers + " markers" : "", frames.length ? "frames: " + frames.join(", ") : "", robot.plates.map((plate) => plate.object.name).join(", "), robot.arrows.map(({ name }) => name).join(", "), robot.lines ? robot.lines.title + ", coloured as in its plot" : "", trails.length && !several ? "trails of 8 s: " + [...new Set(trails)].join(", ") : ""].filter(Boolean).join("; ");
+      if (several) line.style.color = report.colour(robot.role);
+      if (line.textContent) words.push(line, document.createElement("br"));
+    }
+    document.getElementById("view-legend").replaceChildren(...words);
+  };
 }
