@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -39,9 +39,11 @@ class Case:
     F_T_EE: FloatArray | None = None
     EE_T_K: FloatArray | None = None
     arm_id: str = "panda"
+    inertials: str = "barycentric"
 
     def urdf(self) -> str:
-        return description(arm_id=self.arm_id, hand=self.hand, rpy=self.rpy, xyz="0.1 -0.2 0.3", fingers=self.fingers)
+        about = {name: getattr(self, name) for name in ("arm_id", "hand", "rpy", "fingers", "inertials")}
+        return description(xyz="0.1 -0.2 0.3", **about)
 
 
 PAYLOAD = (
@@ -189,8 +191,8 @@ def model(implementation: str, case: Case, arms: Arms) -> FrankaModel:
 
 
 @pytest.fixture
-def oracle(case: Case) -> Oracle:
-    return Oracle(case)
+def oracle(implementation: str, case: Case) -> Oracle:
+    return Oracle(replace(case, inertials="fr3") if "FR3" in implementation else case)
 
 
 @pytest.fixture

@@ -31,8 +31,8 @@ QUIET = {"realtime_priority": 0, "lock_memory": False, "watchdog_timeout": 10.0}
 
 
 @functools.cache
-def description() -> str:
-    return panda_description.load(meshes=False, collision=False)
+def description(inertials: str) -> str:
+    return panda_description.load(inertials=inertials, meshes=False, collision=False)
 
 
 class Law(Controller):
@@ -84,7 +84,8 @@ class Robot:
     """
 
     def __init__(self, hw: RobotHW, parameters: dict[str, Any]) -> None:
-        self.node = LocalNode({"robot_description": description(), **parameters})
+        inertials = "fr3" if parameters.get("robot", {}).get("robot") == "fr3" else "barycentric"
+        self.node = LocalNode({"robot_description": description(inertials), **parameters})
         self.hw: Any = hw
         self.hw.init(self.node, self.node.child("robot"))
         self.manager = ControllerManager(hw, self.node, {"test/Law": Law, "test/Broadcaster": Broadcaster})

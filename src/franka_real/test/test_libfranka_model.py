@@ -25,7 +25,8 @@ TOLERANCE = {"panda": 1e-12, "fr3": 1e-5}
 
 
 def description(arm_id: str) -> str:
-    return panda_description.load(arm_id=arm_id, meshes=False, collision=False)
+    inertials = "fr3" if arm_id == "fr3" else "barycentric"
+    return panda_description.load(arm_id=arm_id, inertials=inertials, meshes=False, collision=False)
 
 
 def build(kind: str, robot: Any, state: Any = None) -> LibfrankaModel:

@@ -52,7 +52,7 @@ def on_a_floor(x, y, friction, depth=0.0):
     0.01 kg m^2."""
     J = np.array([[1.0, 0.0, 0.0, y], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -x]])
     return ContactPoint(
-        "a", "b", (1, 0), np.zeros(3), np.array([0.0, 0.0, 1.0]), depth, J, (None, 0.0, friction), (x,), np.zeros(3)
+        "a", "b", (1, 0), np.zeros(3), np.array([0.0, 0.0, 1.0]), depth, J, (None, friction), (x,), np.zeros(3)
     )
 
 

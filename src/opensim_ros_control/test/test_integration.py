@@ -91,7 +91,7 @@ def test_what_is_read_belongs_to_the_measuring_instant(make_plant, wide_panda_ur
     assert q == pytest.approx((raw - half * 1e-3 * raw_dq).tolist(), abs=1e-15)
     assert plant.motor_effort() == [1.0] * 7
     assert tau == pytest.approx(
-        [1.0 - 0.1 * (v - before) * 1e3 for v, before in zip(raw_dq, dq, strict=True)], abs=1e-12
+        (1.0 - np.array(panda_description.rotor_inertia()) * (raw_dq - dq) * 1e3).tolist(), abs=1e-12
     )
 
 

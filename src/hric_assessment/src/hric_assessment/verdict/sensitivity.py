@@ -66,8 +66,8 @@ class Sensitivity:
         lacking = {AREA} if self._choices.contact_area is None else set()
         table = self._choices.limits.table
         lacking |= {LIMITS} if table.scaled(0.5) == table else set()
-        every = uncertain_table().numbers
-        return {name: item for name, item in every.items() if item.changes == question and name not in lacking}
+        numbers = uncertain_table().numbers
+        return {name: item for name, item in numbers.items() if item.changes == question and name not in lacking}
 
     def certainty(self, question: str, findings: Sequence[Finding]) -> Certainty | None:
         """Return the certainty of the conclusion about contact or distance; None: nothing can be compared with a limit.
