@@ -66,6 +66,16 @@ def joint_motions(panda: Any) -> dict[str, Any]:
     return found
 
 
+def held(panda: Any, goal: Any, orientation: Any, nullspace_stiffness: float = 15.0) -> tuple[float, float]:
+    """Hold the goal of move_to_pose for a second more with its own gains; return the distance then [m], [rad]."""
+    law = controllers.CartesianImpedance(np.diag([800.0] * 3 + [40.0] * 3), 1.0, nullspace_stiffness)
+    panda.start_controller(law)
+    law.set_control(goal[:3, 3], orientation, START)
+    wait(law, 1.0)
+    panda.stop_controller()
+    return from_goal(panda, goal)
+
+
 def pose_motions(panda: Any) -> dict[str, Any]:
     """A diagonal of 14 cm with panda-python's own gains, without what it does in the null space, and with two poses to
     pass."""
@@ -76,11 +86,12 @@ def pose_motions(panda: Any) -> dict[str, Any]:
         ("no null space", {"nullspace_stiffness": 0.0}),
     ):
         panda.move_to_start()
-        goal = moved(panda.get_pose(), 0.1, -0.1)
-        found[name] = [panda.move_to_pose(goal, **arguments), *from_goal(panda, goal)]
+        goal, orientation = moved(panda.get_pose(), 0.1, -0.1), panda.get_orientation()
+        found[name] = [panda.move_to_pose(goal, **arguments), *held(panda, goal, orientation, **arguments)]
     panda.move_to_start()
     poses = [moved(panda.get_pose(), 0.0, -0.1), moved(panda.get_pose(), 0.1, -0.1)]
-    found["waypoints"] = [panda.move_to_pose(poses, nullspace_stiffness=0.0), *from_goal(panda, poses[-1])]
+    orientation, success = panda.get_orientation(), panda.move_to_pose(poses, nullspace_stiffness=0.0)
+    found["waypoints"] = [success, *held(panda, poses[-1], orientation, 0.0)]
     return found
 
 

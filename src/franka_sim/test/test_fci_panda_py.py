@@ -40,13 +40,15 @@ def test_joint_motions_end_where_requested(address: str) -> None:
 
 def test_pose_motions_end_within_panda_pythons_own_threshold_and_exactly_without_its_null_space(address: str) -> None:
     # The usual gains end 7 mm and 0.08 rad off their goal: see the next test for why it is panda-python and not the
-    # box.
+    # box. Its damping 2 sqrt(K) is critical for 1 kg alone: with this arm the slowest oscillation has ratio 0.4 and
+    # decays at 2.2/s, but move_to_pose ends a second after its path in any case, still 2.6 mm off. So the goal is held
+    # for another second.
     found = run(address, "pose_motions")
     assert all(success for success, _, _ in found.values())
     distances, angles = ({name: values[k] for name, values in found.items()} for k in (1, 2))
     assert distances["usual"] < 0.02 and angles["usual"] < 0.1, "its success_threshold and orientation_threshold"
     for name in ("no null space", "waypoints"):
-        assert distances[name] < 1e-3 and angles[name] < 1e-2, name  # 0.2 mm and 3 mrad measured
+        assert distances[name] < 1e-3 and angles[name] < 1e-2, name  # 0.11 mm and 2.2 mrad measured
     assert distances["no null space"] < distances["soft null space"] < 0.3 * distances["usual"]
 
 

@@ -68,6 +68,16 @@ def test_each_law_is_stable_at_1_khz_over_legal_poses_with_and_without_payload(m
     assert worst < 1.0
 
 
+@pytest.mark.parametrize("rotors", [panda_description.rotor_inertia(), [0.1] * 7], ids=["published", "light"])
+def test_the_cartesian_law_damps_each_mode_critically_in_each_pose(model, rotors) -> None:
+    law = CartesianImpedanceLaw(model, LIMITS, rotors, DT)
+    for q in (READY, READY + 0.3, READY + [0.5, 0.4, -0.3, 0.6, 0.2, -0.5, 1.0]):
+        K, D = gains_by_differences(law, q)
+        M = model.mass(q) + np.diag(rotors)
+        # Critical damping of all modes: D M^-1 D = 4 K.
+        np.testing.assert_allclose(D @ np.linalg.solve(M, D), 4.0 * K, rtol=1e-3, atol=1e-3 * np.abs(K).max())
+
+
 def test_the_default_cartesian_stiffness_needs_no_lowering_with_rotor_inertia(model) -> None:
     rotors = panda_description.rotor_inertia()
     assert CartesianImpedanceLaw(model, LIMITS, rotors, DT).stiffness == defaults()["cartesian_stiffness"]

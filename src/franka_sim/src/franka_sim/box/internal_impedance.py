@@ -18,6 +18,7 @@ from franka_sim.box.config import read_config
 from franka_sim.box.kinematics import ArmKinematics, twist_between
 from hric_core.errors import CommandError
 from hric_core.geometry import FloatArray
+from hric_core.native.vectors import near
 
 
 def defaults() -> dict[str, Any]:
@@ -114,37 +115,33 @@ class JointImpedanceLaw:
         return self._law.torque(state.q_d, state.dq_d, state.q, state.dq)
 
 
-@dataclass(frozen=True, slots=True)
-class Inertia:
-    """Effective inertia along a direction with all others free: minimum and median over poses [kg] or [kg m^2]."""
+def modal_damping(mass: FloatArray, stiffness: FloatArray, ratio: float) -> FloatArray:
+    """Return D that gives each mode of mass ddx + D dx + stiffness x = 0 the damping ratio, shape (n, n).
 
-    minimum: float
-    median: float
-
-    def damping(self, stiffness: float) -> float:
-        """Return the damping 2 ratio sqrt(K m) for a stiffness K, with the configured damping ratio."""
-        return float(2.0 * defaults()["damping_ratio"] * (stiffness * self.median) ** 0.5)
-
-    def sustained(self, stiffness: float, time_step: float) -> tuple[float, float]:
-        """Return the stiffness and its damping, lowered to values that are stable with the time step."""
-        rule = defaults()
-        k = min(stiffness, (rule["cartesian_frequency_limit"] / time_step) ** 2 * self.minimum)
-        return k, min(self.damping(k), rule["cartesian_damping_limit"] * self.minimum / time_step)
+    With mass = L L' and w^2, U the eigenvalues and eigenvectors of L^-1 stiffness L^-T: D = 2 ratio L U diag(w) U' L'.
+    mass: shape (n, n), positive definite; stiffness: shape (n, n), positive semidefinite.
+    """
+    factor = np.linalg.cholesky(mass)
+    inverse = np.linalg.inv(factor)
+    squares, modes = np.linalg.eigh(inverse @ stiffness @ inverse.T)
+    shapes = factor @ modes
+    damping: FloatArray = (shapes * (2.0 * ratio * np.sqrt(np.maximum(squares, 0.0)))) @ shapes.T
+    return damping
 
 
 def space_inertia(
     model: KdlFrankaModel, kinematics: ArmKinematics, poses: FloatArray, rotor_inertia: Sequence[float]
-) -> tuple[Inertia, ...]:
-    """Return the effective inertias of translation and rotation of the stiffness frame and of the arm's self-motion.
+) -> list[float]:
+    """Return the least inertia of a translation [kg] and a rotation of the stiffness frame and of the arm's self-motion.
 
-    In each pose the value for the direction with the smallest inertia counts: 1 / (largest eigenvalue of
-    A (M+B)^-1 A') with the Jacobian A of the motion; for the self-motion A = n', the unit null vector of the full
+    In each pose it is that of the direction with the smallest inertia, all others being free: 1 / (largest eigenvalue
+    of A (M+B)^-1 A') with the Jacobian A of the motion; for the self-motion A = n', the unit null vector of the full
     Jacobian.
 
     Args:
         model: model of the arm; its mass matrix M.
         kinematics: kinematics with the stiffness frame.
-        poses: joint positions over which minimum and median are taken, shape (poses, 7) [rad].
+        poses: joint positions over which the minimum is taken, shape (poses, 7) [rad].
         rotor_inertia: diagonal of B, 7 floats [kg m^2].
     """
     inertias = []
@@ -153,19 +150,20 @@ def space_inertia(
         inverse = np.linalg.inv(model.mass(q) + np.diag(rotor_inertia))
         null = np.linalg.svd(J)[2][-1:]
         inertias.append([1.0 / np.linalg.eigvalsh(A @ inverse @ A.T)[-1] for A in (J[:3], J[3:], null)])
-    minima, medians = np.min(inertias, axis=0).tolist(), np.median(inertias, axis=0).tolist()
-    return tuple(map(Inertia, minima, medians))
+    minima: list[float] = np.min(inertias, axis=0).tolist()
+    return minima
 
 
 class CartesianImpedanceLaw:
     """Cartesian impedance: a spring and damper between measured and desired stiffness frame, and along the self-motion.
 
-    In the axes of the measured stiffness frame: F = K e + D J (dq_d - dq), e the position and rotation vector from the
-    measured to the desired frame. tau = J' F + n (k_n n'(q_d - q) + d_n n'(dq_d - dq)), n the unit null vector of J,
-    which does not move the end effector.
+    In the axes of the measured stiffness frame: F = K e, e the position and rotation vector from the measured to the
+    desired frame. tau = J' F + n k_n n'(q_d - q) + D (dq_d - dq), n the unit null vector of J, which does not move the
+    end effector. D, shape (7, 7), damps each mode of the arm with its rotors on these springs (`modal_damping`); it is
+    computed again when a joint has moved by `damping_step`.
 
     Attributes:
-        stiffness, damping: present gains, 6 floats each, [N/m], [N s/m] and [N m/rad], [N m s/rad].
+        stiffness: present gains, 3 floats [N/m] and 3 [N m/rad].
 
     Args:
         model: model of the arm.
@@ -178,10 +176,12 @@ class CartesianImpedanceLaw:
         self, model: KdlFrankaModel, limits: FrankaLimits, rotor_inertia: Sequence[float], time_step: float
     ) -> None:
         self._model, self._limits, self._rotor_inertia, self._dt = model, limits, list(rotor_inertia), time_step
-        self._effort = limits.effort
+        self._effort, self._rotors = limits.effort, np.diag(self._rotor_inertia)
+        rule = defaults()
+        self._ratio, self._step = rule["damping_ratio"], (rule["damping_step"],) * 7
         self._kinematics = ArmKinematics(model)
         self._null, self._matrix = np.ones(7), np.empty((7, 7))
-        self._requested: list[float] = defaults()["cartesian_stiffness"]
+        self._requested: list[float] = rule["cartesian_stiffness"]
         self.update_frames()
 
     def update_frames(self) -> None:
@@ -201,13 +201,12 @@ class CartesianImpedanceLaw:
         linear = _checked(stiffness[:3], "translation_stiffness_range", "translational stiffness [N/m]")
         angular = _checked(stiffness[3:], "rotation_stiffness_range", "rotational stiffness [N m/rad]")
         self._requested = linear + angular
-        translation, rotation, self_motion = self._inertia
-        gains = [translation.sustained(k, self._dt) for k in linear] + [
-            rotation.sustained(k, self._dt) for k in angular
-        ]
-        self.stiffness, self.damping = [k for k, _ in gains], [d for _, d in gains]
-        self._K, self._D = np.reshape(self.stiffness, (2, 3)), np.reshape(self.damping, (2, 3))
-        self._k_null, self._d_null = self_motion.sustained(defaults()["self_motion_stiffness"], self._dt)
+        rule = defaults()
+        requested = [*self._requested, rule["self_motion_stiffness"]]
+        maximum = (rule["cartesian_frequency_limit"] / self._dt) ** 2 * np.repeat(self._inertia, (3, 3, 1))
+        *self.stiffness, self._k_null = np.minimum(requested, maximum).tolist()
+        self._K = np.reshape(self.stiffness, (2, 3))
+        self._damped_at = [math.inf] * 7
 
     def torque(self, state: RobotState) -> list[float]:
         """Return the torques without gravity, 7 floats [N m]."""
@@ -219,11 +218,18 @@ class CartesianImpedanceLaw:
         # Rows: translation and rotation; R: from the axes of the stiffness frame to those of the base.
         R = np.array([measured.T[0:3], measured.T[4:7], measured.T[8:11]]).T
         error = np.array(twist_between(measured.T, desired.T, 1.0)).reshape(2, 3) @ R
-        speed = (J @ dq_error).reshape(2, 3) @ R
-        wrench = ((self._K * error + self._D * speed) @ R.T).ravel()
-        along = self._k_null * (null @ np.subtract(state.q_d, state.q)) + self._d_null * (null @ dq_error)
-        tau = (wrench @ J + null * along).tolist()
+        wrench = ((self._K * error) @ R.T).ravel()
+        along = self._k_null * (null @ np.subtract(state.q_d, state.q))
+        if not near(state.q, self._damped_at, self._step):
+            self._damped_at, self._D = state.q[:], self._damping(state.q, J, R, null)
+        tau = (wrench @ J + null * along + self._D @ dq_error).tolist()
         return [min(max(x, -limit), limit) for x, limit in zip(tau, self._effort, strict=True)]
+
+    def _damping(self, q: Sequence[float], J: FloatArray, R: FloatArray, null: FloatArray) -> FloatArray:
+        """Return D around q, shape (7, 7) [N m s/rad]; J: (6, 7); R: axes of the stiffness frame; null: (7,)."""
+        A = (R.T @ J.reshape(2, 3, 7)).reshape(6, 7)
+        stiffness = (A.T * self.stiffness) @ A + self._k_null * np.outer(null, null)
+        return modal_damping(self._model.mass(q) + self._rotors, stiffness, self._ratio)
 
     def _null_vector(self, J: FloatArray) -> FloatArray:
         """Return the unit null vector of J, shape (7,), by one step from the last one, or by an SVD if that fails."""
