@@ -11,7 +11,7 @@ import yaml
 
 from hric_assessment.findings import Finding, Outcome
 from hric_assessment.verdict import AssessmentChoices, assess, opened
-from hric_assessment.verdict.contacts import PERMITTED
+from hric_assessment.verdict.impacts import PERMITTED
 from hric_report import headless as runner
 from hric_run.definition import experiment
 

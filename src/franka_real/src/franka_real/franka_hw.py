@@ -16,10 +16,8 @@ from franka_real.robot_time import ArmTime
 from franka_real.settings import FrankaRealSettings
 from franka_real.state import LibfrankaState
 from hric_control.loop_requests import LoopRequests
-from hric_control.plants import rotor_inertia
 from hric_control.robot_hw import OnCycle
 from hric_core.node import Node
-from hric_core.urdf import read
 
 LATE = 1.5 * PERIOD
 """Time between two received states above which at least one in between is lost [s]."""
@@ -53,8 +51,7 @@ class FrankaHW(CommandedArm):
         self.arm_id = config.arm_id
         self.description = root_node.search_param("robot_description")
         self.model = KdlFrankaModel(self.description, self.arm_id)
-        given = {} if config.rotor_inertia is None else {"rotor_inertia": config.rotor_inertia}
-        self.rotor_inertia = rotor_inertia(given, self.model.joint_names, read(self.description))
+        self.rotor_inertia = config.rotors(self.description, self.model.joint_names)
         limits = read_limits(self.description, root_node, node, self.arm_id, self.model.joint_names)
         self.mode, self.error, self.lost_states = HOLD, "", 0
         self.losses: list[int] = []

@@ -1,6 +1,6 @@
 """ROS parameters of the real arm."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,9 +8,11 @@ from franka_hw_interface.arm_parameters import ARM_ID, collision_config
 from franka_hw_interface.arm_services import CollisionThresholds
 from franka_hw_interface.rate_limits import RateLimits
 from hric_control.limits import ENFORCE_LIMITS
+from hric_control.plants import rotor_inertia
 from hric_core.node import REQUIRED
 from hric_core.parameters import Settings as Base
 from hric_core.parameters import choice, flag, number, package_yaml, text, whole
+from hric_core.urdf import read
 
 ROBOT_IP: Any = text(
     valid="an address, e.g. 172.16.0.2,", empty=False, name="robot_ip", text="address of the control box"
@@ -81,3 +83,8 @@ class FrankaRealSettings(Base):
     def defaults(cls) -> Mapping[str, object]:
         """Return the default values from config/franka_real.yaml."""
         return package_yaml(__file__, "franka_real")
+
+    def rotors(self, urdf_xml: str, joint_names: Sequence[str]) -> tuple[float, ...]:
+        """Return the rotor inertia of the joints of a robot description, n floats [kg m^2]."""
+        plant = {} if self.rotor_inertia is None else {"rotor_inertia": self.rotor_inertia}
+        return rotor_inertia(plant, joint_names, read(urdf_xml))

@@ -14,11 +14,12 @@ from franka_sim.box.config import BoxConfig, CollisionBehavior
 from franka_sim.box.internal_impedance import JointImpedanceLaw, defaults
 from franka_sim.realism import IDEAL, Realism, parse
 from hric_control.limits import ENFORCE_LIMITS
-from hric_control.plants import GRAVITY
+from hric_control.plants import GRAVITY, rotor_inertia
 from hric_control.sim.sim_loop import REAL_TIME_FACTOR
 from hric_core.errors import CommandError, DescriptionError, ParameterError, UnknownNameError
 from hric_core.node import Node
 from hric_core.parameters import Settings, anything, flag, mapping, number, numbers, per_joint, section, text
+from hric_core.urdf import read as read_urdf
 
 Q_START = (0.0, -math.pi / 4, 0.0, -3 * math.pi / 4, 0.0, math.pi / 2, math.pi / 4)
 """Joint positions of Franka's usual ready pose [rad]."""
@@ -153,6 +154,17 @@ def make_model(node: Node, urdf_xml: str, arm_id: str, plant: Mapping[str, objec
             f"arm_id {arm_id} are {', '.join(expected)}"
         )
     return model
+
+
+def rotors_of(urdf_xml: str, joint_names: Sequence[str], plant: Mapping[str, object]) -> dict[str, float]:
+    """Return the rotor inertia of joints by name [kg m^2]. Raises ParameterError.
+
+    Args:
+        urdf_xml: robot description.
+        joint_names: the actuated joints.
+        plant: parameters of the plant; `rotor_inertia` has priority over the description.
+    """
+    return dict(zip(joint_names, rotor_inertia(plant, joint_names, read_urdf(urdf_xml)), strict=True))
 
 
 def set_internal_impedance(node: Node, stiffness: Sequence[float], law: JointImpedanceLaw) -> None:

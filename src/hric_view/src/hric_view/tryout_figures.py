@@ -7,7 +7,7 @@ from hric_assessment.ergonomics.scoring import method_of, methods
 from hric_assessment.findings import POSTURE as POSTURES
 from hric_assessment.findings import Finding, Outcome
 from hric_assessment.verdict.conclusions import CONTACT, DISTANCE, EFFORT, REPLIES, Conclusion, Reply
-from hric_assessment.verdict.contacts import PERMITTED
+from hric_assessment.verdict.impacts import PERMITTED
 from hric_assessment.verdict.result import Verdict
 
 PEAKS = ("transient peak [N]", "quasi-static peak [N]")

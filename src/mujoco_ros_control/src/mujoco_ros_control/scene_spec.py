@@ -14,7 +14,8 @@ from operator import add
 import mujoco
 import numpy as np
 
-from hric_control.plants import ContactLaw, Losses, Model, Surface, combine, masked
+from hric_control.plant import Surface
+from hric_control.plants import ContactLaw, Losses, Model, combine, masked
 from hric_control.plants.faces import Solid
 from hric_control.plants.models import moving_body
 from hric_core.errors import DescriptionError

@@ -5,8 +5,8 @@ from itertools import groupby
 
 import numpy as np
 
-from hric_control.plant import Contact, JointReaction
-from hric_control.plants import ContactLaw, Springs, Surface, Wrenches, combine
+from hric_control.plant import Contact, JointReaction, Surface
+from hric_control.plants import ContactLaw, Springs, Wrenches, combine
 from hric_control.plants.faces import centre
 from hric_core.geometry.transforms import FloatArray, cross
 from opensim_ros_control.bodies import BodyForce, Kinematics, Reactions

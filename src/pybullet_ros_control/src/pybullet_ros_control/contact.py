@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 import pybullet
 
-from hric_control.plant import Contact, FloatArray
-from hric_control.plants import ContactLaw, Springs, Surface, combine, faces
+from hric_control.plant import Contact, FloatArray, Surface
+from hric_control.plants import ContactLaw, Springs, combine, faces
 from hric_core.geometry.transforms import cross, homogeneous, inverse, rotation_from_quaternion
 from pybullet_ros_control.engine import LoadedBody, PhysicsClient
 from pybullet_ros_control.external_forces import ExternalForces, Mobility

@@ -14,14 +14,12 @@ from franka_sim.fci.complaints import LOG
 from franka_sim.fci.robots import MAX_LOST_PACKETS, RobotKind
 from franka_sim.model_library import library_for
 from franka_sim.realism import Realism, parse
-from franka_sim.settings import BoxSettings, make_model, set_internal_impedance
-from hric_control.plants import rotor_inertia
+from franka_sim.settings import BoxSettings, make_model, rotors_of, set_internal_impedance
 from hric_control.sim.participants import Participants
 from hric_core import plugins
 from hric_core.errors import ParameterError
 from hric_core.local.node import LocalNode
 from hric_core.node import Node
-from hric_core.urdf import read
 
 
 def build_arm(
@@ -54,8 +52,7 @@ def build_arm(
         held.callback(plant.close)
         if plant.time_step != PERIOD:
             raise ParameterError(f"{node.resolve('plant/time_step')} is {plant.time_step}; valid: {PERIOD} [s]")
-        rotors = dict(zip(names, rotor_inertia(plant_config, names, read(urdf_xml)), strict=True))
-        config = settings.box(plant_config, rotors, PERIOD, realism)
+        config = settings.box(plant_config, rotors_of(urdf_xml, names, plant_config), PERIOD, realism)
         config = replace(config, limits=robot.limits(), max_lost_packets=max_lost_packets)
         compiled = CompiledArm(urdf_xml, arm_id, config.min_singular_value)
         box = ControlBox(model, compiled, config, lambda text: LOG.warning("%s", text))

@@ -1,19 +1,26 @@
-"""Choices of the user for an assessment: limits, braking of the arm, contact area."""
+"""Choices of the user for an assessment: limits, braking of the arm, contact area; with their command line options."""
 
+import argparse
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 
-from hric_assessment.contact.classes import BY_DURATION
+from hric_assessment.contact.area import check_area
+from hric_assessment.contact.classes import BY_DURATION, INTERPRETATIONS
 from hric_assessment.contact.limits import Limits
-from hric_assessment.contact.mass import LARGEST
+from hric_assessment.contact.mass import LARGEST, ROBOT_MASSES
+from hric_assessment.ergonomics.scoring import methods
 from hric_assessment.separation.protective import Stop
-from hric_assessment.separation.stopping import StopTable
-from hric_assessment.tables import AREA, REACTION, STOPPING, verdict_table
+from hric_assessment.separation.stopping import StopTable, load
+from hric_assessment.tables import AREA, LIMIT_TABLES, REACTION, STOPPING, verdict_table
 from hric_assessment.typed_json import Content
+from hric_core.command import Argument
 from hric_core.geometry import FloatArray
 from hric_core.parameters import as_number
+
+AREA_OPTION = "--contact-area"
 
 
 @dataclass(frozen=True)
@@ -101,3 +108,74 @@ class AssessmentChoices:
         area = as_number(stated)
         assumed = f"the contact area is {1e4 * area:g} cm^2, as the experiment states (human.contact_area)"
         return replace(self, contact_area=area, assumptions=(*self.assumptions, assumed))
+
+
+def choice_arguments() -> list[Argument]:
+    """Return the command line options that set `AssessmentChoices`."""
+    return [
+        Argument(
+            "--limits",
+            default=LIMIT_TABLES[0],
+            metavar="FILE|bgia2011",
+            help=f"contact limits: {', '.join(LIMIT_TABLES)} (default: {LIMIT_TABLES[0]}), or a YAML file of your own",
+        ),
+        Argument(
+            "--contact-class",
+            choices=INTERPRETATIONS,
+            default=BY_DURATION,
+            help="interpretation of clamped contacts: by_duration, transient limits for the first half second of every "
+            "contact (default); by_clamping, quasi-static limits from the begin if the body part is clamped",
+        ),
+        Argument(
+            "--stop",
+            type=Path,
+            metavar="FILE",
+            help="YAML file with stopping times and distances of the arm by speed and load, from your measurements or "
+            "from hric measure_stops (simulation); default: an assumption, which is printed",
+        ),
+        Argument(
+            AREA_OPTION,
+            type=float,
+            metavar="M2",
+            help="contact area, the smaller of the robot's and the body's [m^2] (1 cm^2 is 1e-4); without it or "
+            "human.contact_area in the experiment, no contact is within limits, since its pressure is not known",
+        ),
+        Argument(
+            "--robot-mass",
+            choices=ROBOT_MASSES,
+            default=LARGEST,
+            help="mass of the robot by which the speed of a contact is judged: reflected, with rotors and free joints; "
+            "standard, M/2 + m_L; locked, with locked joints; or the largest of the three (default: %(default)s)",
+        ),
+        *_table_arguments(),
+    ]
+
+
+def _table_arguments() -> list[Argument]:
+    return [
+        Argument(
+            f"--{key}-table",
+            choices=method.versions,
+            default=method.versions[0],
+            help=f"version of {method.table().title}'s table A",
+        )
+        for key, method in methods().items()
+        if len(method.versions) > 1
+    ]
+
+
+def chosen(options: argparse.Namespace) -> AssessmentChoices:
+    """Return the choices that the options of `choice_arguments` set. Raises HricError."""
+    limits = options.limits if options.limits in LIMIT_TABLES else Path(options.limits).expanduser()
+    stops = None if options.stop is None else load(options.stop)
+    if options.contact_area is not None:
+        check_area(options.contact_area, name=AREA_OPTION)
+    versions = {key: version for key in methods() if (version := getattr(options, f"{key}_table", ""))}
+    return AssessmentChoices(
+        Limits.named(limits),
+        BrakingChoice(stops),
+        options.contact_area,
+        options.robot_mass,
+        versions,
+        interpretation=options.contact_class,
+    )

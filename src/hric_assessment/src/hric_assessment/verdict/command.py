@@ -5,14 +5,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from hric_assessment.contact.area import check_area
-from hric_assessment.contact.classes import BY_DURATION, INTERPRETATIONS
-from hric_assessment.contact.limits import Limits
-from hric_assessment.contact.mass import LARGEST, ROBOT_MASSES
-from hric_assessment.ergonomics.scoring import methods
-from hric_assessment.separation import stopping
-from hric_assessment.tables import LIMIT_TABLES
 from hric_assessment.verdict import AssessmentChoices, Verdict, assess, opened
-from hric_assessment.verdict.choices import BrakingChoice
+from hric_assessment.verdict.choices import AREA_OPTION, choice_arguments, chosen
 from hric_assessment.verdict.comparing import compared
 from hric_assessment.verdict.conclusions import CONTACT, GROUPS, QUESTIONS
 from hric_assessment.verdict.moment import picture
@@ -24,7 +18,6 @@ from hric_core.errors import NOT_GOOD, NOT_KNOWN, HricError, check_known
 FILE = "verdict.json"
 SEVERITY = (0, NOT_KNOWN, NOT_GOOD)
 """Exit codes of the command, from the best to the worst outcome."""
-AREA_OPTION = "--contact-area"
 
 
 class AssessCommand(Command):
@@ -43,7 +36,7 @@ class AssessCommand(Command):
         """Return the arguments of the command line."""
         return [
             *run_arguments("a bag, or a c3d file with markers of a body (Plug-in Gait)", "RUN|BAG|C3D"),
-            *_choices_arguments(),
+            *choice_arguments(),
             Argument(
                 "--only",
                 action="append",
@@ -68,19 +61,7 @@ class AssessCommand(Command):
         """Assess a recording and return the exit code of its outcome."""
         if (shown := arguments.picture) is not None and (shown.suffix != ".svg" or not shown.parent.is_dir()):
             raise HricError(f"--picture is {shown}; valid: a file name .svg in an existing folder")
-        limits = arguments.limits if arguments.limits in LIMIT_TABLES else Path(arguments.limits).expanduser()
-        stops = None if arguments.stop is None else stopping.load(arguments.stop)
-        if arguments.contact_area is not None:
-            check_area(arguments.contact_area, name=AREA_OPTION)
-        versions = {key: version for key in methods() if (version := getattr(arguments, f"{key}_table", ""))}
-        choices = AssessmentChoices(
-            Limits.named(limits),
-            BrakingChoice(stops),
-            arguments.contact_area,
-            arguments.robot_mass,
-            versions,
-            interpretation=arguments.contact_class,
-        )
+        choices = chosen(arguments)
         verdicts = [_assessed(name, arguments.runs, choices) for name in (arguments.run, *arguments.compare)]
         only = [question for part in arguments.only for question in part]
         if arguments.compare:
@@ -124,53 +105,3 @@ def _questions(text: str) -> list[str]:
     """Return the questions of the option --only as a list."""
     check_known("question", names := text.split(","), QUESTIONS, "--only")
     return names
-
-
-def _choices_arguments() -> list[Argument]:
-    """Return the command line options that set `AssessmentChoices`."""
-    return [
-        Argument(
-            "--limits",
-            default=LIMIT_TABLES[0],
-            metavar="FILE|bgia2011",
-            help=f"contact limits: {', '.join(LIMIT_TABLES)} (default: {LIMIT_TABLES[0]}), or a YAML file of your own",
-        ),
-        Argument(
-            "--contact-class",
-            choices=INTERPRETATIONS,
-            default=BY_DURATION,
-            help="interpretation of clamped contacts: by_duration, transient limits for the first half second of every "
-            "contact (default); by_clamping, quasi-static limits from the begin if the body part is clamped",
-        ),
-        Argument(
-            "--stop",
-            type=Path,
-            metavar="FILE",
-            help="YAML file with stopping times and distances of the arm by speed and load, from your measurements or "
-            "from hric measure_stops (simulation); default: an assumption, which is printed",
-        ),
-        Argument(
-            AREA_OPTION,
-            type=float,
-            metavar="M2",
-            help="contact area, the smaller of the robot's and the body's [m^2] (1 cm^2 is 1e-4); without it or "
-            "human.contact_area in the experiment, no contact is within limits, since its pressure is not known",
-        ),
-        Argument(
-            "--robot-mass",
-            choices=ROBOT_MASSES,
-            default=LARGEST,
-            help="mass of the robot by which the speed of a contact is judged: reflected, with rotors and free joints; "
-            "standard, M/2 + m_L; locked, with locked joints; or the largest of the three (default: %(default)s)",
-        ),
-        *(
-            Argument(
-                f"--{key}-table",
-                choices=method.versions,
-                default=method.versions[0],
-                help=f"version of {method.table().title}'s table A",
-            )
-            for key, method in methods().items()
-            if len(method.versions) > 1
-        ),
-    ]

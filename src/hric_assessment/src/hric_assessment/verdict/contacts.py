@@ -4,22 +4,20 @@ Each episode is judged by the recorded force, and by its approach speed with the
 of the two decides.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from hric_assessment.contact.area import check_area
-from hric_assessment.contact.assess import ContactSite, LimitRatio, approach_ratio, assess
+from hric_assessment.contact.assess import ContactSite, LimitRatio, assess
 from hric_assessment.contact.classes import BY_CLAMPING, INTERPRETATIONS, ContactClass, contact_class
 from hric_assessment.contact.energy import energy_finding
 from hric_assessment.contact.episodes import PENALTY, Episode, episodes, window_of
-from hric_assessment.contact.impact import ClosedFormImpact, ClosedFormModels
-from hric_assessment.contact.mass import LARGEST, LOCKED, REFLECTED, STANDARD, RobotMasses
-from hric_assessment.contact.speed import SpeedLimit, permitted_speed, speed_limit
-from hric_assessment.findings import CONTACT, Evidence, Finding, NotAssessableError, Outcome
+from hric_assessment.findings import CONTACT, Evidence, Finding, Outcome
 from hric_assessment.tables import MASS, ROTORS, STIFFNESS, TIME_STEP, verdict_table
 from hric_assessment.verdict.choices import AssessmentChoices
+from hric_assessment.verdict.impacts import ExpectedImpacts
 from hric_assessment.verdict.inputs import AssessmentInput
 from hric_assessment.verdict.person import body_of
 from hric_bags.records.human_record import HumanRecord
@@ -31,24 +29,11 @@ TOPIC = "hric/human/contacts"
 OTHER_REGION = "the region is not one of the link's"
 ALL = "contacts"
 """Subject of findings about all contacts of a person."""
-UNBOUNDED = 1e12
-"""Mass assumed for a robot whose mass is not known [kg]: practically infinite, the worst case."""
 SILENT_GAP = 0.075
 """Longest gap between two contact messages of a simulated person that may be bridged [s].
 
 It is 1.5 times the 50 ms after which an empty message is due (`hric_human.participant.topics.SILENCE`).
 """
-MASS_TEXTS = {
-    LARGEST: "largest of three masses",
-    REFLECTED: "reflected mass",
-    STANDARD: "M/2 + m_L",
-    LOCKED: "mass with locked joints",
-}
-"""Short descriptions of the masses of the robot by which a contact can be judged."""
-PERMITTED = tuple(f"permitted speed by {mass} [m/s]" for mass in ("m_u", "M/2 + m_L", "locked joints"))
-"""Names of the speeds that the robot's three masses permit, in the order of `RobotMasses`."""
-Impact = tuple[ClosedFormImpact, RobotMasses]
-"""Closed form of an impact as simulated, and the masses of the robot by which it can be judged."""
 NOT_VARIED = (
     "the peak force is not that of an impact with a closed form: how masses and stiffness change it is not known"
 )
@@ -312,116 +297,3 @@ class _Judge:
             dominant = None
         others = " and ".join(dict.fromkeys(contact.other for contact in contacts))
         return ContactSite(names, others, first.kind, None, dominant, area), notes
-
-
-class ExpectedImpacts:
-    """Closed-form impacts (two masses and a spring) of recorded contacts, and the permitted approach speeds.
-
-    Args:
-        source: recording with the files next to it.
-        record: recorded signals of the person.
-        choices: choices with the limits.
-    """
-
-    def __init__(self, source: AssessmentInput, record: HumanRecord, choices: AssessmentChoices) -> None:
-        self._limits, self._which, self._forms = choices.limits, choices.robot_mass, None
-        self._why = "for the closed form: a control log"
-        log = source.recording.log
-        if log is None or not len(record.time):
-            return
-        if not source.description or not source.definition.get("human"):
-            self._why = "for the closed form: the robot's description and the person's position (run folder)"
-            return
-        try:
-            self._forms = ClosedFormModels(source.run, source.description, log, record, choices.factors)
-        except HricError as error:
-            self._why = f"for the closed form: {error}"
-            return
-        self._load = float((source.definition.get("robot", {}).get("load") or {}).get("mass", 0.0))
-
-    def form(self, contact: RegionContact) -> ClosedFormImpact | None:
-        """Return the closed form of a contact; None: it has none, or the motion at that time is not known."""
-        form = None if self._forms is None else self._forms.impact(contact)
-        return form if form is not None and np.isfinite(form.peak) else None
-
-    def approach(
-        self, contacts: Sequence[RegionContact], site: ContactSite, simulated: bool
-    ) -> tuple[LimitRatio | None, Impact | None, list[str]]:
-        """Return the worst approach speed of some contacts with its limit, its impact, and doubts.
-
-        Args:
-            contacts: contacts of an episode.
-            site: place of the contacts.
-            simulated: True if a simulation was recorded, which states the approach speed of each contact.
-        """
-        unknown = [
-            contact for contact in contacts if contact.begin_speed is None or not np.isfinite(contact.begin_speed)
-        ]
-        placed = any(contact.begin_point is not None for contact in unknown)
-        doubts = ["the approach speed is not known"] if unknown and (simulated or placed) else []
-        approaches = []
-        for contact in contacts:
-            speed = (
-                0.0 if contact.begin_speed is None else abs(contact.begin_speed)
-            )  # the speed is negative if the bodies separate when the contact is first reported
-            if not speed > 0.0:
-                continue
-            form, impact = self.form(contact), None
-            if self._forms is not None and form is not None:
-                impact = form, self._forms.robot_masses(contact, self._load)
-            if (limit := self._lowest(impact, site)) is not None:
-                label = f"{limit.region}, {'robot of unknown mass' if impact is None else MASS_TEXTS[self._which]}"
-                approaches.append((approach_ratio(speed, float(limit.transient), label, impact is not None), impact))
-        worst = max(approaches, key=lambda pair: pair[0].value / max(pair[0].limit, 1e-9), default=(None, None))
-        return *worst, doubts
-
-    def _lowest(self, impact: Impact | None, site: ContactSite) -> SpeedLimit | None:
-        """Return the lowest permitted approach speed of the regions; None: no region has one.
-
-        The chosen one of the robot's masses counts; without a closed form, UNBOUNDED.
-        """
-        mass = UNBOUNDED if impact is None else impact[1].judged(self._which)
-        try:
-            area, hand = site.contact_area, site.dominant
-            limits = [speed_limit(self._limits, region, mass, area, hand) for region in site.permitted_regions]
-        except NotAssessableError:
-            return None
-        return min(limits, key=lambda limit: float(limit.transient), default=None)
-
-    def values(
-        self, impact: Impact | None, site: ContactSite
-    ) -> tuple[Mapping[str, float | None], tuple[str, ...], tuple[str, ...]]:
-        """Return values, notes and missing data about the closed form, for a finding."""
-        if self._forms is None:
-            return {}, (), (self._why,)
-        if impact is None:
-            return {}, (), ()
-        form, masses = impact
-        values: dict[str, float | None] = {
-            "speed at which they met [m/s]": form.speed,
-            "reflected mass of the robot m_u [kg]": masses.reflected,
-            "M/2 + m_L [kg]": masses.standard,
-            "mass of the robot with locked joints [kg]": masses.locked,
-            "reflected mass of the body as simulated [kg]": form.human_mass,
-            "v sqrt(mu k) as simulated [N]": form.peak,
-        }
-        if not site.regions:
-            return values, (), ()
-        try:
-            limits = [speed_limit(self._limits, region, np.array(masses), site.contact_area) for region in site.regions]
-        except NotAssessableError as error:
-            return values, (f"no permitted speed: {error}",), ()
-        limit = min(limits, key=lambda limit: float(np.min(limit.transient)))
-        speeds = [float(speed) for speed in limit.transient]
-        values |= dict(zip(PERMITTED, speeds, strict=True))
-        if (force := limit.force_transient) is not None and limit.region in site.permitted_regions:
-            values["speed at the limit, masses as simulated [m/s]"] = float(
-                permitted_speed(force, form.mass, form.stiffness)
-            )
-        note = (
-            f"closed form, {limit.region}: the reflected mass m_u of {masses.reflected:.2f} kg (with rotors, as "
-            f"simulated) permits {speeds[0]:.3f} m/s; the standard's estimate M/2 + m_L of {masses.standard:.2f} kg "
-            f"permits {speeds[1]:.3f} m/s; the mass with locked joints of {masses.locked:.2f} kg permits "
-            f"{speeds[2]:.3f} m/s; judged by {MASS_TEXTS[self._which]}, {masses.judged(self._which):.2f} kg"
-        )
-        return values, (note,), ()

@@ -3,7 +3,6 @@
 Import all names from here, except those of `faces` (contact areas of two shapes).
 """
 
-from hric_control.plant import Surface
 from hric_control.plants.bushings import BushingLaw, Bushings, LinkMotion
 from hric_control.plants.config import GRAVITY, PlantConfig, WindowlessConfig, rotor_inertia
 from hric_control.plants.contact_law import ContactLaw
@@ -52,7 +51,6 @@ __all__ = [
     "Springs",
     "StopLaw",
     "StopMemory",
-    "Surface",
     "SurfaceRule",
     "Surfaces",
     "WindowlessConfig",

@@ -6,7 +6,7 @@ the pressure is not known.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -49,3 +49,11 @@ class Instrument:
         """
         cells = 0 if self.area is None or self.film is None else math.floor(self.area / self.film**2 + 1e-9)
         return force / (cells * self.film**2) if cells and self.film is not None else None
+
+    def facts(self) -> Mapping[str, str]:
+        """Return a description of filter and film by name, for the sheet."""
+        return {
+            "filter": "none" if self.cutoff is None else f"low pass {self.cutoff:g} Hz, fourth order, no phase shift",
+            "film": "not known" if self.film is None else f"cells of {1e3 * self.film:g} mm",
+            "area of the contact": "not known" if self.area is None else f"{1e4 * self.area:g} cm^2",
+        }

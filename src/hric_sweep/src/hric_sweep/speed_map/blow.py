@@ -1,5 +1,7 @@
 """Simulated impacts of an arm's end effector on a force measuring device."""
 
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import Enum
 
@@ -9,7 +11,10 @@ from franka_hw_interface.model import FrankaFrame
 from franka_sim.box.requests import ControllerMode, GeneratorMode, MotionCommand, MoveRequest
 from franka_sim.franka_hw_sim import FrankaHWSim
 from hric_assessment.contact.limits import TRANSIENT_TIME
+from hric_core.errors import HricError
 from hric_core.geometry import FloatArray
+from hric_run.definition import experiment
+from hric_run.simulation import Simulation
 from hric_sweep.speed_map.device import HitBody, MeasuringDevice
 
 STIFFNESS, DAMPING = 100.0, 20.0
@@ -46,6 +51,25 @@ class ImpactApproach:
     dq: FloatArray
     mass: float
     fastest: float
+
+
+@contextmanager
+def simulated_arm(overrides: Sequence[str]) -> Iterator[FrankaHWSim]:
+    """Simulate an arm with its emulated control box, by default in MuJoCo.
+
+    overrides: overrides of the experiment's values, `key:=value`.
+
+    Raises:
+        HricError: an override is wrong, or it selects a robot without an emulated control box.
+    """
+    definition = experiment.load(experiment.NONE, ["simulator:=mujoco", *overrides])
+    with Simulation(definition) as simulation:
+        robot = simulation.app.hw
+        if not isinstance(robot, FrankaHWSim):
+            raise HricError(
+                f"the robot {definition.robot.hw} has no emulated control box; valid: franka_sim/FrankaHWSim"
+            )
+        yield robot
 
 
 class Blows:

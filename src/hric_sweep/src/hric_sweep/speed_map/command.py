@@ -8,7 +8,6 @@ from pathlib import Path
 import pandas
 from tqdm import tqdm
 
-from franka_sim.franka_hw_sim import FrankaHWSim
 from hric_assessment.contact.limits import Limits
 from hric_assessment.findings import DISCLAIMER
 from hric_bags import files
@@ -16,10 +15,9 @@ from hric_core.command import Argument, Command
 from hric_core.errors import HricError
 from hric_core.parameters import number
 from hric_human.body.regions import REGION_MODELS
-from hric_run.definition import experiment, overrides
-from hric_run.simulation import Simulation
+from hric_run.definition import overrides
 from hric_sweep.speed_map import grid
-from hric_sweep.speed_map.blow import ArmBehaviour
+from hric_sweep.speed_map.blow import ArmBehaviour, simulated_arm
 from hric_sweep.speed_map.measured import MapCell, MapRequest, alone, lowest, measure
 
 REGION = "hand, fingers"
@@ -91,13 +89,7 @@ class SpeedMapCommand(Command):
         points = grid.points(arguments.x, arguments.y, arguments.z)
         request = MapRequest(arguments.region, Limits.named(), arguments.damping, ArmBehaviour(arguments.arm))
         force = request.check()
-        definition = experiment.load(experiment.NONE, ["simulator:=mujoco", *arguments.overrides])
-        with Simulation(definition) as simulation:
-            robot = simulation.app.hw
-            if not isinstance(robot, FrankaHWSim):
-                raise HricError(
-                    f"the robot {definition.robot.hw} has no emulated control box; valid: franka_sim/FrankaHWSim"
-                )
+        with simulated_arm(arguments.overrides) as robot:
             progress = tqdm(
                 measure(robot, request, points),
                 total=len(points),
