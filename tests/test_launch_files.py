@@ -388,7 +388,8 @@ def test_the_real_arm_has_the_same_nodes() -> None:
 
 def test_others_wait_for_the_emulated_arm() -> None:
     given = ("experiment:=hand_guidance", "simulator:=mujoco", "rotor_inertia:=0.2", "hand:=true", "ns:=left")
-    config, simulated = loaded("env:=real", "robot_ip:=emulated", "robot:=fr3", *given), loaded(*given)
+    config = loaded("env:=real", "robot_ip:=emulated", "robot:=fr3", *given)
+    simulated = loaded("inertials:=fr3", *given)
     assert nodes(config).items() >= {"/left/emulated_arm": "franka_sim/emulated_arm"}.items()
     assert "/left/emulated_arm" in {node.namespace + node.name for node in config.nodes if node.required}
     values, others = parameters(config), parameters(simulated)
