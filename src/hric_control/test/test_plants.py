@@ -7,14 +7,13 @@ import numpy as np
 import pytest
 import yaml
 
-from hric_control.plant import Mode
+from hric_control.plant import Mode, Surface
 from hric_control.plants import (
     ContactLaw,
     Losses,
     MovingJoints,
     PlantConfig,
     StopMemory,
-    Surface,
     Surfaces,
     Wrenches,
     combine,
