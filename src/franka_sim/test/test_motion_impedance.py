@@ -71,7 +71,7 @@ def test_each_law_is_stable_at_1_khz_over_legal_poses_with_and_without_payload(m
 @pytest.mark.parametrize("rotors", [panda_description.rotor_inertia(), [0.1] * 7], ids=["published", "light"])
 def test_the_cartesian_law_damps_each_mode_critically_in_each_pose(model, rotors) -> None:
     law = CartesianImpedanceLaw(model, LIMITS, rotors, DT)
-    for q in (READY, READY + 0.3, READY + [0.5, 0.4, -0.3, 0.6, 0.2, -0.5, 1.0]):
+    for q in (READY, READY + 0.3, READY + np.array([0.5, 0.4, -0.3, 0.6, 0.2, -0.5, 1.0])):
         K, D = gains_by_differences(law, q)
         M = model.mass(q) + np.diag(rotors)
         # Critical damping of all modes: D M^-1 D = 4 K.

@@ -132,7 +132,7 @@ def modal_damping(mass: FloatArray, stiffness: FloatArray, ratio: float) -> Floa
 def space_inertia(
     model: KdlFrankaModel, kinematics: ArmKinematics, poses: FloatArray, rotor_inertia: Sequence[float]
 ) -> list[float]:
-    """Return the least inertia of a translation [kg] and a rotation of the stiffness frame and of the arm's self-motion.
+    """Return the least inertia of a translation [kg] and a rotation of the stiffness frame, and of the self-motion.
 
     In each pose it is that of the direction with the smallest inertia, all others being free: 1 / (largest eigenvalue
     of A (M+B)^-1 A') with the Jacobian A of the motion; for the self-motion A = n', the unit null vector of the full
