@@ -112,6 +112,7 @@ def main() -> None:
         path.write_text(yaml.safe_dump(content))
         words = ("env:=sim", "rviz:=false", "view:=web", "simulator:=mujoco", f"experiment:={path}", "record:=false")
         system = LiveSystem(Path(folder), *words)
+        os.nice(19)  # viewers have machines of their own; here they only get what the system leaves
         try:
             report(system, given.seconds, given.rounds)
         finally:

@@ -18,7 +18,7 @@ from controller_manager_msgs.srv import ListControllers
 
 ROOT = Path(__file__).resolve().parents[2]
 MARK = "HRIC_TEST_SYSTEM"
-READY_TIMEOUT = 60.0
+READY_TIMEOUT = 180.0
 """Timeout for the first start on a busy machine [s of wall time]."""
 LAST_SERVICES = {"/recorder_bag/get_loggers", "/recorder_bag/set_logger_level"}
 

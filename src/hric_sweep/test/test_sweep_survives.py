@@ -5,10 +5,13 @@ import random
 import re
 import signal
 import subprocess
+import sys
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from types import FrameType
+from typing import cast
 
 import bad_controller
 import pytest
@@ -16,6 +19,7 @@ import sweep_folder
 import test_sweep as sweeps
 import test_sweep_adaptive as adaptive
 from in_process import Here, carried_out
+from pebble import ProcessExpired
 
 from hric_sweep import definition, execution, table
 from hric_sweep.engines import pebble_engine
@@ -192,11 +196,31 @@ def stop_within_a_run(engine: PebbleEngine, worker: int) -> None:
 def test_worker_killed_between_two_runs_is_replaced() -> None:
     engine = PebbleEngine(1, 4e9)
     try:
-        worker = engine._pool.schedule(os.getpid).result(ENOUGH)
+        worker = engine._pool.schedule(os.getpid, timeout=ENOUGH).result(ENOUGH)
         os.kill(worker, signal.SIGKILL)
         while worker in children(os.getpid()):  # the pool has not noticed it
             time.sleep(0.01)
-        assert engine._pool.schedule(os.getpid).result(ENOUGH) != worker
+        assert engine._pool.schedule(os.getpid, timeout=ENOUGH).result(ENOUGH) != worker
+    finally:
+        engine.close(now=True)
+
+
+def die_with_the_lock() -> None:
+    """Kill this worker while it holds the lock of the channel by which workers get tasks."""
+    frame = sys._getframe()
+    while "channel" not in frame.f_locals:
+        frame = cast(FrameType, frame.f_back)
+    frame.f_locals["channel"].mutex.acquire()
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def test_worker_killed_with_the_lock_of_the_channel_is_replaced(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pebble_engine, "LOCKED", 0.5)
+    engine = PebbleEngine(2, 4e9)
+    try:
+        with pytest.raises(ProcessExpired):
+            engine._pool.schedule(die_with_the_lock, timeout=ENOUGH).result()
+        assert engine._pool.schedule(os.getpid, timeout=ENOUGH).result(ENOUGH) != os.getpid()
     finally:
         engine.close(now=True)
 

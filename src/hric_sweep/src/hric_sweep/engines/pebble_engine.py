@@ -32,6 +32,9 @@ FIRST_TO_GO = 1000
 MIN_PROGRESS = 0.02
 """Processor time within the timeout above which a run counts as progressing [s]; a run that waits for a busy
 processor still gets as much. Two ticks of the kernel's clock; project default, unconfirmed."""
+LOCKED = 5.0
+"""Time for which living workers may hold the lock of their channel [s]; they hold it for milliseconds. Project
+default, unconfirmed."""
 _PR_SET_PDEATHSIG = 1
 
 
@@ -72,6 +75,7 @@ class PebbleEngine:
             LookupError: the worker had no task; the pool starts another worker.
             BrokenProcessPool: too many workers end before they execute a run.
         """
+        self._renew_lost_channel()
         for task in list(self._manager.task_manager.tasks.values()):
             if task.worker_id == worker:
                 return task
@@ -79,6 +83,22 @@ class PebbleEngine:
         if self._idle_deaths > IDLE_DEATHS * self.workers:
             raise BrokenProcessPool
         raise LookupError
+
+    def _renew_lost_channel(self) -> None:
+        """Replace the channel to the workers if the worker that ended held its lock, which nobody can release.
+
+        The other workers end with the channel, and their runs with them; tasks that had not begun are sent again.
+        """
+        workers = self._manager.worker_manager
+        with workers.workers_channel.lock(timeout=LOCKED) as locked:
+            if locked:
+                return
+        workers.create_channels()
+        for process in list(workers.workers.values()):
+            process.kill()
+        for task in list(self._manager.task_manager.tasks.values()):
+            if not task.started:
+                workers.dispatch(task)
 
     def _pass_on(self, done: "Future[RunResponse]", response: "Future[RunResponse]", task: RunTask) -> None:
         if done.cancelled():
