@@ -23,7 +23,7 @@ def shown(feed: Feed, depth: int = 1, lasting: bool = False) -> list[float]:
 
 @pytest.mark.parametrize(("depth", "expected"), [(1, [3.0]), (2, [2.0, 3.0])])
 def test_the_newest_messages_are_shown_once(depth: int, expected: list[float]) -> None:
-    feed = Feed(Float64)
+    feed = Feed(Float64, print)
     seen = shown(feed, depth)
     receive(feed, 1.0, 2.0, 3.0)
     feed.deliver()
@@ -33,8 +33,19 @@ def test_the_newest_messages_are_shown_once(depth: int, expected: list[float]) -
 
 def test_only_what_lasts_is_shown_late(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(feeds, "STALE", 0.0)
-    feed = Feed(Float64)
+    feed = Feed(Float64, print)
     passing, lasting = shown(feed), shown(feed, lasting=True)
     receive(feed, 1.0)
     feed.deliver()
     assert (passing, lasting) == ([], [1.0])
+
+
+def test_a_message_that_cannot_be_shown_is_told() -> None:
+    told: list[str] = []
+    feed = Feed(Float64, told.append)
+    seen = shown(feed)
+    feed.receive(undecoded(Float64)().deserialize(b"short"))
+    feed.deliver()
+    receive(feed, 1.0)
+    feed.deliver()
+    assert len(told) == 1 and seen == [1.0]

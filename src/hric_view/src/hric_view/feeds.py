@@ -11,7 +11,10 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
-from hric_core.node import Node
+import genpy
+
+from hric_core.errors import HricError
+from hric_core.node import LogThrottle, Node
 
 REST = 0.03
 """Rest of a thread that receives, after a message [s of wall time]: about the period of frames; project default."""
@@ -26,10 +29,11 @@ class Feed:
 
     Args:
         kind: type of the messages.
+        refuse: called with the reason for which a message cannot be shown.
     """
 
-    def __init__(self, kind: type) -> None:
-        self._kind, self._received = kind, -REST
+    def __init__(self, kind: type, refuse: Callable[[str], object]) -> None:
+        self._kind, self._refuse, self._received = kind, refuse, -REST
         self._waiting = deque[tuple[float, bytes]](maxlen=1)
         self._shown, self._kept = list[tuple[Callable[[Any], None], bool]](), list[Callable[[bytes], None]]()
 
@@ -56,10 +60,14 @@ class Feed:
         """Decode the messages since the last call for the receivers that show them."""
         while self._waiting:
             received, data = self._waiting.popleft()
-            stale, message = time.monotonic() - received > STALE, self._kind().deserialize(data)
-            for receiver, lasting in self._shown:
-                if lasting or not stale:
-                    receiver(message)
+            stale = time.monotonic() - received > STALE
+            try:
+                message = self._kind().deserialize(data)
+                for receiver, lasting in self._shown:
+                    if lasting or not stale:
+                        receiver(message)
+            except (HricError, ValueError, genpy.DeserializationError) as error:
+                self._refuse(str(error))  # a strange message must not end the frames
 
 
 class Feeds:
@@ -98,7 +106,8 @@ class Feeds:
     def _feed(self, topic: str, kind: type) -> Feed:
         full = self._root.resolve(topic)
         if full not in self._feeds:
-            self._feeds[full] = feed = Feed(kind)
+            refused = LogThrottle(self._root.log_error, time.monotonic)
+            self._feeds[full] = feed = Feed(kind, lambda reason: refused(f"{full} is not shown: {reason}"))
             self._root.subscribe(topic, undecoded(kind), feed.receive, queue_size=0)
         return self._feeds[full]
 
