@@ -1,6 +1,7 @@
 """Node `window`: the window of a running system in a browser."""
 
 import threading
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -118,7 +119,9 @@ class BrowserWindow(NodeApp):
         self._watching.append(verdict.watch)
 
     def _run(self) -> None:
-        while not self._stop.wait(self._period):
+        due = time.monotonic()
+        while not self._stop.wait(due - time.monotonic()):
+            due = max(due + self._period, time.monotonic())  # what a frame takes is no part of the period
             if self._server.viewers:
                 self._feeds.deliver()
                 self._server.send(page.frame_message(self._joints, self._parts))

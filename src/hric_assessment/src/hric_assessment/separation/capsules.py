@@ -38,7 +38,7 @@ class Capsules:
             T_world_link: pose of each capsule's link at n instants, shape (n, k, 4, 4).
         """
         R, p = T_world_link[..., :3, :3], T_world_link[..., None, :3, 3]
-        return np.asarray(np.einsum("nkij,kej->nkei", R, self.ends) + p)
+        return np.asarray(self.ends @ np.swapaxes(R, -1, -2) + p)
 
 
 def of_body(body: Body) -> Capsules:

@@ -2,7 +2,6 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 from typing import Annotated, TypeVar
 
 import numpy as np
@@ -240,12 +239,13 @@ def thinned(time: FloatArray, *curves: FloatArray, count: int = 2000) -> list[in
     n = len(time)
     if n <= count:
         return list(range(n))
-    indices = {0, n - 1}
     edges = np.linspace(0, n, (count - 2) // (2 * max(len(curves), 1)) + 1).astype(int)
-    for begin, end in pairwise(edges.tolist()):
-        for curve in curves:
-            if np.isfinite(part := curve[begin:end]).any():
-                indices |= {begin + int(np.nanargmin(part)), begin + int(np.nanargmax(part))}
+    parts = np.repeat(np.arange(len(edges) - 1), np.diff(edges))
+    indices = {0, n - 1}
+    for curve in curves:
+        for extreme in (np.fmin, np.fmax):
+            at = np.flatnonzero(curve == extreme.reduceat(curve, edges[:-1])[parts])
+            indices |= set(at[np.unique(parts[at], return_index=True)[1]].tolist())
     return sorted(indices)
 
 
