@@ -86,8 +86,8 @@ def test_ctrl_c_ends_a_step(tmp_path: Path) -> None:
 def test_an_exceeded_estimate_is_no_longer_printed(tmp_path: Path) -> None:
     lines = (
         f"ws={tmp_path}; cd $ws; . {ROOT}/scripts/lib/setup_steps.bash",
-        "sleep() { :; }; kill() { [ $((SECONDS += 1)) -lt 300 ]; }",  # each check counts as a second
-        "SECONDS=0; show_progress 1 log none 0 150",
+        "sleep() { :; }; kill() { [ $((SECONDS += 1)) -lt 300 ]; }",  # only checks count
+        "unset SECONDS; SECONDS=0; show_progress 1 log none 0 150",
     )
     done = subprocess.run(["bash", "-c", "\n".join(lines)], capture_output=True, text=True, timeout=60, check=True)
     assert done.stdout.splitlines() == ["      0 %  100 s of about 150 s on an idle machine", "      0 %  200 s"]

@@ -14,7 +14,7 @@ from hric_assessment.contact.assess import ContactSite, LimitRatio, assess
 from hric_assessment.contact.classes import BY_CLAMPING, INTERPRETATIONS, ContactClass, contact_class
 from hric_assessment.contact.energy import energy_finding
 from hric_assessment.contact.episodes import PENALTY, Episode, episodes, window_of
-from hric_assessment.findings import CONTACT, Evidence, Finding, Outcome
+from hric_assessment.findings import CONTACT, ENERGY, Evidence, Finding, Outcome
 from hric_assessment.tables import MASS, ROTORS, STIFFNESS, TIME_STEP, verdict_table
 from hric_assessment.verdict.choices import AssessmentChoices
 from hric_assessment.verdict.impacts import ExpectedImpacts
@@ -89,7 +89,9 @@ def _of_person(source: AssessmentInput, record: HumanRecord, choices: Assessment
     findings = [finding for contacts in regions.values() for finding in judge.of_region(contacts)]
     findings = [replace(finding, evidence=evidence) for finding in findings]
     if not findings or lost:
-        findings.append(_rest(source, record, evidence, lost, bool(findings), choices))
+        rest = _rest(source, record, evidence, lost, bool(findings), choices)
+        judged = any(finding.group == ENERGY for finding in findings)
+        findings += [rest, replace(rest, subject=f"energy of {ALL}", group=ENERGY)] if lost and judged else [rest]
     return findings
 
 
