@@ -63,12 +63,14 @@ def difference(a: Path, b: Path) -> float:
     return float(np.abs(one - other).max())
 
 
-@pytest.mark.parametrize(("robot", "bound"), [("panda", 1e-9), ("fr3", 1e-3)])
+@pytest.mark.parametrize(
+    ("robot", "inertials", "bound"), [("panda", "barycentric", 1e-9), ("fr3", "fr3", 1e-6)], ids=["panda", "fr3"]
+)
 def test_without_filter_and_limiter_the_motion_is_that_of_the_simulation(
-    robot: str, bound: float, tmp_path: Path
+    robot: str, inertials: str, bound: float, tmp_path: Path
 ) -> None:
-    real, _ = through_libfranka(tmp_path / "real", robot, "pd_step", *PLAIN)
-    found = difference(run(tmp_path / "sim", "pd_step"), real)
+    real, _ = through_libfranka(tmp_path / "real", robot, "pd_step", *PLAIN, f"inertials:={inertials}")
+    found = difference(run(tmp_path / "sim", "pd_step", f"inertials:={inertials}"), real)
     print(f"{robot}: largest difference {found:.2e} rad")
     assert found < bound
 

@@ -58,6 +58,7 @@ RECIPES: dict[str, list[str]] = {
     "describe": ["robot", "pd_step"],
     "list": [],
     "schema": [],
+    "reproduce": ["elbow_of_women", "--out", "reproduced"],
     "check_model": ["long", "--out", "checked", "--no-figures"],
     "muscle_load": ["person", "--output", "load"],
     "measure_stops": ["--speeds", "0.2", "--loads", "0", "-o", "stops.yaml"],
