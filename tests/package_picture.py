@@ -17,7 +17,7 @@ HOUSES = {
         *("xacro", "franka_hw_interface", "franka_sim", "franka_real", "urdf_to_osim"),
         *("pybullet_ros_control", "opensim_ros_control", "mujoco_ros_control"),
     ),
-    "human": ("hric_human", "hric_skin", "hric_assessment", "hric_perception", "mocap_natnet"),
+    "human": ("hric_human", "hric_motion", "hric_skin", "hric_assessment", "hric_perception", "mocap_natnet"),
     "lab": ("hric_bags", "hric_run", "hric_analysis", "hric_report", "hric_sweep", "hric_view", "hric_experiments"),
 }
 """Python packages of each group (core, human, lab); scripts are in no group."""

@@ -1,6 +1,7 @@
 """Motion of a person, computed from body markers in a c3d file or in motion capture frames of a bag."""
 
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,11 +10,14 @@ import numpy as np
 from hric_bags.reader import opened, seconds
 from hric_bags.records.recording import RATE, Columns, Recording, TrackedRoot
 from hric_bags.records.rows import Thinning
+from hric_core.errors import HricError
 from hric_core.geometry import FloatArray
 from hric_core.trial.c3d import read_trial
 from hric_human.body import Body, describe
 from hric_human.body.markers import marker_labels
+from hric_human.body.segments import SIDES, link_name
 from hric_human.tracking import LOST, PersonTracker
+from hric_motion import measured
 from hric_perception.person.frames import PersonMarkers
 from hric_perception.person.settings import PersonSettings
 
@@ -23,21 +27,29 @@ Frame = tuple[float, FloatArray]
 
 
 def of_c3d(path: Path) -> Recording:
-    """Read a c3d file as a recording of a person with the default subject's measures.
+    """Read a c3d file as a recording of a person, whose body is fitted to the markers.
 
     Raises:
-        HricError: the file does not exist, or has no markers of a body.
+        HricError: the file does not exist, has no markers of a body, or the body does not fit them.
     """
     trial = read_trial(path)
-    body = describe(PersonSettings().person)
-    labels = marker_labels(path.name, trial.labels, tuple(body.markers))
-    positions = trial.markers(list(labels.values()))
-    step = max(1, round(trial.rate / RATE))
-    frames = ((trial.start + k / trial.rate, positions[k]) for k in range(0, len(positions), step))
-    states, root = tracked(frames, PersonTracker(body, tuple(labels)), path.name, "laboratory", False)
-    end = trial.start + trial.duration
+    subject = replace(PersonSettings().person, parts="whole_body")
+    labels = marker_labels(path.name, trial.labels, tuple(describe(subject).markers))
+    links = {describe(subject).markers[name].link for name in labels}
+    if not links & {link_name("shank", side) for side in SIDES}:
+        subject = replace(subject, parts="upper_body")
+    try:
+        motion = measured(subject, tuple(labels), trial.markers(list(labels.values())), trial.rate)
+    except HricError as error:
+        raise HricError(f"{path.name}: {error}") from error
+    rows = slice(None, None, max(1, round(trial.rate / RATE)))
+    time, end = trial.start + np.arange(len(motion.q))[rows] / trial.rate, trial.start + trial.duration
+    states = Columns(f"{path.name}/joint_states", tuple(motion.body.joints), time, motion.q[rows])
+    root = TrackedRoot(
+        f"{path.name}/tracking", "laboratory", time, motion.root[rows], motion.residual[rows], calibrated=True
+    )
     return Recording(
-        {f"{path.name}: {len(labels)} markers": len(positions)},
+        {f"{path.name}: {len(labels)} markers": len(motion.q)},
         frozenset(),
         trial.start,
         end,

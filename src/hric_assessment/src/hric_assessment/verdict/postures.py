@@ -61,6 +61,11 @@ class ArmScores:
     evidence: Evidence
 
     @property
+    def unseen(self) -> bool:
+        """True if nothing is known of the arm: neither the upper arm nor the elbow."""
+        return {"upper_arm_flexion", "elbow_flexion"} <= set(self.unknown)
+
+    @property
     def lacks_root(self) -> bool:
         """True if the trunk's angles to the pelvis are known, but not its inclination to the vertical."""
         return not self.vertical and INCLINATION[0] not in self.unknown
@@ -182,7 +187,7 @@ def posture_finding(arm: ArmScores, person: AssessedPerson) -> Finding:
         reason,
         arm.scores.method,
         None,
-        _values(arm),
+        {} if arm.unseen else _values(arm),
         _longest(arm),
         person.signals,
         (*(f"the angle {name}" for name in arm.unknown), *["inclination of the trunk"] * arm.lacks_root),
@@ -194,6 +199,8 @@ def posture_finding(arm: ArmScores, person: AssessedPerson) -> Finding:
 
 
 def _judged(arm: ArmScores) -> tuple[Outcome, str]:
+    if arm.unseen:
+        return Outcome.NOT_ASSESSABLE, f"nothing is known of the {arm.side} arm; {AT_WORST} {arm.worst_lasting}"
     table = arm.scores.table
     within, warning = table.within, table.warning
 

@@ -1,0 +1,116 @@
+"""Joint angles of a recorded person, with what the markers do not determine, and frames that fit badly, left out."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+from threadpoolctl import threadpool_limits
+
+from hric_core.errors import HricError
+from hric_core.geometry import FloatArray
+from hric_human.body import Body, Subject
+from hric_motion.fit import FRAMES, BodyFit
+from hric_motion.gaps import bridged
+
+MAX_DISTANCE = 0.03
+"""Root mean square distance of the markers from the body above which a frame counts as not fitted [m].
+
+The constants of this file are project defaults, unconfirmed.
+"""
+MIN_SHARE = 0.5
+"""Smallest share of the frames that must be fitted; below it the whole trial is refused [1]."""
+KNOWN = 0.5
+"""Ratio of the standard deviation of a joint angle to that of its prior from which on the angle is not known [1].
+
+Without markers it is 1: the prior is a uniform distribution over the joint's range.
+"""
+
+
+@dataclass(frozen=True)
+class MeasuredMotion:
+    """Motion of a person.
+
+    Attributes:
+        body: body that was fitted to the person, with the fitted places of the markers.
+        names: names of the markers.
+        q: joint positions, shape (n, j) [rad]; NaN: not known.
+        spread: their standard deviations, shape (n, j) [rad].
+        root: poses of the root link in the laboratory, position and quaternion (x, y, z, w), shape (n, 7) [m]; NaN: not
+            known.
+        distances: distances of the markers from the body, shape (n, m) [m]; NaN: not visible.
+        before: root mean square distance of each marker from the body of the table, in the frames of the fit, shape
+            (m,) [m].
+        noise: standard deviation of the markers from the fitted body [m].
+    """
+
+    body: Body
+    names: tuple[str, ...]
+    q: FloatArray
+    spread: FloatArray
+    root: FloatArray
+    distances: FloatArray
+    before: FloatArray
+    noise: float
+
+    @property
+    def residual(self) -> FloatArray:
+        """Root mean square distance of the markers in each frame, shape (n,) [m]; NaN: none is visible."""
+        return _rms(self.distances, axis=1)
+
+    @property
+    def after(self) -> FloatArray:
+        """Root mean square distance of each marker from the fitted body, shape (m,) [m]; NaN: never visible."""
+        return _rms(self.distances, axis=0)
+
+    @property
+    def unknown(self) -> tuple[str, ...]:
+        """Joints of which no angle is known."""
+        return tuple(
+            name for name, known in zip(self.body.joints, np.isfinite(self.q).any(axis=0), strict=True) if not known
+        )
+
+
+def measured(subject: Subject, names: Sequence[str], positions: FloatArray, rate: float) -> MeasuredMotion:
+    """Fit a body to the markers of a trial, and return the motion of the person.
+
+    Args:
+        subject: subject with the person's height, mass and sex; its table of lengths is where the fit begins.
+        names: names of the markers.
+        positions: positions of the markers, shape (n, m, 3) [m]; NaN: not visible.
+        rate: rate of the frames [Hz].
+
+    Raises:
+        HricError: the markers do not determine the pose of the trunk, or the body does not fit them.
+    """
+    filled = bridged(positions, rate)
+    seen = np.isfinite(filled).all(axis=2)
+    chosen = np.unique(np.linspace(0, len(filled) - 1, FRAMES).round().astype(int))
+    chosen = chosen[seen[chosen].any(axis=1)]
+    with threadpool_limits(1):  # small matrices: a second thread costs more than it helps, much more on a busy machine
+        fit = BodyFit(subject, names, filled[chosen])
+        motion = fit.motion(filled)
+    q = np.where(motion.spread < KNOWN * fit.prior_spread, motion.postures.q, np.nan)
+    root = np.hstack([motion.postures.p, Rotation.from_matrix(motion.postures.R).as_quat()])
+    distances = np.where(np.isfinite(positions).all(axis=2), motion.distances, np.nan)
+    fitted = _rms(motion.distances, axis=1) <= MAX_DISTANCE  # False for NaN
+    fitted &= seen[:, list(fit.trunk)].sum(axis=1) >= 3
+    if fitted.mean() < MIN_SHARE:
+        after = _rms(motion.distances, axis=0)
+        worst = sorted(zip(names, after, strict=True), key=lambda pair: -np.nan_to_num(pair[1]))[:3]
+        raise HricError(
+            f"the body fits the markers within {1e3 * MAX_DISTANCE:.0f} mm in {fitted.mean():.0%} of the frames: "
+            f"valid: {MIN_SHARE:.0%} or more. Farthest off: "
+            + ", ".join(f"{name} {1e3 * off:.0f} mm" for name, off in worst)
+            + ". Check labels, unit and vertical axis"
+        )
+    q[~fitted], root[~fitted] = np.nan, np.nan
+    return MeasuredMotion(fit.body, fit.names, q, motion.spread, root, distances, fit.before, fit.noise)
+
+
+def _rms(distances: FloatArray, axis: int) -> FloatArray:
+    """Return root mean squares along an axis, NaN without any value."""
+    known = np.isfinite(distances)
+    total = np.where(known, distances, 0.0) ** 2
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.sqrt(total.sum(axis=axis) / known.sum(axis=axis)))
