@@ -11,7 +11,7 @@ from hric_core.errors import HricError
 from hric_core.geometry import FloatArray
 from hric_human.body import Subject, describe
 from hric_motion import MeasuredMotion, measured
-from hric_motion.gaps import bridged
+from hric_motion.measured import bridged
 from hric_motion.postures import MarkerPostures, Postures
 
 RATE, FRAMES = 100.0, 400

@@ -17,6 +17,7 @@ from functools import cached_property
 from typing import NamedTuple, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
 from hric_core.errors import HricError, ParameterError
 from hric_core.geometry import FloatArray
@@ -32,7 +33,7 @@ The larger residual of a fit counts. The constants of this file are project defa
 """
 SIZE_SPREAD, LENGTH_SPREAD = 0.1, 0.04
 """Prior standard deviations of the logarithms of the body's size, and of each length relative to it [1]."""
-PLACE_SPREAD, LOOSE_SPREAD = 0.007, 0.04
+BONE_SPREAD, LOOSE_SPREAD = 0.007, 0.04
 """Prior standard deviations of a marker's place on its segment [m]: on a bone that is felt, and on soft tissue."""
 FARTHEST = 5.0
 """Largest distance of a shared unknown from its prior, in standard deviations [1]."""
@@ -68,6 +69,7 @@ STARTS: tuple[dict[str, float], ...] = (
 """Start postures: angles of the joints of both sides that are not zero [deg]."""
 
 
+Mask = npt.NDArray[np.bool_]
 Arrays = TypeVar("Arrays", Postures, "_Equations")
 
 
@@ -138,9 +140,9 @@ class BodyFit:
         self._starts = [np.radians([start.get(joint, 0.0) for joint in table.joints]) for start in starts]
         self._table, self._model = Builder(subject).lengths, MarkerPostures(table, names)
         loose = np.array([name.endswith(LOOSE) for name in names])
-        places = np.repeat(np.where(loose, LOOSE_SPREAD, PLACE_SPREAD), 3)
+        offsets = np.repeat(np.where(loose, LOOSE_SPREAD, BONE_SPREAD), 3)
         relative = np.full(len(self._table), LENGTH_SPREAD)
-        self._shared_spread = np.concatenate([[SIZE_SPREAD], relative, places])
+        self._shared_spread = np.concatenate([[SIZE_SPREAD], relative, offsets])
         self._shared, self.noise = np.zeros(len(self._shared_spread)), NOISE
         self._covariance = np.diag(self._shared_spread**2)
         self._set(self._shared)
@@ -158,8 +160,8 @@ class BodyFit:
     def body(self) -> Body:
         """Fitted body, with the fitted places of the markers."""
         body = describe(replace(self._subject, lengths=self.lengths))
-        places = zip(self.names, self._geometry.markers, strict=True)
-        fitted = {name: replace(body.markers[name], p_link_marker=place) for name, place in places}
+        markers = zip(self.names, self._geometry.markers, strict=True)
+        fitted = {name: replace(body.markers[name], p_link_marker=p_link) for name, p_link in markers}
         return replace(body, markers={**body.markers, **fitted})
 
     def motion(self, positions: FloatArray, block: int = 400) -> FittedMotion:
@@ -204,7 +206,7 @@ class BodyFit:
     def _equations(self, positions: FloatArray, postures: Postures, geometry: Geometry) -> _Equations:
         placed = self._model.at(postures, geometry)
         n, m = positions.shape[:2]
-        w = np.isfinite(positions).all(axis=2) / self.noise
+        w = seen_in(positions) / self.noise
         r = (np.nan_to_num(positions - placed.p) * w[..., None]).reshape(n, 3 * m)
         Jf = (placed.J * w[..., None, None]).reshape(n, 3 * m, -1)
         off = (self._mean - postures.q) / self._posture_spread
@@ -214,7 +216,7 @@ class BodyFit:
         H[:, at, at] += self._posture_spread**-2.0
         pinned = ((postures.q <= self._low) & (g[:, at] < 0.0)) | ((postures.q >= self._high) & (g[:, at] > 0.0))
         H[:, at, at] += PINNED * pinned
-        return _Equations(H, g, (r**2).sum(axis=1) + (off**2).sum(axis=1), Jf, r, w, placed.R)
+        return _Equations(H, g, (r**2).sum(axis=1) + (off**2).sum(axis=1), Jf, r, np.asarray(w), placed.R)
 
     def _by_shared(self, postures: Postures, equations: _Equations) -> FloatArray:
         """Return the weighted derivatives of the markers by the shared unknowns, shape (n, 3 m, s)."""
@@ -242,10 +244,10 @@ class BodyFit:
             now = postures.rows(rows)
             H = equations.H.copy()
             np.einsum("nii->ni", H)[...] *= 1.0 + damping[:, None]
-            step = np.linalg.solve(H, equations.g[..., None])[..., 0]
+            step = np.asarray(np.linalg.solve(H, equations.g[..., None])[..., 0], dtype=np.float64)
             tried = self._stepped(now, step)
             after = self._equations(positions[rows], tried, self._geometry)
-            better = after.cost <= equations.cost
+            better = np.asarray(after.cost <= equations.cost)
             damping = np.where(better, 0.1 * damping, 10.0 * damping).clip(1e-9, 1e6)
             now, equations = _chosen(better, tried, now), _chosen(better, after, equations)
             for array, new in zip(postures, now, strict=True):
@@ -266,7 +268,7 @@ class BodyFit:
 
         Starts are the start postures, postures of a frame before and after that fits well, and random ones.
         """
-        random, seen = np.random.default_rng(0), np.isfinite(positions).all(axis=2).sum(axis=1)
+        random, seen = np.random.default_rng(0), seen_in(positions).sum(axis=1)
         shares = cost / np.maximum(seen, 1)
         for attempt in range(len(self._starts) + ATTEMPTS):
             poor = np.flatnonzero(shares > max(POOR * float(np.median(shares)), 3.0))
@@ -299,7 +301,7 @@ class BodyFit:
         still = Postures(np.tile(np.eye(3), (len(q), 1, 1)), np.zeros((len(q), 3)), q)
         body = self._model.positions(still, self._geometry)[:, list(self.trunk)]
         there = positions[:, list(self.trunk)]
-        seen = np.isfinite(there).all(axis=2)
+        seen = seen_in(there)
         known = np.flatnonzero(seen.sum(axis=1) >= 3)
         if not len(known):
             raise HricError("no frame has three visible markers of the trunk; valid: three or more, for its pose")
@@ -386,10 +388,15 @@ class BodyFit:
         _, _, (_, X) = self._reduced(postures, equations)
         own = np.einsum("nii->ni", np.linalg.inv(equations.H))
         variance = own + np.einsum("nis,nis->ni", X @ self._covariance, X)
-        return np.minimum(np.sqrt(variance[:, ROOT_MOTIONS:]), self.prior_spread)
+        return np.asarray(np.minimum(np.sqrt(variance[:, ROOT_MOTIONS:]), self.prior_spread))
 
 
-def _chosen(rows: FloatArray, first: Arrays, second: Arrays) -> Arrays:
+def seen_in(positions: FloatArray) -> Mask:
+    """Return True for visible markers, shape (n, m); positions: shape (n, m, 3) [m], NaN: not visible."""
+    return np.asarray(np.isfinite(positions).all(axis=2))
+
+
+def _chosen(rows: Mask, first: Arrays, second: Arrays) -> Arrays:
     """Return for each instant the arrays of the first where `rows` is True, else of the second."""
     pairs = zip(first, second, strict=True)
     return type(first)(*(np.where(rows.reshape(-1, *[1] * (a.ndim - 1)), a, b) for a, b in pairs))

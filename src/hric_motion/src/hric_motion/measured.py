@@ -4,14 +4,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 from threadpoolctl import threadpool_limits
 
 from hric_core.errors import HricError
 from hric_core.geometry import FloatArray
 from hric_human.body import Body, Subject
-from hric_motion.fit import FRAMES, BodyFit
-from hric_motion.gaps import bridged
+from hric_human.tracking.tracker import BRIDGE
+from hric_motion.fit import FRAMES, BodyFit, seen_in
 
 MAX_DISTANCE = 0.03
 """Root mean square distance of the markers from the body above which a frame counts as not fitted [m].
@@ -66,9 +67,8 @@ class MeasuredMotion:
     @property
     def unknown(self) -> tuple[str, ...]:
         """Joints of which no angle is known."""
-        return tuple(
-            name for name, known in zip(self.body.joints, np.isfinite(self.q).any(axis=0), strict=True) if not known
-        )
+        known = np.isfinite(self.q)
+        return tuple(name for column, name in enumerate(self.body.joints) if not known[:, column].any())
 
 
 def measured(subject: Subject, names: Sequence[str], positions: FloatArray, rate: float) -> MeasuredMotion:
@@ -84,7 +84,7 @@ def measured(subject: Subject, names: Sequence[str], positions: FloatArray, rate
         HricError: the markers do not determine the pose of the trunk, or the body does not fit them.
     """
     filled = bridged(positions, rate)
-    seen = np.isfinite(filled).all(axis=2)
+    seen = seen_in(filled)
     chosen = np.unique(np.linspace(0, len(filled) - 1, FRAMES).round().astype(int))
     chosen = chosen[seen[chosen].any(axis=1)]
     with threadpool_limits(1):  # small matrices: a second thread costs more than it helps, much more on a busy machine
@@ -92,8 +92,8 @@ def measured(subject: Subject, names: Sequence[str], positions: FloatArray, rate
         motion = fit.motion(filled)
     q = np.where(motion.spread < KNOWN * fit.prior_spread, motion.postures.q, np.nan)
     root = np.hstack([motion.postures.p, Rotation.from_matrix(motion.postures.R).as_quat()])
-    distances = np.where(np.isfinite(positions).all(axis=2), motion.distances, np.nan)
-    fitted = _rms(motion.distances, axis=1) <= MAX_DISTANCE  # False for NaN
+    distances = np.where(seen_in(positions), motion.distances, np.nan)
+    fitted = np.asarray(_rms(motion.distances, axis=1) <= MAX_DISTANCE)  # False for NaN
     fitted &= seen[:, list(fit.trunk)].sum(axis=1) >= 3
     if fitted.mean() < MIN_SHARE:
         after = _rms(motion.distances, axis=0)
@@ -106,6 +106,25 @@ def measured(subject: Subject, names: Sequence[str], positions: FloatArray, rate
         )
     q[~fitted], root[~fitted] = np.nan, np.nan
     return MeasuredMotion(fit.body, fit.names, q, motion.spread, root, distances, fit.before, fit.noise)
+
+
+def bridged(positions: FloatArray, rate: float) -> FloatArray:
+    """Return marker positions in which gaps of at most BRIDGE between two visible frames are filled by cubic splines.
+
+    Args:
+        positions: positions of the markers, shape (n, m, 3) [m]; NaN: not visible.
+        rate: rate of the frames [Hz].
+    """
+    filled, visible, frames = positions.copy(), seen_in(positions), np.arange(len(positions))
+    for marker in range(positions.shape[1]):
+        seen = np.flatnonzero(visible[:, marker])
+        if len(seen) < 4 or len(seen) == len(frames):
+            continue
+        hole = np.diff(seen)
+        short = np.repeat((hole > 1) & (hole <= BRIDGE * rate + 1e-9), np.maximum(hole - 1, 0))
+        missing = np.setdiff1d(frames[seen[0] : seen[-1]], seen)[short]
+        filled[missing, marker] = CubicSpline(seen, positions[seen, marker])(missing)
+    return filled
 
 
 def _rms(distances: FloatArray, axis: int) -> FloatArray:

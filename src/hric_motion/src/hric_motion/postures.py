@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from hric_core.geometry import FloatArray
@@ -27,7 +28,7 @@ class Postures(NamedTuple):
     p: FloatArray
     q: FloatArray
 
-    def rows(self, chosen: FloatArray | slice) -> "Postures":
+    def rows(self, chosen: npt.NDArray[np.intp] | npt.NDArray[np.bool_]) -> "Postures":
         """Return the postures of some instants."""
         return Postures(self.R[chosen], self.p[chosen], self.q[chosen])
 
@@ -36,8 +37,8 @@ class Postures(NamedTuple):
 
         step: motions in the order of the Jacobian of `MarkerPostures.at`, shape (n, 6 + j) [m], [rad].
         """
-        turn = Rotation.from_rotvec(step[:, 3:ROOT_MOTIONS]).as_matrix()
-        return Postures(turn @ self.R, self.p + step[:, :3], self.q + step[:, ROOT_MOTIONS:])
+        rotation = Rotation.from_rotvec(step[:, 3:ROOT_MOTIONS]).as_matrix()
+        return Postures(rotation @ self.R, self.p + step[:, :3], self.q + step[:, ROOT_MOTIONS:])
 
 
 class Geometry(NamedTuple):
@@ -106,7 +107,7 @@ class MarkerPostures:
     def at(self, postures: Postures, geometry: Geometry | None = None) -> PlacedMarkers:
         """Return the markers and their derivatives; geometry: other places than those of the body."""
         rotations = self._rotations(postures)
-        origins, p = self._places(rotations, postures, geometry or self.geometry)
+        origins, p = self._placed(rotations, postures, geometry or self.geometry)
         J = np.zeros((*p.shape, ROOT_MOTIONS + postures.q.shape[1]))
         J[..., :3] = np.eye(3)
         arms = p - postures.p[:, None]
@@ -119,7 +120,7 @@ class MarkerPostures:
 
     def positions(self, postures: Postures, geometry: Geometry | None = None) -> FloatArray:
         """Return the positions of the markers alone, shape (n, m, 3) [m]; geometry: as for `at`."""
-        return self._places(self._rotations(postures), postures, geometry or self.geometry)[1]
+        return self._placed(self._rotations(postures), postures, geometry or self.geometry)[1]
 
     def by_geometry(self, postures: Postures, changes: Sequence[Geometry]) -> FloatArray:
         """Return the derivatives of the positions by changes of the geometry, shape (n, m, 3, len(changes)).
@@ -127,7 +128,7 @@ class MarkerPostures:
         The positions are linear in the geometry.
         """
         rotations, still = self._rotations(postures), postures._replace(p=np.zeros_like(postures.p))
-        return np.stack([self._places(rotations, still, change)[1] for change in changes], axis=-1)
+        return np.stack([self._placed(rotations, still, change)[1] for change in changes], axis=-1)
 
     def _joint(self, tree: WholeBody, segment: BodySegment) -> int:
         """Return the first link after a segment's parent, which the joints of the segment move from their place."""
@@ -146,7 +147,7 @@ class MarkerPostures:
             rotations.append(R if angles is None else R @ Rotation.from_rotvec(angles).as_matrix())
         return [*rotations, postures.R]
 
-    def _places(
+    def _placed(
         self, rotations: Sequence[FloatArray], postures: Postures, geometry: Geometry
     ) -> tuple[list[FloatArray], FloatArray]:
         """Return the origins of the links, of shape (n, 3) each, the root's as the last one, and the markers."""
@@ -155,8 +156,8 @@ class MarkerPostures:
             origin = postures.p if link.parent < 0 else origins[link.parent]
             origins.append(origin + rotations[link.parent] @ joint)
         origins.append(postures.p)
-        places = zip(self._on, geometry.markers, strict=True)
-        return origins, np.stack([origins[at] + rotations[at] @ place for at, place in places], axis=1)
+        markers = zip(self._on, geometry.markers, strict=True)
+        return origins, np.stack([origins[at] + rotations[at] @ p_link for at, p_link in markers], axis=1)
 
 
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:

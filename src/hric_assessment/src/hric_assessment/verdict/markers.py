@@ -17,7 +17,6 @@ from hric_human.body import Body, describe
 from hric_human.body.markers import marker_labels
 from hric_human.body.segments import SIDES, link_name
 from hric_human.tracking import LOST, PersonTracker
-from hric_motion import measured
 from hric_perception.person.frames import PersonMarkers
 from hric_perception.person.settings import PersonSettings
 
@@ -32,6 +31,8 @@ def of_c3d(path: Path) -> Recording:
     Raises:
         HricError: the file does not exist, has no markers of a body, or the body does not fit them.
     """
+    from hric_motion import measured  # with SciPy, which takes longer to load than everything else here
+
     trial = read_trial(path)
     subject = replace(PersonSettings().person, parts="whole_body")
     labels = marker_labels(path.name, trial.labels, tuple(describe(subject).markers))
