@@ -12,7 +12,7 @@ from hric_core.geometry import FloatArray
 from hric_human.body import Subject, describe
 from hric_motion import MeasuredMotion, measured
 from hric_motion.measured import bridged
-from hric_motion.postures import MarkerPostures, Postures
+from hric_motion.postures import MarkerPostures, BodyPostures
 
 RATE, FRAMES = 100.0, 400
 PERSON = Subject(code="S07", mass=78.2, height=1.759, sex="male", parts="whole_body")
@@ -21,7 +21,7 @@ NAMES, JOINTS = tuple(BODY.markers), list(BODY.joints)
 MODEL = MarkerPostures(BODY, NAMES)
 
 
-def truth() -> Postures:
+def truth() -> BodyPostures:
     """Return a motion of all joints through most of their ranges, while the person walks and turns."""
     t, q = np.arange(FRAMES) / RATE, np.zeros((FRAMES, len(JOINTS)))
     for column, joint in enumerate(BODY.joints.values()):
@@ -30,7 +30,7 @@ def truth() -> Postures:
         wave = np.sin(2.0 * np.pi * (0.25 + 0.05 * (column % 7)) * t + column)
         q[:, column] = np.clip(middle + 0.3 * (high - low) * wave, low + 0.02, high - 0.02)
     R = Rotation.from_rotvec(np.column_stack([0.2 * np.sin(t), 0.1 * np.cos(t), 0.5 * t])).as_matrix()
-    return Postures(R, np.column_stack([0.3 * t, 0.0 * t, 1.0 + 0.02 * np.sin(t)]), q)
+    return BodyPostures(R, np.column_stack([0.3 * t, 0.0 * t, 1.0 + 0.02 * np.sin(t)]), q)
 
 
 TRUTH = truth()

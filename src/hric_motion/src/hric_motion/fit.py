@@ -24,7 +24,7 @@ from hric_core.geometry import FloatArray
 from hric_human.body import Body, Subject, describe
 from hric_human.body.segments import ROOT, SIDES, Builder, segments
 from hric_human.control.marker_model import ROOT_MOTIONS
-from hric_motion.postures import Geometry, MarkerPostures, Postures
+from hric_motion.postures import Geometry, MarkerPostures, BodyPostures
 
 NOISE = 0.001
 """Smallest standard deviation of a marker from the rigid segment that it is on: noise and moving skin [m].
@@ -70,7 +70,7 @@ STARTS: tuple[dict[str, float], ...] = (
 
 
 Mask = npt.NDArray[np.bool_]
-Arrays = TypeVar("Arrays", Postures, "_Equations")
+Arrays = TypeVar("Arrays", BodyPostures, "_Equations")
 
 
 class FittedMotion(NamedTuple):
@@ -82,7 +82,7 @@ class FittedMotion(NamedTuple):
         distances: distances of the markers from the model, shape (n, m) [m]; NaN: not visible.
     """
 
-    postures: Postures
+    postures: BodyPostures
     spread: FloatArray
     distances: FloatArray
 
@@ -177,7 +177,7 @@ class BodyFit:
             rows = np.arange(begin, min(begin + block, len(positions)))
             nearest = np.abs(rows[:, None] - knots).argmin(axis=1)
             parts.append(self._block(positions[rows], known.rows(nearest)))
-        postures = Postures(*map(np.concatenate, zip(*(part.postures for part in parts), strict=True)))
+        postures = BodyPostures(*map(np.concatenate, zip(*(part.postures for part in parts), strict=True)))
         arrays = [np.concatenate([part[k] for part in parts]) for k in (1, 2)]
         return FittedMotion(postures, *arrays)
 
@@ -203,7 +203,7 @@ class BodyFit:
 
     # -- the least-squares problem -------------------------------------------------------------------------------------
 
-    def _equations(self, positions: FloatArray, postures: Postures, geometry: Geometry) -> _Equations:
+    def _equations(self, positions: FloatArray, postures: BodyPostures, geometry: Geometry) -> _Equations:
         placed = self._model.at(postures, geometry)
         n, m = positions.shape[:2]
         w = seen_in(positions) / self.noise
@@ -218,7 +218,7 @@ class BodyFit:
         H[:, at, at] += PINNED * pinned
         return _Equations(H, g, (r**2).sum(axis=1) + (off**2).sum(axis=1), Jf, r, np.asarray(w), placed.R)
 
-    def _by_shared(self, postures: Postures, equations: _Equations) -> FloatArray:
+    def _by_shared(self, postures: BodyPostures, equations: _Equations) -> FloatArray:
         """Return the weighted derivatives of the markers by the shared unknowns, shape (n, 3 m, s)."""
         n, m = equations.w.shape
         J = np.zeros((n, m, 3, len(self._shared)))
@@ -228,15 +228,15 @@ class BodyFit:
             J[:, row, :, begin : begin + 3] = equations.R[:, row]
         return np.asarray((J * equations.w[..., None, None]).reshape(n, 3 * m, -1))
 
-    def _stepped(self, postures: Postures, step: FloatArray) -> Postures:
+    def _stepped(self, postures: BodyPostures, step: FloatArray) -> BodyPostures:
         """Return the postures after a step of limited size, within the ranges of the joints."""
         largest = np.abs(step[:, 3:]).max(axis=1, keepdims=True)
         moved = postures.moved(step * np.minimum(1.0, LARGEST_TURN / np.maximum(largest, 1e-12)))
         return moved._replace(q=moved.q.clip(self._low, self._high))
 
-    def _solved(self, positions: FloatArray, postures: Postures) -> tuple[Postures, FloatArray]:
+    def _solved(self, positions: FloatArray, postures: BodyPostures) -> tuple[BodyPostures, FloatArray]:
         """Return the postures that fit the markers best near some, and their costs; the body is as it is."""
-        postures = Postures(*(array.copy() for array in postures))
+        postures = BodyPostures(*(array.copy() for array in postures))
         cost, rows = np.zeros(len(positions)), np.arange(len(positions))  # rows: the frames that have not settled
         equations = self._equations(positions, postures, self._geometry)
         damping = np.full(len(positions), 1e-3)
@@ -259,11 +259,11 @@ class BodyFit:
             rows, damping, equations = rows[left], damping[left], _Equations(*(array[left] for array in equations))
         return postures, cost
 
-    def _started(self, positions: FloatArray) -> Postures:
+    def _started(self, positions: FloatArray) -> BodyPostures:
         """Return the postures that fit the markers best, of all start postures."""
         return self._improved(positions, *self._solved(positions, self._at_start(positions, self._starts[0])))
 
-    def _improved(self, positions: FloatArray, postures: Postures, cost: FloatArray) -> Postures:
+    def _improved(self, positions: FloatArray, postures: BodyPostures, cost: FloatArray) -> BodyPostures:
         """Return the postures, those of frames that fit worse than others replaced by the best from other starts.
 
         Starts are the start postures, postures of a frame before and after that fits well, and random ones.
@@ -289,7 +289,7 @@ class BodyFit:
             shares = cost / np.maximum(seen, 1)
         return postures
 
-    def _at_start(self, positions: FloatArray, q: FloatArray) -> Postures:
+    def _at_start(self, positions: FloatArray, q: FloatArray) -> BodyPostures:
         """Return the postures with joint positions q, one or n, and the root where it fits the trunk best (Kabsch).
 
         A frame with fewer than three of these gets the root of the nearest frame that has them.
@@ -298,7 +298,7 @@ class BodyFit:
             HricError: no frame has three of the trunk's markers.
         """
         q = np.broadcast_to(q, (len(positions), len(self._mean)))
-        still = Postures(np.tile(np.eye(3), (len(q), 1, 1)), np.zeros((len(q), 3)), q)
+        still = BodyPostures(np.tile(np.eye(3), (len(q), 1, 1)), np.zeros((len(q), 3)), q)
         body = self._model.positions(still, self._geometry)[:, list(self.trunk)]
         there = positions[:, list(self.trunk)]
         seen = seen_in(there)
@@ -308,7 +308,7 @@ class BodyFit:
         poses = {int(row): _kabsch(body[row, seen[row]], there[row, seen[row]]) for row in known}
         nearest = known[np.abs(np.arange(len(positions))[:, None] - known).argmin(axis=1)]
         R, p = (np.stack([poses[int(row)][k] for row in nearest]) for k in (0, 1))
-        return Postures(R, p, q.copy())
+        return BodyPostures(R, p, q.copy())
 
     def _fit(self, positions: FloatArray) -> None:
         """Fit the shared unknowns and the postures; set noise and covariance."""
@@ -329,7 +329,7 @@ class BodyFit:
         self._covariance = np.linalg.inv(S)
 
     def _reduced(
-        self, postures: Postures, equations: _Equations, damping: float = 0.0
+        self, postures: BodyPostures, equations: _Equations, damping: float = 0.0
     ) -> tuple[FloatArray, FloatArray, tuple[FloatArray, FloatArray]]:
         """Return matrix and right side of the shared unknowns without the postures, shape (s, s) and (s,).
 
@@ -347,7 +347,7 @@ class BodyFit:
         shared[np.diag_indices(len(g))] *= 1.0 + damping
         return shared - np.tensordot(mixed, X, ((0, 1), (0, 1))), g - np.tensordot(mixed, y, ((0, 1), (0, 1))), (y, X)
 
-    def _fitted(self, positions: FloatArray, postures: Postures) -> Postures:
+    def _fitted(self, positions: FloatArray, postures: BodyPostures) -> BodyPostures:
         """Fit shared unknowns and postures near the current ones; return the postures."""
         equations, damping = self._equations(positions, postures, self._geometry), 1e-3
         cost = self._cost(equations, self._shared)
@@ -376,14 +376,14 @@ class BodyFit:
     def _cost(self, equations: _Equations, shared: FloatArray) -> float:
         return float(equations.cost.sum() + ((shared / self._shared_spread) ** 2).sum())
 
-    def _block(self, positions: FloatArray, start: Postures) -> FittedMotion:
+    def _block(self, positions: FloatArray, start: BodyPostures) -> FittedMotion:
         """Return the motion of some frames from postures nearby."""
         postures, _ = self._solved(positions, start)
         equations = self._equations(positions, postures, self._geometry)
         distances = np.linalg.norm(positions - self._model.positions(postures, self._geometry), axis=2)
         return FittedMotion(postures, self._spread(postures, equations), distances)
 
-    def _spread(self, postures: Postures, equations: _Equations) -> FloatArray:
+    def _spread(self, postures: BodyPostures, equations: _Equations) -> FloatArray:
         """Return the standard deviations of the joint angles, shape (n, j) [rad]."""
         _, _, (_, X) = self._reduced(postures, equations)
         own = np.einsum("nii->ni", np.linalg.inv(equations.H))

@@ -15,8 +15,8 @@ from hric_human.control.marker_model import ROOT_MOTIONS
 from hric_human.control.whole_body import WholeBody
 
 
-class Postures(NamedTuple):
-    """Postures of a body at n instants.
+class BodyPostures(NamedTuple):
+    """BodyPostures of a body at n instants.
 
     Attributes:
         R: rotation of the root link in the laboratory, shape (n, 3, 3).
@@ -28,17 +28,17 @@ class Postures(NamedTuple):
     p: FloatArray
     q: FloatArray
 
-    def rows(self, chosen: npt.NDArray[np.intp] | npt.NDArray[np.bool_]) -> "Postures":
+    def rows(self, chosen: npt.NDArray[np.intp] | npt.NDArray[np.bool_]) -> "BodyPostures":
         """Return the postures of some instants."""
-        return Postures(self.R[chosen], self.p[chosen], self.q[chosen])
+        return BodyPostures(self.R[chosen], self.p[chosen], self.q[chosen])
 
-    def moved(self, step: FloatArray) -> "Postures":
+    def moved(self, step: FloatArray) -> "BodyPostures":
         """Return the postures after small motions of the root (translation, rotation vector) and the joints.
 
         step: motions in the order of the Jacobian of `MarkerPostures.at`, shape (n, 6 + j) [m], [rad].
         """
         rotation = Rotation.from_rotvec(step[:, 3:ROOT_MOTIONS]).as_matrix()
-        return Postures(rotation @ self.R, self.p + step[:, :3], self.q + step[:, ROOT_MOTIONS:])
+        return BodyPostures(rotation @ self.R, self.p + step[:, :3], self.q + step[:, ROOT_MOTIONS:])
 
 
 class Geometry(NamedTuple):
@@ -104,7 +104,7 @@ class MarkerPostures:
             joints[self._joints[segment.name]] = segment.p_parent_link
         return Geometry(joints, np.array([placed[name] for name in self._names]))
 
-    def at(self, postures: Postures, geometry: Geometry | None = None) -> PlacedMarkers:
+    def at(self, postures: BodyPostures, geometry: Geometry | None = None) -> PlacedMarkers:
         """Return the markers and their derivatives; geometry: other places than those of the body."""
         rotations = self._rotations(postures)
         origins, p = self._placed(rotations, postures, geometry or self.geometry)
@@ -118,11 +118,11 @@ class MarkerPostures:
             J[..., ROOT_MOTIONS + link.joint][:, rows] = _cross(axis[:, None], p[:, rows] - origins[at][:, None])
         return PlacedMarkers(p, J, np.stack([rotations[at] for at in self._on], axis=1))
 
-    def positions(self, postures: Postures, geometry: Geometry | None = None) -> FloatArray:
+    def positions(self, postures: BodyPostures, geometry: Geometry | None = None) -> FloatArray:
         """Return the positions of the markers alone, shape (n, m, 3) [m]; geometry: as for `at`."""
         return self._placed(self._rotations(postures), postures, geometry or self.geometry)[1]
 
-    def by_geometry(self, postures: Postures, changes: Sequence[Geometry]) -> FloatArray:
+    def by_geometry(self, postures: BodyPostures, changes: Sequence[Geometry]) -> FloatArray:
         """Return the derivatives of the positions by changes of the geometry, shape (n, m, 3, len(changes)).
 
         The positions are linear in the geometry.
@@ -137,7 +137,7 @@ class MarkerPostures:
             at = before
         return at
 
-    def _rotations(self, postures: Postures) -> list[FloatArray]:
+    def _rotations(self, postures: BodyPostures) -> list[FloatArray]:
         """Return the rotations of all links, of shape (n, 3, 3) each; the last one, index -1, is that of the root."""
         rotations = list[FloatArray]()
         for link in self._links:
@@ -148,7 +148,7 @@ class MarkerPostures:
         return [*rotations, postures.R]
 
     def _placed(
-        self, rotations: Sequence[FloatArray], postures: Postures, geometry: Geometry
+        self, rotations: Sequence[FloatArray], postures: BodyPostures, geometry: Geometry
     ) -> tuple[list[FloatArray], FloatArray]:
         """Return the origins of the links, of shape (n, 3) each, the root's as the last one, and the markers."""
         origins = list[FloatArray]()
