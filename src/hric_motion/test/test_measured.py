@@ -12,7 +12,7 @@ from hric_core.geometry import FloatArray
 from hric_human.body import Subject, describe
 from hric_motion import MeasuredMotion, measured
 from hric_motion.measured import bridged
-from hric_motion.postures import MarkerPostures, BodyPostures
+from hric_motion.postures import BodyPostures, MarkerPostures
 
 RATE, FRAMES = 100.0, 400
 PERSON = Subject(code="S07", mass=78.2, height=1.759, sex="male", parts="whole_body")

@@ -24,7 +24,7 @@ from hric_core.geometry import FloatArray
 from hric_human.body import Body, Subject, describe
 from hric_human.body.segments import ROOT, SIDES, Builder, segments
 from hric_human.control.marker_model import ROOT_MOTIONS
-from hric_motion.postures import Geometry, MarkerPostures, BodyPostures
+from hric_motion.postures import BodyPostures, Geometry, MarkerPostures
 
 NOISE = 0.001
 """Smallest standard deviation of a marker from the rigid segment that it is on: noise and moving skin [m].
