@@ -7,9 +7,6 @@ setup(
     **generate_distutils_setup(
         packages=find_packages("src"),
         package_dir={"": "src"},
-        package_data={
-            **{f"hric_sweep.{name}": ["assets/*"] for name in ("benchmark", "dossier", "page", "reproduction")},
-            "hric_sweep.reproduction.experiments": ["*.yaml"],
-        },
+        package_data={f"hric_sweep.{name}": ["assets/*"] for name in ("benchmark", "dossier", "page")},
     )
 )

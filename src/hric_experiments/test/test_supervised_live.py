@@ -13,9 +13,9 @@ import pytest
 from real_master import end_nodes, free_port, ros, roscore  # noqa: F401  # fixtures
 from rosbags.highlevel import AnyReader
 
-from hric_assessment.supervisor.arm import ArmShape, ArmState
-from hric_assessment.supervisor.separation import STANDING
-from hric_assessment.supervisor.settings import SupervisorSettings
+from hric_supervisor.arm import ArmShape, ArmState
+from hric_supervisor.separation import STANDING
+from hric_supervisor.settings import SupervisorSettings
 from hric_bags import reader as bag_reader
 from hric_control.speed_scale import stopping_time
 

@@ -17,7 +17,7 @@ from hric_core.geometry import Pose, transformed
 from hric_core.robot_time import stamps
 from hric_human.control.kinematics import HandChain
 from hric_human.muscles import BUILT_IN, load
-from hric_human.muscles.live_load import FEWEST, GAP, WINDOW
+from hric_motion.live_load import FEWEST, GAP, WINDOW
 from hric_msgs.msg import JointReactions, JointTorque, MuscleActivation, PersonLoad, PersonTracking
 
 __all__ = ["nodes", "ros", "roscore", "run"]

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from sensor_msgs.msg import JointState
 
-from hric_assessment.supervisor.app import HeadlessSupervisor
-from hric_assessment.supervisor.arm import ArmShape, ArmState
-from hric_assessment.supervisor.separation import STANDING
-from hric_assessment.supervisor.settings import SupervisorSettings
+from hric_supervisor.app import HeadlessSupervisor
+from hric_supervisor.arm import ArmShape, ArmState
+from hric_supervisor.separation import STANDING
+from hric_supervisor.settings import SupervisorSettings
 from hric_control.speed_scale import stopping_time
 from hric_core.robot_time import stamps
 from hric_msgs.msg import MocapData, RigidBodyState, SafetyEvent, SafetyState, SpeedScale, SpeedScaleState

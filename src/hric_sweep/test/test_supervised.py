@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from hric_assessment.contact.limits import PARTED, TRANSIENT_TIME
-from hric_assessment.supervisor.app import HeadlessSupervisor
-from hric_assessment.supervisor.arm import ArmShape, ArmState
-from hric_assessment.supervisor.settings import SupervisorSettings
+from hric_supervisor.app import HeadlessSupervisor
+from hric_supervisor.arm import ArmShape, ArmState
+from hric_supervisor.settings import SupervisorSettings
 from hric_control.speed_scale import stopping_time
 from hric_core.command import perform
 from hric_core.errors import HricError

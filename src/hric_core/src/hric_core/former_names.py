@@ -10,6 +10,7 @@ from importlib.util import find_spec, spec_from_loader
 from types import ModuleType
 
 FORMER = {
+    "hric_assessment.supervisor": "hric_supervisor",
     "hric_control.plants.masks": "hric_control.plants.worlds",
     "hric_control.plants.resources": "hric_core.resources",
     "hric_control.robot_time.clock_pairs": "hric_control.clock_pairs",
@@ -29,18 +30,20 @@ FORMER = {
     "hric_experiments.report": "hric_report",
     "hric_experiments.report_html": "hric_report.html",
     "hric_experiments.simulation": "hric_run.simulation",
-    "hric_experiments.speed_map": "hric_sweep.speed_map",
-    "hric_experiments.stops": "hric_sweep.stops",
+    "hric_experiments.speed_map": "hric_measurements.speed_map",
+    "hric_experiments.stops": "hric_measurements.stops",
     "hric_experiments.sweep": "hric_sweep",
     "hric_experiments.sweep_page": "hric_sweep.page",
     "hric_human.control.marked_body": "hric_human.control.marker_model",
     "hric_human.control.surroundings": "hric_human.control.human_control",
     "hric_human.muscles.fatigue": "hric_assessment.ergonomics.fatigue",
+    "hric_human.muscles.live_load": "hric_motion.live_load",
+    "hric_human.tracking": "hric_motion.tracking",
 }
 """Present import path of packages and modules by their former path.
 
 Modules that moved from hric_control to hric_core under the same name are found without an entry."""
-HOMES = ("hric_control", "hric_controllers", "hric_experiments", "hric_human")
+HOMES = ("hric_assessment", "hric_control", "hric_controllers", "hric_experiments", "hric_human")
 """Packages from which modules were moved to other packages."""
 
 

@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_limits
 from hric_core.errors import HricError
 from hric_core.geometry import FloatArray
 from hric_human.body import Body, Subject
-from hric_human.tracking.tracker import BRIDGE
+from hric_motion.tracking.tracker import BRIDGE
 from hric_motion.fit import FRAMES, BodyFit, seen_in
 
 MAX_DISTANCE = 0.03

@@ -24,7 +24,7 @@ from hric_run.definition.experiment import Experiment, Setpoint
 from hric_run.definition.overrides import in_yaml
 
 if TYPE_CHECKING:
-    from hric_assessment.supervisor.app import HeadlessSupervisor
+    from hric_supervisor.app import HeadlessSupervisor
 
 PROGRESS_PERIOD = 0.05
 """Robot time between two updates of the progress bar [s]."""
@@ -97,7 +97,7 @@ class Simulation:
 
     def _supervised(self, node: LocalNode) -> "HeadlessSupervisor":
         # Imported only for runs with a supervisor.
-        from hric_assessment.supervisor.app import HeadlessSupervisor
+        from hric_supervisor.app import HeadlessSupervisor
 
         try:
             self.supervisor = HeadlessSupervisor(

@@ -16,7 +16,7 @@ from hric_core.trial.c3d import read_trial
 from hric_human.body import Body, describe
 from hric_human.body.markers import marker_labels
 from hric_human.body.segments import SIDES, link_name
-from hric_human.tracking import LOST, PersonTracker
+from hric_motion.tracking import LOST, PersonTracker
 from hric_perception.person.frames import PersonMarkers
 from hric_perception.person.settings import PersonSettings
 
@@ -31,7 +31,7 @@ def of_c3d(path: Path) -> Recording:
     Raises:
         HricError: the file does not exist, has no markers of a body, or the body does not fit them.
     """
-    from hric_motion import measured  # with SciPy, which takes longer to load than everything else here
+    from hric_motion.measured import measured  # with SciPy, which takes longer to load than everything else here
 
     trial = read_trial(path)
     subject = replace(PersonSettings().person, parts="whole_body")

@@ -13,8 +13,8 @@ from hric_bags.parts import Bag
 from hric_bags.reader import BagError, seconds
 from hric_human.body import Body
 from hric_human.muscles import Anatomy
-from hric_human.muscles.live_load import AWAY, MISSING, LiveLoad, PersonLoad
-from hric_human.tracking import BRIDGED, LOST, PersonTracker
+from hric_motion.live_load import AWAY, MISSING, LiveLoad, PersonLoad
+from hric_motion.tracking import BRIDGED, LOST, PersonTracker
 from hric_perception.person.frames import PersonMarkers
 from hric_perception.person.hand_force import source_of
 from hric_perception.person.settings import PersonSettings

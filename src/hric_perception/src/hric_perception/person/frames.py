@@ -1,4 +1,4 @@
-"""Conversion between ROS messages and the data of person tracking (`hric_human.tracking`). No node."""
+"""Conversion between ROS messages and the data of person tracking (`hric_motion.tracking`). No node."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -12,7 +12,7 @@ from hric_core.geometry import IDENTITY, FloatArray, Pose, stamped
 from hric_human.body import Body
 from hric_human.body.segments import ROOT
 from hric_human.control.whole_body import WholeBody
-from hric_human.tracking import LOST, PersonEstimate
+from hric_motion.tracking import LOST, PersonEstimate
 from hric_msgs.msg import PersonTracking
 
 PERSON = "person"

@@ -8,7 +8,7 @@ from geometry_msgs.msg import WrenchStamped
 from franka_msgs.msg import FrankaState
 from hric_core.geometry import Pose, transformed
 from hric_core.geometry.quaternions import rotated
-from hric_human.muscles.live_load import HandForce
+from hric_motion.live_load import HandForce
 from hric_perception.person.settings import PLATE, ROBOT, HandForceSettings
 
 

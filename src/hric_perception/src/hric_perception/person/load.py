@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from hric_core.geometry import stamped
 from hric_core.node import Node
 from hric_core.robot_time import stamps
-from hric_human.muscles.live_load import AWAY, MISSING, HandForce, LiveLoad, PersonLoad
-from hric_human.tracking import LOST, MEASURED, PersonEstimate
+from hric_motion.live_load import AWAY, MISSING, HandForce, LiveLoad, PersonLoad
+from hric_motion.tracking import LOST, MEASURED, PersonEstimate
 from hric_msgs.msg import JointReactions, JointTorque, MuscleActivation
 from hric_msgs.msg import PersonLoad as PersonLoadMessage
 from hric_perception.person.hand_force import source_of

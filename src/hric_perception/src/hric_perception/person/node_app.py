@@ -15,8 +15,8 @@ from hric_core.robot_time.follower import RobotTime
 from hric_core.ros import RosNode
 from hric_core.ros.process import NodeApp
 from hric_human.body import Body
-from hric_human.muscles.live_load import LiveLoad
-from hric_human.tracking import LOST, PersonEstimate, PersonTracker, StillPose, calibrate
+from hric_motion.live_load import LiveLoad
+from hric_motion.tracking import LOST, PersonEstimate, PersonTracker, StillPose, calibrate
 from hric_msgs.msg import MocapData, PersonTracking
 from hric_perception.person.frames import PERSON, BodyMessages, PersonMarkers
 from hric_perception.person.load import LoadThread, TrackerFrame

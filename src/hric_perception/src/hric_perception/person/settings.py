@@ -10,7 +10,7 @@ from hric_core.geometry.poses import PoseSettings
 from hric_core.parameters import Mistakes, Settings, choice, mapping, names, number, numbers, section, text, unknown
 from hric_human.body import Body, Subject, describe
 from hric_human.participant.settings import SUBJECT
-from hric_human.tracking import BodyCalibration, PersonTracker
+from hric_motion.tracking import BodyCalibration, PersonTracker
 from hric_perception.plate.geometry import PLATE_ID
 
 NONE, ROBOT, PLATE = "none", "robot", "plate"

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hric_assessment.supervisor.settings import SupervisorSettings
+from hric_supervisor.settings import SupervisorSettings
 from hric_bags.run_file import NodeParameters
 from hric_core import plugins
 from hric_core.parameters import Settings, listing, mapping, number, refused, text

@@ -1,0 +1,15 @@
+"""Python package of hric_measurements, installed by catkin."""
+
+from catkin_pkg.python_setup import generate_distutils_setup
+from setuptools import find_packages, setup
+
+setup(
+    **generate_distutils_setup(
+        packages=find_packages("src"),
+        package_dir={"": "src"},
+        package_data={
+            "hric_measurements.reproduction": ["assets/*"],
+            "hric_measurements.reproduction.experiments": ["*.yaml"],
+        },
+    )
+)

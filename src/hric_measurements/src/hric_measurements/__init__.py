@@ -1,0 +1,1 @@
+"""Measurements at the simulated robot and person, as a test house makes them."""
