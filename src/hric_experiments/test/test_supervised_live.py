@@ -13,11 +13,11 @@ import pytest
 from real_master import end_nodes, free_port, ros, roscore  # noqa: F401  # fixtures
 from rosbags.highlevel import AnyReader
 
+from hric_bags import reader as bag_reader
+from hric_control.speed_scale import stopping_time
 from hric_supervisor.arm import ArmShape, ArmState
 from hric_supervisor.separation import STANDING
 from hric_supervisor.settings import SupervisorSettings
-from hric_bags import reader as bag_reader
-from hric_control.speed_scale import stopping_time
 
 WORKSPACE = Path(__file__).parents[3]
 pytestmark = [pytest.mark.live, pytest.mark.alone]

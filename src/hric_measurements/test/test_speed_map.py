@@ -14,13 +14,13 @@ from hric_assessment.contact.limits import Limits
 from hric_assessment.findings import DISCLAIMER
 from hric_core.command import main
 from hric_core.errors import FailureError, HricError
-from hric_run.definition import experiment
-from hric_run.simulation import Simulation
 from hric_measurements.speed_map import grid
 from hric_measurements.speed_map.blow import ArmBehaviour, Blows
 from hric_measurements.speed_map.device import HitBody, MeasuringDevice
 from hric_measurements.speed_map.grid import DIRECTIONS, Postures
 from hric_measurements.speed_map.measured import MapRequest, limit_speed, measure
+from hric_run.definition import experiment
+from hric_run.simulation import Simulation
 
 HAND, CHEST = HitBody(0.6, 75e3), HitBody(40.0, 25e3)
 POINTS = grid.points((0.35, 0.6, 2), (-0.3, 0.3, 2), (0.3, 0.5, 2))

@@ -13,9 +13,9 @@ from hric_assessment.separation import stopping
 from hric_assessment.separation.stopping import NOT_A_BRAKE, SIMULATION
 from hric_core.command import main, perform
 from hric_core.errors import HricError
+from hric_measurements.stops.measuring import LOAD_RADIUS, POSES, STANDSTILL, StoppedArm, StopStart, standing
 from hric_run.definition import experiment
 from hric_run.simulation import Simulation
-from hric_measurements.stops.measuring import LOAD_RADIUS, POSES, STANDSTILL, StoppedArm, StopStart, standing
 
 DECELERATION = np.array([15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0])
 """Franka's limits of a Panda's joint acceleration [rad/s^2] (its documentation of the control interface)."""

@@ -17,8 +17,8 @@ from hric_human.control.kinematics import HandChain
 from hric_human.control.whole_body import ExternalLoad
 from hric_human.muscles.after_run import AfterRun, smoothed
 from hric_human.muscles.anatomy import BUILT_IN, load
-from hric_motion.live_load import AWAY, MISSING, REACH, UNMEASURED, WINDOW, HandForce, LiveLoad, PersonLoad
 from hric_human.muscles.muscle_set import MuscleSet
+from hric_motion.live_load import AWAY, MISSING, REACH, UNMEASURED, WINDOW, HandForce, LiveLoad, PersonLoad
 from hric_motion.tracking import BRIDGED, LOST, MEASURED, PersonEstimate, PersonTracker, calibrate
 
 Figure = Callable[[str, float, str], None]

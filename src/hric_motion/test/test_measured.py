@@ -10,8 +10,7 @@ from scipy.spatial.transform import Rotation
 from hric_core.errors import HricError
 from hric_core.geometry import FloatArray
 from hric_human.body import Subject, describe
-from hric_motion.measured import MeasuredMotion, measured
-from hric_motion.measured import bridged
+from hric_motion.measured import MeasuredMotion, bridged, measured
 from hric_motion.postures import BodyPostures, MarkerPostures
 
 RATE, FRAMES = 100.0, 400

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from sensor_msgs.msg import JointState
 
-from hric_supervisor.app import HeadlessSupervisor
-from hric_supervisor.arm import ArmShape, ArmState
-from hric_supervisor.separation import STANDING
-from hric_supervisor.settings import SupervisorSettings
 from hric_control.speed_scale import stopping_time
 from hric_core.robot_time import stamps
 from hric_msgs.msg import MocapData, RigidBodyState, SafetyEvent, SafetyState, SpeedScale, SpeedScaleState
 from hric_run.definition import experiment
 from hric_run.definition.parameters import SUPERVISOR
 from hric_run.simulation import Simulation
+from hric_supervisor.app import HeadlessSupervisor
+from hric_supervisor.arm import ArmShape, ArmState
+from hric_supervisor.separation import STANDING
+from hric_supervisor.settings import SupervisorSettings
 
 NAME, OWN = "shared_workspace", SupervisorSettings()
 PROTECTIVE_TIME = OWN.reaction_time + stopping_time(1.0) + OWN.settling_time

@@ -5,12 +5,12 @@ import math
 import numpy as np
 
 import panda_description
+from hric_core.geometry import Pose
+from hric_human.body import Subject, describe
 from hric_supervisor.arm import ArmShape, ArmState
 from hric_supervisor.decision import UNHINDERED, Supervisor
 from hric_supervisor.person import BodyShape, Observation
 from hric_supervisor.settings import SupervisorSettings
-from hric_core.geometry import Pose
-from hric_human.body import Subject, describe
 
 JOINTS = [f"panda_joint{i}" for i in range(1, 8)]
 READY = np.array([0.0, -math.pi / 4, 0.0, -3 * math.pi / 4, 0.0, math.pi / 2, math.pi / 4])

@@ -16,12 +16,12 @@ from hric_assessment.contact.mass import Mechanism
 from hric_assessment.contact.speed import speed_limit
 from hric_assessment.separation.capsules import nearest_points, segment_distance
 from hric_assessment.separation.stopping import MEASUREMENT, StopRow, StopTable, as_yaml
-from hric_supervisor.arm import ArmShape, ArmState, InForce
-from hric_supervisor.decision import FREE, SLOWED, STOPPED
-from hric_supervisor.settings import MODES, SupervisorSettings
 from hric_assessment.tables import limit_table
 from hric_control.speed_scale import ScaleRequest, SpeedScale, stopping_time
 from hric_core.errors import HricError
+from hric_supervisor.arm import ArmShape, ArmState, InForce
+from hric_supervisor.decision import FREE, SLOWED, STOPPED
+from hric_supervisor.settings import MODES, SupervisorSettings
 
 RNG = np.random.default_rng(5)
 SPEED = np.array([0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])

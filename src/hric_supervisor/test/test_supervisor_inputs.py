@@ -8,6 +8,13 @@ from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
+from hric_core.geometry import Pose
+from hric_core.local.node import LocalNode
+from hric_core.robot_time import stamps
+from hric_motion.tracking import LOST, MEASURED, PersonEstimate
+from hric_msgs.msg import MocapData, PersonTracking, RigidBodyState
+from hric_perception.person.frames import BodyMessages
+from hric_perception.person.settings import PersonSettings
 from hric_supervisor.inputs import (
     FRAMES,
     HUMAN_JOINTS,
@@ -21,13 +28,6 @@ from hric_supervisor.inputs import (
     TrackedInput,
 )
 from hric_supervisor.person import BodyShape
-from hric_core.geometry import Pose
-from hric_core.local.node import LocalNode
-from hric_core.robot_time import stamps
-from hric_motion.tracking import LOST, MEASURED, PersonEstimate
-from hric_msgs.msg import MocapData, PersonTracking, RigidBodyState
-from hric_perception.person.frames import BodyMessages
-from hric_perception.person.settings import PersonSettings
 
 FRAME, ROOT = "panda_link0", Pose((1.2, 0.3, 0.9), (0.0, 0.0, 1.0, 0.0))
 BODY, _ = PersonSettings().known()

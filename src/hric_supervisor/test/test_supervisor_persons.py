@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from supervisor_rig import ARM, PERIOD, READY, STILL, Cell, ball, body, shape
 
+from hric_core.errors import ParameterError
 from hric_supervisor.arm import ArmState
 from hric_supervisor.decision import STOPPED, Supervisor
 from hric_supervisor.person import unplaced
 from hric_supervisor.settings import MODES, SupervisorSettings
-from hric_core.errors import ParameterError
 
 OWN = SupervisorSettings()
 HOLD = round(OWN.person_hold / PERIOD)

@@ -7,9 +7,6 @@ import numpy as np
 import pytest
 
 from hric_assessment.contact.limits import PARTED, TRANSIENT_TIME
-from hric_supervisor.app import HeadlessSupervisor
-from hric_supervisor.arm import ArmShape, ArmState
-from hric_supervisor.settings import SupervisorSettings
 from hric_control.speed_scale import stopping_time
 from hric_core.command import perform
 from hric_core.errors import HricError
@@ -18,6 +15,9 @@ from hric_core.parameters import read_yaml
 from hric_msgs.msg import SafetyEvent, SafetyState, SpeedScaleState
 from hric_run.definition import experiment, parameters
 from hric_run.simulation import Simulation
+from hric_supervisor.app import HeadlessSupervisor
+from hric_supervisor.arm import ArmShape, ArmState
+from hric_supervisor.settings import SupervisorSettings
 from hric_sweep import definition as sweep
 from hric_sweep import task
 from hric_sweep.approaches import command

@@ -11,8 +11,8 @@ from threadpoolctl import threadpool_limits
 from hric_core.errors import HricError
 from hric_core.geometry import FloatArray
 from hric_human.body import Body, Subject
-from hric_motion.tracking.tracker import BRIDGE
 from hric_motion.fit import FRAMES, BodyFit, seen_in
+from hric_motion.tracking.tracker import BRIDGE
 
 MAX_DISTANCE = 0.03
 """Root mean square distance of the markers from the body above which a frame counts as not fitted [m].

@@ -15,11 +15,6 @@ from controller_manager_msgs.srv import (
     SwitchController,
     SwitchControllerRequest,
 )
-from hric_supervisor import topics
-from hric_supervisor.arm import ArmShape, InForce
-from hric_supervisor.decision import Decision, DecisionEvent, Supervisor
-from hric_supervisor.inputs import ArmInput, person_inputs
-from hric_supervisor.settings import SupervisorNodeSettings
 from hric_control.plants import rotor_inertia
 from hric_control.speed_scale import SpeedScaleInterface
 from hric_control.speed_scale_topics import REQUEST_TOPIC, STATE_TOPIC
@@ -27,6 +22,11 @@ from hric_control.transmission import parse_transmissions
 from hric_core.errors import HricError, ParameterError
 from hric_core.node import Node
 from hric_msgs.msg import SafetyEvent, SafetyState, SpeedScale, SpeedScaleState
+from hric_supervisor import topics
+from hric_supervisor.arm import ArmShape, InForce
+from hric_supervisor.decision import Decision, DecisionEvent, Supervisor
+from hric_supervisor.inputs import ArmInput, person_inputs
+from hric_supervisor.settings import SupervisorNodeSettings
 
 NAME = "hric/safety/supervisor"
 """Name of the supervisor's node, below the robot's namespace; its topics are in hric/safety."""

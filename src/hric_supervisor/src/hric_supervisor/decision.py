@@ -12,13 +12,13 @@ from hric_assessment.contact.mass import Mechanism
 from hric_assessment.contact.speed import speed_limit
 from hric_assessment.findings import NotAssessableError
 from hric_assessment.separation.protective import Terms
+from hric_core.geometry import FloatArray, Vector
+from hric_human.hand.startle import expected_speed
 from hric_supervisor.arm import ArmShape, ArmState, InForce, PlacedCapsules
 from hric_supervisor.perception import Watch
 from hric_supervisor.person import HAND, Observation, joined, moved
 from hric_supervisor.separation import SCALES, STANDING, CapsuleNearness, Protective, StoppingModel, nearness
 from hric_supervisor.settings import HAND_GUIDED, POWER_AND_FORCE, STANDSTILL, SupervisorSettings
-from hric_core.geometry import FloatArray, Vector
-from hric_human.hand.startle import expected_speed
 
 WORLD = "world"
 FREE, SLOWED, STOPPED = "free", "slowed", "stopped"

@@ -9,10 +9,6 @@ import numpy as np
 from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import JointState
 
-from hric_supervisor.arm import ArmState
-from hric_supervisor.decision import WORLD
-from hric_supervisor.person import BodyShape, Observation, hand_ball, unplaced
-from hric_supervisor.settings import MARKER, PERSON, SupervisorNodeSettings
 from hric_assessment.typed_json import Content
 from hric_core.errors import HricError, ParameterError
 from hric_core.geometry import Pose
@@ -22,6 +18,10 @@ from hric_human.participant.settings import HumanSettings
 from hric_motion.tracking import LOST
 from hric_msgs.msg import MocapData, PersonTracking
 from hric_perception.person.settings import PersonSettings
+from hric_supervisor.arm import ArmState
+from hric_supervisor.decision import WORLD
+from hric_supervisor.person import BodyShape, Observation, hand_ball, unplaced
+from hric_supervisor.settings import MARKER, PERSON, SupervisorNodeSettings
 
 WAITING = 50
 """Maximum number of messages of a topic that wait for their counterpart or a decision (project default)."""

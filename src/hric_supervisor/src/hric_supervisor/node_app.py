@@ -5,11 +5,11 @@ from typing import Any
 
 import rospy
 
-from hric_supervisor.app import SupervisorApp
-from hric_supervisor.settings import SupervisorNodeSettings
 from hric_core.errors import HricError
 from hric_core.ros import RosNode, run
 from hric_core.ros.process import NodeApp
+from hric_supervisor.app import SupervisorApp
+from hric_supervisor.settings import SupervisorNodeSettings
 
 CONTROLLERS_PERIOD = 0.5
 """Period at which running controllers are checked [s of wall time] (project default, unconfirmed)."""

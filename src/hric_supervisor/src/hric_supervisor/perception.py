@@ -8,10 +8,10 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
+from hric_core.geometry import FloatArray
 from hric_supervisor.arm import ArmState
 from hric_supervisor.person import Observation
 from hric_supervisor.settings import HUMAN, SupervisorSettings
-from hric_core.geometry import FloatArray
 
 AHEAD = 0.02
 """Maximum lead of a stamp over the clock [s]; clock messages are 10 ms apart (project default, unconfirmed)."""

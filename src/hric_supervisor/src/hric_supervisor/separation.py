@@ -10,12 +10,12 @@ import numpy as np
 from hric_assessment.separation.capsules import distances, nearest_points
 from hric_assessment.separation.protective import Stop, Terms, person_speed, protective_distance
 from hric_assessment.separation.stopping import load
-from hric_supervisor.arm import InForce, PlacedCapsules
-from hric_supervisor.person import Observation
-from hric_supervisor.settings import SupervisorSettings
 from hric_assessment.tables import separation_table
 from hric_control.speed_scale import stopping_time
 from hric_core.geometry import FloatArray
+from hric_supervisor.arm import InForce, PlacedCapsules
+from hric_supervisor.person import Observation
+from hric_supervisor.settings import SupervisorSettings
 
 STANDING = 0.01
 """Speed below which an arm counts as at rest [m/s] (project default, unconfirmed)."""

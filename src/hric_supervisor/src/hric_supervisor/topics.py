@@ -7,10 +7,10 @@ from typing import Any
 from geometry_msgs.msg import Point
 from visualization_msgs.msg import Marker, MarkerArray
 
-from hric_supervisor.decision import FREE, STOPPED, WORLD, Decision, DecisionEvent, NearestPart
-from hric_supervisor.settings import SupervisorSettings
 from hric_core.robot_time import stamps
 from hric_msgs.msg import SafetyEvent, SafetyState, SpeedScale
+from hric_supervisor.decision import FREE, STOPPED, WORLD, Decision, DecisionEvent, NearestPart
+from hric_supervisor.settings import SupervisorSettings
 
 _COLOURS = {FREE: (0.2, 0.7, 0.3), STOPPED: (0.8, 0.2, 0.2)}
 _SLOWED = (0.9, 0.6, 0.1)

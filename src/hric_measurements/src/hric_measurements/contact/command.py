@@ -14,12 +14,12 @@ from hric_control.plants.contact_law import Layer
 from hric_core.command import Argument, Command
 from hric_core.parameters import number
 from hric_human.body.regions import REGION_MODELS
-from hric_run.definition import overrides
 from hric_measurements.contact import sheet
-from hric_measurements.contact.measurement import DeviceContact
 from hric_measurements.contact.instrument import Instrument
+from hric_measurements.contact.measurement import DeviceContact
 from hric_measurements.speed_map.device import HitBody
 from hric_measurements.speed_map.grid import DIRECTIONS
+from hric_run.definition import overrides
 
 
 class MeasureContactCommand(Command):

@@ -9,10 +9,10 @@ from pathlib import Path
 
 from hric_bags import files
 from hric_core.errors import HricError
+from hric_measurements.reproduction.definition import DataSet, MeasuredValue, PublishedExperiment
 from hric_report.html import templates
 from hric_report.html.chart import Axis
 from hric_report.html.table import PageTable, number
-from hric_measurements.reproduction.definition import DataSet, MeasuredValue, PublishedExperiment
 
 HEAD = ("experiment", "quantity", "n", "measured", "simulated", "ratio", "0 to 2 times the mean", "result", "source")
 ASSETS = Path(__file__).parent / "assets"

@@ -13,9 +13,9 @@ from franka_sim.franka_hw_sim import FrankaHWSim
 from hric_assessment.contact.limits import TRANSIENT_TIME
 from hric_core.errors import HricError
 from hric_core.geometry import FloatArray
+from hric_measurements.speed_map.device import HitBody, MeasuringDevice
 from hric_run.definition import experiment
 from hric_run.simulation import Simulation
-from hric_measurements.speed_map.device import HitBody, MeasuringDevice
 
 STIFFNESS, DAMPING = 100.0, 20.0
 """Position and velocity gain of each joint of a driven arm, as in the experiment `contact` [N m/rad], [N m s/rad]."""

@@ -15,10 +15,10 @@ from hric_core.command import Argument, Command
 from hric_core.errors import HricError
 from hric_core.parameters import number
 from hric_human.body.regions import REGION_MODELS
-from hric_run.definition import overrides
 from hric_measurements.speed_map import grid
 from hric_measurements.speed_map.blow import ArmBehaviour, simulated_arm
 from hric_measurements.speed_map.measured import MapCell, MapRequest, alone, lowest, measure
+from hric_run.definition import overrides
 
 REGION = "hand, fingers"
 X, Y, Z = (0.3, 0.7, 5), (-0.4, 0.4, 5), (0.2, 0.6, 3)

@@ -8,9 +8,9 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from hric_assessment.findings import DISCLAIMER
+from hric_measurements.speed_map.measured import MapCell, alone, by_height
 from hric_report import style
 from hric_report.drawing import INCH, STYLE, save
-from hric_measurements.speed_map.measured import MapCell, alone, by_height
 
 COLOURS = "viridis"
 COLUMNS = 3

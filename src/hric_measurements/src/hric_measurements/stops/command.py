@@ -14,9 +14,9 @@ from hric_bags import files
 from hric_core.command import Argument, Command
 from hric_core.errors import HricError
 from hric_core.parameters import number
+from hric_measurements.stops import measuring
 from hric_run.definition import experiment, overrides
 from hric_run.simulation import Simulation
-from hric_measurements.stops import measuring
 
 SPEEDS = (0.05, 0.1, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0)
 """Default speeds of the end effector [m/s]."""

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hric_supervisor.settings import SupervisorSettings
 from hric_bags.run_file import NodeParameters
 from hric_core import plugins
 from hric_core.parameters import Settings, listing, mapping, number, refused, text
@@ -20,6 +19,7 @@ from hric_perception.person.settings import PersonSettings
 from hric_perception.simulated import measures_person
 from hric_perception.sync.messages import TOPIC, rate_topic
 from hric_run.definition.parameters import EMULATED_HUMAN, MOCAP_CLIENT
+from hric_supervisor.settings import SupervisorSettings
 
 if TYPE_CHECKING:
     from hric_core.local.node import LocalNode

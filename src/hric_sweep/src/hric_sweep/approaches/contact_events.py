@@ -11,11 +11,11 @@ import numpy as np
 from hric_analysis.contacts import counted_share
 from hric_assessment.contact.limits import PARTED, TRANSIENT_TIME
 from hric_assessment.findings import Finding, Outcome
-from hric_supervisor.arm import ArmShape, ArmState
-from hric_supervisor.separation import STANDING
 from hric_bags.reader import ControlRecord
 from hric_msgs.msg import RegionContacts
 from hric_run.simulation import Simulation
+from hric_supervisor.arm import ArmShape, ArmState
+from hric_supervisor.separation import STANDING
 from hric_sweep.records import PlainData
 
 BEFORE = 0.002

@@ -12,14 +12,14 @@ from hric_assessment.contact.mass import moving_masses
 from hric_assessment.contact.speed import half_mass, permitted_speed
 from hric_core import urdf
 from hric_human.body.regions import REGION_MODELS
-from hric_run.definition import experiment
-from hric_run.simulation import Simulation
 from hric_measurements.reproduction.definition import DataSet
 from hric_measurements.speed_map import grid
 from hric_measurements.speed_map.blow import ArmBehaviour, Blows
 from hric_measurements.speed_map.device import HitBody
 from hric_measurements.speed_map.grid import DIRECTIONS, Postures
 from hric_measurements.speed_map.measured import limit_speed
+from hric_run.definition import experiment
+from hric_run.simulation import Simulation
 
 HAND = "hand, fingers"
 CLAMPED = 1e6

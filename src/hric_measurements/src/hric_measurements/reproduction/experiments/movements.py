@@ -3,13 +3,13 @@
 import numpy as np
 
 from hric_core.geometry import FloatArray
+from hric_measurements.reproduction.definition import DataSet
+from hric_measurements.reproduction.experiments.person import AVERAGE_MAN, control
+from hric_measurements.reproduction.experiments.plant import CYCLE, ArmInPlant
 from hric_run.definition import experiment
 from hric_run.simulation import Simulation
 from hric_sweep.observed import Observed
 from hric_sweep.outputs import SweepOutput
-from hric_measurements.reproduction.definition import DataSet
-from hric_measurements.reproduction.experiments.person import AVERAGE_MAN, control
-from hric_measurements.reproduction.experiments.plant import CYCLE, ArmInPlant
 
 MOVED = {"sh_flex": 60.0, "el_flex": 40.0}
 """Posture at the end of the movement, which begins in the resting posture [deg]."""
