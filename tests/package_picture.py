@@ -17,8 +17,14 @@ HOUSES = {
         *("xacro", "franka_hw_interface", "franka_sim", "franka_real", "urdf_to_osim"),
         *("pybullet_ros_control", "opensim_ros_control", "mujoco_ros_control"),
     ),
-    "human": ("hric_human", "hric_motion", "hric_skin", "hric_assessment", "hric_supervisor", "hric_perception", "mocap_natnet"),
-    "lab": ("hric_bags", "hric_run", "hric_analysis", "hric_report", "hric_sweep", "hric_measurements", "hric_view", "hric_experiments"),
+    "human": (
+        *("hric_human", "hric_motion", "hric_skin", "hric_assessment", "hric_supervisor"),
+        *("hric_perception", "mocap_natnet"),
+    ),
+    "lab": (
+        *("hric_bags", "hric_run", "hric_analysis", "hric_report", "hric_sweep", "hric_measurements"),
+        *("hric_view", "hric_experiments"),
+    ),
 }
 """Python packages of each group (core, human, lab); scripts are in no group."""
 LOOKS = {"core": ("#e3ecf7", 0.0, 1.0), "human": ("#f9e8dc", 0.0, 0.55), "lab": ("#e3f2e6", 0.55, 1.0)}
