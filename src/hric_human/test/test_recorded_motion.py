@@ -160,7 +160,9 @@ BAD = {
     },
     r"angles.right_el_flex\[1\] is 3.0; valid: 0.000 to 2.618 \[rad\]": {"angles": {"right_el_flex": [1, 3.0]}},
     "angles.right_el_flex is 'x'; valid: a list of numbers": {"angles": {"right_el_flex": "x"}},
-    "the body has none of the markers; valid: RSHO, RUPA": {"markers": {"LASI": [[0, 0, 0]]}},
+    "reference has no marker of the body; valid: markers of one body, some of RSHO, RUPA": {
+        "markers": {"LASI": [[0, 0, 0]]}
+    },
     "markers must have the same number of rows x, y, z for each marker": {
         "markers": {"RELB": [[0, 0, 0]], "RWRA": [[0, 0]]}
     },

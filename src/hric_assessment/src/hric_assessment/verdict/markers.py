@@ -14,7 +14,7 @@ from hric_core.errors import HricError
 from hric_core.geometry import FloatArray
 from hric_core.trial.c3d import read_trial
 from hric_human.body import Body, describe
-from hric_human.body.markers import marker_labels
+from hric_human.body.markers import check_upright, marker_labels
 from hric_human.body.segments import SIDES, link_name
 from hric_motion.tracking import LOST, PersonTracker
 from hric_perception.person.frames import PersonMarkers
@@ -34,13 +34,18 @@ def of_c3d(path: Path) -> Recording:
     from hric_motion.measured import measured  # with SciPy, which takes longer to load than everything else here
 
     trial = read_trial(path)
-    subject = replace(PersonSettings().person, parts="whole_body")
+    person = replace(PersonSettings().person, parts="whole_body")
+    mass, height = trial.subject.get("mass", person.mass), trial.subject.get("height", person.height)
+    subject = replace(person, mass=mass, height=height)
     labels = marker_labels(path.name, trial.labels, tuple(describe(subject).markers))
     links = {describe(subject).markers[name].link for name in labels}
     if not links & {link_name("shank", side) for side in SIDES}:
         subject = replace(subject, parts="upper_body")
+    positions = trial.markers(list(labels.values()))
+    if not trial.up_known:
+        check_upright(path.name, dict(zip(labels, positions.swapaxes(0, 1), strict=True)))
     try:
-        motion = measured(subject, tuple(labels), trial.markers(list(labels.values())), trial.rate)
+        motion = measured(subject, tuple(labels), positions, trial.rate)
     except HricError as error:
         raise HricError(f"{path.name}: {error}") from error
     rows = slice(None, None, max(1, round(trial.rate / RATE)))

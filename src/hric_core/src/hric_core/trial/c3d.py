@@ -3,13 +3,14 @@
 It needs no ROS. The library ezc3d reads the file, in a separate process."""
 
 import json
+import logging
 import os
 import struct
 import subprocess
 import sys
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -20,25 +21,35 @@ from hric_core import parameters
 from hric_core.errors import HricError, ParameterError, UnknownNameError
 from hric_core.geometry import UP_AXES, FloatArray
 from hric_core.geometry.transforms import vectors_z_up
-from hric_core.trial.plates import Group, PlateError, TrialPlate, read_plates
+from hric_core.trial.plates import METRES, Group, PlateReader, TrialPlate, first_number, numbers
 
 PROGRAMS = ("c3d", "trc", "mot")
 """Values of the parameter `program` that replay a file: "c3d" for emulated sensors, all for a simulated human."""
-METRES = {"mm": 1e-3, "cm": 1e-2, "dm": 0.1, "m": 1.0}
-"""Factors to metres, by the unit of length in a c3d file (parameter POINT:UNITS)."""
 VOLTS = {"v": 1.0, "volts": 1.0, "mv": 1e-3, "uv": 1e-6, "µv": 1e-6, "μv": 1e-6}
 """Factors to volts, by the unit of an analog channel in a c3d file (parameter ANALOG:UNITS), in lower case."""
+MEASURES = (
+    ("height", ("height",), (1.2, 2.2), (1e-3, 1e-2, 1.0), "m"),
+    ("mass", ("bodymass", "mass", "weight"), (30.0, 200.0), (1.0,), "kg"),
+)
+"""Measures of the subject: key, names of the parameter in lower case, range, factors that are tried, unit.
+
+The ranges are a project default, unconfirmed."""
 PACKAGE = "package://"
 READER = Path(__file__).with_name("c3d_child.py")
 """Script that reads a c3d file in a separate process."""
+ANALOG = "analog"
+"""Key of the analog data in the reasons why parts of a file are left out."""
+BLANKS = " \t\r\n\0"
+"""Characters with which exporters fill up texts."""
 BLOCK = 512
 """Size of a block of a c3d file [byte]."""
 MAGIC = 0x50
 """Second byte of every c3d file, by which the format is recognised."""
-ORDERS = {84: "<", 85: "<", 86: ">"}
-"""Byte order (format of `struct`) by the processor type in the parameter section: Intel, DEC, SGI."""
+INTEL, DEC, SGI = 84, 85, 86
+"""Processor types in the parameter section; numbers of SGI begin with the high byte, which ezc3d does not read."""
 TIMEOUT = 60.0
 """Longest time to read a file [s] (project default, unconfirmed)."""
+LOG = logging.getLogger("hric.core.trial")
 
 
 @dataclass(frozen=True)
@@ -54,8 +65,11 @@ class Trial:
         channels: labels of the analog channels.
         units: unit of each channel, as in the file.
         analogs: analog samples, shape (samples, channels), each channel in its unit.
-        plates: force plates.
+        plates: force plates by number in the file, from 1 on.
         up: axis that points up in the file, "y" or "z".
+        up_known: True if `up` is stated by the file or was given; False: z was assumed.
+        subject: height [m] and mass [kg] of the subject, where the file has them.
+        reasons: sentences about parts of the file that are left out, by part: the number of a force plate, or a name.
         start: for a file exported from a run of HRIC, robot time of the first frame [s]; 0 for other files.
     """
 
@@ -67,14 +81,22 @@ class Trial:
     channels: tuple[str, ...]
     units: tuple[str, ...]
     analogs: FloatArray
-    plates: tuple[TrialPlate, ...]
+    plates: Mapping[int, TrialPlate]
     up: str
+    up_known: bool = True
+    subject: Mapping[str, float] = field(default_factory=dict)
+    reasons: Mapping[int | str, str] = field(default_factory=dict)
     start: float = 0.0
 
     @property
     def duration(self) -> float:
         """Time from the first frame to the last [s]."""
         return (len(self.positions) - 1) / self.rate
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """Parts of the file that are left out, with the reason, one sentence each."""
+        return tuple(self.reasons.values())
 
     def markers(self, labels: Sequence[str]) -> FloatArray:
         """Return positions of some markers, shape (frames, len(labels), 3) [m]. Raises UnknownNameError."""
@@ -91,7 +113,7 @@ class Trial:
             HricError: there is no such channel, or its unit is not a voltage.
         """
         if not self.channels:
-            raise ParameterError(f"{self.name} has no analog channels")
+            raise ParameterError(self._reason(ANALOG) or f"{self.name} has no analog channels")
         columns = []
         for channel in channels:
             index = _index(channel, self.channels, "analog channel", self.name)
@@ -105,12 +127,14 @@ class Trial:
 
     def plate(self, number: int) -> TrialPlate:
         """Return a force plate by its number in the file, from 1 on. Raises ParameterError."""
-        if not 1 <= number <= len(self.plates):
-            numbers = ", ".join(map(str, range(1, len(self.plates) + 1)))
-            raise ParameterError(
-                f"{self.name} has no force plate {number}; valid: {numbers or 'none, the file has no force plates'}"
-            )
-        return self.plates[number - 1]
+        if number not in self.plates:
+            valid = ", ".join(map(str, self.plates)) or "none, the file has no force plates"
+            reason = self._reason(number) or self._reason(ANALOG)
+            raise ParameterError(reason or f"{self.name} has no force plate {number}; valid: {valid}")
+        return self.plates[number]
+
+    def _reason(self, part: int | str) -> str:
+        return f"{self.name}: {self.reasons[part]}" if part in self.reasons else ""
 
 
 def resolve(address: str) -> Path:
@@ -189,7 +213,10 @@ def _read(path: Path, up: str, modified: int, size: int) -> Trial:
             raise ParameterError(f"c3d file {path} cannot be read: {' '.join(reason) or 'it is damaged'}")
         with np.load(output) as arrays:
             parameters = json.loads(str(arrays["parameters"]))
-            return _trial(path, up, parameters, arrays["points"], arrays["residuals"], arrays["analogs"])
+            trial = _trial(path, up, parameters, arrays)
+    for sentence in trial.left_out:
+        LOG.warning("%s: left out: %s", path.name, sentence)
+    return trial
 
 
 def _check_size(path: Path, size: int) -> None:
@@ -201,12 +228,16 @@ def _check_size(path: Path, size: int) -> None:
             parameters = file.read(4)
     except OSError as error:
         raise ParameterError(f"c3d file {path}: {error.strerror}") from error
-    if len(head) < BLOCK or head[1] != MAGIC or len(parameters) < 4 or parameters[3] not in ORDERS:
+    if len(head) < BLOCK or head[1] != MAGIC or len(parameters) < 4 or parameters[3] not in (INTEL, DEC, SGI):
         raise ParameterError(f"{path} is not a c3d file")
-    order = ORDERS[parameters[3]]
-    points, analogs, first, last = struct.unpack_from(f"{order}4H", head, 2)
-    (start,) = struct.unpack_from(f"{order}H", head, 16)
-    (scale_high,) = struct.unpack_from(f"{order}H", head, 14 if parameters[3] == 84 else 12)
+    if parameters[3] == SGI:
+        raise ParameterError(
+            f"c3d file {path} has the byte order of SGI (MIPS), which cannot be read; valid: a file exported in the "
+            "byte order of Intel or DEC"
+        )
+    points, analogs, first, last = struct.unpack_from("<4H", head, 2)
+    (start,) = struct.unpack_from("<H", head, 16)
+    (scale_high,) = struct.unpack_from("<H", head, 14 if parameters[3] == INTEL else 12)
     width = 4 if scale_high & 0x8000 else 2  # a negative scale means floating point
     frames = last - first + 1
     needed = (start - 1) * BLOCK + frames * (4 * points + analogs) * width
@@ -216,66 +247,94 @@ def _check_size(path: Path, size: int) -> None:
         )
 
 
-def _trial(
-    path: Path, up: str, parameters: Mapping[str, Group], points: FloatArray, residuals: FloatArray, analogs: FloatArray
-) -> Trial:
-    """Check the raw content of a c3d file and return it in metres and with z up."""
-    name, point, analog = path.name, parameters.get("POINT", {}), parameters.get("ANALOG", {})
-    rate = _first(point, "RATE")
-    if not (np.isfinite(rate) and rate > 0) or not points.shape[2] + analogs.shape[1]:
+def _trial(path: Path, up: str, parameters: Mapping[str, Group], arrays: Mapping[str, FloatArray]) -> Trial:
+    """Check the raw content of a c3d file, as `c3d_child` writes it, and return it in metres and with z up."""
+    point, analog, reasons = parameters.get("POINT", {}), parameters.get("ANALOG", {}), dict[int | str, str]()
+    points, analogs, per_frame = arrays["points"], arrays["analogs"], int(arrays["per_frame"])
+    rate, frames = first_number(point, "RATE"), points.shape[2]
+    if not rate > 0 or not frames + analogs.shape[1]:
         raise ParameterError(
-            f"c3d file {path} has {points.shape[2]} frames at {rate:g} Hz; valid: one frame or more, a rate above 0"
+            f"c3d file {path} has {frames} frames at {rate:g} Hz; valid: one frame or more, a rate above 0"
         )
-    if points.shape[1]:
-        unit = str(_texts(point, "UNITS", 1)[0]).strip().lower() or "mm"
-        if unit not in METRES:
-            raise ParameterError(f"c3d file {path} has points in {unit!r}; valid: {', '.join(METRES)}")
-    metres = METRES[unit] if points.shape[1] else METRES["mm"]
-    up = up or _up(point)
-    positions = np.moveaxis(points, 2, 0).transpose(0, 2, 1) * metres
-    positions[(residuals.T < 0) | ~np.isfinite(positions).all(axis=2)] = np.nan
-    analog_rate = _first(analog, "RATE") if len(analogs) else 0.0
-    if len(analogs) and abs(analog_rate - rate * max(1, round(analog_rate / rate))) > 1e-3 * rate:
-        raise ParameterError(
-            f"c3d file {path} has analog samples at {analog_rate:g} Hz; valid: a whole multiple of {rate:g} Hz, "
-            "that of its frames"
-        )
-    labels, channels = _labels(point, "LABELS", points.shape[1]), _labels(analog, "LABELS", len(analogs))
-    units = tuple(str(text).strip() for text in _texts(analog, "UNITS", len(analogs)))
-    start = _first(parameters.get("HRIC", {}), "START_TIME")
-    try:
-        plates = read_plates(parameters.get("FORCE_PLATFORM", {}), analogs, units, analog_rate, metres, up)
-    except PlateError as error:
-        raise ParameterError(f"c3d file {path}: {error}") from error
+    unit = _texts(point, "UNITS", 1)[0].lower() or "mm"
+    if unit not in METRES:
+        raise ParameterError(f"c3d file {path} has points in {unit!r}; valid: {', '.join(METRES)}")
+    positions = points.transpose(2, 1, 0) * METRES[unit]
+    unseen = (arrays["residuals"].T < 0) | ~np.isfinite(positions).all(axis=2) | (positions == 0.0).all(axis=2)
+    positions[unseen] = np.nan
+    analog_rate, reason = _analog_rate(analog, len(analogs), rate, per_frame)
+    if reason:
+        reasons[ANALOG], analogs = reason, analogs[:0]
+    units = tuple(_texts(analog, "UNITS", len(analogs)))
+    stated = up or _stated_up(point)
+    z_or_y = stated or "z"
+    platforms = {} if reason else parameters.get("FORCE_PLATFORM", {})
+    plates, missing = PlateReader(platforms, analogs, units, analog_rate, per_frame, METRES[unit], z_or_y).read()
+    reasons.update(missing)
     return Trial(
-        name,
+        path.name,
         rate,
-        labels,
-        vectors_z_up(up, positions),
+        _labels(point, "LABELS", points.shape[1]),
+        vectors_z_up(z_or_y, positions),
         analog_rate,
-        channels,
+        _labels(analog, "LABELS", len(analogs)),
         units,
         analogs.T.copy(),
         plates,
-        up,
-        start if np.isfinite(start) else 0.0,
+        z_or_y,
+        bool(stated),
+        _subject(parameters, reasons),
+        reasons,
+        first_number(parameters.get("HRIC", {}), "START_TIME", 0.0),
     )
 
 
-def _up(point: Group) -> str:
-    """Return the vertical axis, "y" or "z", by the parameter POINT:Y_SCREEN, the axis that is drawn upwards."""
-    screen = str((point.get("Y_SCREEN") or [""])[0]).strip().upper()
-    return "y" if screen.endswith("Y") else "z"
+def _analog_rate(analog: Group, channels: int, rate: float, per_frame: int) -> tuple[float, str]:
+    """Return the rate of the analog samples [Hz], and "" or the reason why they are left out; the rate is then 0."""
+    analog_rate = first_number(analog, "RATE", 0.0) if per_frame else 0.0
+    if not per_frame or (channels and abs(analog_rate - rate * per_frame) <= 1e-3 * rate):
+        return analog_rate, ""
+    return 0.0, (
+        f"analog channels and force plates have a rate of {analog_rate:g} Hz (ANALOG:RATE); valid: "
+        f"{rate * per_frame:g} Hz, as the file has {per_frame} samples in each frame at {rate:g} Hz"
+    )
 
 
-def _first(group: Group, name: str) -> float:
-    values = np.ravel(group.get(name, [np.nan]))
-    return float(values[0]) if len(values) else float("nan")
+def _stated_up(point: Group) -> str:
+    """Return the vertical axis, "y" or "z", by the parameter POINT:Y_SCREEN, the axis that is drawn upwards; or ""."""
+    screen = _texts(point, "Y_SCREEN", 1)[0].lower()
+    return screen[-1] if screen and screen[-1] in UP_AXES else ""
+
+
+def _subject(parameters: Mapping[str, Group], reasons: dict[int | str, str]) -> dict[str, float]:
+    """Return height [m] and mass [kg] of the subject; add to `reasons` what is not in the range of a person.
+
+    A height may be in mm, as Nexus writes it, in cm or in m: the ranges of a person's height in these units do not
+    overlap."""
+    subject = dict[str, float]()
+    for key, names, (low, high), factors, unit in MEASURES:
+        found = [
+            numbers(parameters[group], name)
+            for group in ("PROCESSING", "SUBJECTS")
+            for name in parameters.get(group, {})
+            if name.lower() in names
+        ]
+        values = [float(value) for array in found if array.size == 1 for value in array.ravel()]
+        valid = [factor * value for value in values for factor in factors if low <= factor * value <= high]
+        if valid:
+            subject[key] = round(valid[0], 6)
+        elif found:
+            text = ", ".join(f"{value:g}" for array in found for value in array.ravel()) or "a text"
+            reasons[key] = (
+                f"the {key} of the subject is {text} in the file; valid: one number, {low:g} to {high:g} {unit}"
+            )
+    return subject
 
 
 def _texts(group: Group, name: str, count: int) -> list[str]:
     """Return the first `count` texts of a parameter that continues in NAME2, NAME3, ...; missing texts are empty."""
-    texts = [text for key in (name, *(f"{name}{k}" for k in range(2, 100))) for text in group.get(key, [])]
+    keys = (name, *(f"{name}{k}" for k in range(2, 100)))
+    texts = [str(text).strip(BLANKS) for key in keys for text in group.get(key, [])]
     return (texts + [""] * count)[:count]
 
 
@@ -283,7 +342,7 @@ def _labels(group: Group, name: str, count: int) -> tuple[str, ...]:
     """Return unique labels: a duplicate gets its number appended, a missing label becomes "*number"."""
     labels: list[str] = []
     for number, text in enumerate(_texts(group, name, count), 1):
-        label = text.strip() or f"*{number}"
+        label = text or f"*{number}"
         labels.append(label if label not in labels else f"{label}_{number}")
     return tuple(labels)
 

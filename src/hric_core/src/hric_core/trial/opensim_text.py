@@ -9,7 +9,7 @@ import numpy as np
 
 from hric_core.errors import ParameterError
 from hric_core.geometry import FloatArray
-from hric_core.trial.c3d import METRES
+from hric_core.trial.plates import METRES
 
 END = "endheader"
 UNEVEN = 0.01

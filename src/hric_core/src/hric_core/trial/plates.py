@@ -10,14 +10,24 @@ from hric_core.geometry.transforms import FloatArray, homogeneous, vectors_z_up
 
 Group = Mapping[str, list[Any]]
 """Parameter group of a c3d file: arrays as nested lists, by parameter name."""
-CHANNELS = {2: 6, 3: 8, 4: 6}
+CHANNELS = {1: 6, 2: 6, 3: 8, 4: 6, 5: 8}
 """Number of analog channels by type of force plate; the keys are the supported types."""
+MATRICES = {4: (6, 6), 5: (6, 8)}
+"""Shape of the calibration matrix by type of force plate; other types have none."""
+METRES = {"mm": 1e-3, "cm": 1e-2, "dm": 0.1, "m": 1.0} | {
+    f"{prefix}{metres}": factor
+    for prefix, factor in {"milli": 1e-3, "centi": 1e-2, "deci": 0.1, "": 1.0}.items()
+    for metres in ("metres", "meters")
+}
+"""Factors to metres, by the unit of length in a c3d file (parameter POINT:UNITS), in lower case."""
 MOMENT_UNITS = {"nmm": 1e-3, "nm": 1.0}
 """Factors to N m, by the unit of a moment channel, reduced to its letters in lower case."""
+PLATE_LIMIT = 255
+"""Largest number of force plates: an index of an array in a c3d file has one byte."""
 
 
 class PlateError(Exception):
-    """Invalid force plate data in a c3d file; the message gives the reason in one line."""
+    """Invalid force plate data in a c3d file; the message continues "force plate 2 ..." in one line."""
 
 
 @dataclass(frozen=True)
@@ -63,58 +73,127 @@ def interpolated(times: FloatArray, rate: float, samples: FloatArray) -> FloatAr
     return np.asarray((1.0 - share) * samples[before] + share * samples[after])
 
 
-def read_plates(
-    group: Group, analogs: FloatArray, units: Sequence[str], rate: float, metres: float, up: str
-) -> tuple[TrialPlate, ...]:
-    """Return the force plates of a c3d file.
+@dataclass(frozen=True)
+class PlateReader:
+    """Reader of the force plates of one c3d file.
 
     The channels give the reaction of the plate on what is on it, in the plate's axes, whose z usually points down
-    (INTERFACE.md gives the sources).
+    (INTERFACE.md of mocap_natnet gives the sources).
 
-    Args:
+    Attributes:
         group: parameter group FORCE_PLATFORM.
         analogs: analog samples, shape (channels, samples).
         units: units of the channels.
         rate: sample rate [Hz].
+        per_frame: number of samples per frame.
         metres: unit of length of the file [m].
         up: axis that points up in the file, "y" or "z".
-
-    Raises:
-        PlateError: parameters are missing or invalid, or the type of a plate is not supported.
     """
-    used = np.ravel(group.get("USED", [0]))
-    count = int(used[0]) if len(used) else 0
-    return tuple(_plate(number, group, analogs, units, rate, metres, up) for number in range(count))
+
+    group: Group
+    analogs: FloatArray
+    units: Sequence[str]
+    rate: float
+    per_frame: int
+    metres: float
+    up: str
+
+    def read(self) -> tuple[dict[int, TrialPlate], dict[int | str, str]]:
+        """Return the force plates, and the reasons why others are left out, both by number in the file, from 1 on."""
+        plates, reasons = dict[int, TrialPlate](), dict[int | str, str]()
+        for number in range(1, min(int(first_number(self.group, "USED", 0.0)), PLATE_LIMIT) + 1):
+            try:
+                plates[number] = self._plate(number)
+            except PlateError as error:
+                reasons[number] = f"force plate {number} {error}"
+        return plates, reasons
+
+    def _plate(self, number: int) -> TrialPlate:
+        """Return one force plate. Raises PlateError: parameters are missing or invalid, or of an unsupported type."""
+        kinds = numbers(self.group, "TYPE").ravel()
+        kind = int(kinds[number - 1]) if number <= len(kinds) else 0
+        if kind not in CHANNELS:
+            raise PlateError(f"is of type {kind}; valid: {', '.join(map(str, CHANNELS))}")
+        corners = self._values("CORNERS", number, (3, 4)).T * self.metres
+        rows = self._channel_rows(number, CHANNELS[kind])
+        signals = self.analogs[rows].T - self._baseline(rows, kind)
+        if kind == 1:
+            return _turned(kind, self.rate, corners, self._type_1(signals, [self.units[row] for row in rows]), self.up)
+        origin = self._values("ORIGIN", number, (3,)) * self.metres
+        if kind in MATRICES:
+            signals = signals @ self._values("CAL_MATRIX", number, MATRICES[kind]).T
+        moments = self._moment_unit(self.units[rows[3]]) if kind == 2 else self.metres
+        wrench = _type_3(signals, origin) if kind == 3 else signals * np.array([1, 1, 1, moments, moments, moments])
+        if (
+            origin[2] > 0
+        ):  # z points down and the origin is below the surface, so z must be negative: the sign is wrong; ezc3d agrees
+            origin = -origin
+        about_surface = np.array([0.0, 0.0, origin[2]]) if kind == 3 else origin
+        wrench[:, 3:] += np.cross(wrench[:, :3], about_surface)
+        return _turned(kind, self.rate, corners, wrench, self.up)
+
+    def _type_1(self, signals: FloatArray, units: Sequence[str]) -> FloatArray:
+        """Return the wrench about the middle of the surface, shape (samples, 6), of a type 1 plate.
+
+        `signals`: forces Fx Fy Fz, centre of pressure Px Py on the surface, from its middle, and free moment Mz, shape
+        (samples, 6)."""
+        wrench = np.zeros_like(signals)
+        wrench[:, :3], wrench[:, 5] = signals[:, :3], signals[:, 5] * self._moment_unit(units[5])
+        p_middle_pressure = np.column_stack([signals[:, 3:5], np.zeros(len(signals))])
+        p_middle_pressure *= METRES.get(units[3].lower(), self.metres)
+        wrench[:, 3:] += np.cross(p_middle_pressure, wrench[:, :3])
+        return wrench
+
+    def _moment_unit(self, unit: str) -> float:
+        return MOMENT_UNITS.get("".join(filter(str.isalpha, unit.lower())), self.metres)
+
+    def _baseline(self, rows: list[int], kind: int) -> FloatArray:
+        """Return the mean signals without load, shape (channels,), in the frames that FORCE_PLATFORM:ZERO names."""
+        frames = numbers(self.group, "ZERO").ravel().astype(int)
+        first, last = (max(frames[0], 1), frames[1]) if len(frames) > 1 else (1, 0)
+        samples = self.analogs[rows, (first - 1) * self.per_frame : last * self.per_frame]
+        if last < first:
+            return np.zeros(len(rows))
+        if not samples.size or not np.isfinite(samples).all():
+            raise PlateError(f"has no samples in the frames {first} to {last}, its baseline by FORCE_PLATFORM:ZERO")
+        baseline = samples.mean(axis=1)
+        if kind == 1:  # a centre of pressure has no offset: it is not defined without load
+            baseline[3:5] = 0.0
+        return np.asarray(baseline)
+
+    def _values(self, name: str, number: int, shape: tuple[int, int] | tuple[int]) -> FloatArray:
+        """Return the values of a parameter for one plate, with the given shape, from an array that may be larger.
+
+        The parameter's last index is the plate."""
+        values = numbers(self.group, name)
+        if values.ndim == len(shape):  # of the only plate
+            values = values[..., None]
+        if values.ndim == len(shape) + 1 and values.shape[-1] >= number:
+            index: Any = (*map(slice, shape), number - 1)
+            values = values[index]
+        if values.shape != shape or not np.isfinite(values).all():
+            raise PlateError(f"has no FORCE_PLATFORM:{name} of {' x '.join(map(str, shape))} finite numbers")
+        return np.array(values)
+
+    def _channel_rows(self, number: int, count: int) -> list[int]:
+        rows = [int(channel) - 1 for channel in self._values("CHANNEL", number, (count,))]
+        if min(rows) < 0 or max(rows) >= len(self.analogs):
+            raise PlateError(f"is on channels {[row + 1 for row in rows]}; the file has {len(self.analogs)}")
+        return rows
 
 
-def _plate(
-    number: int,
-    group: Group,
-    analogs: FloatArray,
-    units: Sequence[str],
-    rate: float,
-    metres: float,
-    up: str,
-) -> TrialPlate:
-    kinds = np.ravel(group.get("TYPE", []))
-    kind = int(kinds[number]) if number < len(kinds) else 0
-    if kind not in CHANNELS:
-        raise PlateError(f"force plate {number + 1} is of type {kind}; valid: {', '.join(map(str, CHANNELS))}")
-    corners = _of(group, "CORNERS", number, (3, 4)).T * metres
-    origin = _of(group, "ORIGIN", number, (3,)) * metres
-    rows = _channel_rows(group, number, CHANNELS[kind], len(analogs))
-    signals = analogs[rows].T
-    if kind == 4:
-        signals = signals @ _of(group, "CAL_MATRIX", number, (6, 6)).T
-    moments = MOMENT_UNITS.get("".join(filter(str.isalpha, units[rows[3]].lower())), metres) if kind == 2 else metres
-    wrench = _type_3(signals, origin) if kind == 3 else signals * np.array([1, 1, 1, moments, moments, moments])
-    if (
-        origin[2] > 0
-    ):  # z points down and the origin is below the surface, so z must be negative: the sign is wrong; ezc3d agrees
-        origin = -origin
-    about_surface = np.array([0.0, 0.0, origin[2]]) if kind == 3 else origin
-    wrench[:, 3:] += np.cross(wrench[:, :3], about_surface)
-    return _turned(kind, rate, corners, wrench, up)
+def numbers(group: Group, name: str) -> FloatArray:
+    """Return the numbers of a parameter, in its shape; none if it is missing or a text."""
+    try:
+        return np.asarray(group.get(name, []), dtype=float)
+    except (TypeError, ValueError):
+        return np.zeros(0)
+
+
+def first_number(group: Group, name: str, default: float = np.nan) -> float:
+    """Return the first number of a parameter; the default if there is none, or if it is not finite."""
+    values = numbers(group, name).ravel()
+    return float(values[0]) if len(values) and np.isfinite(values[0]) else default
 
 
 def _type_3(ch: FloatArray, origin: FloatArray) -> FloatArray:
@@ -136,9 +215,7 @@ def _turned(kind: int, rate: float, corners: FloatArray, reaction: FloatArray, u
     x, y = corners[0] - corners[1], corners[0] - corners[3]
     z = np.cross(x, y)
     if not np.isfinite(corners).all() or np.linalg.norm(z) < 1e-6:
-        raise PlateError(
-            f"the corners of a force plate are {corners.round(3).tolist()} m; valid: four that span a rectangle"
-        )
+        raise PlateError(f"has the corners {corners.round(3).tolist()} m; valid: four that span a rectangle")
     size = (float(np.linalg.norm(x)), float(np.linalg.norm(y)))
     x, z = x / np.linalg.norm(x), z / np.linalg.norm(z)
     R_lab_file = np.column_stack([x, np.cross(z, x), z])
@@ -147,29 +224,3 @@ def _turned(kind: int, rate: float, corners: FloatArray, reaction: FloatArray, u
     T_lab_plate = homogeneous(R_lab_file @ R_file_plate, corners.mean(axis=0))
     load = -np.hstack([reaction[:, :3] @ R_file_plate, reaction[:, 3:] @ R_file_plate])
     return TrialPlate(kind, rate, T_lab_plate, size, load)
-
-
-def _of(group: Group, name: str, number: int, shape: tuple[int, ...]) -> FloatArray:
-    """Return the values of a parameter for one plate, with the given shape; the parameter's last index is the plate."""
-    values = np.asarray(group.get(name, []), dtype=float)
-    if (
-        values.ndim != len(shape) + 1
-        or values.shape[:-1] != shape
-        or values.shape[-1] <= number
-        or not np.isfinite(values[..., number]).all()
-    ):
-        expected = " x ".join(map(str, shape))
-        raise PlateError(f"force plate {number + 1} has no FORCE_PLATFORM:{name} of {expected} finite numbers")
-    return np.array(values[..., number])
-
-
-def _channel_rows(group: Group, number: int, count: int, available: int) -> list[int]:
-    channels = np.asarray(group.get("CHANNEL", []), dtype=int)
-    if channels.ndim != 2 or channels.shape[0] < count or channels.shape[1] <= number:
-        raise PlateError(f"force plate {number + 1} has no FORCE_PLATFORM:CHANNEL of {count} channels")
-    rows = (channels[:count, number] - 1).tolist()
-    if min(rows) < 0 or max(rows) >= available:
-        raise PlateError(
-            f"force plate {number + 1} is on channels {channels[:count, number].tolist()}; valid: 1 to {available}"
-        )
-    return [int(row) for row in rows]

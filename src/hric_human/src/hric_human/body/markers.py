@@ -6,14 +6,21 @@ heights on the left and on the right, so that sides can be distinguished.
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from hric_core.errors import HricError
+from hric_core.errors import ParameterError
 from hric_core.geometry import FloatArray
 from hric_human.body.segments import SIDES, BodySegment, side_of
+
+SEPARATORS = "[:_/]"
+"""Characters, as a regular expression, between the prefix of a label and the name of the marker."""
+FEW = 4
+"""Number of markers from which a prefix counts as a body next to others (project default, unconfirmed)."""
+LYING = 2.0
+"""Ratio of distances along y and z, from feet to head, above which z cannot be up (project default, unconfirmed)."""
 
 
 @dataclass(frozen=True)
@@ -106,26 +113,71 @@ def _marker(row: MarkerRow, segment: BodySegment, side: str) -> AttachedMarker:
     return AttachedMarker(name, segment.link, segment.start + share * (segment.end - segment.start) + offset)
 
 
-def marker_labels(file: str, labels: Sequence[str], names: Sequence[str]) -> dict[str, str]:
-    """Return the recording's label of each marker: the marker's name, or with a prefix, as subject:RSHO or body_RSHO.
+def marker_labels(file: str, labels: Sequence[str], names: Sequence[str], prefix: str = "") -> dict[str, str]:
+    """Return the recording's label of each marker: the marker's name in upper or lower case, also with a prefix.
+
+    Examples are RSHO, rsho, subject:RSHO and body_RSHO. A prefix with fewer than FEW markers of the body, such as that
+    of virtual markers, is ignored next to one with more.
 
     Args:
         file: name of the file, for messages.
         labels: labels of the recording.
         names: names of the body's markers.
+        prefix: prefix of the person's labels, with or without the separator at its end; "": there is one person.
 
     Raises:
-        HricError: the recording has no marker of the body, or markers of several bodies.
+        ParameterError: the recording has no marker of the body, or markers of several bodies.
     """
     by_prefix: dict[str, dict[str, str]] = {}
+    upper = {name.upper(): name for name in names}
     for label in labels:
-        name = re.split("[:_]", label)[-1]
-        if name in names:
-            by_prefix.setdefault(label.removesuffix(name), {})[name] = label
-    if len(by_prefix) != 1:
-        several = f"markers of {len(by_prefix)} bodies: {', '.join(map(repr, by_prefix))}"
-        what = several if by_prefix else "no marker of the body"
-        raise HricError(
-            f"{file} has {what}; valid: markers of one body, some of {', '.join(names)}; it has {', '.join(labels)}"
+        last = re.split(SEPARATORS, label)[-1]
+        if last.upper() in upper:
+            by_prefix.setdefault(label.removesuffix(last), {}).setdefault(upper[last.upper()], label)
+    if prefix:
+        bodies = {key: found for key, found in by_prefix.items() if key.strip(":_/") == prefix.strip(":_/")}
+    else:
+        bodies = {key: found for key, found in by_prefix.items() if len(found) >= FEW} or by_prefix
+    if len(bodies) == 1:
+        return bodies.popitem()[1]
+    if by_prefix:
+        several = ", ".join(f"{key!r} ({len(found)} markers)" for key, found in by_prefix.items())
+        what = f"no markers with the prefix {prefix!r}" if prefix else f"markers of {len(bodies)} bodies"
+        raise ParameterError(f"{file} has {what}; give the prefix of one person; valid: {several}")
+    raise ParameterError(
+        f"{file} has no marker of the body; valid: markers of one body, some of {', '.join(names)}; it has "
+        f"{', '.join(labels)}"
+    )
+
+
+def check_upright(file: str, positions: Mapping[str, FloatArray]) -> None:
+    """Check that the z axis, which was assumed to point up in a recording, does so by the markers of the person.
+
+    Args:
+        file: name of the file, for messages.
+        positions: marker positions by marker name, shape (frames, 3) each [m]; NaN: not seen.
+
+    Raises:
+        ParameterError: from feet (or pelvis) to head it is much farther along y than along z.
+    """
+    head, pelvis, feet = (
+        [positions[name] for name in positions if name.upper().endswith(ends)]
+        for ends in (("FHD", "BHD"), ("ASI", "PSI"), ("ANK", "HEE", "TOE"))
+    )
+    lower = feet or pelvis
+    if not head or not lower:
+        return
+    rises = _middle(head) - _middle(lower)
+    rises = rises[np.isfinite(rises).all(axis=1)]
+    _, y, z = np.median(rises, axis=0) if len(rises) else np.zeros(3)
+    if y > LYING * abs(z):
+        raise ParameterError(
+            f"{file} does not state which axis points up; with z up, the head is {z:.2f} m above the "
+            f"{'feet' if feet else 'pelvis'} and {y:.2f} m beside them along y; give up: y, or up: z if the person lies"
         )
-    return by_prefix.popitem()[1]
+
+
+def _middle(positions: Sequence[FloatArray]) -> FloatArray:
+    """Return the mean of the visible markers in each frame, shape (frames, 3) [m]; NaN: none is visible."""
+    seen = np.isfinite(positions).sum(axis=0)
+    return np.asarray(np.nansum(positions, axis=0) / np.where(seen, seen, np.nan))

@@ -3,8 +3,7 @@
 The motion is a list of values, a c3d file, or a file of OpenSim (.trc, .mot).
 """
 
-import re
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,6 +16,7 @@ from hric_core.geometry.transforms import rotation_from_quaternion, vectors_z_up
 from hric_core.parameters import Mistakes, choice, mapping, number, refused, section, text, unknown
 from hric_core.trial.c3d import TrialSettings, resolve
 from hric_core.trial.opensim_text import rate_of, read_markers, read_storage
+from hric_human.body.markers import check_upright, marker_labels
 from hric_human.control.controller import Person
 from hric_human.control.inverse_kinematics import Solver, Task
 from hric_human.control.marker_model import ROOT_MOTIONS, MarkerModel
@@ -158,13 +158,9 @@ class CapturedMarkers(ReferenceSettings):
     def reference(self, person: Person) -> Reference:
         """Return the reference of the joint angles computed from the markers."""
         rate, markers = self.motion()
-        markers = _by_marker_name(markers, person.body.markers)
-        names = [name for name in person.body.markers if name in markers]
-        if not names:
-            raise ParameterError(
-                f"{self.prefix.rstrip('./')}: the body has none of the markers; valid: {', '.join(person.body.markers)}"
-            )
-        lab = np.stack([markers[name] for name in names], axis=1)
+        labels = marker_labels(self.prefix.rstrip("./"), tuple(markers), tuple(person.body.markers))
+        names = [name for name in person.body.markers if name in labels]
+        lab = np.stack([markers[labels[name]] for name in names], axis=1)
         rows, _ = MarkerSolver(person, names).solve(_moved(inverse(self.root_in_lab.pose), lab))
         return AngleRows(1.0 / rate, rows)
 
@@ -194,7 +190,10 @@ class C3dFile(CapturedMarkers, TrialSettings):
     def motion(self) -> tuple[float, Mapping[str, FloatArray]]:
         """Return frame rate [Hz] and marker positions [m] from the c3d file."""
         trial = self.trial()
-        return trial.rate, {name: trial.positions[:, index] for index, name in enumerate(trial.labels)}
+        markers = {name: trial.positions[:, index] for index, name in enumerate(trial.labels)}
+        if not trial.up_known:
+            check_upright(f"{self.prefix}path: {trial.name}", markers)
+        return trial.rate, markers
 
 
 @dataclass(frozen=True)
@@ -223,11 +222,6 @@ RECORDED: dict[str, type[ReferenceSettings]] = {
     "c3d": C3dFile,
 }
 """Settings classes of recorded motions, by the value of `program`."""
-
-
-def _by_marker_name(markers: Mapping[str, FloatArray], valid: Collection[str]) -> Mapping[str, FloatArray]:
-    """Return positions by marker, without an asset's prefix as in `body/RELB`, `subject:RELB` or `body_RELB`."""
-    return {name if name in valid else re.split("[/:_]", name)[-1]: rows for name, rows in markers.items()}
 
 
 def _array(values: Any, where: str, dimensions: int) -> FloatArray:

@@ -6,12 +6,12 @@ from types import MappingProxyType
 
 import numpy as np
 
-from hric_core.geometry import FloatArray
+from hric_core.geometry import FloatArray, Pose
 from hric_core.geometry.poses import inverse
 from hric_core.geometry.transforms import rotation_from_quaternion
-from hric_core.trial.c3d import read_trial
+from hric_core.trial.c3d import Trial, read_trial
 from hric_core.trial.plates import TrialPlate
-from hric_human.body.markers import marker_labels
+from hric_human.body.markers import check_upright, marker_labels
 from hric_human.control import HumanControl
 from hric_human.control.recorded import MarkerSolver
 from hric_human.control.whole_body import ExternalLoad
@@ -48,9 +48,7 @@ def of_c3d(
     trial, body = read_trial(path), person.body
     labels = marker_labels(path.name, trial.labels, tuple(body.markers))
     names = list(labels)
-    T_root_world = inverse(person.settings.root(body))
-    R = rotation_from_quaternion(T_root_world.orientation)
-    positions = trial.markers([labels[name] for name in names]) @ R.T + np.array(T_root_world.position)
+    positions = _positions(trial, labels, inverse(person.settings.root(body)))
     seen = np.isfinite(positions).all(axis=2).any(axis=1)
     if not seen.any():
         raise MuscleLoadError(f"{path.name} has no frame with a marker of the body")
@@ -68,7 +66,16 @@ def of_c3d(
     note = f"motion: {len(names)} markers of {path.name}, {1e3 * worst:.1f} mm from those of the body (median)"
     if worst > POOR_FIT:
         note += f": this is not the body of {person.source}, or the markers are placed differently; measure both"
-    return computed(person, motion, [note], person.settings.root(body), pressed)
+    notes = [note, *(f"left out of {path.name}: {reason}" for reason in trial.left_out)]
+    return computed(person, motion, notes, person.settings.root(body), pressed)
+
+
+def _positions(trial: Trial, labels: Mapping[str, str], T_root_world: Pose) -> FloatArray:
+    """Return marker positions in axes of the root link, shape (frames, markers, 3) [m]; `labels`: by marker name."""
+    p_lab = trial.markers(list(labels.values()))
+    if not trial.up_known:
+        check_upright(trial.name, dict(zip(labels, p_lab.swapaxes(0, 1), strict=True)))
+    return p_lab @ rotation_from_quaternion(T_root_world.orientation).T + np.array(T_root_world.position)
 
 
 def plate_load(plate: TrialPlate, link: str, time: FloatArray) -> ExternalLoad:
