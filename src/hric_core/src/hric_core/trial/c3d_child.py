@@ -18,6 +18,8 @@ import numpy as np
 GROUPS = ("POINT", "ANALOG", "FORCE_PLATFORM", "PROCESSING", "SUBJECTS", "HRIC")
 LATIN_1 = {0xDC00 + byte: byte for byte in range(0x80, 0x100)}
 """Table that makes Latin-1 characters of bytes that are not UTF-8, which Python has as lone surrogates."""
+INTEL = 84
+"""Processor type of files in the byte order of Intel."""
 MEMORY = 4 << 30
 """Memory limit of this process [byte]; numbers in a damaged file can be of any size (project default, unconfirmed)."""
 
@@ -51,11 +53,13 @@ def _arrays(path: Path, data: Any) -> dict[str, Any]:
     read again, by the header, and there are no analog samples.
     """
     points, residuals, analogs = data["points"][:3], data["meta_points"]["residuals"][0], data["analogs"][0]
-    head = path.read_bytes()[:512]
-    count, words, first, last = struct.unpack_from("<4H", head, 2)
-    scale, start, per_frame = struct.unpack_from("<fHH", head, 12)
+    content = path.read_bytes()
+    count, words, first, last = struct.unpack_from("<4H", content, 2)
+    scale, start, per_frame = struct.unpack_from("<fHH", content, 12)
     frames = points.shape[2]
     if words and (not frames or len(analogs) * analogs.shape[1] != words * frames):
+        if content[512 * (content[0] - 1) + 3] != INTEL:
+            raise ValueError("its rate ANALOG:RATE contradicts its header; valid: a file in the byte order of Intel")
         rows = np.fromfile(path, "<f4" if scale < 0 else "<i2", offset=512 * (start - 1))
         rows = rows[: (last - first + 1) * (4 * count + words)].reshape(-1, 4 * count + words)
         quads = rows[:, : 4 * count].reshape(len(rows), count, 4).T
