@@ -49,7 +49,7 @@ def of_c3d(
     labels = marker_labels(path.name, trial.labels, tuple(body.markers))
     names = list(labels)
     positions = _positions(trial, labels, inverse(person.settings.root(body)))
-    seen = np.isfinite(positions).all(axis=2).any(axis=1)
+    seen = np.asarray(np.isfinite(positions).all(axis=2)).any(axis=1)
     if not seen.any():
         raise MuscleLoadError(f"{path.name} has no frame with a marker of the body")
     first, last = np.flatnonzero(seen)[[0, -1]]
@@ -75,7 +75,8 @@ def _positions(trial: Trial, labels: Mapping[str, str], T_root_world: Pose) -> F
     p_lab = trial.markers(list(labels.values()))
     if not trial.up_known:
         check_upright(trial.name, dict(zip(labels, p_lab.swapaxes(0, 1), strict=True)))
-    return p_lab @ rotation_from_quaternion(T_root_world.orientation).T + np.array(T_root_world.position)
+    R = rotation_from_quaternion(T_root_world.orientation)
+    return np.asarray(p_lab @ R.T + np.array(T_root_world.position))
 
 
 def plate_load(plate: TrialPlate, link: str, time: FloatArray) -> ExternalLoad:
