@@ -9,8 +9,8 @@ import pytest
 SOURCE = Path(__file__).resolve().parents[2]
 DOORS = ("hric_assessment/contact/", "hric_assessment/tables/")
 """Folders that may read the tables of limits; all others ask their functions."""
-OWN = "hric_assessment/"
-"""Package that may read its other tables: of postures, separation, episodes."""
+OWN = ("hric_assessment/", "hric_supervisor/")
+"""Packages that may read its other tables: of postures, separation, episodes."""
 TABLES = "hric_assessment.tables"
 READERS = {"limit_table", "LimitTable", "ForceRow", "PressureRow", "Row"}
 """Names of hric_assessment.tables that give limits of a person."""
