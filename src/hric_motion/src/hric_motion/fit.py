@@ -49,6 +49,8 @@ KNOT = 10
 """Distance of the frames whose postures are found from scratch; the others begin at the nearest of these."""
 STEPS, SETTLED = 60, 1e-4
 """Largest number of steps of a fit, and the step [m], [rad] below which it has settled."""
+SAMPLED, LOWER = 8, 0.9
+"""Number of frames in which each start posture is tried, and the ratio of the costs from which on it is tried in all."""
 POOR, ATTEMPTS = 2.0, 4
 """Squared residual by the median's above which a frame is tried from other postures [1]; number of random ones."""
 LARGEST_TURN = 0.4
@@ -261,7 +263,15 @@ class BodyFit:
 
     def _started(self, positions: FloatArray) -> BodyPostures:
         """Return the postures that fit the markers best, of all start postures."""
-        return self._improved(positions, *self._solved(positions, self._at_start(positions, self._starts[0])))
+        postures, cost = self._solved(positions, self._at_start(positions, self._starts[0]))
+        sample = np.unique(np.linspace(0, len(positions) - 1, SAMPLED).round().astype(int))
+        for start in self._starts[1:]:  # a person who holds still in another posture is off in all frames alike
+            _, lower = self._solved(positions[sample], self._at_start(positions, start).rows(sample))
+            if (lower < LOWER * cost[sample]).any():
+                other, lower = self._solved(positions, self._at_start(positions, start))
+                better = lower < cost
+                postures, cost = _chosen(better, other, postures), np.minimum(lower, cost)
+        return self._improved(positions, postures, cost)
 
     def _improved(self, positions: FloatArray, postures: BodyPostures, cost: FloatArray) -> BodyPostures:
         """Return the postures, those of frames that fit worse than others replaced by the best from other starts.

@@ -1,0 +1,313 @@
+"""Joint moments of a recorded person: inverse dynamics of the whole body, with the force plates under the feet.
+
+Joints above the pelvis are computed from the head and the hands downwards and need no plate; those of a leg need the
+load under its foot. The wrench that is left at the root link (the residual) shows how well motion, masses and plates
+agree: without errors it would be zero.
+
+    result = joint_moments(motion, trial.rate, trial.plates)
+    result.moment                                 # shape (n, j) [N m]; NaN: not known
+    result.residual_share                         # RMS of the residual force by the body weight [1]
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from scipy.signal import butter, sosfiltfilt
+
+from hric_core.errors import HricError
+from hric_core.geometry import FloatArray
+from hric_core.trial.plates import TrialPlate
+from hric_human.body import Body
+from hric_human.body.segments import SIDES
+from hric_human.control.kinematics import GRAVITY
+from hric_human.control.whole_body import ExternalLoad, Needed, RootMotion, WholeBody
+from hric_human.muscles.after_run import CUTOFF, FEWEST, RecordedMotion, of_root_too, smoothed
+from hric_motion.measured import MeasuredMotion
+
+LOADED = 20.0
+"""Vertical force from which on a plate carries a foot [N], as gait laboratories use it; unconfirmed.
+
+The other constants of this file are project defaults, unconfirmed, too.
+"""
+SLIGHT = 0.05
+"""Largest vertical force by the body weight up to which a load on a plate counts as noise, if it stays there [1]."""
+REACH = 0.12
+"""Largest mean distance of the centre of pressure from the axis of the foot that stands on the plate [m]."""
+LIGHT = 0.02
+"""Share of the body's mass beyond a joint, up to which an unknown angle is held at its middle [1]: foot, hand."""
+LOST = 0.1
+"""Residual force by the body weight above which the load under the feet is not known, as without a plate there [1]."""
+NO_PLATES: Mapping[int, TrialPlate] = MappingProxyType({})
+
+Mask = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class JointMoments:
+    """Moments of the j joints of a body at n instants.
+
+    Attributes:
+        body: body of the person.
+        motion: smoothed motion of the joints; angles that are not known are interpolated, or at their middle.
+        root: smoothed motion of the root link.
+        moment: moment about the axis of each joint, positive as its angle, shape (n, j) [N m]; NaN: not known.
+        needed: reactions between the links.
+        residual: force [N] and moment [N m] about the root link's origin that the motion needs and no load gives, in
+            axes of the laboratory, shape (n, 6).
+        loads: loads on the links.
+        standing: plates under each foot, by its link.
+        notes: what was not used or not known, and why.
+    """
+
+    body: Body
+    motion: RecordedMotion
+    root: RootMotion
+    moment: FloatArray
+    needed: Needed
+    residual: FloatArray
+    loads: tuple[ExternalLoad, ...]
+    standing: Mapping[str, tuple[int, ...]]
+    notes: tuple[str, ...]
+
+    @property
+    def residual_share(self) -> float:
+        """RMS of the residual force by the body weight [1], where the moments of the legs are known; NaN: nowhere."""
+        legs = [index for index, name in enumerate(self.body.joints) if "knee" in name]
+        known = np.isfinite(self.moment[:, legs]).all(axis=1) if legs else np.zeros(len(self.moment), bool)
+        squares = (self.residual[known, :3] ** 2).sum(axis=1)
+        return float(np.sqrt(squares.mean()) / weight(self.body)) if len(squares) else float("nan")
+
+
+class _Support(NamedTuple):
+    """Loads of the plates on the feet.
+
+    Attributes:
+        loads: load of each plate on each foot that stood on it, at n instants.
+        standing: plates under each foot, by its link.
+        unclear: True where it is not known which foot loads a plate, shape (n,).
+        notes: plates of which that is so.
+    """
+
+    loads: list[ExternalLoad]
+    standing: dict[str, tuple[int, ...]]
+    unclear: Mask
+    notes: list[str]
+
+
+def weight(body: Body) -> float:
+    """Return the weight of a body [N]."""
+    return float(body.total_mass * np.linalg.norm(GRAVITY))
+
+
+def joint_moments(
+    motion: MeasuredMotion,
+    rate: float,
+    plates: Mapping[int, TrialPlate] = NO_PLATES,
+    loads: Sequence[ExternalLoad] = (),
+    cutoff: float = CUTOFF,
+) -> JointMoments:
+    """Compute the joint moments of a motion.
+
+    Args:
+        motion: motion of the person.
+        rate: rate of its frames [Hz].
+        plates: force plates of the trial, by number, in the laboratory of the markers.
+        loads: further loads on links, such as a wrench on a hand, at the instants of the result.
+        cutoff: cut-off of the low-pass filter of motion and plates [Hz].
+
+    Raises:
+        HricError: the pose of the person is known in too few successive frames.
+    """
+    known = _intervals(np.isfinite(motion.root).all(axis=1))
+    rows = max(known, key=lambda rows: rows.stop - rows.start, default=slice(0, 0))
+    count = rows.stop - rows.start
+    if count < FEWEST:
+        raise HricError(f"the pose of the person is known in {count} successive frames; valid: {FEWEST} or more")
+    notes = [f"only frames {rows.start + 1} to {rows.stop} are used: in others the pose is not known"]
+    time, whole = np.arange(rows.start, rows.stop) / rate, WholeBody(motion.body)
+    posture = np.hstack([_filled(motion, rows), _continuous(motion.root[rows])])
+    smooth, root = of_root_too(smoothed(time, posture, cutoff), motion.q.shape[1])
+    free = whole.inverse_dynamics(smooth.q, smooth.dq, smooth.ddq, root)
+    support = _support(whole, free, smooth.time, plates, cutoff)
+    acting = (*support.loads, *loads)
+    needed = whole.inverse_dynamics(smooth.q, smooth.dq, smooth.ddq, root, acting)
+    residual = _residual(whole, needed, root)
+    lost = support.unclear | (np.linalg.norm(residual[:, :3], axis=1) > LOST * weight(motion.body))
+    nearest = np.round((smooth.time - time[0]) * rate).astype(int)
+    unknown = _unknown(whole, np.isnan(motion.q[rows][nearest]), lost)
+    if lost.any():
+        notes.append(f"the load under the feet is not known in {lost.mean():.0%} of the time")
+    return JointMoments(
+        motion.body,
+        smooth,
+        root,
+        np.where(unknown, np.nan, needed.torque),
+        needed,
+        residual,
+        acting,
+        support.standing,
+        (*notes[count == len(motion.q) :], *support.notes),
+    )
+
+
+def lifted(moments: JointMoments, link: str, mass: float) -> ExternalLoad:
+    """Return the load of an object on the link that carries it: m (g - a), at the origin of the link.
+
+    Args:
+        moments: moments of the same motion without the object.
+        link: link that carries it.
+        mass: mass of the object [kg].
+
+    Raises:
+        HricError: the body has no such link.
+    """
+    index = WholeBody(moments.body).index
+    if link not in index:
+        raise HricError(f"load on {link!r}, which is no link of the body; valid: {', '.join(index)}")
+    point, time = moments.needed.position[:, index[link]], moments.motion.time
+    acceleration = np.gradient(np.gradient(point, time, axis=0), time, axis=0)
+    return ExternalLoad(link, mass * (np.array(GRAVITY) - acceleration), np.zeros_like(point), point)
+
+
+def _filled(motion: MeasuredMotion, rows: slice) -> FloatArray:
+    """Return joint positions without gaps, shape (n, j) [rad]: interpolated, or in the middle of the joint's range."""
+    columns, frames = [], np.arange(rows.stop - rows.start)
+    for column, joint in zip(motion.q[rows].T, motion.body.joints.values(), strict=True):
+        known = np.isfinite(column)
+        middle = np.full(len(frames), np.clip(0.0, *joint.range))
+        columns.append(np.interp(frames, frames[known], column[known]) if known.any() else middle)
+    return np.column_stack(columns)
+
+
+def _continuous(root: FloatArray) -> FloatArray:
+    """Return poses whose quaternions (x, y, z, w) do not change their sign from one frame to the next, shape (n, 7)."""
+    q = root[:, 3:]
+    flips = np.where((q[1:] * q[:-1]).sum(axis=1) < 0.0, -1.0, 1.0)
+    return np.hstack([root[:, :3], q * np.cumprod(np.concatenate([[1.0], flips]))[:, None]])
+
+
+def _residual(whole: WholeBody, needed: Needed, root: RootMotion) -> FloatArray:
+    """Return force and moment about the origin of the massless root link that its neighbours need, shape (n, 6)."""
+    total = np.zeros((len(root.position), 6))
+    for at, link in enumerate(whole.links):
+        if link.parent < 0:
+            arm = needed.position[:, at] - root.position
+            total[:, :3] += needed.force[:, at]
+            total[:, 3:] += needed.moment[:, at] + np.cross(arm, needed.force[:, at])
+    return total
+
+
+def _unknown(whole: WholeBody, unseen: Mask, lost: Mask) -> Mask:
+    """Return True for moments that are not known, shape (n, j).
+
+    Args:
+        whole: links of the body.
+        unseen: True for angles that are not known, shape (n, j).
+        lost: True where the load under the feet is not known, shape (n,).
+    """
+    masses = {segment.link: segment.mass.mass for segment in whole.body.segments.values()}
+    feet = {segment.link for segment in whole.body.segments.values() if segment.kind == "foot"}
+    unknown = unseen.copy()
+    moved = [link for link in whole.links if any(link.axis)]
+    chains = {link.joint: set(_towards_root(whole, link.name)) for link in whole.links if any(link.axis)}
+    for link in moved:
+        beyond = {name for name in whole.index if link.name in _path(whole, name)}
+        if sum(masses.get(name, 0.0) for name in beyond) > LIGHT * whole.body.total_mass:
+            others = chains[link.joint] | {other.joint for other in moved if other.name in beyond}
+            unknown[:, list(others)] |= unseen[:, [link.joint]]
+        if beyond & feet:
+            unknown[:, link.joint] |= lost
+    return unknown
+
+
+def _path(whole: WholeBody, name: str) -> Iterator[str]:
+    """Yield a link and those between it and the root."""
+    at = whole.index[name]
+    while at >= 0:
+        yield whole.links[at].name
+        at = whole.links[at].parent
+
+
+def _towards_root(whole: WholeBody, name: str) -> Iterator[int]:
+    """Yield the indices of the joints between a link and the root."""
+    for passed in _path(whole, name):
+        link = whole.links[whole.index[passed]]
+        if any(link.axis):
+            yield link.joint
+
+
+def _support(
+    whole: WholeBody, free: Needed, time: FloatArray, plates: Mapping[int, TrialPlate], cutoff: float
+) -> _Support:
+    """Return the loads on the feet; free: positions of the links, time: instants of the trial, shape (n,) [s]."""
+    feet = {segment.link: segment for segment in whole.body.segments.values() if segment.kind == "foot"}
+    axes = {}
+    for link, segment in feet.items():
+        at = whole.index[link]
+        ends = (free.position[:, at] + free.rotation[:, at] @ end for end in (segment.start, segment.end))
+        axes[link] = tuple(ends)
+    support = _Support([], {link: () for link in feet}, np.zeros(len(time), bool), [])
+    for number, plate in plates.items():
+        load = plate.loads(time)
+        carried: dict[str, Mask] = {}
+        for rows in _intervals(-load[:, 2] > LOADED):
+            if -load[rows, 2].min() < SLIGHT * weight(whole.body):
+                continue
+            link = _foot(axes, rows, _pressure(plate, load))
+            if link is None:
+                support.unclear[rows] = True
+                span = f"from {time[rows.start]:.2f} s to {time[rows.stop - 1]:.2f} s"
+                support.notes.append(f"force plate {number}: it is not known which foot loads it {span}")
+                continue
+            carried.setdefault(link, np.zeros(len(time), bool))[rows] = True
+        for link, mask in carried.items():
+            support.loads.append(_load(plate, link, mask, time, cutoff))
+            support.standing[link] += (number,)
+    return support
+
+
+def _intervals(mask: Mask) -> Iterator[slice]:
+    """Yield the ranges of successive True values."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
+    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+        yield slice(int(begin), int(end))
+
+
+def _pressure(plate: TrialPlate, load: FloatArray) -> FloatArray:
+    """Return the centre of pressure in the laboratory, shape (n, 3) [m]; NaN: the plate is not loaded."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        x, y = -load[:, 4] / load[:, 2], load[:, 3] / load[:, 2]
+    p_plate = np.column_stack([x, y, np.zeros(len(load))])
+    return np.asarray(p_plate @ plate.T_lab_plate[:3, :3].T + plate.T_lab_plate[:3, 3])
+
+
+def _foot(axes: Mapping[str, tuple[FloatArray, ...]], rows: slice, pressure: FloatArray) -> str | None:
+    """Return the foot that stands where the pressure is; None: none, or both.
+
+    axes: heel and toe of each foot, shape (n, 3) [m]; pressure: centre of pressure, shape (n, 3) [m].
+    """
+    near = []
+    for link, (heel, toe) in axes.items():
+        along, to = toe[rows] - heel[rows], pressure[rows] - heel[rows]
+        share = np.clip((along * to).sum(axis=1) / (along**2).sum(axis=1), 0.0, 1.0)
+        if np.linalg.norm(to - share[:, None] * along, axis=1).mean() < REACH:
+            near.append(link)
+    return near[0] if len(near) == 1 else None
+
+
+def _load(plate: TrialPlate, link: str, mask: Mask, time: FloatArray, cutoff: float) -> ExternalLoad:
+    """Return the reaction of a plate on a foot, filtered as the motion is, about the middle of the plate.
+
+    mask: True where the foot stands on the plate, at instants `time`, shape (n,).
+    """
+    samples = np.arange(len(plate.load)) / plate.rate
+    on = np.interp(samples, time, mask.astype(float), left=0.0, right=0.0) > 0.5
+    raw = -plate.load * on[:, None]
+    filtered = sosfiltfilt(butter(2, cutoff, fs=plate.rate, output="sos"), raw, axis=0)
+    wrench = replace(plate, load=np.asarray(filtered)).loads(time)
+    R, middle = plate.T_lab_plate[:3, :3], plate.T_lab_plate[:3, 3]
+    return ExternalLoad(link, wrench[:, :3] @ R.T, wrench[:, 3:] @ R.T, np.tile(middle, (len(time), 1)))

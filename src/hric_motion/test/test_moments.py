@@ -1,0 +1,80 @@
+"""Joint moments need what they depend on: angles, the pose of the person, and the load under the feet."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from standing_person import JOINTS, RATE, standing, supporting, without
+
+from hric_core.errors import HricError
+from hric_human.body.segments import link_name
+from hric_motion.moments import JointMoments, joint_moments, lifted
+
+MOTION = standing()
+PLATE = supporting(MOTION)
+CUTOFF = 45.0
+"""Cut-off that changes hardly anything of these motions without noise [Hz]."""
+RESULT = joint_moments(MOTION, RATE, {3: PLATE}, cutoff=CUTOFF)
+
+
+def known(names: list[str], result: JointMoments = RESULT) -> list[bool]:
+    return [bool(np.isfinite(result.moment[:, JOINTS.index(name)]).all()) for name in names]
+
+
+def test_a_plate_carries_the_whole_person() -> None:
+    assert RESULT.residual_share < 0.01 and RESULT.standing[link_name("foot", "left")] == (3,)
+    assert all(known(JOINTS)) and RESULT.notes == ()
+
+
+def test_a_free_leg_needs_only_its_own_weight() -> None:
+    free, bound = (np.abs(RESULT.moment[:, JOINTS.index(f"{side}_hip_abd")]).mean() for side in ("right", "left"))
+    assert free < 0.35 * bound
+
+
+def test_legs_without_a_plate_are_not_known() -> None:
+    result = joint_moments(MOTION, RATE)
+    assert known(["left_knee_flex", "right_hip_flex"], result) == [False, False]
+    assert all(known([name for name in JOINTS if "sh" in name or "trunk" in name], result))
+    assert np.isnan(result.residual_share)
+
+
+def test_both_feet_on_a_plate_are_not_told_apart() -> None:
+    q = MOTION.q.copy()
+    q[:, JOINTS.index("left_hip_abd")], q[:, JOINTS.index("right_knee_flex")] = 0.0, 0.0
+    together = replace(MOTION, q=q)
+    result = joint_moments(together, RATE, {1: supporting(together)})
+    assert "force plate 1: it is not known which foot loads it" in result.notes[-1]
+    assert known(["left_ankle_flex"], result) == [False]
+
+
+def test_an_unknown_shoulder_hides_what_depends_on_it() -> None:
+    result = joint_moments(without(MOTION, "right_sh_rot"), RATE, {3: PLATE}, cutoff=CUTOFF)
+    assert known(["right_el_flex", "right_sh_flex", "trunk_flex"], result) == [False] * 3
+    assert known(["left_sh_flex", "neck_flex", "left_knee_flex"], result) == [True] * 3
+
+
+def test_an_unknown_wrist_hides_only_itself() -> None:
+    result = joint_moments(without(MOTION, "right_wr_flex"), RATE, {3: PLATE}, cutoff=CUTOFF)
+    assert known(["right_wr_flex", "right_el_flex", "trunk_flex"], result) == [False, True, True]
+
+
+def test_a_lifted_mass_loads_the_root_by_its_weight() -> None:
+    held = lifted(RESULT, link_name("hand", "right"), 4.0)
+    loaded = joint_moments(MOTION, RATE, {3: PLATE}, [held], CUTOFF)
+    assert_allclose((loaded.residual - RESULT.residual)[:, :3].mean(axis=0), [0.0, 0.0, 4.0 * 9.81], atol=0.5)
+
+
+def test_a_person_who_is_hardly_seen_has_no_moments() -> None:
+    root = np.full_like(MOTION.root, np.nan)
+    root[:10] = MOTION.root[:10]
+    with pytest.raises(HricError, match="known in 10 successive frames; valid: 20 or more"):
+        joint_moments(replace(MOTION, root=root), RATE)
+
+
+def test_only_the_longest_known_part_is_used() -> None:
+    root = MOTION.root.copy()
+    root[100] = np.nan
+    result = joint_moments(replace(MOTION, root=root), RATE, {3: PLATE})
+    assert result.notes[0] == "only frames 102 to 300 are used: in others the pose is not known"
+    assert result.motion.time[0] == pytest.approx(1.01)
