@@ -127,7 +127,7 @@ MUTATIONS = {
     ),
     "guided_speed": Mutation(
         "hand guiding speeds up an arm that is slower than permitted",
-        "hric_assessment",
+        "hric_supervisor",
         "share = min(1.0, settings.guided_speed / self._speed)",
         "share = settings.guided_speed / self._speed",
         "supervisor",
