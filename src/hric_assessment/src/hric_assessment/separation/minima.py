@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hric_assessment.separation.capsules import IntArray, distances
+from hric_assessment.separation.capsules import IntArray, segment_distance
 from hric_core.errors import HricError
 from hric_core.geometry import FloatArray
 
@@ -20,8 +20,10 @@ Ends = Callable[[FloatArray], FloatArray]
 """Function from robot times, shape (n,) [s], to the axis ends of a model's capsules in the world, (n, k, 2, 3) [m]."""
 RATE, CLOSE_RATE = 100.0, 1000.0
 """Sampling rates of the run, and around each minimum [Hz] (project defaults)."""
-BLOCK = 250
+BLOCK = 500
 """Number of instants that are evaluated at once, so that arrays are a few MB large."""
+ROUNDING = 1e-9
+"""Larger than any rounding error of a distance [m]."""
 
 
 @dataclass(frozen=True)
@@ -134,16 +136,39 @@ def _nearest(
     blocks = []
     for start in range(0, len(time), BLOCK):
         block = time[start : start + BLOCK]
-        apart = distances(arm(block), arm_radii, person(block), person_radii).reshape(len(block), -1)
-        if not np.all(np.isfinite(apart)):
-            at = block[np.flatnonzero(~np.isfinite(apart).all(axis=1))[0]]
+        a, b = arm(block), person(block)
+        lost = ~(np.isfinite(a).all(axis=(1, 2, 3)) & np.isfinite(b).all(axis=(1, 2, 3)))
+        if lost.any():
+            at = block[np.flatnonzero(lost)[0]]
             raise HricError(f"a position of arm or person is not finite at {at:.3f} s; valid: finite numbers")
+        row, first, second = _candidates(a, arm_radii, b, person_radii)
+        apart = np.full((len(block), len(arm_radii) * len(person_radii)), np.inf)
+        gap = segment_distance(a[row, first], b[row, second]) - arm_radii[first] - person_radii[second]
+        apart[row, first * len(person_radii) + second] = gap
         nearest = np.argmin(apart, axis=1)
         blocks.append((apart[np.arange(len(block)), nearest], *np.divmod(nearest, len(person_radii))))
     if not blocks:
         return np.empty(0), np.empty(0), np.empty(0)
     distance, first, second = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
     return distance, first, second
+
+
+def _candidates(
+    a: FloatArray, arm_radii: FloatArray, b: FloatArray, person_radii: FloatArray
+) -> tuple[IntArray, IntArray, IntArray]:
+    """Return instant, capsule of the arm and capsule of the person of each pair that can be the nearest, shape (c,).
+
+    A pair is at most as far apart as the middles of its capsules, and nearer by at most half of both lengths. Arguments:
+    see `distances` of hric_assessment.separation.capsules.
+    """
+    middle_a, middle_b = (0.5 * (ends[:, :, 0] + ends[:, :, 1]) for ends in (a, b))
+    reach_a, reach_b = (0.5 * np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=-1) for ends in (a, b))
+    square = np.zeros((len(a), a.shape[1], b.shape[1]))
+    for axis in range(3):
+        square += (middle_a[:, :, None, axis] - middle_b[:, None, :, axis]) ** 2
+    highest = np.sqrt(square) - arm_radii[:, None] - person_radii
+    lowest = highest - reach_a[:, :, None] - reach_b[:, None]
+    return np.nonzero(lowest <= highest.min(axis=(1, 2), keepdims=True) + ROUNDING)
 
 
 def _minima(distance: FloatArray) -> IntArray:

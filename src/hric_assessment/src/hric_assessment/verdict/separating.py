@@ -189,11 +189,13 @@ def _evidence(source: AssessmentInput, log: ControlRecord, person: AssessedPerso
     window = source.recording.begin, source.recording.end
     finite = finite_rows(log.position)
     evidence = Evidence.of(log.time, finite, window, verdict_table()["max_gap"])
-    moving = speeds(arm, log.time) > verdict_table()["moving"]
-    period = np.gradient(log.time) if len(log.time) > 1 else np.zeros(len(log.time))
     unseen = np.zeros(len(log.time), dtype=bool)
     for begin, end in _gaps(log, person, window, finite_rows(person.q)):
         unseen |= (log.time > begin) & (log.time < end)
+    if not unseen.any():
+        return replace(evidence, arm_motion=1.0)
+    moving = speeds(arm, log.time) > verdict_table()["moving"]
+    period = np.gradient(log.time) if len(log.time) > 1 else np.zeros(len(log.time))
     total = float(period[moving].sum())
     return replace(evidence, arm_motion=1.0 if total <= 0.0 else 1.0 - float(period[moving & unseen].sum()) / total)
 
