@@ -328,6 +328,12 @@ class PostureMethod:
         known = Known(posture, task, [*needed(table), *self.task_fields], spread)
         return scored(table, self.name(version), known, lambda scorer: self.total(scorer, task, version))
 
+    def highest(self, posture: Posture, task: Task, version: str, spread: Mapping[str, float]) -> IntArray:
+        """Return the highest scores that uncertain angles allow, shape (n,); arguments: see `score`."""
+        table = self.table()
+        known = Known(posture, task, [*needed(table), *self.task_fields], spread)
+        return self.total(Scorer(table, known, end=1), task, version or self.versions[0])
+
 
 def methods() -> dict[str, PostureMethod]:
     """Return all posture methods, by their title in lower case, which is also their key in the verdict's JSON.

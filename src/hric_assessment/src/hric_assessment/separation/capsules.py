@@ -37,10 +37,10 @@ class Capsules:
         Args:
             T_world_link: pose of each capsule's link at n instants, shape (n, k, 4, 4).
         """
-        placed = np.empty((*T_world_link.shape[:2], 2, 3))
-        for k, ends in enumerate(self.ends):  # one product of all rows costs half of a product for each instant
-            points = T_world_link[:, k].reshape(-1, 4) @ np.vstack([ends.T, [1.0, 1.0]])
-            placed[:, k] = np.swapaxes(points.reshape(-1, 4, 2)[:, :3], 1, 2)
+        placed, points = np.empty((*T_world_link.shape[:2], 2, 3)), np.ones((len(self.ends), 4, 2))
+        points[:, :3] = np.swapaxes(self.ends, 1, 2)
+        for k, ends in enumerate(points):  # one product of all rows costs half of a product for each instant
+            placed[:, k] = np.swapaxes((T_world_link[:, k].reshape(-1, 4) @ ends).reshape(-1, 4, 2)[:, :3], 1, 2)
         return placed
 
 

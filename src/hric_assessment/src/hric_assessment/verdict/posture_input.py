@@ -55,14 +55,41 @@ def _inclined(person: AssessedPerson, angles: Mapping[str, FloatArray]) -> dict[
     return {"trunk_flexion": inclined[0], "trunk_bend": inclined[1]} if np.isfinite(inclined).any() else {}
 
 
-def task_of(
-    person: AssessedPerson, record: HumanRecord | None, posture: Posture, side: str, table: PostureTable
-) -> Task:
-    """Return the task of one arm, and of neck and trunk: load, static and repeated use, from the recording."""
-    tolerance, time = math.radians(verdict_table()["held"]), person.time
-    arm = [column for column, name in enumerate(person.names) if name in {f"{side}_{joint}" for joint in ARM}]
+def _moved(person: AssessedPerson, posture: Posture, side: str) -> tuple[FloatArray, FloatArray]:
+    """Return the angles of one arm, and those of neck and trunk, shape (n, k) each [rad]."""
+    joints = {f"{side}_{joint}" for joint in ARM}
     middle = [np.asarray(angle) for name in MIDDLE if (angle := getattr(posture, name)) is not None]
-    rest = np.array(middle).T if middle else np.empty((len(time), 0))
+    rest = np.array(middle).T if middle else np.empty((len(person.time), 0))
+    return person.q[:, [column for column, name in enumerate(person.names) if name in joints]], rest
+
+
+def repeats_of(person: AssessedPerson, posture: Posture, side: str) -> tuple[FloatArray, FloatArray]:
+    """Return the repetitions of one arm, and those of neck and trunk, shape (n,) each [1/min]; the same for all tables."""
+    tolerance = math.radians(verdict_table()["held"])
+    arm, rest = (use.repeats(person.time, angles, tolerance) for angles in _moved(person, posture, side))
+    return arm, rest
+
+
+def task_of(
+    person: AssessedPerson,
+    record: HumanRecord | None,
+    posture: Posture,
+    side: str,
+    table: PostureTable,
+    repeats: tuple[FloatArray, FloatArray],
+) -> Task:
+    """Return the task of one arm, and of neck and trunk: load, static and repeated use, from the recording.
+
+    Args:
+        person: assessed person.
+        record: recorded signals of a simulated human, with its grips; None: not recorded.
+        posture: posture with the arm.
+        side: side of the arm.
+        table: table of the scoring method.
+        repeats: result of `repeats_of`.
+    """
+    tolerance, time = math.radians(verdict_table()["held"]), person.time
+    arm, rest = _moved(person, posture, side)
     load, static = _load(person, record, side), None
     if load is not None:
         clipped_load = np.minimum(load, table.light)[:, None]
@@ -71,10 +98,10 @@ def task_of(
     return Task(
         load=load,
         static=static,
-        held=use.held(time, person.q[:, arm], tolerance, table.static_time),
-        repeats=use.repeats(time, person.q[:, arm], tolerance),
+        held=use.held(time, arm, tolerance, table.static_time),
+        repeats=repeats[0],
         rest_held=use.held(time, rest, tolerance, table.static_time),
-        rest_repeats=use.repeats(time, rest, tolerance),
+        rest_repeats=repeats[1],
     )
 
 

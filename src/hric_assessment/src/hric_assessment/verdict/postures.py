@@ -11,12 +11,12 @@ from types import MappingProxyType
 
 import numpy as np
 
-from hric_assessment.ergonomics.posture import ANGLES, Posture
+from hric_assessment.ergonomics.posture import ANGLES, Posture, Task
 from hric_assessment.ergonomics.scoring import IntArray, PostureMethod, Scores, methods, needed
 from hric_assessment.findings import POSTURE, BoolArray, Evidence, Finding, Outcome
 from hric_assessment.tables import PostureTable, ValueTable, verdict_table
 from hric_assessment.verdict.person import AssessedPerson
-from hric_assessment.verdict.posture_input import posture_of, spread_of, task_of
+from hric_assessment.verdict.posture_input import posture_of, repeats_of, spread_of, task_of
 from hric_assessment.verdict.result import ScoreCurve, thinned
 from hric_bags.records.human_record import HumanRecord
 from hric_core.geometry import FloatArray
@@ -102,44 +102,45 @@ def scored(
         versions: versions of the methods' tables, by key of the method.
     """
     for side in person.sides if len(person.time) else ():
+        posture, vertical = posture_of(person, side)
+        repeats = repeats_of(person, posture, side)
         for key, method in methods().items():
-            yield _scored(key, method, person, record, side, window, versions.get(key, ""))
+            task = task_of(person, record, posture, side, method.table(), repeats)
+            yield _scored(key, method, person, (posture, task, vertical), side, window, versions.get(key, ""))
 
 
 def _scored(
     key: str,
     method: PostureMethod,
     person: AssessedPerson,
-    record: HumanRecord | None,
+    state: tuple[Posture, Task, bool],
     side: str,
     window: tuple[float, float],
     version: str,
 ) -> ArmScores:
-    (posture, vertical), table = posture_of(person, side), method.table()
-    task = task_of(person, record, posture, side, table)
-    unknown, known = _known(posture, table, len(person.time))
+    posture, task, vertical = state
+    unknown, known = _known(posture, method.table(), len(person.time))
     if task.load is not None:
         known &= np.isfinite(task.load)
     spread, open_ended = spread_of(person, side), (*unknown, *(() if vertical else INCLINATION))
-    scores = _bridged(method.score(posture, task, version, spread), known)
-    worst = scores.highest
+    scores = method.score(posture, task, version, spread)
+    curves = {name: _bridged(getattr(scores, name), known) for name in (*CURVES, "lowest", "highest")}
+    scores, worst = replace(scores, **curves), curves["highest"]
     if open_ended:
         spread = spread | dict.fromkeys(open_ended, np.inf)
-        worst = _bridged(method.score(posture, task, version, spread), known).highest
+        worst = _bridged(method.highest(posture, task, version, spread), known)
     evidence = Evidence.of(person.time, known, window, verdict_table()["max_gap"])
     return ArmScores(key, side, person.time, scores, worst, tuple(unknown), vertical, evidence)
 
 
-def _bridged(scores: Scores, known: BoolArray) -> Scores:
-    """Return the scores, at unknown instants raised to the higher score of both known neighbours."""
+def _bridged(curve: IntArray, known: BoolArray) -> IntArray:
+    """Return scores, at unknown instants raised to the higher score of both known neighbours."""
     rows = np.flatnonzero(known)
     if known.all() or not len(rows):
-        return scores
+        return curve
     after = np.searchsorted(rows, np.arange(len(known))).clip(max=len(rows) - 1)
     before, after = rows[(np.searchsorted(rows, np.arange(len(known)), side="right") - 1).clip(min=0)], rows[after]
-    curves = {name: getattr(scores, name) for name in (*CURVES, "lowest", "highest")}
-    bridged = {name: np.maximum(curve, np.maximum(curve[before], curve[after])) for name, curve in curves.items()}
-    return replace(scores, **{name: np.where(known, curves[name], curve) for name, curve in bridged.items()})
+    return np.where(known, curve, np.maximum(curve, np.maximum(curve[before], curve[after])))
 
 
 def _known(posture: Posture, table: PostureTable, count: int) -> tuple[list[str], BoolArray]:
