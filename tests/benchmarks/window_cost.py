@@ -33,8 +33,8 @@ from websockets.typing import Origin  # noqa: E402
 
 DEFINITION = ROOT / "src/hric_experiments/config/experiments/shared_workspace.yaml"
 CLIENTS = (0, 1, 10, 0)
-SETTLING = 15.0
-"""Time between the connection of the clients and their measurement [s]: they get the scene, and a first verdict."""
+SETTLING = 1.0
+"""Time between the connection of the clients and their measurement [s]: a first verdict is part of what is measured."""
 
 
 class Client:

@@ -266,6 +266,24 @@ def test_the_nearest_pair_is_named_and_local_minima_are_all_found() -> None:
     assert [one.distance for one in found.minima] == pytest.approx([0.4, 0.2], abs=1e-6)
 
 
+def test_the_nearest_of_many_pairs_is_that_of_all() -> None:
+    random = np.random.default_rng(4)
+    ends, swing = random.uniform(-1.0, 1.0, (2, 16, 2, 3))
+    radii = random.uniform(0.02, 0.2, 16)
+
+    def arm(t: np.ndarray) -> np.ndarray:
+        return ends[:6] + swing[:6] * np.sin(3.0 * t)[:, None, None, None]
+
+    def person(t: np.ndarray) -> np.ndarray:
+        return ends[6:] + swing[6:] * np.cos(2.0 * t)[:, None, None, None]
+
+    found = separation(0.0, 8.0, arm, radii[:6], person, radii[6:])
+    gaps = distances(arm(found.time), radii[:6], person(found.time), radii[6:]).reshape(len(found.time), -1)
+    nearest = np.stack(np.divmod(gaps.argmin(axis=1), 10))
+    np.testing.assert_array_equal(found.distance, gaps.min(axis=1))
+    np.testing.assert_array_equal([found.arm, found.person], nearest)
+
+
 def test_each_violation_is_one_of_its_own() -> None:
     def again(t: np.ndarray) -> np.ndarray:
         return passing(1.0, 0.3, 0.5)(t % 1.0)

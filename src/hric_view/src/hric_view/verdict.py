@@ -27,7 +27,7 @@ from hric_bags.run_file import RunFile
 from hric_core.errors import HricError
 from hric_msgs.msg import HumanGrip, JointTorque, RegionContacts
 
-PERIOD, SHARE = 1.0, 39.0
+PERIOD, SHARE = 1.0, 79.0
 """Shortest time between two verdicts [s], and rest after one as a multiple of its duration [1]; project default."""
 RATE = 50.0
 """Highest rate at which postures, torques and grips are stored [Hz]; contacts are all stored."""

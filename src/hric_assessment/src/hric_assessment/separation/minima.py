@@ -158,8 +158,13 @@ def _candidates(
 ) -> tuple[IntArray, IntArray, IntArray]:
     """Return instant, capsule of the arm and capsule of the person of each pair that can be the nearest, shape (c,).
 
-    A pair is at most as far apart as the middles of its capsules, and nearer by at most half of both lengths. Arguments:
-    see `distances` of hric_assessment.separation.capsules.
+    The distance of a pair is at most that of the middles of its capsules, and smaller by at most half of both lengths.
+
+    Args:
+        a: axis ends of the arm's capsules, shape (n, k, 2, 3) [m].
+        arm_radii: radii of the arm's capsules, shape (k,) [m].
+        b: axis ends of the person's capsules, shape (n, m, 2, 3) [m].
+        person_radii: radii of the person's capsules, shape (m,) [m].
     """
     middle_a, middle_b = (0.5 * (ends[:, :, 0] + ends[:, :, 1]) for ends in (a, b))
     reach_a, reach_b = (0.5 * np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=-1) for ends in (a, b))

@@ -64,7 +64,7 @@ def _moved(person: AssessedPerson, posture: Posture, side: str) -> tuple[FloatAr
 
 
 def repeats_of(person: AssessedPerson, posture: Posture, side: str) -> tuple[FloatArray, FloatArray]:
-    """Return the repetitions of one arm, and those of neck and trunk, shape (n,) each [1/min]; the same for all tables."""
+    """Return the repetitions of one arm, and those of neck and trunk, shape (n,) each [1/min]."""
     tolerance = math.radians(verdict_table()["held"])
     arm, rest = (use.repeats(person.time, angles, tolerance) for angles in _moved(person, posture, side))
     return arm, rest
