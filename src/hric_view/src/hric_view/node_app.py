@@ -57,7 +57,7 @@ class BrowserWindow(NodeApp):
         self._parts: list[Part] = [self._forces]
         self._stop, self._period = threading.Event(), 1.0 / settings.rate
         self._watching: list[Callable[[threading.Event, Callable[[], bool]], None]] = []
-        self._add(str(self._root.param(settings.robot_description)), "joint_states")
+        self._add(str(self._root.param(settings.robot_description)), "joint_states", depth=10)  # arm and hand in turn
         if self._root.has_param(f"hric/{HUMAN}/robot_description"):
             self._add_human()
         for robot, live in world.objects(self._root, self._feeds):
@@ -94,21 +94,22 @@ class BrowserWindow(NodeApp):
         """Return the first message of a viewer."""
         return page.scene_message(self._robots, self._parts, live=True)
 
-    def _add(self, description: str, topic: str) -> SceneRobot:
-        """Add a robot or person whose joint states are on a topic."""
+    def _add(self, description: str, topic: str, depth: int) -> SceneRobot:
+        """Add a robot or person whose joint states are on a topic; depth: largest number of messages in a frame."""
         joints = read(description).joints
         laws = mimic_laws(joints)
         names = tuple(joint.name for joint in joints.values() if joint.type != "fixed" and joint.name not in laws)
         live = LiveJoints(names)
         self._joints.append(live)
-        self._feeds.show(topic, JointState, live.push, depth=10, lasting=True)
+        self._feeds.show(topic, JointState, live.push, depth=depth, lasting=True)
         robot = SceneRobot("", description, names, np.zeros(1), np.zeros((1, len(names))))
         self._robots.append(robot)
         return robot
 
     def _add_human(self) -> None:
         """Add the simulated person, with their skin and the forces on them."""
-        robot = self._add(str(self._root.param(f"hric/{HUMAN}/robot_description")), f"hric/{HUMAN}/joint_states")
+        description = str(self._root.param(f"hric/{HUMAN}/robot_description"))
+        robot = self._add(description, f"hric/{HUMAN}/joint_states", depth=1)
         if (settings := HumanSettings.beside_robot(self._root)) is not None:
             body = settings.body()
             robot.pose, robot.skin = settings.root(body), SceneSkin.of(fitted(body, settings.gripping(body)))
