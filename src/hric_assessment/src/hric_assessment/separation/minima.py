@@ -141,10 +141,10 @@ def _nearest(
         if lost.any():
             at = block[np.flatnonzero(lost)[0]]
             raise HricError(f"a position of arm or person is not finite at {at:.3f} s; valid: finite numbers")
-        row, first, second = _candidates(a, arm_radii, b, person_radii)
+        row, i, j = _candidates(a, arm_radii, b, person_radii)
         apart = np.full((len(block), len(arm_radii) * len(person_radii)), np.inf)
-        gap = segment_distance(a[row, first], b[row, second]) - arm_radii[first] - person_radii[second]
-        apart[row, first * len(person_radii) + second] = gap
+        gap = segment_distance(a[row, i], b[row, j]) - arm_radii[i] - person_radii[j]
+        apart[row, i * len(person_radii) + j] = gap
         nearest = np.argmin(apart, axis=1)
         blocks.append((apart[np.arange(len(block)), nearest], *np.divmod(nearest, len(person_radii))))
     if not blocks:
@@ -173,7 +173,8 @@ def _candidates(
         square += (middle_a[:, :, None, axis] - middle_b[:, None, :, axis]) ** 2
     highest = np.sqrt(square) - arm_radii[:, None] - person_radii
     lowest = highest - reach_a[:, :, None] - reach_b[:, None]
-    return np.nonzero(lowest <= highest.min(axis=(1, 2), keepdims=True) + ROUNDING)
+    row, i, j = np.nonzero(lowest <= highest.min(axis=(1, 2), keepdims=True) + ROUNDING)
+    return row, i, j
 
 
 def _minima(distance: FloatArray) -> IntArray:

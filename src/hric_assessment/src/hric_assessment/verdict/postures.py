@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -124,7 +125,7 @@ def _scored(
         known &= np.isfinite(task.load)
     spread, open_ended = spread_of(person, side), (*unknown, *(() if vertical else INCLINATION))
     scores = method.score(posture, task, version, spread)
-    curves = {name: _bridged(getattr(scores, name), known) for name in (*CURVES, "lowest", "highest")}
+    curves: Any = {name: _bridged(getattr(scores, name), known) for name in (*CURVES, "lowest", "highest")}
     scores, worst = replace(scores, **curves), curves["highest"]
     if open_ended:
         spread = spread | dict.fromkeys(open_ended, np.inf)
