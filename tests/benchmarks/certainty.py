@@ -76,9 +76,12 @@ def reruns(engine: str) -> Iterator[tuple[str, float]]:
             error = predicted.peak / then.peak - 1.0
             same = predicted.peak / predicted.speed / (then.peak / then.speed) - 1.0
             yield (
-                f"{engine} {velocity} rad/s, {name} x {factor:g}: {before.peak:.1f} N, predicted {predicted.peak:.1f}, "
-                f"simulated {then.peak:.1f}: {100 * error:+.1f} %, at equal speed {100 * same:+.1f} %"
-            ), abs(error)
+                (
+                    f"{engine} {velocity} rad/s, {name} x {factor:g}: {before.peak:.1f} N, predicted {predicted.peak:.1f}, "
+                    f"simulated {then.peak:.1f}: {100 * error:+.1f} %, at equal speed {100 * same:+.1f} %"
+                ),
+                abs(error),
+            )
 
 
 def bars(engine: str) -> Iterator[tuple[str, bool]]:

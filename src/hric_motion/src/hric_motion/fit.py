@@ -50,7 +50,7 @@ KNOT = 10
 STEPS, SETTLED = 60, 1e-4
 """Largest number of steps of a fit, and the step [m], [rad] below which it has settled."""
 SAMPLED, LOWER = 8, 0.9
-"""Number of frames in which each start posture is tried, and the ratio of the costs from which on it is tried in all."""
+"""Number of frames in which a start posture is tried, and the ratio of the costs below which it is tried in all."""
 POOR, ATTEMPTS = 2.0, 4
 """Squared residual by the median's above which a frame is tried from other postures [1]; number of random ones."""
 LARGEST_TURN = 0.4

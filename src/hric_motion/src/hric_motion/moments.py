@@ -22,7 +22,6 @@ from hric_core.errors import HricError
 from hric_core.geometry import FloatArray
 from hric_core.trial.plates import TrialPlate
 from hric_human.body import Body
-from hric_human.body.segments import SIDES
 from hric_human.control.kinematics import GRAVITY
 from hric_human.control.whole_body import ExternalLoad, Needed, RootMotion, WholeBody
 from hric_human.muscles.after_run import CUTOFF, FEWEST, RecordedMotion, of_root_too, smoothed
@@ -122,7 +121,7 @@ def joint_moments(
     Raises:
         HricError: the pose of the person is known in too few successive frames.
     """
-    known = _intervals(np.isfinite(motion.root).all(axis=1))
+    known = _intervals(np.asarray(np.isfinite(motion.root).all(axis=1)))
     rows = max(known, key=lambda rows: rows.stop - rows.start, default=slice(0, 0))
     count = rows.stop - rows.start
     if count < FEWEST:
@@ -257,13 +256,13 @@ def _support(
         for rows in _intervals(-load[:, 2] > LOADED):
             if -load[rows, 2].min() < SLIGHT * weight(whole.body):
                 continue
-            link = _foot(axes, rows, _pressure(plate, load))
-            if link is None:
+            foot = _foot(axes, rows, _pressure(plate, load))
+            if foot is None:
                 support.unclear[rows] = True
                 span = f"from {time[rows.start]:.2f} s to {time[rows.stop - 1]:.2f} s"
                 support.notes.append(f"force plate {number}: it is not known which foot loads it {span}")
                 continue
-            carried.setdefault(link, np.zeros(len(time), bool))[rows] = True
+            carried.setdefault(foot, np.zeros(len(time), bool))[rows] = True
         for link, mask in carried.items():
             support.loads.append(_load(plate, link, mask, time, cutoff))
             support.standing[link] += (number,)

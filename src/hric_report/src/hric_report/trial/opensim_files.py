@@ -90,9 +90,7 @@ def _loads(links: list[str]) -> ElementTree.Element:
             "applied_to_body": link,
             "force_expressed_in_body": "ground",
             "point_expressed_in_body": "ground",
-            **{
-                f"{kind}_identifier": f"load_{number}_{kind}_" for kind in ("force", "point", "torque")
-            },
+            **{f"{kind}_identifier": f"load_{number}_{kind}_" for kind in ("force", "point", "torque")},
         }
         for key, value in values.items():
             ElementTree.SubElement(load, key).text = value
