@@ -285,7 +285,7 @@ def _pressure(plate: TrialPlate, load: FloatArray) -> FloatArray:
 
 
 def _foot(axes: Mapping[str, tuple[FloatArray, ...]], rows: slice, pressure: FloatArray) -> str | None:
-    """Return the foot that stands where the pressure is; None: none, or both.
+    """Return the foot under which the pressure is; None: none, or both.
 
     axes: heel and toe of each foot, shape (n, 3) [m]; pressure: centre of pressure, shape (n, 3) [m].
     """
@@ -301,7 +301,7 @@ def _foot(axes: Mapping[str, tuple[FloatArray, ...]], rows: slice, pressure: Flo
 def _load(plate: TrialPlate, link: str, mask: Mask, time: FloatArray, cutoff: float) -> ExternalLoad:
     """Return the reaction of a plate on a foot, filtered as the motion is, about the middle of the plate.
 
-    mask: True where the foot stands on the plate, at instants `time`, shape (n,).
+    mask: True while the foot is on the plate, at instants `time`, shape (n,).
     """
     samples = np.arange(len(plate.load)) / plate.rate
     on = np.interp(samples, time, mask.astype(float), left=0.0, right=0.0) > 0.5

@@ -81,8 +81,8 @@ def write(folder: Path, moments: JointMoments) -> list[Path]:
 def _loads(links: list[str]) -> ElementTree.Element:
     """Return OpenSim's description of the loads, which act on some links."""
     document = ElementTree.Element("OpenSimDocument", Version="40000")
-    every = ElementTree.SubElement(document, "ExternalLoads", name="loads")
-    objects = ElementTree.SubElement(every, "objects")
+    loads = ElementTree.SubElement(document, "ExternalLoads", name="loads")
+    objects = ElementTree.SubElement(loads, "objects")
     for number, link in enumerate(links, 1):
         load = ElementTree.SubElement(objects, "ExternalForce", name=f"load_{number}")
         values = {
@@ -94,7 +94,7 @@ def _loads(links: list[str]) -> ElementTree.Element:
         }
         for key, value in values.items():
             ElementTree.SubElement(load, key).text = value
-    ElementTree.SubElement(every, "datafile").text = LOADS
+    ElementTree.SubElement(loads, "datafile").text = LOADS
     return document
 
 
