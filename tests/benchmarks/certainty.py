@@ -75,13 +75,9 @@ def reruns(engine: str) -> Iterator[tuple[str, float]]:
             then = largest(simulated(engine, velocity, in_plant(name, factor)), {})
             error = predicted.peak / then.peak - 1.0
             same = predicted.peak / predicted.speed / (then.peak / then.speed) - 1.0
-            yield (
-                (
-                    f"{engine} {velocity} rad/s, {name} x {factor:g}: {before.peak:.1f} N, predicted {predicted.peak:.1f}, "
-                    f"simulated {then.peak:.1f}: {100 * error:+.1f} %, at equal speed {100 * same:+.1f} %"
-                ),
-                abs(error),
-            )
+            text = f"{before.peak:.1f} N, predicted {predicted.peak:.1f}, simulated {then.peak:.1f}"
+            errors = f"{100 * error:+.1f} %, at equal speed {100 * same:+.1f} %"
+            yield f"{engine} {velocity} rad/s, {name} x {factor:g}: {text}: {errors}", abs(error)
 
 
 def bars(engine: str) -> Iterator[tuple[str, bool]]:

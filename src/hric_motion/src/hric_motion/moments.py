@@ -35,7 +35,7 @@ The other constants of this file are project defaults, unconfirmed, too.
 SLIGHT = 0.05
 """Largest vertical force by the body weight up to which a load on a plate counts as noise, if it stays there [1]."""
 REACH = 0.12
-"""Largest mean distance of the centre of pressure from the axis of the foot that stands on the plate [m]."""
+"""Largest mean distance of the centre of pressure from the axis of the foot on the plate [m]."""
 LIGHT = 0.02
 """Share of the body's mass beyond a joint, up to which an unknown angle is held at its middle [1]: foot, hand."""
 LOST = 0.1
@@ -121,11 +121,7 @@ def joint_moments(
     Raises:
         HricError: the pose of the person is known in too few successive frames.
     """
-    known = _intervals(np.asarray(np.isfinite(motion.root).all(axis=1)))
-    rows = max(known, key=lambda rows: rows.stop - rows.start, default=slice(0, 0))
-    count = rows.stop - rows.start
-    if count < FEWEST:
-        raise HricError(f"the pose of the person is known in {count} successive frames; valid: {FEWEST} or more")
+    rows = _known(motion)
     notes = [f"only frames {rows.start + 1} to {rows.stop} are used: in others the pose is not known"]
     time, whole = np.arange(rows.start, rows.stop) / rate, WholeBody(motion.body)
     posture = np.hstack([_filled(motion, rows), _continuous(motion.root[rows])])
@@ -149,7 +145,7 @@ def joint_moments(
         residual,
         acting,
         support.standing,
-        (*notes[count == len(motion.q) :], *support.notes),
+        (*notes[len(time) == len(motion.q) :], *support.notes),
     )
 
 
@@ -170,6 +166,15 @@ def lifted(moments: JointMoments, link: str, mass: float) -> ExternalLoad:
     point, time = moments.needed.position[:, index[link]], moments.motion.time
     acceleration = np.gradient(np.gradient(point, time, axis=0), time, axis=0)
     return ExternalLoad(link, mass * (np.array(GRAVITY) - acceleration), np.zeros_like(point), point)
+
+
+def _known(motion: MeasuredMotion) -> slice:
+    """Return the longest range of frames in which the pose of the person is known."""
+    known = _intervals(np.asarray(np.isfinite(motion.root).all(axis=1)))
+    rows = max(known, key=lambda rows: rows.stop - rows.start, default=slice(0, 0))
+    if (count := rows.stop - rows.start) < FEWEST:
+        raise HricError(f"the pose of the person is known in {count} successive frames; valid: {FEWEST} or more")
+    return rows
 
 
 def _filled(motion: MeasuredMotion, rows: slice) -> FloatArray:
