@@ -45,6 +45,8 @@ BEYOND = 0.26
 """Angle by which a joint may exceed the range of the table [rad]: 15 deg, as some people's knees and elbows do."""
 ROUNDS, ROUNDED = 12, 0.01
 """Largest number of rounds of a fit, and the relative change of the noise below which no other follows [1]."""
+COARSE, FINE = 0.3, 3e-4
+"""Noise of the first round by the residual of the body of the table, and relative change of the cost that ends a round."""
 KNOT = 10
 """Distance of the frames whose postures are found from scratch; the others begin at the nearest of these."""
 STEPS, SETTLED = 60, 1e-4
@@ -325,6 +327,7 @@ class BodyFit:
         postures = self._started(positions)
         off = np.linalg.norm(positions - self._model.positions(postures, self._geometry), axis=2)
         self.before = np.sqrt(np.nansum(off**2, axis=0) / np.isfinite(off).sum(axis=0))
+        self.noise = max(NOISE, COARSE * float(np.sqrt(np.nanmean(off**2))))
         for _ in range(ROUNDS):  # with the noise and the postures of the round before
             before = self.noise
             postures = self._fitted(positions, postures)
@@ -360,12 +363,15 @@ class BodyFit:
     def _fitted(self, positions: FloatArray, postures: BodyPostures) -> BodyPostures:
         """Fit shared unknowns and postures near the current ones; return the postures."""
         equations, damping = self._equations(positions, postures, self._geometry), 1e-3
-        cost = self._cost(equations, self._shared)
+        cost, farthest = self._cost(equations, self._shared), FARTHEST * self._shared_spread
         for _ in range(STEPS):
             S, g, (y, X) = self._reduced(postures, equations, damping)
-            ds = np.linalg.solve(S, g)
-            shared = np.clip(self._shared + ds, -FARTHEST * self._shared_spread, FARTHEST * self._shared_spread)
-            tried = self._stepped(postures, y - X @ ds)
+            at_end = np.abs(self._shared) >= farthest * (1.0 - 1e-9)
+            free = ~at_end | (g * self._shared < 0.0)  # an unknown at its end that would go beyond stays there
+            ds = np.zeros(len(g))
+            ds[free] = np.linalg.solve(S[np.ix_(free, free)], g[free])
+            shared = np.clip(self._shared + ds, -farthest, farthest)
+            tried = self._stepped(postures, y - X @ (shared - self._shared))
             try:
                 after = self._equations(positions, tried, self._geometry_of(shared))
             except ParameterError:  # no body has these lengths
@@ -374,7 +380,7 @@ class BodyFit:
             lower = self._cost(after, shared)
             damping = max(1e-9, 0.2 * damping) if lower <= cost else 10.0 * damping
             if lower <= cost:
-                settled = cost - lower < 1e-5 * cost
+                settled = cost - lower < FINE * cost
                 postures, equations, cost = tried, after, lower
                 self._set(shared)
                 if settled:
