@@ -22,6 +22,7 @@ import numpy.typing as npt
 from hric_core.errors import HricError, ParameterError
 from hric_core.geometry import FloatArray
 from hric_human.body import Body, Subject, describe
+from hric_human.body.markers import ExtraMarker, markers
 from hric_human.body.segments import ROOT, SIDES, Builder, segments
 from hric_human.control.marker_model import ROOT_MOTIONS
 from hric_motion.postures import BodyPostures, Geometry, MarkerPostures
@@ -120,6 +121,7 @@ class BodyFit:
         subject: subject whose table of lengths is the prior.
         names: names of the markers.
         positions: positions of the markers in the frames of the fit, shape (n, m, 3) [m]; NaN: not visible.
+        extra: markers that are not in the table of the body.
 
     Attributes:
         names: names of the markers.
@@ -132,9 +134,12 @@ class BodyFit:
         HricError: the markers do not determine the pose of the trunk.
     """
 
-    def __init__(self, subject: Subject, names: Sequence[str], positions: FloatArray) -> None:
+    def __init__(
+        self, subject: Subject, names: Sequence[str], positions: FloatArray, extra: Sequence[ExtraMarker] = ()
+    ) -> None:
         self.names, self._subject, table = tuple(names), subject, describe(subject)
-        self.trunk = tuple(row for row, name in enumerate(names) if table.markers[name].link in TRUNK)
+        self._markers = {marker.name: marker for marker in markers(segments(subject), extra)}
+        self.trunk = tuple(row for row, name in enumerate(names) if self._markers[name].link in TRUNK)
         if len(self.trunk) < 3:
             raise HricError(f"{len(self.trunk)} markers are on the trunk; valid: three or more, for its pose")
         low, high = np.array([joint.range for joint in table.joints.values()]).T
@@ -142,8 +147,9 @@ class BodyFit:
         self._mean, self.prior_spread = np.clip(0.0, low, high), (high - low) / np.sqrt(12.0)
         starts = [{f"{side}_{name}": angle for name, angle in start.items() for side in SIDES} for start in STARTS]
         self._starts = [np.radians([start.get(joint, 0.0) for joint in table.joints]) for start in starts]
-        self._table, self._model = Builder(subject).lengths, MarkerPostures(table, names)
-        loose = np.array([name.endswith(LOOSE) for name in names])
+        self._table, self._model = Builder(subject).lengths, MarkerPostures(table, names, extra)
+        soft = {marker.name for marker in extra if marker.loose}
+        loose = np.array([name.endswith(LOOSE) or name in soft for name in names])
         offsets = np.repeat(np.where(loose, LOOSE_SPREAD, BONE_SPREAD), 3)
         relative = np.full(len(self._table), LENGTH_SPREAD)
         self._shared_spread = np.concatenate([[SIZE_SPREAD], relative, offsets])
@@ -165,7 +171,7 @@ class BodyFit:
         """Fitted body, with the fitted places of the markers."""
         body = describe(replace(self._subject, lengths=self.lengths))
         markers = zip(self.names, self._geometry.markers, strict=True)
-        fitted = {name: replace(body.markers[name], p_link_marker=p_link) for name, p_link in markers}
+        fitted = {name: replace(self._markers[name], p_link_marker=p_link) for name, p_link in markers}
         return replace(body, markers={**body.markers, **fitted})
 
     def motion(self, positions: FloatArray, block: int = 400) -> FittedMotion:

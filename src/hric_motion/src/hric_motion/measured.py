@@ -11,6 +11,7 @@ from threadpoolctl import threadpool_limits
 from hric_core.errors import HricError
 from hric_core.geometry import FloatArray
 from hric_human.body import Body, Subject
+from hric_human.body.markers import ExtraMarker
 from hric_motion.fit import FRAMES, BodyFit, seen_in
 from hric_motion.tracking.tracker import BRIDGE
 
@@ -71,7 +72,14 @@ class MeasuredMotion:
         return tuple(name for column, name in enumerate(self.body.joints) if not known[:, column].any())
 
 
-def measured(subject: Subject, names: Sequence[str], positions: FloatArray, rate: float) -> MeasuredMotion:
+def measured(
+    subject: Subject,
+    names: Sequence[str],
+    positions: FloatArray,
+    rate: float,
+    extra: Sequence[ExtraMarker] = (),
+    still: FloatArray | None = None,
+) -> MeasuredMotion:
     """Fit a body to the markers of a trial, and return the motion of the person.
 
     Args:
@@ -79,16 +87,20 @@ def measured(subject: Subject, names: Sequence[str], positions: FloatArray, rate
         names: names of the markers.
         positions: positions of the markers, shape (n, m, 3) [m]; NaN: not visible.
         rate: rate of the frames [Hz].
+        extra: markers that are not in the table of the body.
+        still: positions of the same markers in a static trial, shape (k, markers, 3) [m], whose frames are half of
+            those of the fit; the person may sway. None: there is none.
 
     Raises:
         HricError: the markers do not determine the pose of the trunk, or the body does not fit them.
     """
     filled = bridged(positions, rate)
     seen = seen_in(filled)
-    chosen = np.unique(np.linspace(0, len(filled) - 1, FRAMES).round().astype(int))
-    chosen = chosen[seen[chosen].any(axis=1)]
+    chosen = _spread_out(filled, FRAMES if still is None else FRAMES // 2)
+    if still is not None:
+        chosen = np.concatenate([_spread_out(still, FRAMES // 2), chosen])
     with threadpool_limits(1):  # small matrices: a second thread costs more than it helps, much more on a busy machine
-        fit = BodyFit(subject, names, filled[chosen])
+        fit = BodyFit(subject, names, chosen, extra)
         motion = fit.motion(filled)
     q = np.where(motion.spread < KNOWN * fit.prior_spread, motion.postures.q, np.nan)
     root = np.hstack([motion.postures.p, Rotation.from_matrix(motion.postures.R).as_quat()])
@@ -125,6 +137,12 @@ def bridged(positions: FloatArray, rate: float) -> FloatArray:
         missing = np.setdiff1d(frames[seen[0] : seen[-1]], seen)[short]
         filled[missing, marker] = CubicSpline(seen, positions[seen, marker])(missing)
     return filled
+
+
+def _spread_out(positions: FloatArray, count: int) -> FloatArray:
+    """Return up to `count` frames at equal distances, without those in which no marker is visible."""
+    chosen = positions[np.unique(np.linspace(0, len(positions) - 1, count).round().astype(int))]
+    return chosen[seen_in(chosen).any(axis=1)]
 
 
 def _rms(distances: FloatArray, axis: int) -> FloatArray:

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from hric_core.geometry import FloatArray
 from hric_human.body import Body
-from hric_human.body.markers import markers
+from hric_human.body.markers import ExtraMarker, markers
 from hric_human.body.segments import BodySegment
 from hric_human.control.marker_model import ROOT_MOTIONS
 from hric_human.control.whole_body import WholeBody
@@ -75,17 +75,19 @@ class MarkerPostures:
     Args:
         body: body of the markers.
         names: names of the markers, in the order of all arrays.
+        extra: markers that are not in the table of the body.
 
     Attributes:
         geometry: places of the joints and markers.
     """
 
-    def __init__(self, body: Body, names: Sequence[str]) -> None:
+    def __init__(self, body: Body, names: Sequence[str], extra: Sequence[ExtraMarker] = ()) -> None:
         tree = WholeBody(body)
-        self._names, self._links = tuple(names), tree.links
-        self._on = [tree.index.get(body.markers[name].link, -1) for name in names]
+        self._names, self._links, self._extra = tuple(names), tree.links, tuple(extra)
+        placed = {marker.name: marker for marker in markers(tuple(body.segments.values()), extra)} | dict(body.markers)
+        self._on = [tree.index.get(placed[name].link, -1) for name in names]
         joints = np.array([link.offset for link in self._links])
-        self.geometry = Geometry(joints, np.array([body.markers[name].p_link_marker for name in names]))
+        self.geometry = Geometry(joints, np.array([placed[name].p_link_marker for name in names]))
         self._joints = {name: self._joint(tree, segment) for name, segment in body.segments.items()}
         self._moves: dict[int, list[int]] = {at: [] for at, link in enumerate(self._links) if any(link.axis)}
         for row, at in enumerate(self._on):
@@ -96,10 +98,8 @@ class MarkerPostures:
 
     def geometry_of(self, segments: Sequence[BodySegment]) -> Geometry:
         """Return the places of joints and markers on the segments of a subject with other lengths."""
-        joints, placed = (
-            self.geometry.joints.copy(),
-            {marker.name: marker.p_link_marker for marker in markers(segments)},
-        )
+        joints = self.geometry.joints.copy()
+        placed = {marker.name: marker.p_link_marker for marker in markers(segments, self._extra)}
         for segment in segments:
             joints[self._joints[segment.name]] = segment.p_parent_link
         return Geometry(joints, np.array([placed[name] for name in self._names]))

@@ -1,7 +1,6 @@
 """Motion of a person, computed from body markers in a c3d file or in motion capture frames of a bag."""
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,12 +9,8 @@ import numpy as np
 from hric_bags.reader import opened, seconds
 from hric_bags.records.recording import RATE, Columns, Recording, TrackedRoot
 from hric_bags.records.rows import Thinning
-from hric_core.errors import HricError
 from hric_core.geometry import FloatArray
-from hric_core.trial.c3d import read_trial
-from hric_human.body import Body, describe
-from hric_human.body.markers import check_upright, marker_labels
-from hric_human.body.segments import SIDES, link_name
+from hric_human.body import Body
 from hric_motion.tracking import LOST, PersonTracker
 from hric_perception.person.frames import PersonMarkers
 from hric_perception.person.settings import PersonSettings
@@ -29,33 +24,20 @@ def of_c3d(path: Path) -> Recording:
     """Read a c3d file as a recording of a person, whose body is fitted to the markers.
 
     Raises:
-        HricError: the file does not exist, has no markers of a body, or the body does not fit them.
+        HricError: the file does not exist, has no known markers of one person, or the body does not fit them.
     """
-    from hric_motion.measured import measured  # with SciPy, which takes longer to load than everything else here
+    from hric_motion.trial import trial_motion  # with SciPy, which takes longer to load than everything else here
 
-    trial = read_trial(path)
-    person = replace(PersonSettings().person, parts="whole_body")
-    mass, height = trial.subject.get("mass", person.mass), trial.subject.get("height", person.height)
-    subject = replace(person, mass=mass, height=height)
-    labels = marker_labels(path.name, trial.labels, tuple(describe(subject).markers))
-    links = {describe(subject).markers[name].link for name in labels}
-    if not links & {link_name("shank", side) for side in SIDES}:
-        subject = replace(subject, parts="upper_body")
-    positions = trial.markers(list(labels.values()))
-    if not trial.up_known:
-        check_upright(path.name, dict(zip(labels, positions.swapaxes(0, 1), strict=True)))
-    try:
-        motion = measured(subject, tuple(labels), positions, trial.rate)
-    except HricError as error:
-        raise HricError(f"{path.name}: {error}") from error
+    result = trial_motion(path)
+    motion, trial = result.motion, result.trial
     rows = slice(None, None, max(1, round(trial.rate / RATE)))
-    time, end = trial.start + np.arange(len(motion.q))[rows] / trial.rate, trial.start + trial.duration
+    time, end = result.time[rows], trial.start + trial.duration
     states = Columns(f"{path.name}/joint_states", tuple(motion.body.joints), time, motion.q[rows])
     root = TrackedRoot(
         f"{path.name}/tracking", "laboratory", time, motion.root[rows], motion.residual[rows], calibrated=True
     )
     return Recording(
-        {f"{path.name}: {len(labels)} markers": len(motion.q)},
+        {f"{path.name}: {len(result.labels)} markers of {result.marker_set}": len(motion.q)},
         frozenset(),
         trial.start,
         end,

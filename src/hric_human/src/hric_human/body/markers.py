@@ -22,6 +22,11 @@ FEW = 4
 LYING = 2.0
 """Ratio of distances along y and z, from feet to head, above which z cannot be up (project default, unconfirmed)."""
 
+HEAD_ENDS = ("FHD", "BHD", "HEADL", "HEADR", "HEADTOP", "HEADFRONT", "TOPHEAD")
+PELVIS_ENDS = ("ASI", "PSI", "SACR")
+FEET_ENDS = ("ANK", "HEE", "TOE")
+"""Endings of the names of markers, in capitals, by which the upright direction is checked."""
+
 
 @dataclass(frozen=True)
 class AttachedMarker:
@@ -54,6 +59,23 @@ class MarkerRow:
     segment: str
     share: tuple[float, float]
     offset: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class ExtraMarker:
+    """Marker of a marker set that is not in the table below.
+
+    Attributes:
+        name: complete name of the marker.
+        place: place on its segment.
+        side: "right", "left" or "" (middle); "outward" of a marker on a middle segment is to this side.
+        loose: True if the marker is on soft tissue or on a wand.
+    """
+
+    name: str
+    place: MarkerRow
+    side: str = ""
+    loose: bool = False
 
 
 def _at(share: float) -> tuple[float, float]:
@@ -92,24 +114,30 @@ MIDDLE = (
 )
 
 
-def markers(segments: Sequence[BodySegment]) -> list[AttachedMarker]:
-    """Return the markers on the segments of a body."""
+def markers(segments: Sequence[BodySegment], extra: Sequence[ExtraMarker] = ()) -> list[AttachedMarker]:
+    """Return the markers on the segments of a body: those of the table, and the extra ones whose segment exists."""
     made = []
     for segment in segments:
         side = side_of(segment.name)
         for row in BOTH_SIDES if side else MIDDLE:
-            if row.segment == segment.kind:
-                made.append(_marker(row, segment, side))
-            elif (row.segment, segment.kind) == ("shoulder", "upper_arm"):
-                offset = segment.radius * np.array(row.offset)
-                made.append(AttachedMarker(side[0].upper() + row.name, segment.parent, segment.p_parent_link + offset))
+            if _kind(row) == segment.kind:
+                made.append(_marker(side[:1].upper() + row.name, row, segment, side))
+        for marker in extra:
+            if _kind(marker.place) == segment.kind and side in ("", marker.side):
+                made.append(_marker(marker.name, marker.place, segment, marker.side))
     return made
 
 
-def _marker(row: MarkerRow, segment: BodySegment, side: str) -> AttachedMarker:
-    share = row.share[side == "right"]
+def _kind(row: MarkerRow) -> str:
+    """Return the kind of the segment that determines the place of a marker."""
+    return "upper_arm" if row.segment == "shoulder" else row.segment
+
+
+def _marker(name: str, row: MarkerRow, segment: BodySegment, side: str) -> AttachedMarker:
     offset = segment.radius * np.array(row.offset) * [1.0, SIDES.get(side, 1.0), 1.0]
-    name = side[:1].upper() + row.name
+    if row.segment == "shoulder":
+        return AttachedMarker(name, segment.parent, segment.p_parent_link + offset)
+    share = row.share[side == "right"]
     return AttachedMarker(name, segment.link, segment.start + share * (segment.end - segment.start) + offset)
 
 
@@ -150,19 +178,20 @@ def marker_labels(file: str, labels: Sequence[str], names: Sequence[str], prefix
     )
 
 
-def check_upright(file: str, positions: Mapping[str, FloatArray]) -> None:
-    """Check that the z axis, which was assumed to point up in a recording, does so by the markers of the person.
+def check_upright(file: str, positions: Mapping[str, FloatArray], up: str = "z") -> None:
+    """Check that the axis that was assumed to point up in a recording does so by the markers of the person.
 
     Args:
         file: name of the file, for messages.
-        positions: marker positions by marker name, shape (frames, 3) each [m]; NaN: not seen.
+        positions: marker positions by marker name, rotated to z up, shape (frames, 3) each [m]; NaN: not seen.
+        up: axis of the file that was assumed to point up, y or z.
 
     Raises:
-        ParameterError: from feet (or pelvis) to head it is much farther along y than along z.
+        ParameterError: from feet (or pelvis) to head it is much farther along the other axis.
     """
     head, pelvis, feet = (
         [positions[name] for name in positions if name.upper().endswith(ends)]
-        for ends in (("FHD", "BHD"), ("ASI", "PSI"), ("ANK", "HEE", "TOE"))
+        for ends in (HEAD_ENDS, PELVIS_ENDS, FEET_ENDS)
     )
     lower = feet or pelvis
     if not head or not lower:
@@ -170,10 +199,12 @@ def check_upright(file: str, positions: Mapping[str, FloatArray]) -> None:
     rises = _middle(head) - _middle(lower)
     rises = rises[np.isfinite(rises).all(axis=1)]
     _, y, z = np.median(rises, axis=0) if len(rises) else np.zeros(3)
-    if y > LYING * abs(z):
+    other, beside = ("y", y) if up == "z" else ("z", -y)
+    if beside > LYING * abs(z):
         raise ParameterError(
-            f"{file} does not state which axis points up; with z up, the head is {z:.2f} m above the "
-            f"{'feet' if feet else 'pelvis'} and {y:.2f} m beside them along y; give up: y, or up: z if the person lies"
+            f"{file} does not state which axis points up; with {up} up, the head is {z:.2f} m above the "
+            f"{'feet' if feet else 'pelvis'} and {beside:.2f} m beside them along {other}; give up: {other}, or "
+            f"up: {up} if the person lies"
         )
 
 
