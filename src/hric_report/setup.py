@@ -7,6 +7,6 @@ setup(
     **generate_distutils_setup(
         packages=find_packages("src"),
         package_dir={"": "src"},
-        package_data={"hric_report.html": ["assets/*"]},
+        package_data={"hric_report.html": ["assets/*"], "hric_report.trial": ["assets/*"]},
     )
 )

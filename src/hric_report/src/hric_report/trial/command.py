@@ -1,0 +1,120 @@
+"""Command `trial`: joint angles with their uncertainty from the files of a laboratory."""
+
+import argparse
+import re
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from tqdm import tqdm
+
+from hric_bags import text
+from hric_bags.files import write_text
+from hric_core.command import Argument, Command
+from hric_core.errors import NOT_GOOD, HricError, ParameterError
+from hric_core.geometry import UP_AXES
+from hric_human.body import load
+from hric_motion.marker_sets import mapping_text
+from hric_motion.trial import TrialMotion, prefixes, read, trial_motion
+from hric_report.trial import files, summary
+
+ALL = "all"
+"""Value of --prefix for all people of a file, one by one."""
+
+
+class TrialCommand(Command):
+    """Compute joint angles and their standard deviations of a person in recorded trials (.c3d or .trc).
+
+    A body is fitted to the markers; what the markers do not determine is not known, and left empty. Writes angles.csv,
+    a page (trial.html), the values (trial.json), and the body and its motion for OpenSim. Needs no ROS master.
+    """
+
+    def arguments(self) -> list[Argument]:
+        """Return the arguments."""
+        person = "subject"
+        return [
+            Argument("motions", nargs="+", type=Path, metavar="MOTION", help=".c3d or .trc file, or several"),
+            Argument(
+                "--static", type=Path, metavar="FILE", help="trial of the same person standing still, fitted together"
+            ),
+            Argument("--up", choices=UP_AXES, default="", help="vertical axis in the files (default: as they state)"),
+            Argument("--prefix", metavar="P", help="prefix of the person's labels, or all: all people, one by one"),
+            Argument(
+                "--labels",
+                type=Path,
+                metavar="FILE",
+                help="YAML file with lines LABEL: MARKER; one that does not exist is written, to be edited",
+            ),
+            Argument(
+                "-o",
+                "--output",
+                type=Path,
+                metavar="FOLDER",
+                help="folder for the results, NAME_trial for each file (default: beside the file)",
+            ),
+            Argument("--subject", type=Path, metavar="FILE", help="YAML file of the subject", group=person),
+            Argument("--mass", type=float, metavar="KG", help="mass (default: as in the file)", group=person),
+            Argument("--height", type=float, metavar="M", help="height (default: as in the file)", group=person),
+            Argument("--sex", choices=("female", "male"), help="sex (default: male)", group=person),
+        ]
+
+    def run(self, arguments: argparse.Namespace) -> int:
+        """Compute the motions, write their files, and print what is known."""
+        motions = [path.expanduser() for path in arguments.motions]
+        measures = {key: getattr(arguments, key) for key in ("mass", "height", "sex") if getattr(arguments, key)}
+        if arguments.subject is not None and measures:
+            raise ParameterError(f"--subject and --{next(iter(measures))} contradict each other; valid: one of them")
+        if arguments.labels is not None and not arguments.labels.exists():
+            _write_mapping(motions[0], arguments.labels)
+        jobs = [job for path in motions for job in _people(path, arguments.prefix)]
+        written, failed = list[Path](), list[str]()
+        for path, prefix in tqdm(jobs, unit=" trials", disable=not sys.stderr.isatty() or None, leave=False):
+            try:
+                written.append(_one(path, prefix, arguments, measures))
+            except HricError as error:
+                if len(jobs) == 1:
+                    raise
+                failed.append(str(error))
+        _print(written)
+        for message in failed:
+            print(f"failed: {message}", file=sys.stderr)
+        return NOT_GOOD if failed else 0
+
+
+def _write_mapping(motion: Path, target: Path) -> None:
+    """Write the mapping of a file's labels. Raises ParameterError to say so: it must be edited."""
+    labels = read(motion).labels
+    write_text(target, mapping_text(labels))
+    raise ParameterError(
+        f"{target} did not exist: it was written with the {len(labels)} labels of {motion.name}; check the marker of "
+        "each line, then run the command again"
+    )
+
+
+def _people(path: Path, prefix: str | None) -> list[tuple[Path, str | None]]:
+    """Return file and prefix of each person."""
+    return [(path, one) for one in prefixes(path)] if prefix == ALL else [(path, prefix)]
+
+
+def _one(path: Path, prefix: str | None, arguments: argparse.Namespace, measures: Mapping[str, float | str]) -> Path:
+    """Compute one motion and write its files; return their folder."""
+    subject = None if arguments.subject is None else load(arguments.subject)
+    result: TrialMotion = trial_motion(
+        path, arguments.static, subject, arguments.up, prefix, arguments.labels, measures
+    )
+    sources = {"motion": path} | ({} if arguments.static is None else {"static": arguments.static})
+    folder = path.parent if arguments.output is None else arguments.output
+    person = "_" + re.sub(r"\W", "_", result.prefix) if prefix and result.prefix else ""
+    return files.write(result, sources, f"{path.stem}{person}_trial", folder, arguments.command)
+
+
+def _print(folders: Sequence[Path]) -> None:
+    """Print what is known of each trial, and the table of several."""
+    blocks = []
+    for folder in folders:
+        blocks.append(f"{summary.render(folder.name, files.values(folder))}\nfiles: {folder.absolute()}")
+    if len(folders) > 1:
+        blocks.append(summary.render_table([summary.table_cells(one.name, files.values(one)) for one in folders]))
+        tables = dict.fromkeys(folder.parent for folder in folders)
+        blocks.append("\n".join(f"table of all trials: {files.write_table(parent)}" for parent in tables))
+    text.show("\n\n".join(blocks))

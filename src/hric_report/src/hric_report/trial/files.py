@@ -1,0 +1,165 @@
+"""Files of a trial: table of the joint angles, OpenSim model and motion, values as JSON, and a page."""
+
+import csv
+import hashlib
+import json
+import shutil
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+from xml.etree.ElementTree import SubElement
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+import urdf_to_osim
+from hric_bags.export.opensim_text import write_storage
+from hric_bags.files import cannot_write, make_folder, write_json, write_text
+from hric_core.geometry import FloatArray
+from hric_human.body.segments import ROOT
+from hric_motion.trial import TrialMotion
+from hric_report.trial import page, summary
+from hric_run import provenance
+
+ANGLES, MOTION, MODEL, DATA, PAGE, TABLE = (
+    "angles.csv",
+    "angles.mot",
+    "human.osim",
+    "trial.json",
+    "trial.html",
+    "trials.csv",
+)
+ROOT_JOINT = "root"
+GRAVITY = (0.0, 0.0, -9.81)
+"""Gravity in the model [m/s^2]."""
+
+
+def write(result: TrialMotion, sources: Mapping[str, Path], name: str, folder: Path, command: str) -> Path:
+    """Write all files of a trial to a new folder, or to the one with earlier results of the same file and person.
+
+    The folder appears when all files are complete.
+
+    Args:
+        result: motion in the trial.
+        sources: files of the trial by role: "motion", perhaps "static".
+        name: name of the folder; a number is appended if that one has results of another file.
+        folder: folder to write to.
+        command: command line, for the record.
+
+    Raises:
+        HricError: the system refuses to write, or the body cannot be converted for OpenSim.
+    """
+    hashes = {role: _hash(path) for role, path in sources.items()}
+    files = {role: {"name": path.name, "sha256": hashes[role]} for role, path in sources.items()}
+    values = {"files": files, **summary.content(result), "command": provenance.neutral(command)}
+    values |= {"versions": provenance.versions(), "revision": provenance.revision()}
+    make_folder(folder)
+    target = _free(folder, name, files["motion"], result.prefix)
+    with _new_folder(target) as new:
+        _write_angles(new / ANGLES, result)
+        _write_opensim(new, result)
+        write_json(new / DATA, values)
+        write_text(new / PAGE, page.build(result, values))
+    return target
+
+
+def _hash(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _free(folder: Path, name: str, file: Mapping[str, str], prefix: str) -> Path:
+    """Return the first folder that does not exist, or that has earlier results of the same file and person."""
+    for number in range(1, 1000):
+        target = folder / (name if number == 1 else f"{name}_{number}")
+        if not target.exists() or values(target).get("files", {}).get("motion") == file and (
+            values(target).get("prefix") == prefix
+        ):
+            return target
+    raise cannot_write(folder / name, OSError(17, "a thousand folders of this name exist"))
+
+
+def values(folder: Path) -> dict[str, Any]:
+    """Return the content of trial.json in a folder; empty: there is none."""
+    try:
+        values: dict[str, Any] = json.loads((folder / DATA).read_text())
+    except (OSError, ValueError):
+        return {}
+    return values
+
+
+@contextmanager
+def _new_folder(target: Path) -> Iterator[Path]:
+    """Yield a temporary folder that takes the place of `target` if the block ends without an error."""
+    new = Path(tempfile.mkdtemp(prefix=f".{target.name}.", dir=target.parent))
+    try:
+        new.chmod(0o755)
+        yield new
+        old = new.with_name(f"{new.name}.old")
+        if target.exists():
+            target.rename(old)
+        new.rename(target)
+        shutil.rmtree(old, ignore_errors=True)
+    except OSError as error:
+        raise cannot_write(target, error) from error
+    finally:
+        shutil.rmtree(new, ignore_errors=True)
+
+
+def _write_angles(path: Path, result: TrialMotion) -> None:
+    """Write time, angle and standard deviation of each joint; an empty cell is not known."""
+    motion = result.motion
+    spread = np.where(np.isfinite(motion.q), motion.spread, np.nan)
+    matrix = np.degrees(np.stack([motion.q, spread], axis=2)).reshape(len(motion.q), -1)
+    head = [f"{name} {what}[deg]" for name in motion.body.joints for what in ("", "deviation ")]
+    with path.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(["time [s]", *head])
+        for time, row in zip(result.time, matrix, strict=True):
+            writer.writerow([f"{time:.6g}", *("" if np.isnan(value) else f"{value:.4f}" for value in row)])
+
+
+def _write_opensim(folder: Path, result: TrialMotion) -> None:
+    """Write the fitted body with its markers as an OpenSim model, and the motion; NaN is not known."""
+    motion = result.motion
+    options = urdf_to_osim.Options(gravity=GRAVITY, inertia="keep", stops=False, friction="none", meshes=False)
+    urdf_to_osim.write(urdf_to_osim.convert(_floating(motion.body.urdf), options), folder / MODEL)
+    columns = dict(zip((f"{ROOT_JOINT}_{axis}" for axis in ("rx", "ry", "rz")), _angles(motion.root).T, strict=True))
+    columns |= {f"{ROOT_JOINT}_t{axis}": motion.root[:, k] for k, axis in enumerate("xyz")}
+    columns |= {name: motion.q[:, column] for column, name in enumerate(motion.body.joints)}
+    write_storage(folder / MOTION, result.time, columns, "Coordinates", about={"units": "s, m, rad"})
+
+
+def _floating(urdf: str) -> str:
+    """Return the URDF of a body with a root link "world", in which the body moves freely."""
+    robot = ElementTree.fromstring(urdf)
+    SubElement(robot, "link", name="world")
+    joint = SubElement(robot, "joint", name=ROOT_JOINT, type="floating")
+    SubElement(joint, "parent", link="world")
+    SubElement(joint, "child", link=ROOT)
+    return ElementTree.tostring(robot, encoding="unicode")
+
+
+def _angles(root: FloatArray) -> FloatArray:
+    """Return the body-fixed x-y-z angles of poses, shape (n, 3) [rad]; NaN: not known."""
+    angles, known = np.full((len(root), 3), np.nan), np.isfinite(root).all(axis=1)
+    if known.any():
+        angles[known] = np.unwrap(Rotation.from_quat(root[known, 3:]).as_euler("XYZ"), axis=0)
+    return angles
+
+
+def write_table(folder: Path) -> Path:
+    """Write the table of all trials whose results are in a folder; return its path."""
+    rows = [
+        summary.table_cells(path.parent.name, values(path.parent)) for path in sorted(folder.glob(f"*/{DATA}"))
+    ]
+    head = [f"{name} [{unit}]" if unit else name for name, unit in zip(summary.HEAD, summary.UNITS, strict=True)]
+    lines = [",".join(map(_quoted, row)) for row in (head, *rows)]
+    write_text(folder / TABLE, "\n".join(lines) + "\n")
+    return folder / TABLE
+
+
+def _quoted(cell: str) -> str:
+    return '"' + cell.replace('"', '""') + '"' if any(char in cell for char in ',"') else cell

@@ -1,0 +1,154 @@
+"""HTML page of a trial: one file that needs no network and no JavaScript."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hric_core.geometry import FloatArray
+from hric_motion.measured import MAX_DISTANCE
+from hric_motion.trial import TrialMotion
+from hric_report.html import templates
+from hric_report.html.chart import Axis, ticks
+from hric_report.html.table import PageTable, number
+from hric_report.html.tables import flat
+from hric_report.trial import summary
+
+ASSETS = Path(__file__).parent / "assets"
+LEFT, RIGHT, TOP, BOTTOM = 40.0, 370.0, 8.0, 118.0
+"""Ends of the axes of a panel [px]."""
+WIDE = 760.0
+"""Right end of the axis of wide pictures [px]."""
+POINTS = 400
+"""Number of points of a curve from which on only every second, third, ... frame is drawn."""
+SHOWN = 1.96
+"""Half of the 95 % band of a normal distribution, in standard deviations [1]."""
+
+
+@dataclass(frozen=True)
+class PanelPlot:
+    """Curve over time with a band, as SVG paths.
+
+    Attributes:
+        title: title above the panel.
+        x, y: axes.
+        line, band: paths of the curve and of the band around it; gaps where the values are not known.
+        limit: limit that is drawn as a line; None: there is none.
+    """
+
+    title: str
+    x: Axis
+    y: Axis
+    line: str
+    band: str = ""
+    limit: float | None = None
+
+    @property
+    def marks(self) -> list[float]:
+        """Round values for ticks of the vertical axis."""
+        return ticks(self.y.low, self.y.high, 3)
+
+
+def build(result: TrialMotion, values: Mapping[str, Any]) -> str:
+    """Return the HTML page of a trial; values: content of trial.json."""
+    files = ", ".join(f"{role}: {file['name']}" for role, file in values["files"].items())
+    markers = sorted(values["markers"].items(), key=lambda item: -(item[1]["after"] or 0.0))
+    known = {name: one for name, one in values["joints"].items() if one["known"]}
+    longest = max(float(summary.before(values).max()), MAX_DISTANCE)
+    return (
+        templates.environment(ASSETS)
+        .get_template("trial.html")
+        .render(
+            title=values["files"]["motion"]["name"] + (f", {result.prefix}" if result.prefix else ""),
+            subtitle=f"{files}; {values['marker_set']}, {values['frames']} frames at {values['rate']:g} Hz",
+            verdicts=_labels(values),
+            foot="Joint angles are estimates of a model that was fitted to the markers.",
+            lines=[summary.fit_line(values), summary.known_line(values), summary.subject_line(values)],
+            unknown=_unknown(values),
+            markers=markers,
+            bars=Axis(0.0, 1e3 * longest, 80.0, WIDE),
+            residual=_panel("", result, 1e3 * result.motion.residual, right=WIDE, limit=1e3 * MAX_DISTANCE),
+            angles=list(_angles(result, list(known))),
+            tables=list(_tables(values)),
+            notes=values["notes"],
+        )
+    )
+
+
+def _labels(values: Mapping[str, Any]) -> list[tuple[str, str]]:
+    unknown, fitted = len(values["unknown"]), values["fitted"]
+    return [
+        ("good" if fitted == 1.0 else "warning", f"fits in {100.0 * fitted:.0f} % of the frames"),
+        ("warning", f"{unknown} joints not known") if unknown else ("good", "all joints known"),
+    ]
+
+
+def _unknown(values: Mapping[str, Any]) -> PageTable:
+    rows = [(name, f"{100.0 * one['known']:.0f} %", one["reason"]) for name, one in values["joints"].items()]
+    shown = tuple(row for row in rows if row[2])
+    return PageTable("Joints that are not always known", ("joint", "frames in which it is known", "why"), shown)
+
+
+def _angles(result: TrialMotion, names: list[str]) -> Iterator[PanelPlot]:
+    columns = list(result.motion.body.joints)
+    for name in names:
+        column = columns.index(name)
+        q, half = result.motion.q[:, column], SHOWN * result.motion.spread[:, column]
+        yield _panel(f"{name} [deg]", result, np.degrees(q), np.degrees(half))
+
+
+def _panel(
+    title: str,
+    result: TrialMotion,
+    values: FloatArray,
+    half: FloatArray | None = None,
+    right: float = RIGHT,
+    limit: float | None = None,
+) -> PanelPlot:
+    """Return the picture of values over time, shape (n,); half: half of the width of the band, shape (n,)."""
+    rows = slice(None, None, max(1, -(-len(values) // POINTS)))
+    time, values = result.time[rows], values[rows]
+    spread = np.zeros(len(values)) if half is None else half[rows]
+    low, high = float(np.nanmin(values - spread)), float(np.nanmax(values + spread))
+    if half is None:
+        low, high = 0.0, max(high, limit or 0.0) * 1.05
+    x, y = Axis(float(time[0]), float(time[-1]), LEFT, right), Axis(low, high, BOTTOM, TOP)
+    lines, bands = list[str](), list[str]()
+    for run in _runs(np.isfinite(values)):
+        points = [(x.x(t), y.x(value)) for t, value in zip(time[run], values[run], strict=True)]
+        lines.append(_path(points))
+        if half is not None:
+            upper = [(x.x(t), y.x(v)) for t, v in zip(time[run], (values + spread)[run], strict=True)]
+            lower = [(x.x(t), y.x(v)) for t, v in zip(time[run], (values - spread)[run], strict=True)]
+            bands.append(f"{_path([*upper, *lower[::-1]])}Z")
+    return PanelPlot(title, x, y, "".join(lines), "".join(bands), limit)
+
+
+def _runs(known: np.typing.NDArray[np.bool_]) -> Iterator[slice]:
+    """Yield the spans of instants in which values are known."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], known.astype(int), [0]])))
+    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+        yield slice(int(begin), int(end))
+
+
+def _path(points: list[tuple[float, float]]) -> str:
+    return "M" + " ".join(f"{px:.1f} {py:.1f}" for px, py in points)
+
+
+def _tables(values: Mapping[str, Any]) -> Iterator[PageTable]:
+    joints = tuple(
+        (name, *(number(one[key], 3) for key in ("low", "high", "deviation")), f"{100.0 * one['known']:.0f} %")
+        for name, one in values["joints"].items()
+    )
+    yield PageTable("Joint angles", ("joint", "smallest [deg]", "largest [deg]", "deviation [deg]", "known"), joints)
+    lengths = tuple(
+        (name, f"{one['table']:.3f}", f"{one['fitted']:.3f}", f"{100 * (one['fitted'] / one['table'] - 1):+.1f} %")
+        for name, one in values["lengths"].items()
+    )
+    yield PageTable("Lengths", ("length", "by the table [m]", "fitted [m]", "change"), lengths)
+    labels = tuple((name, one["label"] or "in the static trial") for name, one in values["markers"].items())
+    yield PageTable("Labels", ("marker", "label"), labels, folded=True)
+    made = {key: values[key] for key in ("files", "command", "subject", "versions", "revision") if values[key]}
+    yield PageTable("Files and versions", ("what", "value"), tuple(flat(made)), folded=True)

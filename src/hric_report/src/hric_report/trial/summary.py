@@ -1,0 +1,173 @@
+"""What a trial says of a person: how well the body fits, and which joints are known, with the reasons."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hric_bags import text
+from hric_core.geometry import FloatArray
+from hric_human.body import Body
+from hric_human.body.segments import Builder
+from hric_motion.measured import KNOWN, MAX_DISTANCE
+from hric_motion.trial import MEASURES, TrialMotion
+
+Numbers = dict[str, float | None]
+
+
+@dataclass(frozen=True)
+class JointSummary:
+    """What is known of a joint in a trial.
+
+    Attributes:
+        name: name of the joint.
+        known: share of the frames in which the angle is known [1].
+        low, high: smallest and largest known angle [deg]; None: never known.
+        deviation: root mean square of the standard deviation where the angle is known [deg]; None: never known.
+        reason: why the angle is not known in some frames; "": it is known in all.
+    """
+
+    name: str
+    known: float
+    low: float | None
+    high: float | None
+    deviation: float | None
+    reason: str
+
+
+def joint_summaries(result: TrialMotion) -> list[JointSummary]:
+    """Return what is known of each joint."""
+    motion, fitted = result.motion, np.isfinite(result.motion.root[:, 0])
+    summaries = []
+    for column, (name, joint) in enumerate(motion.body.joints.items()):
+        known = np.isfinite(motion.q[:, column])
+        angles, spread = np.degrees(motion.q[known, column]), np.degrees(motion.spread[:, column])
+        values = (angles.min(), angles.max(), np.sqrt(np.mean(spread[known] ** 2))) if known.any() else (None,) * 3
+        reasons = [] if fitted.all() else [f"the body does not fit in {_percent((~fitted).mean())} of the frames"]
+        lost = fitted & ~known
+        if lost.any():
+            alone = np.degrees(joint.range[1] - joint.range[0]) / np.sqrt(12.0)
+            worn = _beyond(motion.body, motion.names, joint.link)
+            reasons.append(
+                f"{', '.join(worn) or 'no markers'} on its segment and beyond: +- {np.median(spread[lost]):.0f} deg in "
+                f"{_percent(lost.mean())} of the frames, {alone:.0f} deg without markers"
+            )
+        low, high, deviation = (None if value is None else float(value) for value in values)
+        summaries.append(JointSummary(name, float(known.mean()), low, high, deviation, "; ".join(reasons)))
+    return summaries
+
+
+def _beyond(body: Body, names: Sequence[str], link: str) -> list[str]:
+    """Return the markers on a link and on the links that it carries."""
+    parents = {segment.link: segment.parent for segment in body.segments.values()}
+
+    def carried(at: str) -> bool:
+        return at == link or (at in parents and carried(parents[at]))
+
+    return [name for name in names if carried(body.markers[name].link)]
+
+
+def content(result: TrialMotion) -> dict[str, Any]:
+    """Return the content of trial.json, in SI units and degrees, without the origin of the files; None: not known."""
+    motion = result.motion
+    table, fitted = Builder(result.subject).lengths, motion.body.subject.lengths
+    markers = zip(motion.names, motion.before, motion.after, strict=True)
+    residual = motion.residual[np.isfinite(motion.residual)]
+    return {
+        "marker_set": result.marker_set,
+        "prefix": result.prefix,
+        "rate": result.trial.rate,
+        "frames": len(motion.q),
+        "subject": {key: getattr(result.subject, key) for key in (*MEASURES, "parts")},
+        "sources": dict(result.sources),
+        "lengths": {name: {"table": float(table[name]), "fitted": float(fitted[name])} for name in table},
+        "markers": {
+            name: {"label": result.labels.get(name), "before": _finite(before), "after": _finite(after)}
+            for name, before, after in markers
+        },
+        "noise": float(motion.noise),
+        "residual": {name: float(np.quantile(residual, q)) for name, q in (("median", 0.5), ("p95", 0.95), ("max", 1))},
+        "fitted": float(np.isfinite(motion.root[:, 0]).mean()),
+        "joints": {one.name: vars(one) for one in joint_summaries(result)},
+        "unknown": list(motion.unknown),
+        "notes": list(result.notes),
+    }
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.0f} %" if share >= 0.01 else "less than 1 %"
+
+
+def before(values: Mapping[str, Any]) -> FloatArray:
+    """Return the distances of the markers from the body of the table, those that are known [m]."""
+    return np.array([one["before"] for one in values["markers"].values() if one["before"] is not None])
+
+
+def fit_line(values: Mapping[str, Any]) -> str:
+    """Return a sentence on how well the body fits; values: content of trial.json."""
+    return (
+        f"The markers are {1e3 * values['residual']['median']:.1f} mm from the fitted body (median of the frames; "
+        f"{1e3 * float(np.sqrt(np.mean(before(values) ** 2))):.0f} mm from the body of the table); it fits within "
+        f"{1e3 * MAX_DISTANCE:.0f} mm in {_percent(values['fitted'])} of the frames."
+    )
+
+
+def known_line(values: Mapping[str, Any]) -> str:
+    """Return a sentence on the joints that are known."""
+    joints, unknown = values["joints"], values["unknown"]
+    partly = [name for name, one in joints.items() if name not in unknown and one["known"] < 1.0]
+    parts = [f"{len(joints) - len(unknown)} of {len(joints)} joint angles are known"]
+    parts += [f"not known: {', '.join(unknown)}"] if unknown else []
+    parts += [f"with gaps: {', '.join(partly)}"] if partly else []
+    return "; ".join(parts) + f". Known: within {100 * KNOWN:.0f} % of the spread without markers."
+
+
+def subject_line(values: Mapping[str, Any]) -> str:
+    """Return a sentence on the subject and on where each number comes from."""
+    subject, sources = values["subject"], values["sources"]
+    measures = f"{subject['mass']:g} kg", f"{subject['height']:.3g} m", subject["sex"]
+    return "Subject: " + ", ".join(
+        f"{text} ({sources[key]})" for text, key in zip(measures, ("mass", "height", "sex"), strict=True)
+    )
+
+
+def render(name: str, values: Mapping[str, Any]) -> str:
+    """Return the text of a trial for the terminal; name: name of the file, with the prefix of the person."""
+    lines = [
+        f"{name}: {values['marker_set']}, {len(values['markers'])} markers, {values['frames']} frames at "
+        f"{values['rate']:g} Hz",
+        fit_line(values),
+        known_line(values),
+        subject_line(values),
+        *(f"- {joint}: {one['reason']}" for joint, one in values["joints"].items() if one["reason"]),
+        *(f"- {note}" for note in values["notes"]),
+    ]
+    return "\n".join(lines)
+
+
+HEAD = ("trial", "markers", "frames", "fitted", "median residual", "noise", "known joints")
+UNITS = ("", "1", "1", "%", "mm", "mm", "1")
+
+
+def table_cells(name: str, values: Mapping[str, Any]) -> list[str]:
+    """Return the row of a trial in the table of several."""
+    known = len(values["joints"]) - len(values["unknown"])
+    return [
+        name,
+        str(len(values["markers"])),
+        str(values["frames"]),
+        f"{100.0 * values['fitted']:.0f}",
+        f"{1e3 * values['residual']['median']:.1f}",
+        f"{1e3 * values['noise']:.1f}",
+        f"{known} of {len(values['joints'])}",
+    ]
+
+
+def render_table(rows: Sequence[Sequence[str]]) -> str:
+    """Return the table of several trials."""
+    return "\n".join(text.rows([list(HEAD), list(UNITS), *map(list, rows)], head=2))
