@@ -134,13 +134,9 @@ def trial_motion(
     person, sources = (subject, dict.fromkeys(MEASURES, "the subject's file")) if subject else _of(trials, measures)
     extra = tuple(worn.chosen.extra.values())
     on = {one.name: one.link for one in markers(segments(replace(person, parts="whole_body")), extra)}
+    _check_known(trials[0], worn, [name for name in worn.labels if on[name] in TRUNK], mapped=labels is not None)
     by_trial = [worn.labels, *(_again(trial, worn, labels is not None) for trial in trials[1:])]
-    names = tuple(dict.fromkeys(name for one in by_trial for name in one))
-    positions = [_positions(trial, one, names) for trial, one in zip(trials, by_trial, strict=True)]
-    visible = np.any([seen_in(p).any(axis=0) for p in positions], axis=0)
-    never = [name for name, seen in zip(names, visible, strict=True) if not seen]
-    names, positions = tuple(name for name in names if name not in never), [p[:, visible] for p in positions]
-    _check_known(trials[0], worn, names, [name for name in names if on[name] in TRUNK], mapped=labels is not None)
+    names, never, positions = _seen(trials, by_trial)
     for trial, p in zip(trials, positions, strict=True):
         if not trial.up_known:
             check_upright(trial.name, dict(zip(names, p.swapaxes(0, 1), strict=True)), trial.up)
@@ -195,21 +191,33 @@ def _again(trial: Trial, worn: _Worn, mapped: bool) -> Person:
     if mapped:
         return {name: label for name, label in worn.labels.items() if label in trial.labels}
     people = _people(worn.chosen, trial.labels)
-    if worn.prefix not in people and len(people) != 1:
-        raise ParameterError(f"{trial.name} has no markers with the prefix {worn.prefix!r}; valid: {', '.join(people)}")
-    return people.get(worn.prefix) or people.popitem()[1]
+    if worn.prefix in people or len(people) == 1:
+        return people.get(worn.prefix) or people.popitem()[1]
+    several = ", ".join(map(repr, people)) or f"a file with markers of {worn.chosen.name}"
+    raise ParameterError(f"{trial.name} has no markers with the prefix {worn.prefix!r}; valid: {several}")
+
+
+def _seen(trials: Sequence[Trial], labels: Sequence[Person]) -> tuple[tuple[str, ...], list[str], list[FloatArray]]:
+    """Return the markers that are visible in any trial, those that never are, and the positions of the former [m]."""
+    names = tuple(dict.fromkeys(name for one in labels for name in one))
+    positions = [_positions(trial, one, names) for trial, one in zip(trials, labels, strict=True)]
+    visible = np.any([seen_in(p).any(axis=0) for p in positions], axis=0)
+    never = [name for name, seen in zip(names, visible, strict=True) if not seen]
+    return tuple(name for name in names if name not in never), never, [p[:, visible] for p in positions]
 
 
 def _positions(trial: Trial, labels: Person, names: Sequence[str]) -> FloatArray:
     """Return the positions of markers, shape (n, m, 3) [m]; NaN: not visible, or not in this file."""
     positions = np.full((len(trial.positions), len(names), 3), np.nan)
-    columns = [k for k, name in enumerate(names) if name in labels]
-    positions[:, columns] = trial.markers([labels[names[k]] for k in columns])
+    for column, name in enumerate(names):
+        if name in labels:
+            positions[:, column] = trial.positions[:, trial.labels.index(labels[name])]
     return positions
 
 
-def _check_known(trial: Trial, worn: _Worn, names: Sequence[str], trunk: Sequence[str], *, mapped: bool) -> None:
+def _check_known(trial: Trial, worn: _Worn, trunk: Sequence[str], *, mapped: bool) -> None:
     """Check that enough markers are known. Raises ParameterError."""
+    names = worn.labels
     if (len(names) >= LEAST or mapped) and len(trunk) >= LEAST_TRUNK:
         return
     raise ParameterError(
@@ -231,7 +239,7 @@ def _of(trials: Sequence[Trial], measures: Mapping[str, float | str]) -> tuple[S
             values[key], sources[key] = stated.subject[key], stated.name
         else:
             values[key], sources[key] = getattr(default, key), DEFAULT
-    return Subject.of({"code": "S1", **values}, "--"), sources
+    return Subject.of({"code": "S1", **values}, "subject:"), sources
 
 
 def _notes(

@@ -150,8 +150,8 @@ def render(name: str, values: Mapping[str, Any]) -> str:
     return "\n".join(lines)
 
 
-HEAD = ("trial", "markers", "frames", "fitted", "median residual", "noise", "known joints")
-UNITS = ("", "1", "1", "%", "mm", "mm", "1")
+HEAD = ("trial", "marker set", "markers", "frames", "fitted", "median residual", "noise", "known joints")
+UNITS = ("", "", "1", "1", "%", "mm", "mm", "1")
 
 
 def table_cells(name: str, values: Mapping[str, Any]) -> list[str]:
@@ -159,6 +159,7 @@ def table_cells(name: str, values: Mapping[str, Any]) -> list[str]:
     known = len(values["joints"]) - len(values["unknown"])
     return [
         name,
+        values["marker_set"],
         str(len(values["markers"])),
         str(values["frames"]),
         f"{100.0 * values['fitted']:.0f}",
