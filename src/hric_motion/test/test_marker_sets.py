@@ -27,7 +27,7 @@ def labels(key: str) -> list[str]:
 def test_each_label_is_a_marker_with_a_place(key: str) -> None:
     one = marker_sets()[key]
     assert all(name in one.extra or name in BODY.markers for name in one.known.values())
-    assert {marker.place.segment for marker in one.extra.values()} <= {
+    assert {marker.row.segment for marker in one.extra.values()} <= {
         "shoulder",
         *(segment.kind for segment in BODY.segments.values()),
     }
@@ -69,7 +69,7 @@ def test_points_that_are_no_markers_are_told_apart() -> None:
 
 
 def test_a_written_mapping_is_read_again(tmp_path: Path) -> None:
-    (tmp_path / "map.yaml").write_text(mapping_text(["LASI", "RASI1", "x \"1\"", "*12"]))
+    (tmp_path / "map.yaml").write_text(mapping_text(["LASI", "RASI1", 'x "1"', "*12"]))
     assert mapped_set(tmp_path / "map.yaml")[1] == {"LASI": "LASI", "RASI": "RASI1"}
 
 

@@ -27,7 +27,10 @@ def truth(span: float) -> BodyPostures:
     t, q = np.arange(FRAMES) / RATE, np.zeros((FRAMES, len(JOINTS)))
     for column, joint in enumerate(BODY.joints.values()):
         low, high = joint.range
-        middle, wave = np.clip(0.2, low + 0.1, high - 0.1), np.sin(2.0 * np.pi * (0.6 + 0.1 * (column % 5)) * t + column)
+        middle, wave = (
+            np.clip(0.2, low + 0.1, high - 0.1),
+            np.sin(2.0 * np.pi * (0.6 + 0.1 * (column % 5)) * t + column),
+        )
         q[:, column] = np.clip(middle + 0.5 * span * (high - low) * wave, low + 0.02, high - 0.02)
     R = np.tile(np.eye(3), (FRAMES, 1, 1))
     return BodyPostures(R, np.column_stack([0.3 * t, 0.0 * t, np.full(FRAMES, 1.0)]), q)
@@ -108,10 +111,12 @@ def test_an_unknown_set_is_refused_with_the_nearest(tmp_path: Path) -> None:
 def test_a_trc_file_with_z_up_is_refused(tmp_path: Path) -> None:
     columns = standing(tuple(BODY.markers), up="z")
     head = ["PathFileType\t4\t(X/Y/Z)\ta.trc", "DataRate\tUnits", f"{RATE:g}\tm"]
-    rows = ["\t".join([f"{k + 1}", f"{k / RATE}", *(f"{v:.6f}" for p in columns.values() for v in p[k])]) for k in (0, 1)]
+    rows = [
+        "\t".join([f"{k + 1}", f"{k / RATE}", *(f"{v:.6f}" for p in columns.values() for v in p[k])]) for k in (0, 1)
+    ]
     names = "Frame#\tTime\t" + "\t\t\t".join(columns)
     (tmp_path / "a.trc").write_text("\n".join([*head, names, "\t\tX1", *rows]) + "\n")
-    with pytest.raises(ParameterError, match="with y up, the head is .*give up: z"):
+    with pytest.raises(ParameterError, match=r"with y up, the head is .*give up: z"):
         trial_motion(tmp_path / "a.trc")
 
 

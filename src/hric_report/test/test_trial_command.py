@@ -67,7 +67,9 @@ def test_cells_of_unknown_joints_are_empty(folder: Path) -> None:
     rows = list(csv.DictReader((folder / "angles.csv").open()))
     assert len(rows) == FRAMES
     assert {row["neck_rot [deg]"] + row["neck_rot deviation [deg]"] for row in rows} == {""}
-    error = [float(row["right_el_flex [deg]"]) for row in rows] - np.degrees(0.8 + 0.5 * np.sin(3.0 * np.arange(40) / 50))
+    error = [float(row["right_el_flex [deg]"]) for row in rows] - np.degrees(
+        0.8 + 0.5 * np.sin(3.0 * np.arange(40) / 50)
+    )
     assert np.abs(error).max() < 3.0
 
 
@@ -107,9 +109,7 @@ def test_results_of_another_file_are_kept(motion: Path, folder: Path) -> None:
     assert {path.name for path in folder.parent.glob("bend_trial*")} == {"bend_trial", "bend_trial_2"}
 
 
-def test_nothing_is_left_of_an_interrupted_trial(
-    motion: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_nothing_is_left_of_an_interrupted_trial(motion: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupted(*_: object) -> str:
         raise KeyboardInterrupt
 
@@ -119,9 +119,7 @@ def test_nothing_is_left_of_an_interrupted_trial(
     assert not list(tmp_path.iterdir())
 
 
-def test_people_of_a_file_stand_side_by_side(
-    motion: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_people_of_a_file_stand_side_by_side(motion: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     p = positions()
     labels = [f"{who}:{name}" for who in ("Ann", "Bo") for name in NAMES]
     two = write(tmp_path / "two.c3d", labels, np.concatenate([p, p + 1.0], axis=1))

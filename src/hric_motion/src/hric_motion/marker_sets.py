@@ -25,6 +25,8 @@ FEW = 4
 The constants of this file are project defaults, unconfirmed."""
 LIKENESS = 0.8
 """Smallest likeness of a label to one of a set for a guess [1]."""
+SHOWN = 8
+"""Number of labels from which on a list of them is cut."""
 SIDES = (("L", "left"), ("R", "right"))
 UNLABELLED = re.compile(r"[*#]?\d+|[*#].*|UNLABEL\w*|UNNAMED\w*|TRAJECTORY\d*|MARKER\d+")
 """Pattern of plain labels that name no marker."""
@@ -93,8 +95,8 @@ def plain(label: str) -> str:
     return re.sub(r"[._\-\s]", "", label).upper()
 
 
-def _few(labels: Sequence[str], most: int = 8) -> str:
-    return ", ".join(labels[:most]) + (f" and {len(labels) - most} more" if len(labels) > most else "")
+def _few(labels: Sequence[str]) -> str:
+    return ", ".join(labels[:SHOWN]) + (f" and {len(labels) - SHOWN} more" if len(labels) > SHOWN else "")
 
 
 @cache
@@ -108,16 +110,16 @@ def _marker_set(trees: Mapping[str, Any], key: str) -> MarkerSet:
     tree = trees[key]
     base = trees[tree["base"]]["labels"] if "base" in tree else {}
     known, extra = dict[str, str](), dict[str, ExtraMarker]()
-    for label, place in (base | tree["labels"]).items():
+    for label, entry in (base | tree["labels"]).items():
         for letter, side in SIDES if "{}" in label else (("", ""),):
             name = label.format(letter)
-            if isinstance(place, str):
-                known[plain(name)] = letter + place
+            if isinstance(entry, str):
+                known[plain(name)] = letter + entry
                 continue
             known[plain(name)] = name
-            share, offset = place["share"], tuple(map(float, place["offset"]))
-            row = MarkerRow(name, place["segment"], (share, share), offset)
-            extra[name] = ExtraMarker(name, row, side, place.get("loose", False))
+            forward, outward, up = map(float, entry["offset"])
+            row = MarkerRow(name, entry["segment"], (entry["share"],) * 2, (forward, outward, up))
+            extra[name] = ExtraMarker(name, row, side, entry.get("loose", False))
     computed = (*tree.get("computed", ()), *(trees[FIRST]["computed"] if key != FIRST else ()))
     unused = {plain(label): reason for label, reason in tree.get("unused", {}).items()}
     return MarkerSet(tree["name"], tree["source"], known, extra, computed, unused)
@@ -168,7 +170,7 @@ def mapping_text(labels: Sequence[str]) -> str:
     one, known = best_set(labels), _all_known()
     lines = [
         "# Label of the recording: marker, by its name in Plug-in Gait or in another set; without one it is not used.",
-        f"# Nearest set: {one.name}, {one.matches(labels)} of {len(labels)} labels. Check each line, most of all guesses.",
+        f"# Nearest set: {one.name}, {one.matches(labels)} of {len(labels)} labels. Check each line, also each guess.",
     ]
     for label in labels:
         found, key = one._found(label), plain(label.split(":")[-1])

@@ -95,10 +95,8 @@ def measured(
         HricError: the markers do not determine the pose of the trunk, or the body does not fit them.
     """
     filled = bridged(positions, rate)
-    seen = seen_in(filled)
-    chosen = _spread_out(filled, FRAMES if still is None else FRAMES // 2)
-    if still is not None:
-        chosen = np.concatenate([_spread_out(still, FRAMES // 2), chosen])
+    seen, parts = seen_in(filled), [filled] if still is None else [still, filled]
+    chosen = np.concatenate([_spread_out(part, FRAMES // len(parts)) for part in parts])
     with threadpool_limits(1):  # small matrices: a second thread costs more than it helps, much more on a busy machine
         fit = BodyFit(subject, names, chosen, extra)
         motion = fit.motion(filled)
@@ -142,7 +140,7 @@ def bridged(positions: FloatArray, rate: float) -> FloatArray:
 def _spread_out(positions: FloatArray, count: int) -> FloatArray:
     """Return up to `count` frames at equal distances, without those in which no marker is visible."""
     chosen = positions[np.unique(np.linspace(0, len(positions) - 1, count).round().astype(int))]
-    return chosen[seen_in(chosen).any(axis=1)]
+    return np.asarray(chosen[seen_in(chosen).any(axis=1)])
 
 
 def _rms(distances: FloatArray, axis: int) -> FloatArray:

@@ -1,8 +1,8 @@
 """Motion of a person from the files of a laboratory: markers by their labels, subject, vertical axis, and fit.
 
-    result = trial_motion(Path("walk.c3d"), static=Path("static.c3d"))
-    result.motion.q, result.motion.spread     # joint angles and their standard deviations [rad]
-    result.notes                              # what was assumed, and what was left out
+result = trial_motion(Path("walk.c3d"), static=Path("static.c3d"))
+result.motion.q, result.motion.spread     # joint angles and their standard deviations [rad]
+result.notes                              # what was assumed, and what was left out
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -25,7 +25,7 @@ from hric_motion.fit import TRUNK, seen_in
 from hric_motion.marker_sets import FEW, MarkerSet, Person, best_set, mapped_set
 from hric_motion.measured import MeasuredMotion, measured
 
-LEAST, LEAST_TRUNK = 10, 3
+MIN_MARKERS, MIN_TRUNK = 10, 3
 """Smallest numbers of markers of a known set, in all and on the trunk (project default, unconfirmed)."""
 LEGS = tuple(f"_{LINKS[kind]}" for kind in ("thigh", "shank", "foot"))
 """Endings of the links of a leg."""
@@ -95,9 +95,7 @@ def read(path: Path, up: str = "") -> Trial:
     positions = vectors_z_up(axis, np.stack(list(rows.markers.values()), axis=1))
     rate, start = rate_of(path, rows.time), float(rows.time[0])
     nothing = np.zeros((0, 0))
-    return Trial(
-        path.name, rate, tuple(rows.markers), positions, 0.0, (), (), nothing, {}, axis, bool(up), start=start
-    )
+    return Trial(path.name, rate, tuple(rows.markers), positions, 0.0, (), (), nothing, {}, axis, bool(up), start=start)
 
 
 def prefixes(path: Path) -> tuple[str, ...]:
@@ -119,7 +117,7 @@ def trial_motion(
 
     Args:
         path: .c3d or .trc file with the motion.
-        static: file in which the same person stands still; the body is fitted to frames of both.
+        static: static trial of the same person; the body is fitted to frames of both files.
         subject: subject; None: `measures`, what the files state, and the 50th percentile, in this order.
         up: vertical axis in the files, y or z; empty: as they state, or as is usual for their format.
         prefix: prefix of the person's labels, with or without the separator at its end; None: there is one person.
@@ -157,7 +155,9 @@ def _mapped(trial: Trial, path: Path) -> _Worn:
     chosen, named = mapped_set(path)
     found = {name: label for name, label in named.items() if label in trial.labels}
     if not found:
-        raise ParameterError(f"{trial.name} has no label that {path} maps to a marker; it has {', '.join(trial.labels)}")
+        raise ParameterError(
+            f"{trial.name} has no label that {path} maps to a marker; it has {', '.join(trial.labels)}"
+        )
     return _Worn(chosen, "", found)
 
 
@@ -169,10 +169,10 @@ def _worn(trial: Trial, prefix: str | None) -> _Worn:
     people = _people(chosen, trial.labels)
     several = ", ".join(f"{key!r} ({len(found)} markers)" for key, found in people.items()) or "none"
     if prefix is not None:
-        wanted = {key: found for key, found in people.items() if key.strip(":_/") == prefix.strip(":_/")}
-        if not wanted:
+        matching = {key: found for key, found in people.items() if key.strip(":_/") == prefix.strip(":_/")}
+        if not matching:
             raise ParameterError(f"{trial.name} has no markers with the prefix {prefix!r}; valid: {several}")
-        people = wanted
+        people = matching
     if len(people) > 1:
         raise ParameterError(
             f"{trial.name} has markers of {len(people)} people; give the prefix of one, or all; valid: {several}"
@@ -218,12 +218,13 @@ def _positions(trial: Trial, labels: Person, names: Sequence[str]) -> FloatArray
 def _check_known(trial: Trial, worn: _Worn, trunk: Sequence[str], *, mapped: bool) -> None:
     """Check that enough markers are known. Raises ParameterError."""
     names = worn.labels
-    if (len(names) >= LEAST or mapped) and len(trunk) >= LEAST_TRUNK:
+    if (len(names) >= MIN_MARKERS or mapped) and len(trunk) >= MIN_TRUNK:
         return
     raise ParameterError(
         f"{trial.name} has no known marker set: {worn.chosen.name} is the nearest, with {len(names)} of "
-        f"{len(trial.labels)} labels ({', '.join(names) or 'none'}), {len(trunk)} of them on the trunk; valid: {LEAST} or "
-        f"more, {LEAST_TRUNK} on the trunk. Map its labels to markers: hric trial {trial.name} --labels NEW.yaml"
+        f"{len(trial.labels)} labels ({', '.join(names) or 'none'}), {len(trunk)} of them on the trunk; valid: "
+        f"{MIN_MARKERS} or more, {MIN_TRUNK} on the trunk. Map its labels to markers: "
+        f"hric trial {trial.name} --labels NEW.yaml"
     )
 
 

@@ -67,13 +67,13 @@ class ExtraMarker:
 
     Attributes:
         name: complete name of the marker.
-        place: place on its segment.
+        row: place on its segment.
         side: "right", "left" or "" (middle); "outward" of a marker on a middle segment is to this side.
         loose: True if the marker is on soft tissue or on a wand.
     """
 
     name: str
-    place: MarkerRow
+    row: MarkerRow
     side: str = ""
     loose: bool = False
 
@@ -123,8 +123,8 @@ def markers(segments: Sequence[BodySegment], extra: Sequence[ExtraMarker] = ()) 
             if _kind(row) == segment.kind:
                 made.append(_marker(side[:1].upper() + row.name, row, segment, side))
         for marker in extra:
-            if _kind(marker.place) == segment.kind and side in ("", marker.side):
-                made.append(_marker(marker.name, marker.place, segment, marker.side))
+            if _kind(marker.row) == segment.kind and side in ("", marker.side):
+                made.append(_marker(marker.name, marker.row, segment, marker.side))
     return made
 
 

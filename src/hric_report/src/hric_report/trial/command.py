@@ -65,7 +65,9 @@ class TrialCommand(Command):
         if arguments.subject is not None and measures:
             raise ParameterError(f"--subject and --{next(iter(measures))} contradict each other; valid: one of them")
         if arguments.labels is not None and arguments.prefix is not None:
-            raise ParameterError("--labels and --prefix contradict each other; valid: complete labels, without --prefix")
+            raise ParameterError(
+                "--labels and --prefix contradict each other; valid: complete labels, without --prefix"
+            )
         if arguments.labels is not None and not arguments.labels.exists():
             _write_mapping(motions[0], arguments.labels)
         jobs = [job for path in motions for job in _people(path, arguments.prefix)]

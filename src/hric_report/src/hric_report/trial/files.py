@@ -2,6 +2,7 @@
 
 import csv
 import hashlib
+import itertools
 import json
 import shutil
 import tempfile
@@ -72,13 +73,12 @@ def _hash(path: Path) -> str:
 
 def _free(folder: Path, name: str, file: Mapping[str, str], prefix: str) -> Path:
     """Return the first folder that does not exist, or that has earlier results of the same file and person."""
-    for number in range(1, 1000):
+    for number in itertools.count(1):
         target = folder / (name if number == 1 else f"{name}_{number}")
-        if not target.exists() or values(target).get("files", {}).get("motion") == file and (
-            values(target).get("prefix") == prefix
-        ):
-            return target
-    raise cannot_write(folder / name, OSError(17, "a thousand folders of this name exist"))
+        earlier = values(target)
+        if not target.exists() or (earlier.get("files", {}).get("motion"), earlier.get("prefix")) == (file, prefix):
+            break
+    return target
 
 
 def values(folder: Path) -> dict[str, Any]:
@@ -152,9 +152,7 @@ def _angles(root: FloatArray) -> FloatArray:
 
 def write_table(folder: Path) -> Path:
     """Write the table of all trials whose results are in a folder; return its path."""
-    rows = [
-        summary.table_cells(path.parent.name, values(path.parent)) for path in sorted(folder.glob(f"*/{DATA}"))
-    ]
+    rows = [summary.table_cells(path.parent.name, values(path.parent)) for path in sorted(folder.glob(f"*/{DATA}"))]
     head = [f"{name} [{unit}]" if unit else name for name, unit in zip(summary.HEAD, summary.UNITS, strict=True)]
     lines = [",".join(map(_quoted, row)) for row in (head, *rows)]
     write_text(folder / TABLE, "\n".join(lines) + "\n")

@@ -1,4 +1,4 @@
-"""What a trial says of a person: how well the body fits, and which joints are known, with the reasons."""
+"""Summary of a trial: how well the body fits, and which joints are known, with the reasons."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ Numbers = dict[str, float | None]
 
 @dataclass(frozen=True)
 class JointSummary:
-    """What is known of a joint in a trial.
+    """Knowledge of a joint in a trial.
 
     Attributes:
         name: name of the joint.
