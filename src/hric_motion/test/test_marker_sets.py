@@ -73,8 +73,13 @@ def test_a_written_mapping_is_read_again(tmp_path: Path) -> None:
     assert mapped_set(tmp_path / "map.yaml")[1] == {"LASI": "LASI", "RASI": "RASI1"}
 
 
-def test_a_guess_is_marked_in_the_mapping() -> None:
-    assert '"RASI1": RASI  # guess' in mapping_text(["LASI", "RASI1"])
+@pytest.mark.parametrize("label", ["RASI1", "mk RASI 1"])
+def test_a_guess_is_marked_in_the_mapping(label: str) -> None:
+    assert f'"{label}": RASI  # guess' in mapping_text(["LASI", label])
+
+
+def test_no_marker_is_guessed_twice() -> None:
+    assert mapping_text(["RASI", "RASI1", "RHipAngles"]).count("guess\n") == 0
 
 
 @pytest.mark.parametrize(

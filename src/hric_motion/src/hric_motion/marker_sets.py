@@ -25,6 +25,8 @@ FEW = 4
 The constants of this file are project defaults, unconfirmed."""
 LIKENESS = 0.8
 """Smallest likeness of a label to one of a set for a guess [1]."""
+SHORTEST = 2
+"""Smallest number of characters of a label that is guessed by being a part of another one."""
 SHOWN = 8
 """Number of labels from which on a list of them is cut."""
 SIDES = (("L", "left"), ("R", "right"))
@@ -172,12 +174,24 @@ def mapping_text(labels: Sequence[str]) -> str:
         "# Label of the recording: marker, by its name in Plug-in Gait or in another set; without one it is not used.",
         f"# Nearest set: {one.name}, {one.matches(labels)} of {len(labels)} labels. Check each line, also each guess.",
     ]
+    taken = {marker for person in one.people(labels).values() for marker in person}
     for label in labels:
-        found, key = one._found(label), plain(label.split(":")[-1])
-        near = () if found or UNLABELLED.fullmatch(key) else difflib.get_close_matches(key, known, 1, LIKENESS)
-        value = found[1] if found else known[near[0]] if near else '""'
-        lines.append(f"{quoted(label)}: {value}{'  # guess' if near else ''}")
+        found = one._found(label)
+        guess = "" if found else _guess(plain(label.split(":")[-1]), known)
+        guess = "" if guess in taken else guess
+        taken.add(guess)
+        value = found[1] if found else guess or '""'
+        lines.append(f"{quoted(label)}: {value}{'  # guess' if guess else ''}")
     return "\n".join(lines) + "\n"
+
+
+def _guess(key: str, known: Mapping[str, str]) -> str:
+    """Return the marker whose plain label is the longest part of another one, or most like it; "": there is none."""
+    if UNLABELLED.fullmatch(key) or any(re.fullmatch(pattern, key) for pattern in marker_sets()[FIRST].computed):
+        return ""
+    parts = [label for label in known if len(label) >= SHORTEST and label in key]
+    near = [max(parts, key=len)] if parts else difflib.get_close_matches(key, known, 1, LIKENESS)
+    return known[near[0]] if near else ""
 
 
 def quoted(label: str) -> str:
