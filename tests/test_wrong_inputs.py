@@ -124,6 +124,8 @@ TOOLS = [
     ("hric_experiments inverse_dynamics nowhere", r"no run folder 'nowhere'"),
     ("hric_experiments film nowhere", r"no run folder 'nowhere'"),
     ("hric_experiments muscle_load nowhere.c3d", r"person of nowhere\.c3d is not known; add --person RUN\|EXP"),
+    ("hric_experiments trial nowhere.csv", r"nowhere\.csv is no trial; valid: a \.c3d or \.trc file"),
+    ("hric_experiments trial nowhere.c3d --mass 70 --subject body.yaml", r"--subject and --mass contradict each other"),
     ("hric_experiments spawn pd_step", r"usage: .*\[_PARAMETER:=VALUE \.\.\.\]\n.*unrecognized arguments: pd_step"),
     ("hric_control robot here", r"\[_robot_hw:=TYPE\].*\n.*unrecognized arguments: here"),
     ("controller_manager controller_manager lod", r"invalid choice: 'lod' \(choose from 'list', .*'load'"),

@@ -25,6 +25,8 @@ import yaml
 from hric_bags.run_folder import RunFolder
 from hric_core import plugins
 from hric_core.command import perform
+from hric_human.body import Subject, describe
+from hric_motion.postures import BodyPostures, MarkerPostures
 
 pytestmark = pytest.mark.alone
 
@@ -73,6 +75,7 @@ RECIPES: dict[str, list[str]] = {
     "inertials": [],
     "picture": ["nobody.osim", "nobody.png"],
     "film": ["run", "--output", "film.gif"],
+    "trial": ["standing.trc", "-o", "trials"],
     "urdf_to_osim": ["run/robot.urdf", "-o", "model.osim"],
 }  # fmt: skip
 """Arguments of each command, or variant of a command, in a folder with the files made by `given`."""
@@ -185,7 +188,20 @@ def given(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (bag,) = (folder / "run").glob("*.bag")
     (folder / "cut.bag").write_bytes(bag.read_bytes()[: bag.stat().st_size * 2 // 3])
     write_definitions(folder)
+    write_trial(folder / "standing.trc")
     return folder
+
+
+def write_trial(path: Path) -> None:
+    """Markers of a person who stands still for 0.2 s."""
+    body = describe(Subject(code="S1", mass=70.0, height=1.7, sex="female", parts="whole_body"))
+    still = BodyPostures(np.eye(3)[None], np.array([[0.0, 0.0, 0.9]]), np.zeros((1, len(body.joints))))
+    p = MarkerPostures(body, tuple(body.markers)).positions(still)[0][:, [0, 2, 1]] * [1.0, 1.0, -1.0]
+    places = "\t".join(f"{value:.6f}" for value in p.ravel())
+    rows = [f"{k + 1}\t{k / 50}\t{places}" for k in range(10)]
+    names = "\t\t\t".join(body.markers)
+    head = ["PathFileType\t4\t(X/Y/Z)\tstanding.trc", "DataRate\tUnits", "50\tm", f"Frame#\tTime\t{names}", "\t\tX1"]
+    path.write_text("\n".join([*head, *rows]) + "\n")
 
 
 def write_definitions(folder: Path) -> None:
