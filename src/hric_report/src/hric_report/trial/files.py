@@ -10,8 +10,6 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
-from xml.etree.ElementTree import SubElement
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -20,9 +18,9 @@ import urdf_to_osim
 from hric_bags.export.opensim_text import write_storage
 from hric_bags.files import cannot_write, make_folder, write_json, write_text
 from hric_core.geometry import FloatArray
-from hric_human.body.segments import ROOT
 from hric_motion.trial import TrialMotion
 from hric_report.trial import page, summary
+from hric_report.trial.opensim_files import ROOT_COORDINATES, described
 from hric_run import provenance
 
 ANGLES, MOTION, MODEL, DATA, PAGE, TABLE = (
@@ -33,9 +31,6 @@ ANGLES, MOTION, MODEL, DATA, PAGE, TABLE = (
     "trial.html",
     "trials.csv",
 )
-ROOT_JOINT = "root"
-GRAVITY = (0.0, 0.0, -9.81)
-"""Gravity in the model [m/s^2]."""
 
 
 def write(result: TrialMotion, sources: Mapping[str, Path], name: str, folder: Path, command: str) -> Path:
@@ -124,22 +119,12 @@ def _write_angles(path: Path, result: TrialMotion) -> None:
 def _write_opensim(folder: Path, result: TrialMotion) -> None:
     """Write the fitted body with its markers as an OpenSim model, and the motion; NaN is not known."""
     motion = result.motion
-    options = urdf_to_osim.Options(gravity=GRAVITY, inertia="keep", stops=False, friction="none", meshes=False)
-    urdf_to_osim.write(urdf_to_osim.convert(_floating(motion.body.urdf), options), folder / MODEL)
-    columns = dict(zip((f"{ROOT_JOINT}_{axis}" for axis in ("rx", "ry", "rz")), _angles(motion.root).T, strict=True))
-    columns |= {f"{ROOT_JOINT}_t{axis}": motion.root[:, k] for k, axis in enumerate("xyz")}
-    columns |= {name: motion.q[:, column] for column, name in enumerate(motion.body.joints)}
-    write_storage(folder / MOTION, result.time, columns, "Coordinates", about={"units": "s, m, rad"})
-
-
-def _floating(urdf: str) -> str:
-    """Return the URDF of a body with a root link "world", in which the body moves freely."""
-    robot = ElementTree.fromstring(urdf)
-    SubElement(robot, "link", name="world")
-    joint = SubElement(robot, "joint", name=ROOT_JOINT, type="floating")
-    SubElement(joint, "parent", link="world")
-    SubElement(joint, "child", link=ROOT)
-    return ElementTree.tostring(robot, encoding="unicode")
+    options = urdf_to_osim.Options(inertia="keep", stops=False, friction="none", meshes=False)
+    urdf_to_osim.write(urdf_to_osim.convert(described(motion.body.urdf), options), folder / MODEL)
+    names = [*(name for name, _, _ in ROOT_COORDINATES), *motion.body.joints]
+    columns = np.hstack([motion.root[:, :3], _angles(motion.root), motion.q])
+    about = {"units": "s, m, rad"}
+    write_storage(folder / MOTION, result.time, dict(zip(names, columns.T, strict=True)), "Coordinates", about=about)
 
 
 def _angles(root: FloatArray) -> FloatArray:
