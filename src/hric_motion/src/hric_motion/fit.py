@@ -47,7 +47,7 @@ BEYOND = 0.26
 ROUNDS, ROUNDED = 12, 0.01
 """Largest number of rounds of a fit, and the relative change of the noise below which no other follows [1]."""
 COARSE, FINE = 0.3, 3e-4
-"""Noise of the first round by the residual of the body of the table, and relative change of the cost that ends a round."""
+"""Noise of the first round by the residual of the table's body; relative change of the cost that ends a round [1]."""
 KNOT = 10
 """Distance of the frames whose postures are found from scratch; the others begin at the nearest of these."""
 STEPS, SETTLED = 60, 1e-4
