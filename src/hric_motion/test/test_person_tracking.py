@@ -197,6 +197,18 @@ def test_what_is_not_seen_for_longer_is_lost_and_found_again() -> None:
     assert followed.angles[followed.times > 3.1].max() <= 2.0
 
 
+def test_joints_that_no_worn_marker_shows_are_never_measured() -> None:
+    worn = [name for name in NAMES if name not in ("RWRA", "RWRB", "RFIN", "RFRM")]
+    tracker, mover = PersonTracker(BODY, worn), Mover(BODY, 1.0)
+    rows = [NAMES.index(name) for name in worn]
+    for when in np.arange(0.0, 1.0, STEP / RATE):
+        estimate = tracker.update(when, np.array(mover.markers(when))[rows])
+        assert estimate is not None
+        states = dict(zip(BODY.joints, estimate.states, strict=True))
+        assert {states[f"right_{name}"] for name in ("el_flex", "pro_sup", "wr_flex", "wr_dev")} == {LOST}
+        assert {states[f"left_{name}"] for name in ("el_flex", "pro_sup", "wr_flex")} == {MEASURED}
+
+
 def test_a_marker_that_is_somewhere_else_does_not_count() -> None:
     def mislabelled(when: float, positions: np.ndarray) -> None:
         if 2.0 <= when < 2.5:

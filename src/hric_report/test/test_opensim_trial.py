@@ -9,14 +9,15 @@ from standing_person import JOINTS, RATE, standing, supporting
 
 from hric_core.trial.opensim_text import read_storage
 from hric_motion.moments import joint_moments
-from hric_report.trial.opensim_files import write
+from hric_report.trial.opensim_files import write_dynamics, write_model
 
 
 @pytest.mark.parametrize("loaded", [True, False])
 def test_opensim_finds_the_same_moments(tmp_path: Path, loaded: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     motion = standing()
     result = joint_moments(motion, RATE, {1: supporting(motion)} if loaded else {}, cutoff=20.0)
-    write(tmp_path, result)
+    write_model(tmp_path, motion.body)
+    write_dynamics(tmp_path, result)
     monkeypatch.chdir(tmp_path)
     opensim.Logger.setLevelString("off")
     opensim.InverseDynamicsTool("inverse_dynamics.xml").run()

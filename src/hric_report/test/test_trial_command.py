@@ -21,7 +21,10 @@ from hric_report.trial import page
 RATE, FRAMES = 50.0, 40
 BODY = describe(Subject(code="S07", mass=78.2, height=1.759, sex="male", parts="whole_body"))
 NAMES = tuple(name for name in BODY.markers if name not in ("LFHD", "RFHD", "LBHD", "RBHD"))  # the neck is not known
-FILES = {"angles.csv", "angles.mot", "human.osim", "trial.html", "trial.json"}
+FILES = {
+    *("angles.csv", "angles.mot", "human.osim", "moments.csv", "inverse_dynamics.mot", "inverse_dynamics.xml"),
+    *("trial.html", "trial.json"),
+}
 
 
 def positions() -> FloatArray:
@@ -71,6 +74,13 @@ def test_cells_of_unknown_joints_are_empty(folder: Path) -> None:
         0.8 + 0.5 * np.sin(3.0 * np.arange(40) / 50)
     )
     assert np.abs(error).max() < 3.0
+
+
+def test_moments_of_legs_without_a_plate_are_empty(folder: Path) -> None:
+    rows = list(csv.DictReader((folder / "moments.csv").open()))
+    assert {row["left_knee_flex [N m]"] for row in rows} == {""}
+    elbow = np.array([float(row["right_el_flex [N m]"]) for row in rows])
+    assert 1.0 < elbow.mean() < 5.0  # forearm and hand of 1.7 kg, bent by about 45 deg
 
 
 def test_unknown_joints_have_their_reason(folder: Path) -> None:

@@ -37,7 +37,7 @@ Person = dict[str, str]
 
 
 @dataclass(frozen=True)
-class MarkerSet:
+class TrialMarkerSet:
     """Marker set.
 
     Attributes:
@@ -102,13 +102,13 @@ def _few(labels: Sequence[str]) -> str:
 
 
 @cache
-def marker_sets() -> dict[str, MarkerSet]:
+def marker_sets() -> dict[str, TrialMarkerSet]:
     """Return the marker sets by the name of their file, Plug-in Gait first."""
     trees = {path.stem: read_yaml(path) for path in sorted(FOLDER.glob("*.yaml"))}
     return {key: _marker_set(trees, key) for key in sorted(trees, key=lambda key: key != FIRST)}
 
 
-def _marker_set(trees: Mapping[str, Any], key: str) -> MarkerSet:
+def _marker_set(trees: Mapping[str, Any], key: str) -> TrialMarkerSet:
     tree = trees[key]
     base = trees[tree["base"]]["labels"] if "base" in tree else {}
     known, extra = dict[str, str](), dict[str, ExtraMarker]()
@@ -124,10 +124,10 @@ def _marker_set(trees: Mapping[str, Any], key: str) -> MarkerSet:
             extra[name] = ExtraMarker(name, row, side, entry.get("loose", False))
     computed = (*tree.get("computed", ()), *(trees[FIRST]["computed"] if key != FIRST else ()))
     unused = {plain(label): reason for label, reason in tree.get("unused", {}).items()}
-    return MarkerSet(tree["name"], tree["source"], known, extra, computed, unused)
+    return TrialMarkerSet(tree["name"], tree["source"], known, extra, computed, unused)
 
 
-def best_set(labels: Sequence[str]) -> MarkerSet:
+def best_set(labels: Sequence[str]) -> TrialMarkerSet:
     """Return the set with most markers among the labels."""
     return max(marker_sets().values(), key=lambda one: one.matches(labels))
 
@@ -138,7 +138,7 @@ def _all_known() -> dict[str, str]:
     return {label: marker for one in reversed(sets) for label, marker in one.known.items()}
 
 
-def mapped_set(path: Path) -> tuple[MarkerSet, Mapping[str, str]]:
+def mapped_set(path: Path) -> tuple[TrialMarkerSet, Mapping[str, str]]:
     """Read a mapping file, which names the marker of each label (empty: the label is not used).
 
     Returns:
@@ -164,7 +164,7 @@ def mapped_set(path: Path) -> tuple[MarkerSet, Mapping[str, str]]:
         labels[name] = label
     extra = {name: marker for one in reversed(marker_sets().values()) for name, marker in one.extra.items()}
     computed = marker_sets()[FIRST].computed
-    return MarkerSet(path.name, str(path), {}, extra, computed, {}), labels
+    return TrialMarkerSet(path.name, str(path), {}, extra, computed, {}), labels
 
 
 def mapping_text(labels: Sequence[str]) -> str:

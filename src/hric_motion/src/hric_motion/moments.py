@@ -40,6 +40,8 @@ LIGHT = 0.02
 """Share of the body's mass beyond a joint, up to which an unknown angle is held at its middle [1]: foot, hand."""
 LOST = 0.1
 """Residual force by the body weight above which the load under the feet is not known, as without a plate there [1]."""
+RECOMMENDED, HICKS = 0.05, "Hicks et al. 2015"
+"""Recommended limit of the residual force by the largest external force [1] (J. Biomech. Eng. 137:020905)."""
 NO_PLATES: Mapping[int, TrialPlate] = MappingProxyType({})
 
 Mask = npt.NDArray[np.bool_]

@@ -22,7 +22,7 @@ from hric_human.body.markers import check_upright, markers
 from hric_human.body.segments import LINKS, segments
 from hric_human.participant.settings import SUBJECTS
 from hric_motion.fit import TRUNK, seen_in
-from hric_motion.marker_sets import FEW, MarkerSet, Person, best_set, mapped_set
+from hric_motion.marker_sets import FEW, Person, TrialMarkerSet, best_set, mapped_set
 from hric_motion.measured import MeasuredMotion, measured
 
 MIN_MARKERS, MIN_TRUNK = 10, 3
@@ -70,7 +70,7 @@ class TrialMotion:
 class _Worn:
     """Markers of one person: marker set, prefix of the labels, and label of each marker."""
 
-    chosen: MarkerSet
+    chosen: TrialMarkerSet
     prefix: str
     labels: Person
 
@@ -180,7 +180,7 @@ def _worn(trial: Trial, prefix: str | None) -> _Worn:
     return _Worn(chosen, *people.popitem()) if people else _Worn(chosen, "", {})
 
 
-def _people(chosen: MarkerSet, labels: Iterable[str]) -> dict[str, Person]:
+def _people(chosen: TrialMarkerSet, labels: Iterable[str]) -> dict[str, Person]:
     """Return the labels of the markers by prefix; a prefix with few markers does not count next to others."""
     people = chosen.people(labels)
     return {key: found for key, found in people.items() if len(found) >= FEW} or people

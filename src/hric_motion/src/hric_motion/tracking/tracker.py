@@ -50,6 +50,9 @@ It counts as not observed if its variance also exceeds KNOWN_SHARE times the var
 """
 KNOWN_SHARE = 0.25
 """Ratio of a joint's variance to that of its prediction, up to which the joint always counts as observed [1]."""
+MISPLACED, OBSERVABLE = 5e-3, 0.5
+"""Standard deviation of a marker's place on its segment [m]; ratio of a joint's standard deviation, with all markers at
+such places, to that of a uniform distribution over its range, from which on the joint is never measured [1]."""
 FAR = 0.1
 """Distance of a marker from the model [m] above which it is taken as mislabelled or spurious, and ignored."""
 MAX_MISLABELLED = 3
@@ -141,6 +144,7 @@ class PersonTracker:
             )
             for side in SIDES
         }
+        self._observable = self._observed_by_all(low, high)
         self.restart()
 
     def restart(self) -> None:
@@ -242,9 +246,25 @@ class PersonTracker:
         The criterion is the variance of the least-squares solution, see BLIND and KNOWN_SHARE.
         """
         if seen.all():
-            return np.ones(len(self._spread), dtype=bool)
+            return self._observable
         variances = [self._variances(rows) for rows in (seen, np.ones(len(seen), dtype=bool))]
-        return np.asarray((variances[0] < BLIND * variances[1]) | (variances[0] < KNOWN_SHARE * self._spread**2))
+        shown = (variances[0] < BLIND * variances[1]) | (variances[0] < KNOWN_SHARE * self._spread**2)
+        return np.asarray(shown & self._observable)
+
+    def _observed_by_all(self, low: FloatArray, high: FloatArray) -> Mask:
+        """Return True for root motions and joints that all worn markers determine in a usual posture, shape (6 + n,).
+
+        Args:
+            low: lower ends of the joints' ranges, shape (n,) [rad].
+            high: upper ends, shape (n,) [rad].
+        """
+        alone = np.concatenate([np.full(ROOT_MOTIONS, LOST_SPREAD), (high - low) / math.sqrt(12.0)])
+        observed = np.zeros(len(alone), dtype=bool)
+        for q in (self._rest, 0.5 * (low + high)):
+            J = self._marked.at(q.tolist(), Pose())[1].reshape(-1, len(alone)) / MISPLACED
+            variances = np.diag(np.linalg.inv(J.T @ J + np.diag(alone**-2.0)))
+            observed |= variances < (OBSERVABLE * alone) ** 2
+        return observed
 
     def _variances(self, rows: Mask) -> FloatArray:
         J = self._J[rows].reshape(-1, len(self._spread)) / MARKER_NOISE

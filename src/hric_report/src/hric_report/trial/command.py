@@ -1,4 +1,4 @@
-"""Command `trial`: joint angles with their uncertainty from the files of a laboratory."""
+"""Command `trial`: joint angles with their uncertainty, and joint moments, from the files of a laboratory."""
 
 import argparse
 import re
@@ -15,6 +15,7 @@ from hric_core.errors import NOT_GOOD, HricError, ParameterError
 from hric_core.geometry import UP_AXES
 from hric_human.body import load
 from hric_motion.marker_sets import mapping_text
+from hric_motion.moments import JointMoments, joint_moments
 from hric_motion.trial import TrialMotion, prefixes, read, trial_motion
 from hric_report.trial import files, summary
 
@@ -23,10 +24,10 @@ ALL = "all"
 
 
 class TrialCommand(Command):
-    """Compute joint angles and their standard deviations of a person in recorded trials (.c3d or .trc).
+    """Compute joint angles with standard deviations, and joint moments, of a person in trials (.c3d or .trc).
 
-    A body is fitted to the markers; what the markers do not determine is not known, and left empty. Writes angles.csv,
-    a page (trial.html), the values (trial.json), and the body and its motion for OpenSim. Needs no ROS master.
+    A body is fitted to the markers; what markers and force plates do not determine is not known, and left empty. Writes
+    angles.csv, moments.csv, a page (trial.html), the values (trial.json), and files for OpenSim. Needs no ROS master.
     """
 
     def arguments(self) -> list[Argument]:
@@ -109,7 +110,16 @@ def _one(path: Path, prefix: str | None, arguments: argparse.Namespace, measures
     sources = {"motion": path} | ({} if arguments.static is None else {"static": arguments.static})
     folder = path.parent if arguments.output is None else arguments.output
     person = "_" + re.sub(r"\W", "_", result.prefix) if prefix and result.prefix else ""
-    return files.write(result, sources, f"{path.stem}{person}_trial", folder, arguments.command)
+    name = f"{path.stem}{person}_trial"
+    return files.write(result, _moments(result), sources, name, folder, arguments.command)
+
+
+def _moments(result: TrialMotion) -> JointMoments | None:
+    """Return the joint moments; None: the person is seen for too short a time."""
+    try:
+        return joint_moments(result.motion, result.trial.rate, result.trial.plates)
+    except HricError:
+        return None
 
 
 def _print(folders: Sequence[Path]) -> None:

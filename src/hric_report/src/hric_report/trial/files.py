@@ -1,4 +1,4 @@
-"""Files of a trial: table of the joint angles, OpenSim model and motion, values as JSON, and a page."""
+"""Files of a trial: tables of joint angles and moments, OpenSim model and motion, values as JSON, and a page."""
 
 import csv
 import hashlib
@@ -6,7 +6,7 @@ import itertools
 import json
 import shutil
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -14,32 +14,34 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-import urdf_to_osim
 from hric_bags.export.opensim_text import write_storage
 from hric_bags.files import cannot_write, make_folder, write_json, write_text
 from hric_core.geometry import FloatArray
+from hric_motion.moments import JointMoments
 from hric_motion.trial import TrialMotion
 from hric_report.trial import page, summary
-from hric_report.trial.opensim_files import ROOT_COORDINATES, described
+from hric_report.trial.opensim_files import ROOT_COORDINATES, write_dynamics, write_model
 from hric_run import provenance
 
-ANGLES, MOTION, MODEL, DATA, PAGE, TABLE = (
-    "angles.csv",
-    "angles.mot",
-    "human.osim",
-    "trial.json",
-    "trial.html",
-    "trials.csv",
-)
+ANGLES, MOMENTS, MOTION = "angles.csv", "moments.csv", "angles.mot"
+DATA, PAGE, TABLE = "trial.json", "trial.html", "trials.csv"
 
 
-def write(result: TrialMotion, sources: Mapping[str, Path], name: str, folder: Path, command: str) -> Path:
+def write(
+    result: TrialMotion,
+    moments: JointMoments | None,
+    sources: Mapping[str, Path],
+    name: str,
+    folder: Path,
+    command: str,
+) -> Path:
     """Write all files of a trial to a new folder, or to the one with earlier results of the same file and person.
 
     The folder appears when all files are complete.
 
     Args:
         result: motion in the trial.
+        moments: joint moments; None: not known.
         sources: files of the trial by role: "motion", perhaps "static".
         name: name of the folder; a number is appended if that one has results of another file.
         folder: folder to write to.
@@ -50,15 +52,18 @@ def write(result: TrialMotion, sources: Mapping[str, Path], name: str, folder: P
     """
     hashes = {role: _hash(path) for role, path in sources.items()}
     files = {role: {"name": path.name, "sha256": hashes[role]} for role, path in sources.items()}
-    values = {"files": files, **summary.content(result), "command": provenance.neutral(command)}
+    values = {"files": files, **summary.content(result, moments), "command": provenance.neutral(command)}
     values |= {"versions": provenance.versions(), "revision": provenance.revision()}
     make_folder(folder)
     target = _free(folder, name, files["motion"], result.prefix)
     with _new_folder(target) as new:
         _write_angles(new / ANGLES, result)
         _write_opensim(new, result)
+        if moments is not None:
+            _write_moments(new / MOMENTS, moments)
+            write_dynamics(new, moments)
         write_json(new / DATA, values)
-        write_text(new / PAGE, page.build(result, values))
+        write_text(new / PAGE, page.build(result, moments, values))
     return target
 
 
@@ -109,18 +114,29 @@ def _write_angles(path: Path, result: TrialMotion) -> None:
     spread = np.where(np.isfinite(motion.q), motion.spread, np.nan)
     matrix = np.degrees(np.stack([motion.q, spread], axis=2)).reshape(len(motion.q), -1)
     head = [f"{name} {what}[deg]" for name in motion.body.joints for what in ("", "deviation ")]
+    _write_rows(path, head, result.time, matrix)
+
+
+def _write_moments(path: Path, moments: JointMoments) -> None:
+    """Write time, moment of each joint, and the residual at the root link; an empty cell is not known."""
+    residual = [f"residual {kind}{axis} [{unit}]" for kind, unit in (("F", "N"), ("M", "N m")) for axis in "xyz"]
+    head = [*(f"{name} [N m]" for name in moments.body.joints), *residual]
+    _write_rows(path, head, moments.motion.time, np.hstack([moments.moment, moments.residual]))
+
+
+def _write_rows(path: Path, head: Sequence[str], times: FloatArray, matrix: FloatArray) -> None:
+    """Write a table over time; NaN is an empty cell."""
     with path.open("w", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(["time [s]", *head])
-        for time, row in zip(result.time, matrix, strict=True):
+        for time, row in zip(times, matrix, strict=True):
             writer.writerow([f"{time:.6g}", *("" if np.isnan(value) else f"{value:.4f}" for value in row)])
 
 
 def _write_opensim(folder: Path, result: TrialMotion) -> None:
     """Write the fitted body with its markers as an OpenSim model, and the motion; NaN is not known."""
     motion = result.motion
-    options = urdf_to_osim.Options(inertia="keep", stops=False, friction="none", meshes=False)
-    urdf_to_osim.write(urdf_to_osim.convert(described(motion.body.urdf), options), folder / MODEL)
+    write_model(folder, motion.body)
     names = [*(name for name, _, _ in ROOT_COORDINATES), *motion.body.joints]
     columns = np.hstack([motion.root[:, :3], _angles(motion.root), motion.q])
     about = {"units": "s, m, rad"}

@@ -1,6 +1,7 @@
 """OpenSim files of a person's motion: the fitted body as a model, its coordinates, the loads, and a set-up file.
 
-    write(folder, moments)                      # then: opensim-cmd run-tool inverse_dynamics.xml
+    write_model(folder, body)
+    write_dynamics(folder, moments)             # then: opensim-cmd run-tool inverse_dynamics.xml
 
 The model is the body of the person with six coordinates of its root link in the laboratory, so that OpenSim's inverse
 dynamics can be compared with this project's. Its ground has y up, as usual in OpenSim.
@@ -15,6 +16,7 @@ from scipy.spatial.transform import Rotation
 import urdf_to_osim
 from hric_bags.export.opensim_text import write_storage
 from hric_core.geometry import FloatArray
+from hric_human.body import Body
 from hric_human.body.segments import ROOT
 from hric_motion.moments import JointMoments
 
@@ -29,7 +31,7 @@ FAR = "1000"
 """Limit of these coordinates and of their velocity [m], [rad]: none is meant."""
 R_GROUND_LAB = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 """Rotation of the laboratory, z up, in OpenSim's ground."""
-MODEL, MOTION, LOADS = "model.osim", "motion.mot", "loads.sto"
+MODEL, MOTION, LOADS = "human.osim", "inverse_dynamics.mot", "loads.sto"
 
 
 def described(urdf: str) -> str:
@@ -58,24 +60,25 @@ def coordinates(moments: JointMoments) -> dict[str, FloatArray]:
     return dict(zip([*names, *moments.body.joints], columns.T, strict=True))
 
 
-def write(folder: Path, moments: JointMoments) -> list[Path]:
-    """Write model, coordinates, loads and the set-up of OpenSim's inverse dynamics to a folder; return the files."""
+def write_model(folder: Path, body: Body) -> None:
+    """Write the model of a body to a folder."""
+    options = urdf_to_osim.Options(inertia="keep", stops=False, friction="none", meshes=False)
+    urdf_to_osim.write(urdf_to_osim.convert(described(body.urdf), options), folder / MODEL)
+
+
+def write_dynamics(folder: Path, moments: JointMoments) -> None:
+    """Write coordinates, loads and the set-up of OpenSim's inverse dynamics to the folder with the model."""
     time = moments.motion.time
-    options = urdf_to_osim.Options(inertia="keep", stops=False)
-    urdf_to_osim.write(urdf_to_osim.convert(described(moments.body.urdf), options), folder / MODEL)
     write_storage(folder / MOTION, time, coordinates(moments), "Coordinates")
     columns = dict[str, FloatArray]()
     for number, load in enumerate(moments.loads, 1):
         for kind, vectors in (("force", load.force), ("point", load.point), ("torque", load.torque)):
             for axis, column in zip("xyz", R_GROUND_LAB @ vectors.T, strict=True):
                 columns[f"load_{number}_{kind}_{axis}"] = column
-    files = [folder / MODEL, folder / MOTION, folder / "inverse_dynamics.xml"]
     if columns:
         write_storage(folder / LOADS, time, columns, "Loads")
         _write_xml(_loads([load.link for load in moments.loads]), folder / "loads.xml")
-        files += [folder / LOADS, folder / "loads.xml"]
-    _write_xml(_tool(time, bool(columns)), files[2])
-    return files
+    _write_xml(_tool(time, bool(columns)), folder / "inverse_dynamics.xml")
 
 
 def _loads(links: list[str]) -> ElementTree.Element:

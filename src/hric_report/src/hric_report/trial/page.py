@@ -9,6 +9,7 @@ import numpy as np
 
 from hric_core.geometry import FloatArray
 from hric_motion.measured import MAX_DISTANCE
+from hric_motion.moments import JointMoments
 from hric_motion.trial import TrialMotion
 from hric_report.html import templates
 from hric_report.html.chart import Axis, ticks
@@ -23,6 +24,8 @@ WIDE = 760.0
 """Right end of the axis of wide pictures [px]."""
 POINTS = 400
 """Number of points of a curve from which on only every second, third, ... frame is drawn."""
+LINES = (summary.fit_line, summary.known_line, summary.moment_line, summary.subject_line)
+"""First lines of the page."""
 SHOWN = 1.96
 """Half of the 95 % band of a normal distribution, in standard deviations [1]."""
 
@@ -51,7 +54,7 @@ class PanelPlot:
         return ticks(self.y.low, self.y.high, 3)
 
 
-def build(result: TrialMotion, values: Mapping[str, Any]) -> str:
+def build(result: TrialMotion, moments: JointMoments | None, values: Mapping[str, Any]) -> str:
     """Return the HTML page of a trial; values: content of trial.json."""
     files = ", ".join(f"{role}: {file['name']}" for role, file in values["files"].items())
     markers = sorted(values["markers"].items(), key=lambda item: -(item[1]["after"] or 0.0))
@@ -64,13 +67,15 @@ def build(result: TrialMotion, values: Mapping[str, Any]) -> str:
             title=values["files"]["motion"]["name"] + (f", {result.prefix}" if result.prefix else ""),
             subtitle=f"{files}; {values['marker_set']}, {values['frames']} frames at {values['rate']:g} Hz",
             verdicts=_labels(values),
-            foot="Joint angles are estimates of a model that was fitted to the markers.",
-            lines=[summary.fit_line(values), summary.known_line(values), summary.subject_line(values)],
+            foot="Joint angles and moments are estimates of a model that was fitted to the markers.",
+            lines=[line(values) for line in LINES],
             unknown=_unknown(values),
             markers=markers,
             bars=Axis(0.0, 1e3 * longest, 80.0, WIDE),
-            residual=_panel("", result, 1e3 * result.motion.residual, right=WIDE, limit=1e3 * MAX_DISTANCE),
+            residual=_panel("", result.time, 1e3 * result.motion.residual, right=WIDE, limit=1e3 * MAX_DISTANCE),
             angles=list(_angles(result, list(known))),
+            moments=[] if moments is None else list(_moments(moments)),
+            moment_notes=[] if moments is None else moments.notes,
             tables=list(_tables(values)),
             notes=values["notes"],
         )
@@ -96,20 +101,26 @@ def _angles(result: TrialMotion, names: list[str]) -> Iterator[PanelPlot]:
     for name in names:
         column = columns.index(name)
         q, half = result.motion.q[:, column], SHOWN * result.motion.spread[:, column]
-        yield _panel(f"{name} [deg]", result, np.degrees(q), np.degrees(half))
+        yield _panel(f"{name} [deg]", result.time, np.degrees(q), np.degrees(half))
+
+
+def _moments(moments: JointMoments) -> Iterator[PanelPlot]:
+    for name, values in zip(moments.body.joints, moments.moment.T, strict=True):
+        if np.isfinite(values).any():
+            yield _panel(f"{name} [N m]", moments.motion.time, values, np.zeros(len(values)))
 
 
 def _panel(
     title: str,
-    result: TrialMotion,
+    times: FloatArray,
     values: FloatArray,
     half: FloatArray | None = None,
     right: float = RIGHT,
     limit: float | None = None,
 ) -> PanelPlot:
-    """Return the picture of values over time, shape (n,); half: half of the width of the band, shape (n,)."""
+    """Return the picture of values at times [s], shape (n,) each; half: half of the width of the band, shape (n,)."""
     rows = slice(None, None, max(1, -(-len(values) // POINTS)))
-    time, values = result.time[rows], values[rows]
+    time, values = times[rows], values[rows]
     spread = np.zeros(len(values)) if half is None else half[rows]
     low, high = float(np.nanmin(values - spread)), float(np.nanmax(values + spread))
     if half is None:
@@ -143,6 +154,12 @@ def _tables(values: Mapping[str, Any]) -> Iterator[PageTable]:
         for name, one in values["joints"].items()
     )
     yield PageTable("Joint angles", ("joint", "smallest [deg]", "largest [deg]", "deviation [deg]", "known"), joints)
+    moved = (values["moments"] or {"joints": {}})["joints"]
+    loads = tuple(
+        (name, *(number(one[key], 3) for key in ("low", "high")), f"{100.0 * one['known']:.0f} %")
+        for name, one in moved.items()
+    )
+    yield PageTable("Joint moments", ("joint", "smallest [N m]", "largest [N m]", "known"), loads)
     lengths = tuple(
         (name, f"{one['table']:.3f}", f"{one['fitted']:.3f}", f"{100 * (one['fitted'] / one['table'] - 1):+.1f} %")
         for name, one in values["lengths"].items()

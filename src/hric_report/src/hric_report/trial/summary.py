@@ -11,6 +11,7 @@ from hric_core.geometry import FloatArray
 from hric_human.body import Body
 from hric_human.body.segments import Builder
 from hric_motion.measured import KNOWN, MAX_DISTANCE
+from hric_motion.moments import HICKS, RECOMMENDED, JointMoments
 from hric_motion.trial import MEASURES, TrialMotion
 
 Numbers = dict[str, float | None]
@@ -68,7 +69,19 @@ def _beyond(body: Body, names: Sequence[str], link: str) -> list[str]:
     return [name for name in names if carried(body.markers[name].link)]
 
 
-def content(result: TrialMotion) -> dict[str, Any]:
+def moment_values(moments: JointMoments) -> dict[str, Any]:
+    """Return the moments in trial.json: known share, smallest and largest of each joint; and the residual."""
+    joints = {}
+    for name, column in zip(moments.body.joints, moments.moment.T, strict=True):
+        values = column[np.isfinite(column)]
+        ends = (float(values.min()), float(values.max())) if len(values) else (None, None)
+        joints[name] = {"known": len(values) / len(column), "low": ends[0], "high": ends[1]}
+    standing = {foot: list(plates) for foot, plates in moments.standing.items()}
+    residual = _finite(moments.residual_share)
+    return {"joints": joints, "residual": residual, "plates": standing, "notes": list(moments.notes)}
+
+
+def content(result: TrialMotion, moments: JointMoments | None = None) -> dict[str, Any]:
     """Return the content of trial.json, in SI units and degrees, without the origin of the files; None: not known."""
     motion = result.motion
     table, fitted = Builder(result.subject).lengths, motion.body.subject.lengths
@@ -91,6 +104,7 @@ def content(result: TrialMotion) -> dict[str, Any]:
         "fitted": float(np.isfinite(motion.root[:, 0]).mean()),
         "joints": {one.name: vars(one) for one in joint_summaries(result)},
         "unknown": list(motion.unknown),
+        "moments": None if moments is None else moment_values(moments),
         "notes": list(result.notes),
     }
 
@@ -127,6 +141,23 @@ def known_line(values: Mapping[str, Any]) -> str:
     return "; ".join(parts) + f". Known: within {100 * KNOWN:.0f} % of the spread without markers."
 
 
+def moment_line(values: Mapping[str, Any]) -> str:
+    """Return a sentence on the joint moments."""
+    moments = values["moments"]
+    if moments is None:
+        return "Joint moments are not known: the person is not seen in enough successive frames."
+    joints = moments["joints"]
+    unknown = [name for name, one in joints.items() if not one["known"]]
+    parts = [f"{len(joints) - len(unknown)} of {len(joints)} joint moments are known"]
+    parts += [f"not known: {', '.join(unknown)}"] if unknown else []
+    if moments["residual"] is not None:
+        parts.append(
+            f"the residual force is {100.0 * moments['residual']:.1f} % of the body weight (root mean square; "
+            f"recommended: up to {100.0 * RECOMMENDED:.0f} %, {HICKS})"
+        )
+    return "; ".join(parts) + "."
+
+
 def subject_line(values: Mapping[str, Any]) -> str:
     """Return a sentence on the subject and on where each number comes from."""
     subject, sources = values["subject"], values["sources"]
@@ -143,9 +174,10 @@ def render(name: str, values: Mapping[str, Any]) -> str:
         f"{values['rate']:g} Hz",
         fit_line(values),
         known_line(values),
+        moment_line(values),
         subject_line(values),
         *(f"- {joint}: {one['reason']}" for joint, one in values["joints"].items() if one["reason"]),
-        *(f"- {note}" for note in values["notes"]),
+        *(f"- {note}" for note in (*values["notes"], *(values["moments"] or {"notes": ()})["notes"])),
     ]
     return "\n".join(lines)
 
