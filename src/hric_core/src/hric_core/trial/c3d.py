@@ -39,6 +39,8 @@ READER = Path(__file__).with_name("c3d_child.py")
 """Script that reads a c3d file in a separate process."""
 ANALOG = "analog"
 """Key of the analog data in the reasons why parts of a file are left out."""
+ANGLES = "Angles"
+"""Ending of the names of joint angles that Vicon's Plug-in Gait and similar software write beside the markers."""
 BLANKS = " \t\r\n\0"
 """Characters with which exporters fill up texts."""
 BLOCK = 512
@@ -71,6 +73,8 @@ class Trial:
         subject: height [m] and mass [kg] of the subject, where the file has them.
         reasons: sentences about parts of the file that are left out, by part: the number of a force plate, or a name.
         start: for a file exported from a run of HRIC, robot time of the first frame [s]; 0 for other files.
+        angles: joint angles that the laboratory's software computed, by name without prefix, shape (frames, 3) each
+            [deg]; NaN: not known.
     """
 
     name: str
@@ -87,6 +91,7 @@ class Trial:
     subject: Mapping[str, float] = field(default_factory=dict)
     reasons: Mapping[int | str, str] = field(default_factory=dict)
     start: float = 0.0
+    angles: Mapping[str, FloatArray] = field(default_factory=dict)
 
     @property
     def duration(self) -> float:
@@ -259,9 +264,9 @@ def _trial(path: Path, up: str, parameters: Mapping[str, Group], arrays: Mapping
     unit = _texts(point, "UNITS", 1)[0].lower() or "mm"
     if unit not in METRES:
         raise ParameterError(f"c3d file {path} has points in {unit!r}; valid: {', '.join(METRES)}")
-    positions = points.transpose(2, 1, 0) * METRES[unit]
-    unseen = (arrays["residuals"].T < 0) | ~np.isfinite(positions).all(axis=2) | (positions == 0.0).all(axis=2)
-    positions[unseen] = np.nan
+    raw, labels = points.transpose(2, 1, 0).astype(float), _labels(point, "LABELS", points.shape[1])
+    raw[(arrays["residuals"].T < 0) | ~np.isfinite(raw).all(axis=2) | (raw == 0.0).all(axis=2)] = np.nan
+    computed = {label.split(":")[-1]: raw[:, row] for row, label in enumerate(labels) if label.endswith(ANGLES)}
     analog_rate, reason = _analog_rate(analog, len(analogs), rate, per_frame)
     if reason:
         reasons[ANALOG], analogs = reason, analogs[:0]
@@ -274,8 +279,8 @@ def _trial(path: Path, up: str, parameters: Mapping[str, Group], arrays: Mapping
     return Trial(
         path.name,
         rate,
-        _labels(point, "LABELS", points.shape[1]),
-        vectors_z_up(z_or_y, positions),
+        labels,
+        vectors_z_up(z_or_y, raw * METRES[unit]),
         analog_rate,
         _labels(analog, "LABELS", len(analogs)),
         units,
@@ -286,6 +291,7 @@ def _trial(path: Path, up: str, parameters: Mapping[str, Group], arrays: Mapping
         _subject(parameters, reasons),
         reasons,
         first_number(parameters.get("HRIC", {}), "START_TIME", 0.0),
+        computed,
     )
 
 

@@ -154,6 +154,15 @@ def _tables(values: Mapping[str, Any]) -> Iterator[PageTable]:
         for name, one in values["joints"].items()
     )
     yield PageTable("Joint angles", ("joint", "smallest [deg]", "largest [deg]", "deviation [deg]", "known"), joints)
+    differences = tuple(
+        (name, one["angle"], str(one["frames"]), *(f"{one[key]:.1f}" for key in ("rms", "offset", "varying")))
+        for name, one in values["vendor"].items()
+    )
+    yield PageTable(
+        "Difference from the angles in the file",
+        ("joint", "angle in the file", "frames", "RMS [deg]", "mean [deg]", "RMS without the mean [deg]"),
+        differences,
+    )
     moved = (values["moments"] or {"joints": {}})["joints"]
     loads = tuple(
         (name, *(number(one[key], 3) for key in ("low", "high")), f"{100.0 * one['known']:.0f} %")

@@ -13,6 +13,7 @@ from hric_human.body.segments import Builder
 from hric_motion.measured import KNOWN, MAX_DISTANCE
 from hric_motion.moments import HICKS, RECOMMENDED, JointMoments
 from hric_motion.trial import MEASURES, TrialMotion
+from hric_motion.vendor import compared
 
 Numbers = dict[str, float | None]
 
@@ -104,6 +105,11 @@ def content(result: TrialMotion, moments: JointMoments | None = None) -> dict[st
         "fitted": float(np.isfinite(motion.root[:, 0]).mean()),
         "joints": {one.name: vars(one) for one in joint_summaries(result)},
         "unknown": list(motion.unknown),
+        "vendor": {
+            one.joint: {"angle": one.theirs, "frames": one.frames}
+            | {key: float(np.degrees(getattr(one, key))) for key in ("rms", "offset", "varying")}
+            for one in compared(list(motion.body.joints), motion.q, result.trial.angles)
+        },
         "moments": None if moments is None else moment_values(moments),
         "notes": list(result.notes),
     }
@@ -177,6 +183,11 @@ def render(name: str, values: Mapping[str, Any]) -> str:
         moment_line(values),
         subject_line(values),
         *(f"- {joint}: {one['reason']}" for joint, one in values["joints"].items() if one["reason"]),
+        *(
+            f"- {joint}: {one['rms']:.1f} deg RMS from {one['angle']} in the file, mean {one['offset']:+.1f}, without it "
+            f"{one['varying']:.1f}"
+            for joint, one in values["vendor"].items()
+        ),
         *(f"- {note}" for note in (*values["notes"], *(values["moments"] or {"notes": ()})["notes"])),
     ]
     return "\n".join(lines)

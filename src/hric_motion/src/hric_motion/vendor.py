@@ -1,0 +1,69 @@
+"""Comparison of joint angles with those that the laboratory's software wrote into the same file.
+
+The angles of Plug-in Gait are those of its own axes, which it builds from single markers; a constant difference between
+both is one of definitions, and is shown apart.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from hric_core.geometry import FloatArray
+
+PLUG_IN_GAIT = {
+    "sh_flex": ("ShoulderAngles", 0, 1.0),
+    "el_flex": ("ElbowAngles", 0, 1.0),
+    "hip_flex": ("HipAngles", 0, 1.0),
+    "hip_abd": ("HipAngles", 1, -1.0),
+    "knee_flex": ("KneeAngles", 0, 1.0),
+    "ankle_flex": ("AnkleAngles", 0, 1.0),
+}
+"""Name, column and sign of the angle of Plug-in Gait by joint without its side (Vicon, Plug-in Gait Reference Guide)."""
+TRUNK = ("trunk_flex", "RSpineAngles", 0, 1.0)
+"""The same of the trunk."""
+
+
+class AngleDifference(NamedTuple):
+    """Difference of one joint angle from that of the laboratory's software.
+
+    Attributes:
+        joint: name of the joint.
+        theirs: name of the angle in the file.
+        frames: number of frames in which both are known.
+        rms: root mean square of the difference [rad].
+        offset: mean of the difference [rad].
+        varying: root mean square of the difference without its mean [rad].
+    """
+
+    joint: str
+    theirs: str
+    frames: int
+    rms: float
+    offset: float
+    varying: float
+
+
+def compared(joints: Sequence[str], q: FloatArray, angles: Mapping[str, FloatArray]) -> list[AngleDifference]:
+    """Return the differences of the joints of which both angles are known.
+
+    Args:
+        joints: names of the joints.
+        q: joint positions, shape (n, j) [rad]; NaN: not known.
+        angles: angles of the file by name, shape (n, 3) each [deg].
+    """
+    rows = [TRUNK] + [
+        (f"{side}_{joint}", f"{side[0].upper()}{name}", column, sign)
+        for joint, (name, column, sign) in PLUG_IN_GAIT.items()
+        for side in ("right", "left")
+    ]
+    found = []
+    for joint, name, column, sign in rows:
+        if joint not in joints or name not in angles:
+            continue
+        off = q[:, joints.index(joint)] - sign * np.radians(angles[name][:, column])
+        off = (off + np.pi) % (2.0 * np.pi) - np.pi
+        if len(off := off[np.isfinite(off)]):
+            rms, offset = float(np.sqrt(np.mean(off**2))), float(off.mean())
+            found.append(AngleDifference(joint, name, len(off), rms, offset, float(off.std())))
+    return found
