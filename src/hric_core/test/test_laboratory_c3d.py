@@ -46,6 +46,12 @@ def test_a_point_at_the_origin_is_not_seen(tmp_path: Path) -> None:
     assert np.flatnonzero(np.isnan(read_trial(path).positions[:, 1, 0])).tolist() == [5, 6, 7]
 
 
+def test_angles_of_the_laboratory_keep_their_degrees(tmp_path: Path) -> None:
+    angles = np.random.default_rng(5).normal(scale=30.0, size=(FRAMES, 3))
+    path = c3d_files.write(tmp_path / "angles.c3d", Lab(MARKERS | {"Ann:LKneeAngles": angles}))
+    np.testing.assert_allclose(read_trial(path, "y").angles["LKneeAngles"], angles, rtol=1e-6)
+
+
 FEW_CHANNELS = np.array([[2, 3, 4, 5, 6, 7], [8, 9, 10, 90, 12, 13]], dtype=float).T
 FLAT = np.stack([CORNERS.T, np.zeros((3, 4))], axis=2)
 ODD: dict[str, dict[str, Any]] = {

@@ -19,7 +19,7 @@ PLUG_IN_GAIT = {
     "knee_flex": ("KneeAngles", 0, 1.0),
     "ankle_flex": ("AnkleAngles", 0, 1.0),
 }
-"""Name, column and sign of the angle of Plug-in Gait by joint without its side (Vicon, Plug-in Gait Reference Guide)."""
+"""Name, column and sign of the angle by joint without its side, as in Vicon's Plug-in Gait Reference Guide."""
 TRUNK = ("trunk_flex", "RSpineAngles", 0, 1.0)
 """The same of the trunk."""
 

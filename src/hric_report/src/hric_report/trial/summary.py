@@ -184,8 +184,8 @@ def render(name: str, values: Mapping[str, Any]) -> str:
         subject_line(values),
         *(f"- {joint}: {one['reason']}" for joint, one in values["joints"].items() if one["reason"]),
         *(
-            f"- {joint}: {one['rms']:.1f} deg RMS from {one['angle']} in the file, mean {one['offset']:+.1f}, without it "
-            f"{one['varying']:.1f}"
+            f"- {joint}: {one['rms']:.1f} deg RMS from {one['angle']} in the file; mean {one['offset']:+.1f} deg, "
+            f"{one['varying']:.1f} deg RMS without it"
             for joint, one in values["vendor"].items()
         ),
         *(f"- {note}" for note in (*values["notes"], *(values["moments"] or {"notes": ()})["notes"])),
