@@ -90,6 +90,13 @@ def test_joints_without_markers_are_not_known() -> None:
     assert np.isfinite(motion.root).all()
 
 
+def test_an_angle_beyond_its_range_is_not_known() -> None:
+    q, elbow = TRUTH.q.copy(), JOINTS.index("right_el_flex")
+    q[150:250, elbow] = -0.6
+    motion = measured(PERSON, NAMES, MODEL.positions(TRUTH._replace(q=q)), RATE)
+    assert np.isnan(motion.q[160:240, elbow]).all() and np.isfinite(motion.q[:140, elbow]).all()
+
+
 def test_only_short_gaps_are_filled() -> None:
     positions = CLEAN.copy()
     positions[100:115, 0], positions[200:230, 0] = np.nan, np.nan

@@ -15,11 +15,14 @@ MOTION = standing()
 PLATE = supporting(MOTION)
 CUTOFF = 45.0
 """Cut-off that changes hardly anything of these motions without noise [Hz]."""
+EDGES = 11
+"""Number of instants at both ends of a motion whose moments are not known."""
 RESULT = joint_moments(MOTION, RATE, {3: PLATE}, cutoff=CUTOFF)
 
 
 def known(names: list[str], result: JointMoments = RESULT) -> list[bool]:
-    return [bool(np.isfinite(result.moment[:, JOINTS.index(name)]).all()) for name in names]
+    inside = result.moment[EDGES:-EDGES]
+    return [bool(np.isfinite(inside[:, JOINTS.index(name)]).all()) for name in names]
 
 
 def test_a_plate_carries_the_whole_person() -> None:
@@ -28,7 +31,7 @@ def test_a_plate_carries_the_whole_person() -> None:
 
 
 def test_a_free_leg_needs_only_its_own_weight() -> None:
-    free, bound = (np.abs(RESULT.moment[:, JOINTS.index(f"{side}_hip_abd")]).mean() for side in ("right", "left"))
+    free, bound = (np.nanmean(np.abs(RESULT.moment[:, JOINTS.index(f"{side}_hip_abd")])) for side in ("right", "left"))
     assert free < 0.35 * bound
 
 
@@ -63,6 +66,10 @@ def test_a_lifted_mass_loads_the_root_by_its_weight() -> None:
     held = lifted(RESULT, link_name("hand", "right"), 4.0)
     loaded = joint_moments(MOTION, RATE, {3: PLATE}, [held], CUTOFF)
     assert_allclose((loaded.residual - RESULT.residual)[:, :3].mean(axis=0), [0.0, 0.0, 4.0 * 9.81], atol=0.5)
+
+
+def test_the_ends_of_a_motion_have_no_moments() -> None:
+    assert np.isnan(RESULT.moment[[0, 9, -10, -1]]).all() and np.isfinite(RESULT.moment[EDGES]).all()
 
 
 def test_a_person_who_is_hardly_seen_has_no_moments() -> None:

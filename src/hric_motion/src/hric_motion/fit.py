@@ -101,6 +101,7 @@ class _Equations(NamedTuple):
         cost: cost of each frame, shape (n,).
         Jf: weighted Jacobian of the posture, shape (n, 3 m, 6 + j).
         r: weighted residual, shape (n, 3 m).
+        pinned: True for joints at the end of their range that the markers push beyond, shape (n, j).
         w: weights of the markers, 0 if not visible, shape (n, m) [1/m].
         R: rotations of the links that the markers are on, shape (n, m, 3, 3).
     """
@@ -110,6 +111,7 @@ class _Equations(NamedTuple):
     cost: FloatArray
     Jf: FloatArray
     r: FloatArray
+    pinned: FloatArray
     w: FloatArray
     R: FloatArray
 
@@ -226,7 +228,8 @@ class BodyFit:
         H[:, at, at] += self._posture_spread**-2.0
         pinned = ((postures.q <= self._low) & (g[:, at] < 0.0)) | ((postures.q >= self._high) & (g[:, at] > 0.0))
         H[:, at, at] += PINNED * pinned
-        return _Equations(H, g, (r**2).sum(axis=1) + (off**2).sum(axis=1), Jf, r, np.asarray(w), placed.R)
+        cost = (r**2).sum(axis=1) + (off**2).sum(axis=1)
+        return _Equations(H, g, cost, Jf, r, pinned.astype(float), np.asarray(w), placed.R)
 
     def _by_shared(self, postures: BodyPostures, equations: _Equations) -> FloatArray:
         """Return the weighted derivatives of the markers by the shared unknowns, shape (n, 3 m, s)."""
@@ -406,11 +409,15 @@ class BodyFit:
         return FittedMotion(postures, self._spread(postures, equations), distances)
 
     def _spread(self, postures: BodyPostures, equations: _Equations) -> FloatArray:
-        """Return the standard deviations of the joint angles, shape (n, j) [rad]."""
+        """Return the standard deviations of the joint angles, shape (n, j) [rad].
+
+        An angle at the end of its range that the markers push beyond is not determined: it has the one without markers.
+        """
         _, _, (_, X) = self._reduced(postures, equations)
         own = np.einsum("nii->ni", np.linalg.inv(equations.H))
         variance = own + np.einsum("nis,nis->ni", X @ self._covariance, X)
-        return np.asarray(np.minimum(np.sqrt(variance[:, ROOT_MOTIONS:]), self.prior_spread))
+        spread = np.minimum(np.sqrt(variance[:, ROOT_MOTIONS:]), self.prior_spread)
+        return np.asarray(np.where(equations.pinned, self.prior_spread, spread))
 
 
 def seen_in(positions: FloatArray) -> Mask:

@@ -38,6 +38,8 @@ REACH = 0.12
 """Largest mean distance of the centre of pressure from the axis of the foot on the plate [m]."""
 LIGHT = 0.02
 """Share of the body's mass beyond a joint, up to which an unknown angle is held at its middle [1]: foot, hand."""
+EDGE = 0.1
+"""Time at both ends of the motion in which filter and splines distort accelerations, and moments are not known [s]."""
 LOST = 0.1
 """Residual force by the body weight above which the load under the feet is not known, as without a plate there [1]."""
 RECOMMENDED, HICKS = 0.05, "Hicks et al. 2015"
@@ -136,6 +138,7 @@ def joint_moments(
     lost = support.unclear | (np.linalg.norm(residual[:, :3], axis=1) > LOST * weight(motion.body))
     nearest = np.round((smooth.time - time[0]) * rate).astype(int)
     unknown = _unknown(whole, np.isnan(motion.q[rows][nearest]), lost)
+    unknown |= (np.minimum(smooth.time - smooth.time[0], smooth.time[-1] - smooth.time) < EDGE)[:, None]
     if lost.any():
         notes.append(f"the load under the feet is not known in {lost.mean():.0%} of the time")
     return JointMoments(
