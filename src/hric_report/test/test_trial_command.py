@@ -79,7 +79,7 @@ def test_cells_of_unknown_joints_are_empty(folder: Path) -> None:
 def test_moments_of_legs_without_a_plate_are_empty(folder: Path) -> None:
     rows = list(csv.DictReader((folder / "moments.csv").open()))
     assert {row["left_knee_flex [N m]"] for row in rows} == {""}
-    elbow = np.array([float(row["right_el_flex [N m]"]) for row in rows])
+    elbow = np.array([float(row["right_el_flex [N m]"]) for row in rows[15:-15]])
     assert 1.0 < elbow.mean() < 5.0  # forearm and hand of 1.7 kg, bent by about 45 deg
 
 
