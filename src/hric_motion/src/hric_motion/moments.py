@@ -132,13 +132,12 @@ def joint_moments(
     smooth, root = of_root_too(smoothed(time, posture, cutoff), motion.q.shape[1])
     free = whole.inverse_dynamics(smooth.q, smooth.dq, smooth.ddq, root)
     support = _support(whole, free, smooth.time, plates, cutoff)
-    acting = (*support.loads, *loads)
-    needed = whole.inverse_dynamics(smooth.q, smooth.dq, smooth.ddq, root, acting)
+    needed = whole.inverse_dynamics(smooth.q, smooth.dq, smooth.ddq, root, [*support.loads, *loads])
     residual = _residual(whole, needed, root)
     lost = support.unclear | (np.linalg.norm(residual[:, :3], axis=1) > LOST * weight(motion.body))
     nearest = np.round((smooth.time - time[0]) * rate).astype(int)
-    unknown = _unknown(whole, np.isnan(motion.q[rows][nearest]), lost)
-    unknown |= (np.minimum(smooth.time - smooth.time[0], smooth.time[-1] - smooth.time) < EDGE)[:, None]
+    ends = np.minimum(smooth.time - smooth.time[0], smooth.time[-1] - smooth.time) < EDGE
+    unknown = _unknown(whole, np.isnan(motion.q[rows][nearest]), lost) | ends[:, None]
     if lost.any():
         notes.append(f"the load under the feet is not known in {lost.mean():.0%} of the time")
     return JointMoments(
@@ -148,7 +147,7 @@ def joint_moments(
         np.where(unknown, np.nan, needed.torque),
         needed,
         residual,
-        acting,
+        (*support.loads, *loads),
         support.standing,
         (*notes[len(time) == len(motion.q) :], *support.notes),
     )
