@@ -174,7 +174,7 @@ def lifted(moments: JointMoments, link: str, mass: float) -> ExternalLoad:
 
 def _known(motion: MeasuredMotion) -> slice:
     """Return the longest range of frames in which the pose of the person is known."""
-    known = _intervals(np.asarray(np.isfinite(motion.root).all(axis=1)))
+    known = intervals(np.asarray(np.isfinite(motion.root).all(axis=1)))
     rows = max(known, key=lambda rows: rows.stop - rows.start, default=slice(0, 0))
     if (count := rows.stop - rows.start) < FEWEST:
         raise HricError(f"the pose of the person is known in {count} successive frames; valid: {FEWEST} or more")
@@ -262,7 +262,7 @@ def _support(
     for number, plate in plates.items():
         load = plate.loads(time)
         carried: dict[str, Mask] = {}
-        for rows in _intervals(-load[:, 2] > LOADED):
+        for rows in intervals(-load[:, 2] > LOADED):
             if -load[rows, 2].min() < SLIGHT * weight(whole.body):
                 continue
             foot = _foot(axes, rows, _pressure(plate, load))
@@ -278,8 +278,8 @@ def _support(
     return support
 
 
-def _intervals(mask: Mask) -> Iterator[slice]:
-    """Yield the ranges of successive True values."""
+def intervals(mask: Mask) -> Iterator[slice]:
+    """Yield the ranges of successive True values; mask: shape (n,)."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
     for begin, end in zip(edges[::2], edges[1::2], strict=True):
         yield slice(int(begin), int(end))

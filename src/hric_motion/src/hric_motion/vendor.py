@@ -12,7 +12,6 @@ import numpy as np
 from hric_core.geometry import FloatArray
 
 PLUG_IN_GAIT = {
-    "sh_flex": ("ShoulderAngles", 0, 1.0),
     "el_flex": ("ElbowAngles", 0, 1.0),
     "hip_flex": ("HipAngles", 0, 1.0),
     "hip_abd": ("HipAngles", 1, -1.0),

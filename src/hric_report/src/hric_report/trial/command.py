@@ -4,6 +4,7 @@ import argparse
 import re
 import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from tqdm import tqdm
@@ -111,15 +112,12 @@ def _one(path: Path, prefix: str | None, arguments: argparse.Namespace, measures
     folder = path.parent if arguments.output is None else arguments.output
     person = "_" + re.sub(r"\W", "_", result.prefix) if prefix and result.prefix else ""
     name = f"{path.stem}{person}_trial"
-    return files.write(result, _moments(result), sources, name, folder, arguments.command)
-
-
-def _moments(result: TrialMotion) -> JointMoments | None:
-    """Return the joint moments; None: the person is seen for too short a time."""
+    moments: JointMoments | None = None
     try:
-        return joint_moments(result.motion, result.trial.rate, result.trial.plates)
-    except HricError:
-        return None
+        moments = joint_moments(result.motion, result.trial.rate, result.trial.plates)
+    except HricError as error:
+        result = replace(result, notes=(*result.notes, f"joint moments are not known: {error}"))
+    return files.write(result, moments, sources, name, folder, arguments.command)
 
 
 def _print(folders: Sequence[Path]) -> None:

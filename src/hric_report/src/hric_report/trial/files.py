@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from hric_bags.export.opensim_text import write_storage
 from hric_bags.files import cannot_write, make_folder, write_json, write_text
@@ -20,7 +19,7 @@ from hric_core.geometry import FloatArray
 from hric_motion.moments import JointMoments
 from hric_motion.trial import TrialMotion
 from hric_report.trial import page, summary
-from hric_report.trial.opensim_files import ROOT_COORDINATES, write_dynamics, write_model
+from hric_report.trial.opensim_files import ROOT_COORDINATES, root_angles, write_dynamics, write_model
 from hric_run import provenance
 
 ANGLES, MOMENTS, MOTION = "angles.csv", "moments.csv", "angles.mot"
@@ -138,17 +137,9 @@ def _write_opensim(folder: Path, result: TrialMotion) -> None:
     motion = result.motion
     write_model(folder, motion.body)
     names = [*(name for name, _, _ in ROOT_COORDINATES), *motion.body.joints]
-    columns = np.hstack([motion.root[:, :3], _angles(motion.root), motion.q])
+    columns = np.hstack([motion.root[:, :3], root_angles(motion.root[:, 3:]), motion.q])
     about = {"units": "s, m, rad"}
     write_storage(folder / MOTION, result.time, dict(zip(names, columns.T, strict=True)), "Coordinates", about=about)
-
-
-def _angles(root: FloatArray) -> FloatArray:
-    """Return the body-fixed x-y-z angles of poses, shape (n, 3) [rad]; NaN: not known."""
-    angles, known = np.full((len(root), 3), np.nan), np.isfinite(root).all(axis=1)
-    if known.any():
-        angles[known] = np.unwrap(Rotation.from_quat(root[known, 3:]).as_euler("XYZ"), axis=0)
-    return angles
 
 
 def write_table(folder: Path) -> Path:

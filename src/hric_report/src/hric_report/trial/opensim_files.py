@@ -54,10 +54,18 @@ def described(urdf: str) -> str:
 
 def coordinates(moments: JointMoments) -> dict[str, FloatArray]:
     """Return the coordinates of the model by name, shape (n,) each [m], [rad]."""
-    angles = np.unwrap(Rotation.from_quat(moments.root.orientation).as_euler("XYZ"), axis=0)
+    angles = root_angles(moments.root.orientation)
     names = [name for name, _, _ in ROOT_COORDINATES]
     columns = np.hstack([moments.root.position, angles, moments.motion.q])
     return dict(zip([*names, *moments.body.joints], columns.T, strict=True))
+
+
+def root_angles(orientation: FloatArray) -> FloatArray:
+    """Return the rotation coordinates of the root link, shape (n, 3) [rad]; orientation: quaternions, NaN: not known."""
+    angles, known = np.full((len(orientation), 3), np.nan), np.isfinite(orientation).all(axis=1)
+    if known.any():
+        angles[known] = np.unwrap(Rotation.from_quat(orientation[known]).as_euler("XYZ"), axis=0)
+    return angles
 
 
 def write_model(folder: Path, body: Body) -> None:

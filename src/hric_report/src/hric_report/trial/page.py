@@ -9,7 +9,7 @@ import numpy as np
 
 from hric_core.geometry import FloatArray
 from hric_motion.measured import MAX_DISTANCE
-from hric_motion.moments import JointMoments
+from hric_motion.moments import JointMoments, intervals
 from hric_motion.trial import TrialMotion
 from hric_report.html import templates
 from hric_report.html.chart import Axis, ticks
@@ -127,7 +127,7 @@ def _panel(
         low, high = 0.0, max(high, limit or 0.0) * 1.05
     x, y = Axis(float(time[0]), float(time[-1]), LEFT, right), Axis(low, high, BOTTOM, TOP)
     lines, bands = list[str](), list[str]()
-    for run in _runs(np.isfinite(values)):
+    for run in intervals(np.isfinite(values)):
         points = [(x.x(t), y.x(value)) for t, value in zip(time[run], values[run], strict=True)]
         lines.append(_path(points))
         if half is not None:
@@ -135,13 +135,6 @@ def _panel(
             lower = [(x.x(t), y.x(v)) for t, v in zip(time[run], (values - spread)[run], strict=True)]
             bands.append(f"{_path([*upper, *lower[::-1]])}Z")
     return PanelPlot(title, x, y, "".join(lines), "".join(bands), limit)
-
-
-def _runs(known: np.typing.NDArray[np.bool_]) -> Iterator[slice]:
-    """Yield the spans of instants in which values are known."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], known.astype(int), [0]])))
-    for begin, end in zip(edges[::2], edges[1::2], strict=True):
-        yield slice(int(begin), int(end))
 
 
 def _path(points: list[tuple[float, float]]) -> str:

@@ -151,7 +151,7 @@ def moment_line(values: Mapping[str, Any]) -> str:
     """Return a sentence on the joint moments."""
     moments = values["moments"]
     if moments is None:
-        return "Joint moments are not known: the person is not seen in enough successive frames."
+        return "Joint moments are not known; the reason is among the notes."
     joints = moments["joints"]
     unknown = [name for name, one in joints.items() if not one["known"]]
     parts = [f"{len(joints) - len(unknown)} of {len(joints)} joint moments are known"]
