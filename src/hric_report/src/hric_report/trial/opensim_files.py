@@ -61,7 +61,7 @@ def coordinates(moments: JointMoments) -> dict[str, FloatArray]:
 
 
 def root_angles(orientation: FloatArray) -> FloatArray:
-    """Return the rotation coordinates of the root link, shape (n, 3) [rad]; orientation: quaternions, NaN: not known."""
+    """Return the rotation coordinates of the root link, shape (n, 3) [rad]; orientation: quaternions, or NaN."""
     angles, known = np.full((len(orientation), 3), np.nan), np.isfinite(orientation).all(axis=1)
     if known.any():
         angles[known] = np.unwrap(Rotation.from_quat(orientation[known]).as_euler("XYZ"), axis=0)
