@@ -1,14 +1,9 @@
 """Reader of a recorded trial from a c3d file: markers, analog channels and force plates.
 
-It needs no ROS. The library ezc3d reads the file, in a separate process."""
+It needs no ROS.
+"""
 
-import json
 import logging
-import os
-import struct
-import subprocess
-import sys
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -21,6 +16,7 @@ from hric_core import parameters
 from hric_core.errors import HricError, ParameterError, UnknownNameError
 from hric_core.geometry import UP_AXES, FloatArray
 from hric_core.geometry.transforms import vectors_z_up
+from hric_core.trial.c3d_file import C3dContent, continued, read_content
 from hric_core.trial.plates import METRES, Group, PlateReader, TrialPlate, first_number, numbers
 
 PROGRAMS = ("c3d", "trc", "mot")
@@ -35,22 +31,14 @@ MEASURES = (
 
 The ranges are a project default, unconfirmed."""
 PACKAGE = "package://"
-READER = Path(__file__).with_name("c3d_child.py")
-"""Script that reads a c3d file in a separate process."""
 ANALOG = "analog"
 """Key of the analog data in the reasons why parts of a file are left out."""
 ANGLES = "Angles"
 """Ending of the names of joint angles that Vicon's Plug-in Gait and similar software write beside the markers."""
+CUT = 4
+"""Number of characters to which some exporters cut the unit of length, as "mete"."""
 BLANKS = " \t\r\n\0"
 """Characters with which exporters fill up texts."""
-BLOCK = 512
-"""Size of a block of a c3d file [byte]."""
-MAGIC = 0x50
-"""Second byte of every c3d file, by which the format is recognised."""
-INTEL, DEC, SGI = 84, 85, 86
-"""Processor types in the parameter section; numbers of SGI begin with the high byte, which ezc3d does not read."""
-TIMEOUT = 60.0
-"""Longest time to read a file [s] (project default, unconfirmed)."""
 LOG = logging.getLogger("hric.core.trial")
 
 
@@ -203,78 +191,39 @@ class TrialSettings(parameters.Settings):
 
 @lru_cache(maxsize=4)  # one file is read several times: before the run, and for markers, plates and EMG
 def _read(path: Path, up: str, modified: int, size: int) -> Trial:
-    _check_size(path, size)
-    with tempfile.TemporaryDirectory() as folder:
-        output = Path(folder) / "trial.npz"
-        words = [sys.executable, os.fspath(READER), os.fspath(path), os.fspath(output)]
-        try:  # in a session of its own: otherwise Ctrl-C in the terminal would look like a damaged file
-            done = subprocess.run(
-                words, capture_output=True, text=True, timeout=TIMEOUT, check=False, start_new_session=True
-            )
-        except subprocess.TimeoutExpired as error:
-            raise ParameterError(f"c3d file {path} cannot be read: it takes longer than {TIMEOUT:g} s") from error
-        if done.returncode:
-            reason = done.stderr.strip().splitlines()[-1:] if done.returncode > 0 else ["it is damaged"]
-            raise ParameterError(f"c3d file {path} cannot be read: {' '.join(reason) or 'it is damaged'}")
-        with np.load(output) as arrays:
-            parameters = json.loads(str(arrays["parameters"]))
-            trial = _trial(path, up, parameters, arrays)
+    trial = _trial(path, up, read_content(path))
     for sentence in trial.left_out:
         LOG.warning("%s: left out: %s", path.name, sentence)
     return trial
 
 
-def _check_size(path: Path, size: int) -> None:
-    """Check that the numbers of frames and channels in the header fit the size [byte] of the file."""
-    try:
-        with path.open("rb") as file:
-            head = file.read(BLOCK)
-            file.seek(max(0, (head[0] if head else 1) - 1) * BLOCK)
-            parameters = file.read(4)
-    except OSError as error:
-        raise ParameterError(f"c3d file {path}: {error.strerror}") from error
-    if len(head) < BLOCK or head[1] != MAGIC or len(parameters) < 4 or parameters[3] not in (INTEL, DEC, SGI):
-        raise ParameterError(f"{path} is not a c3d file")
-    if parameters[3] == SGI:
-        raise ParameterError(
-            f"c3d file {path} has the byte order of SGI (MIPS), which cannot be read; valid: a file exported in the "
-            "byte order of Intel or DEC"
-        )
-    points, analogs, first, last = struct.unpack_from("<4H", head, 2)
-    (start,) = struct.unpack_from("<H", head, 16)
-    (scale_high,) = struct.unpack_from("<H", head, 14 if parameters[3] == INTEL else 12)
-    width = 4 if scale_high & 0x8000 else 2  # a negative scale means floating point
-    frames = last - first + 1
-    needed = (start - 1) * BLOCK + frames * (4 * points + analogs) * width
-    if frames < 1 or start < 2 or needed > size:
-        raise ParameterError(
-            f"c3d file {path} is damaged: {frames} frames by its header need {needed} bytes, and the file has {size}"
-        )
-
-
-def _trial(path: Path, up: str, parameters: Mapping[str, Group], arrays: Mapping[str, FloatArray]) -> Trial:
-    """Check the raw content of a c3d file, as `c3d_child` writes it, and return it in metres and with z up."""
+def _trial(path: Path, up: str, content: C3dContent) -> Trial:
+    """Check the raw content of a c3d file, and return it in metres and with z up."""
+    parameters, rate, raw, analogs = content.parameters, content.rate, content.points, content.analogs
     point, analog, reasons = parameters.get("POINT", {}), parameters.get("ANALOG", {}), dict[int | str, str]()
-    points, analogs, per_frame = arrays["points"], arrays["analogs"], int(arrays["per_frame"])
-    rate, frames = first_number(point, "RATE"), points.shape[2]
-    if not rate > 0 or not frames + analogs.shape[1]:
-        raise ParameterError(
-            f"c3d file {path} has {frames} frames at {rate:g} Hz; valid: one frame or more, a rate above 0"
-        )
+    if "POINT" not in parameters:
+        raise ParameterError(f"c3d file {path} is damaged: it has no parameters POINT")
+    if content.damaged:
+        reasons["parameters"] = "some parameters, which are damaged"
+    if not rate > 0:
+        raise ParameterError(f"c3d file {path} has {len(raw)} frames at {rate:g} Hz; valid: a rate above 0")
     unit = _texts(point, "UNITS", 1)[0].lower() or "mm"
+    if unit not in METRES and len(unit) == CUT:
+        unit = next((name for name in METRES if name.startswith(unit)), unit)
     if unit not in METRES:
         raise ParameterError(f"c3d file {path} has points in {unit!r}; valid: {', '.join(METRES)}")
-    raw, labels = points.transpose(2, 1, 0).astype(float), _labels(point, "LABELS", points.shape[1])
-    raw[(arrays["residuals"].T < 0) | ~np.isfinite(raw).all(axis=2) | (raw == 0.0).all(axis=2)] = np.nan
+    labels = _labels(point, "LABELS", raw.shape[1])
+    raw[~content.valid | ~np.isfinite(raw).all(axis=2) | (raw == 0.0).all(axis=2)] = np.nan
     computed = {label.split(":")[-1]: raw[:, row] for row, label in enumerate(labels) if label.endswith(ANGLES)}
-    analog_rate, reason = _analog_rate(analog, len(analogs), rate, per_frame)
+    analog_rate, reason = _analog_rate(analog, rate, content.per_frame)
     if reason:
         reasons[ANALOG], analogs = reason, analogs[:0]
     units = tuple(_texts(analog, "UNITS", len(analogs)))
     stated = up or _stated_up(point)
     z_or_y = stated or "z"
     platforms = {} if reason else parameters.get("FORCE_PLATFORM", {})
-    plates, missing = PlateReader(platforms, analogs, units, analog_rate, per_frame, METRES[unit], z_or_y).read()
+    reader = PlateReader(platforms, analogs, units, analog_rate, content.per_frame, METRES[unit], z_or_y)
+    plates, missing = reader.read()
     reasons.update(missing)
     return Trial(
         path.name,
@@ -295,13 +244,16 @@ def _trial(path: Path, up: str, parameters: Mapping[str, Group], arrays: Mapping
     )
 
 
-def _analog_rate(analog: Group, channels: int, rate: float, per_frame: int) -> tuple[float, str]:
-    """Return the rate of the analog samples [Hz], and "" or the reason why they are left out; the rate is then 0."""
-    analog_rate = first_number(analog, "RATE", 0.0) if per_frame else 0.0
-    if not per_frame or (channels and abs(analog_rate - rate * per_frame) <= 1e-3 * rate):
-        return analog_rate, ""
+def _analog_rate(analog: Group, rate: float, per_frame: int) -> tuple[float, str]:
+    """Return the rate of the analog samples [Hz], and "" or the reason why they are left out; the rate is then 0.
+
+    A rate that is not stated, or 0, is that of the samples in a frame.
+    """
+    stated = first_number(analog, "RATE", 0.0) or rate * per_frame
+    if not per_frame or abs(stated - rate * per_frame) <= 1e-3 * rate:
+        return (stated if per_frame else 0.0), ""
     return 0.0, (
-        f"analog channels and force plates have a rate of {analog_rate:g} Hz (ANALOG:RATE); valid: "
+        f"analog channels and force plates have a rate of {stated:g} Hz (ANALOG:RATE); valid: "
         f"{rate * per_frame:g} Hz, as the file has {per_frame} samples in each frame at {rate:g} Hz"
     )
 
@@ -339,8 +291,7 @@ def _subject(parameters: Mapping[str, Group], reasons: dict[int | str, str]) -> 
 
 def _texts(group: Group, name: str, count: int) -> list[str]:
     """Return the first `count` texts of a parameter that continues in NAME2, NAME3, ...; missing texts are empty."""
-    keys = (name, *(f"{name}{k}" for k in range(2, 100)))
-    texts = [str(text).strip(BLANKS) for key in keys for text in group.get(key, [])]
+    texts = [str(text).strip(BLANKS) for key in continued(name) for text in group.get(key, [])]
     return (texts + [""] * count)[:count]
 
 
