@@ -34,6 +34,10 @@ The larger residual of a fit counts. The constants of this file are project defa
 """
 SIZE_SPREAD, LENGTH_SPREAD = 0.1, 0.04
 """Prior standard deviations of the logarithms of the body's size, and of each length relative to it [1]."""
+TRUNK_SPREAD = 0.15
+"""The same of the lower trunk [1]: one joint stands for the whole lumbar spine, so its place is uncertain."""
+WAIST_SPREAD = 0.03
+"""Prior standard deviation of the place of that joint, forward [m]."""
 BONE_SPREAD, LOOSE_SPREAD = 0.007, 0.04
 """Prior standard deviations of a marker's place on its segment [m]: on a bone that is felt, and on soft tissue."""
 FARTHEST = 5.0
@@ -60,6 +64,8 @@ LARGEST_TURN = 0.4
 """Largest rotation of a joint or the root in one step [rad]."""
 DIFFERENCE = 1e-4
 """Change of the logarithm of a length for derivatives [1]."""
+UNSEEN = 1e-3
+"""Weight that keeps the root of a person of whom no marker is visible [1/m^2], [1/rad^2]: far below that of a marker."""
 PINNED = 1e12
 """Weight that keeps a joint at the end of its range [1/rad^2]."""
 TRUNK = (ROOT, "waist", "torso")
@@ -153,8 +159,8 @@ class BodyFit:
         soft = {marker.name for marker in extra if marker.loose}
         loose = np.array([name.endswith(LOOSE) or name in soft for name in names])
         offsets = np.repeat(np.where(loose, LOOSE_SPREAD, BONE_SPREAD), 3)
-        relative = np.full(len(self._table), LENGTH_SPREAD)
-        self._shared_spread = np.concatenate([[SIZE_SPREAD], relative, offsets])
+        relative = [TRUNK_SPREAD if name == "lower_trunk" else LENGTH_SPREAD for name in self._table]
+        self._shared_spread = np.array([SIZE_SPREAD, *relative, WAIST_SPREAD, *offsets])
         self._shared, self.noise = np.zeros(len(self._shared_spread)), NOISE
         self._covariance = np.diag(self._shared_spread**2)
         self._set(self._shared)
@@ -163,15 +169,10 @@ class BodyFit:
         self._fit(positions)
         self._posture_spread = self.prior_spread
 
-    @property
-    def lengths(self) -> dict[str, float]:
-        """Fitted lengths by name [m]."""
-        return self._lengths(self._shared)
-
     @cached_property
     def body(self) -> Body:
         """Fitted body, with the fitted places of the markers."""
-        body = describe(replace(self._subject, lengths=self.lengths))
+        body = describe(self._subject_of(self._shared))
         markers = zip(self.names, self._geometry.markers, strict=True)
         fitted = {name: replace(self._markers[name], p_link_marker=p_link) for name, p_link in markers}
         return replace(body, markers={**body.markers, **fitted})
@@ -195,19 +196,21 @@ class BodyFit:
 
     # -- shared unknowns -----------------------------------------------------------------------------------------------
 
-    def _lengths(self, shared: FloatArray) -> dict[str, float]:
+    def _subject_of(self, shared: FloatArray) -> Subject:
         factors = np.exp(shared[0] + shared[1 : 1 + len(self._table)])
-        return dict(zip(self._table, (np.array(list(self._table.values())) * factors).tolist(), strict=True))
+        lengths = (np.array(list(self._table.values())) * factors).tolist()
+        waist = float(shared[1 + len(self._table)])
+        return replace(self._subject, lengths=dict(zip(self._table, lengths, strict=True)), waist_forward=waist)
 
     def _geometry_of(self, shared: FloatArray) -> Geometry:
-        geometry = self._model.geometry_of(segments(replace(self._subject, lengths=self._lengths(shared))))
-        return geometry._replace(markers=geometry.markers + shared[1 + len(self._table) :].reshape(-1, 3))
+        geometry = self._model.geometry_of(segments(self._subject_of(shared)))
+        return geometry._replace(markers=geometry.markers + shared[-3 * len(self.names) :].reshape(-1, 3))
 
     def _set(self, shared: FloatArray) -> None:
         """Take over values of the shared unknowns, and the derivatives of the geometry by size and lengths."""
         self._shared, self._geometry = shared, self._geometry_of(shared)
         self._changes = []
-        for index in range(1 + len(self._table)):
+        for index in range(2 + len(self._table)):
             step = np.zeros(len(shared))
             step[index] = DIFFERENCE
             after = self._geometry_of(shared + step)
@@ -228,6 +231,7 @@ class BodyFit:
         H[:, at, at] += self._posture_spread**-2.0
         pinned = ((postures.q <= self._low) & (g[:, at] < 0.0)) | ((postures.q >= self._high) & (g[:, at] > 0.0))
         H[:, at, at] += PINNED * pinned
+        H[:, range(ROOT_MOTIONS), range(ROOT_MOTIONS)] += UNSEEN
         cost = (r**2).sum(axis=1) + (off**2).sum(axis=1)
         return _Equations(H, g, cost, Jf, r, pinned.astype(float), np.asarray(w), placed.R)
 

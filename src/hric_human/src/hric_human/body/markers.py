@@ -1,8 +1,11 @@
 """Markers of a body: names and positions of the Plug-in Gait full-body set, scaled with the segments.
 
-The positions follow the description of Vicon's 39 markers (J. Sports Sci. Med. 15:92, table 2); the values that place
-them on a capsule are a project default, unconfirmed. The thigh, shank, upper arm and forearm markers are at different
-heights on the left and on the right, so that sides can be distinguished.
+The positions follow the description of Vicon's 39 markers (J. Sports Sci. Med. 15:92, table 2). Two groups of values
+have a source; the others, which place markers on a capsule, are project defaults, unconfirmed. The pelvis markers are
+where the regression of Harrington et al. (J. Biomech. 40:595, 2007) has the hip joint centres, for a pelvis that is
+0.24 m wide and 0.16 m deep; the knee marker is half a femur's width of 95.2 mm (Ross and Wilson's phantom, Br. J.
+Sports Med. 8:123, 1974) from the knee; both with 7 mm for the marker. The thigh, shank, upper arm and forearm markers
+are at different heights on the left and on the right, so that sides can be distinguished.
 """
 
 import re
@@ -50,7 +53,7 @@ class MarkerRow:
     Attributes:
         name: name in Plug-in Gait, without L or R for a marker of both sides.
         segment: segment that the marker is on; "shoulder": at the shoulder joint centre, fixed to the upper arm's
-            parent link.
+            parent link; "hips": at the midpoint of the hip joint centres, on the pelvis.
         share: position along the segment's axis from its start, on the left and on the right [1].
         offset: offset forward, outward (on middle segments: to the left) and up, in capsule radii of the segment [1].
     """
@@ -83,7 +86,7 @@ def _at(share: float) -> tuple[float, float]:
 
 
 BOTH_SIDES = (
-    MarkerRow("SHO", "shoulder", _at(0.0), (0.0, 0.0, 1.2)),
+    MarkerRow("SHO", "shoulder", _at(0.0), (0.0, -0.4, 1.2)),
     MarkerRow("UPA", "upper_arm", (0.33, 0.67), (0.0, 1.0, 0.0)),
     MarkerRow("ELB", "upper_arm", _at(1.0), (0.0, 1.0, 0.0)),
     MarkerRow("FRM", "forearm", (0.67, 0.33), (0.0, 1.0, 0.0)),
@@ -91,26 +94,26 @@ BOTH_SIDES = (
     MarkerRow("WRB", "forearm", _at(1.0), (-1.0, 0.0, 0.0)),
     MarkerRow("FIN", "hand", _at(0.42), (0.0, 1.0, 0.0)),
     MarkerRow("THI", "thigh", (0.67, 0.5), (0.0, 1.0, 0.0)),
-    MarkerRow("KNE", "thigh", _at(1.0), (0.0, 1.0, 0.0)),
+    MarkerRow("KNE", "thigh", _at(1.0), (0.0, 0.7, 0.0)),
     MarkerRow("TIB", "shank", (0.67, 0.5), (0.0, 1.0, 0.0)),
     MarkerRow("ANK", "shank", _at(1.0), (0.0, 1.0, 0.0)),
-    MarkerRow("HEE", "foot", _at(0.0), (0.0, 0.0, 0.0)),
-    MarkerRow("TOE", "foot", _at(0.7), (0.0, 0.0, 1.0)),
+    MarkerRow("HEE", "foot", _at(0.0), (-0.2, 0.0, 0.25)),
+    MarkerRow("TOE", "foot", _at(0.7), (0.0, 0.0, 0.25)),
 )
 MIDDLE = (
-    MarkerRow("LFHD", "head", _at(0.7), (0.7, 0.7, 0.0)),
-    MarkerRow("RFHD", "head", _at(0.7), (0.7, -0.7, 0.0)),
-    MarkerRow("LBHD", "head", _at(0.7), (-0.7, 0.7, 0.0)),
-    MarkerRow("RBHD", "head", _at(0.7), (-0.7, -0.7, 0.0)),
-    MarkerRow("C7", "torso", _at(1.0), (-0.5, 0.0, 0.0)),
-    MarkerRow("T10", "torso", _at(0.45), (-1.0, 0.0, 0.0)),
-    MarkerRow("CLAV", "torso", _at(0.84), (0.85, 0.0, 0.0)),
-    MarkerRow("STRN", "torso", _at(0.48), (1.0, 0.0, 0.0)),
-    MarkerRow("RBAK", "torso", _at(0.65), (-0.9, -0.45, 0.0)),
-    MarkerRow("LASI", "pelvis", _at(0.5), (0.85, 1.35, 0.4)),
-    MarkerRow("RASI", "pelvis", _at(0.5), (0.85, -1.35, 0.4)),
-    MarkerRow("LPSI", "pelvis", _at(0.5), (-0.9, 0.5, 0.4)),
-    MarkerRow("RPSI", "pelvis", _at(0.5), (-0.9, -0.5, 0.4)),
+    MarkerRow("LFHD", "head", _at(0.7), (0.88, 0.84, 0.0)),
+    MarkerRow("RFHD", "head", _at(0.7), (0.88, -0.84, 0.0)),
+    MarkerRow("LBHD", "head", _at(0.7), (-1.02, 0.74, 0.0)),
+    MarkerRow("RBHD", "head", _at(0.7), (-1.02, -0.74, 0.0)),
+    MarkerRow("C7", "torso", _at(1.0), (-0.45, 0.0, 0.0)),
+    MarkerRow("T10", "torso", _at(0.45), (-0.67, 0.0, 0.0)),
+    MarkerRow("CLAV", "torso", _at(0.84), (0.45, 0.0, 0.0)),
+    MarkerRow("STRN", "torso", _at(0.48), (0.67, 0.0, 0.0)),
+    MarkerRow("RBAK", "torso", _at(0.65), (-0.65, -0.45, 0.0)),
+    MarkerRow("LASI", "hips", _at(0.0), (0.58, 1.29, 0.89)),
+    MarkerRow("RASI", "hips", _at(0.0), (0.58, -1.29, 0.89)),
+    MarkerRow("LPSI", "hips", _at(0.0), (-1.26, 0.5, 0.89)),
+    MarkerRow("RPSI", "hips", _at(0.0), (-1.26, -0.5, 0.89)),
 )
 
 
@@ -130,13 +133,15 @@ def markers(segments: Sequence[BodySegment], extra: Sequence[ExtraMarker] = ()) 
 
 def _kind(row: MarkerRow) -> str:
     """Return the kind of the segment that determines the place of a marker."""
-    return "upper_arm" if row.segment == "shoulder" else row.segment
+    return {"shoulder": "upper_arm", "hips": "pelvis"}.get(row.segment, row.segment)
 
 
 def _marker(name: str, row: MarkerRow, segment: BodySegment, side: str) -> AttachedMarker:
     offset = segment.radius * np.array(row.offset) * [1.0, SIDES.get(side, 1.0), 1.0]
     if row.segment == "shoulder":
         return AttachedMarker(name, segment.parent, segment.p_parent_link + offset)
+    if row.segment == "hips":
+        return AttachedMarker(name, segment.link, offset)
     share = row.share[side == "right"]
     return AttachedMarker(name, segment.link, segment.start + share * (segment.end - segment.start) + offset)
 

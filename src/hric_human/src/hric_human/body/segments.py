@@ -180,6 +180,7 @@ class Builder:
         )
         pelvis = self.part("lower_trunk", lower, _up(0.0))
         half = np.array([0.0, 0.5 * self.lengths["hip_width"], 0.0])
+        waist = lower + [self.subject.waist_forward, 0.0, 0.0]
         torso = {
             "upper_trunk": self.part("upper_trunk", middle + upper, middle),
             "middle_trunk": self.part("middle_trunk", middle, _up(0.0)),
@@ -188,7 +189,7 @@ class Builder:
         across = pelvis.com - half, pelvis.com + half
         return [
             self.segment("pelvis", "", ROOT, _up(0.0), {"lower_trunk": pelvis}, across, (0, 0)),
-            self.segment("torso", "", LINKS["pelvis"], lower, torso, (_up(0.0), middle + upper), (1, 1)),
+            self.segment("torso", "", LINKS["pelvis"], waist, torso, (_up(0.0), middle + upper), (1, 1)),
             self.segment("head", "", LINKS["torso"], middle + upper, skull, (_up(0.0), head), (0, 1)),
         ]
 

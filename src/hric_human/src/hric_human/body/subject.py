@@ -52,6 +52,9 @@ class Subject(Settings):
     masses: Mapping[str, float] = mapping(
         number(unit="kg", above=0.0), default={}, text="measured masses in place of the table's, of one side, by name"
     )
+    waist_forward: float = number(
+        0.0, unit="m", minimum=-0.2, maximum=0.2, text="how far the joint of the waist is ahead of the hips"
+    )
 
     @property
     def chains(self) -> tuple[str, ...]:
