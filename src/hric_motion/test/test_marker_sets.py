@@ -29,6 +29,7 @@ def test_each_label_is_a_marker_with_a_place(key: str) -> None:
     assert all(name in one.extra or name in BODY.markers for name in one.known.values())
     assert {marker.row.segment for marker in one.extra.values()} <= {
         "shoulder",
+        "hips",
         *(segment.kind for segment in BODY.segments.values()),
     }
 

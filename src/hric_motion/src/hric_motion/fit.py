@@ -306,7 +306,8 @@ class BodyFit:
                 q = postures.q[good[at.clip(0, len(good) - 1)]]
             elif attempt > len(self._starts):
                 q = random.uniform(self._low, self._high, q.shape)
-            other, lower = self._solved(positions[poor], self._at_start(positions[poor], q))
+            start = self._at_start(positions[poor], q, postures.rows(poor))
+            other, lower = self._solved(positions[poor], start)
             better = lower < cost[poor]
             for array, new in zip(postures, other, strict=True):
                 array[poor[better]] = new[better]
@@ -314,13 +315,14 @@ class BodyFit:
             shares = cost / np.maximum(seen, 1)
         return postures
 
-    def _at_start(self, positions: FloatArray, q: FloatArray) -> BodyPostures:
+    def _at_start(self, positions: FloatArray, q: FloatArray, before: BodyPostures | None = None) -> BodyPostures:
         """Return the postures with joint positions q, one or n, and the root where it fits the trunk best (Kabsch).
 
-        A frame with fewer than three of these gets the root of the nearest frame that has them.
+        A frame with fewer than three of the trunk's markers gets the root of the nearest frame that has them; if none
+        has, all keep the root of the postures before.
 
         Raises:
-            HricError: no frame has three of the trunk's markers.
+            HricError: no frame has three of the trunk's markers, and there are no postures before.
         """
         q = np.broadcast_to(q, (len(positions), len(self._mean)))
         still = BodyPostures(np.tile(np.eye(3), (len(q), 1, 1)), np.zeros((len(q), 3)), q)
@@ -328,6 +330,8 @@ class BodyFit:
         there = positions[:, list(self.trunk)]
         seen = seen_in(there)
         known = np.flatnonzero(seen.sum(axis=1) >= 3)
+        if not len(known) and before is not None:
+            return before._replace(q=q.copy())
         if not len(known):
             raise HricError("no frame has three visible markers of the trunk; valid: three or more, for its pose")
         poses = {int(row): _kabsch(body[row, seen[row]], there[row, seen[row]]) for row in known}
@@ -346,13 +350,19 @@ class BodyFit:
             postures = self._fitted(positions, postures)
             postures = self._improved(positions, *self._solved(positions, postures))
             equations = self._equations(positions, postures, self._geometry)
-            unknowns = len(self._shared) + equations.g.size
-            free = max(1.0, 3.0 * (equations.w > 0.0).sum() - unknowns)
+            free = max(1.0, 3.0 * (equations.w > 0.0).sum() - self._determined(postures, equations))
             self.noise = max(NOISE, self.noise * float(np.sqrt((equations.r**2).sum() / free)))
             if abs(self.noise - before) < ROUNDED * before:
                 break
         S, _, _ = self._reduced(postures, self._equations(positions, postures, self._geometry))
         self._covariance = np.linalg.inv(S)
+
+    def _determined(self, postures: BodyPostures, equations: _Equations) -> float:
+        """Return how many unknowns the markers determine, those that the priors determine in part counted in part."""
+        of_markers = equations.Jf.swapaxes(1, 2) @ equations.Jf
+        own = float(np.einsum("nij,nji->", np.linalg.inv(equations.H), of_markers))
+        S, _, _ = self._reduced(postures, equations)
+        return own + len(S) - float((np.diag(np.linalg.inv(S)) * self._shared_spread**-2.0).sum())
 
     def _reduced(
         self, postures: BodyPostures, equations: _Equations, damping: float = 0.0

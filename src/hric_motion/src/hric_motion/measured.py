@@ -104,13 +104,14 @@ def measured(
     root = np.hstack([motion.postures.p, Rotation.from_matrix(motion.postures.R).as_quat()])
     distances = np.where(seen_in(positions), motion.distances, np.nan)
     fitted = np.asarray(_rms(motion.distances, axis=1) <= MAX_DISTANCE)  # False for NaN
-    fitted &= seen[:, list(fit.trunk)].sum(axis=1) >= 3
-    if fitted.mean() < MIN_SHARE:
+    visible = seen[:, list(fit.trunk)].sum(axis=1) >= 3
+    fitted &= visible
+    if fitted[visible].mean() < MIN_SHARE:
         after = _rms(motion.distances, axis=0)
         worst = sorted(zip(names, after, strict=True), key=lambda pair: -np.nan_to_num(pair[1]))[:3]
         raise HricError(
-            f"the body fits the markers within {1e3 * MAX_DISTANCE:.0f} mm in {fitted.mean():.0%} of the frames: "
-            f"valid: {MIN_SHARE:.0%} or more. Farthest off: "
+            f"the body fits the markers within {1e3 * MAX_DISTANCE:.0f} mm in {fitted[visible].mean():.0%} of the "
+            f"frames that show the trunk; valid: {MIN_SHARE:.0%} or more. Farthest off: "
             + ", ".join(f"{name} {1e3 * off:.0f} mm" for name, off in worst)
             + ". Check labels, unit and vertical axis"
         )
