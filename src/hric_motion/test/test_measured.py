@@ -114,6 +114,22 @@ def test_lost_arm_is_not_known_in_the_gap_alone() -> None:
     assert np.isnan(elbow[150:250]).all() and np.isfinite(np.r_[elbow[:150], elbow[250:]]).all()
 
 
+def test_a_person_who_crosses_the_volume_is_measured_there() -> None:
+    positions = CLEAN.copy()
+    positions[:120], positions[280:] = np.nan, np.nan
+    motion = measured(PERSON, NAMES, positions, RATE)
+    assert np.isfinite(motion.root[120:280]).all() and np.isnan(motion.root[:120]).all()
+    error = errors(motion)
+    assert (np.abs(error) < 1.96 * motion.spread)[np.isfinite(error)].mean() > 0.9
+
+
+def test_noise_of_few_markers_is_that_of_the_markers() -> None:
+    links = ("waist", *(f"{side}_{joint}" for side in "lr" for joint in ("hip", "knee", "ankle")))
+    worn = [row for row, name in enumerate(NAMES) if BODY.markers[name].link in links]
+    positions = Case(noise=0.01, lost=0.4).positions()[:, worn]
+    assert 0.007 < measured(PERSON, [NAMES[row] for row in worn], positions, RATE).noise < 0.013
+
+
 def test_points_that_are_no_person_are_refused() -> None:
     with pytest.raises(HricError, match=r"the body fits the markers within 30 mm in 0% .*Check labels, unit"):
         measured(PERSON, NAMES, np.random.default_rng(0).normal(size=CLEAN[:40].shape), RATE)

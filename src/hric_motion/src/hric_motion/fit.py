@@ -35,7 +35,7 @@ The larger residual of a fit counts. The constants of this file are project defa
 SIZE_SPREAD, LENGTH_SPREAD = 0.1, 0.04
 """Prior standard deviations of the logarithms of the body's size, and of each length relative to it [1]."""
 TRUNK_SPREAD = 0.15
-"""The same of the lower trunk [1]: one joint stands for the whole lumbar spine, so its place is uncertain."""
+"""The same of the lower trunk [1]: one joint replaces the whole lumbar spine, so its place is uncertain."""
 WAIST_SPREAD = 0.03
 """Prior standard deviation of the place of that joint, forward [m]."""
 BONE_SPREAD, LOOSE_SPREAD = 0.007, 0.04
@@ -65,7 +65,7 @@ LARGEST_TURN = 0.4
 DIFFERENCE = 1e-4
 """Change of the logarithm of a length for derivatives [1]."""
 UNSEEN = 1e-3
-"""Weight that keeps the root of a person of whom no marker is visible [1/m^2], [1/rad^2]: far below that of a marker."""
+"""Weight that keeps the root of a person without visible markers [1/m^2], [1/rad^2]: far below that of a marker."""
 PINNED = 1e12
 """Weight that keeps a joint at the end of its range [1/rad^2]."""
 TRUNK = (ROOT, "waist", "torso")

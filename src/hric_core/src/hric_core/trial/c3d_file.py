@@ -117,15 +117,15 @@ class _File:
             damaged or first_number(point, "USED") != points,
         )
 
-    def _parameters(self, place: int, end: int) -> tuple[dict[str, Group], bool]:
-        """Return the parameters between two places [byte], and True if some are damaged and left out."""
+    def _parameters(self, begin: int, end: int) -> tuple[dict[str, Group], bool]:
+        """Return the parameters between two positions [byte], and True if some are damaged and left out."""
         groups, entries, damaged = dict[int, str](), list[tuple[int, str, list[Any] | None]](), False
-        while place + 4 <= end:
-            length, number = struct.unpack_from("bb", self._data, place)
-            after = place + 2 + abs(length)  # the length of a locked name is negative
+        while begin + 4 <= end:
+            length, number = struct.unpack_from("bb", self._data, begin)
+            after = begin + 2 + abs(length)  # the length of a locked name is negative
             if not length or not number or after + 2 > len(self._data):
                 break
-            name = _text(self._data[place + 2 : after])
+            name = _text(self._data[begin + 2 : after])
             damaged |= not name.isprintable()
             if number < 0:
                 groups[-number] = name.upper()
@@ -135,7 +135,7 @@ class _File:
             if step < 2:
                 damaged |= step != 0
                 break
-            place = after + step
+            begin = after + step
         named: dict[str, dict[str, list[Any]]] = {name: {} for name in groups.values()}
         for number, name, value in entries:
             if number in groups and value is not None:

@@ -180,7 +180,7 @@ class Builder:
         )
         pelvis = self.part("lower_trunk", lower, _up(0.0))
         half = np.array([0.0, 0.5 * self.lengths["hip_width"], 0.0])
-        waist = lower + [self.subject.waist_forward, 0.0, 0.0]
+        waist = lower + np.array([self.subject.waist_forward, 0.0, 0.0])
         torso = {
             "upper_trunk": self.part("upper_trunk", middle + upper, middle),
             "middle_trunk": self.part("middle_trunk", middle, _up(0.0)),
