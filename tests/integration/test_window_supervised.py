@@ -59,7 +59,7 @@ def browser(address: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
     """Window after the first seconds of the run; what came is kept in the page."""
     with Browser(tmp_path_factory.mktemp("profile")) as made:
         made.open_address(address)
-        made.wait("report.started === true && report.end > 4", 90.0)
+        made.wait("report.started === true && report.end > 12", 90.0)  # near the person the arm rests for seconds
         made.evaluate("document.getElementById('live').click()")
         yield made
         lost = "WebSocket connection"  # the run may end before the tests do
