@@ -1,6 +1,7 @@
 """Findings of postures: what makes a score count, what is not known, and what is uncertain."""
 
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 from bodies import Posed, body
 
+from hric_assessment.ergonomics.posture import of_joints
 from hric_assessment.findings import Finding, Outcome
 from hric_assessment.verdict import assess, opened
 from hric_assessment.verdict.person import AssessedPerson, people_of
@@ -215,9 +217,11 @@ def of_markers(folder: Path, angles: dict[str, float], noise: float, lean: float
     return next(one for one in verdict.findings if one.subject == "RULA of the right arm")
 
 
-def test_exact_markers_of_an_upright_person_give_one_score(tmp_path: Path) -> None:
+def test_exact_markers_leave_the_band_of_their_unknown_places(tmp_path: Path) -> None:
     finding = of_markers(tmp_path, {}, 0.0)
-    assert finding.reason.startswith("score 1: acceptable") and finding.outcome == Outcome.WITHIN
+    assert finding.values["score that counts, better end"] == 1.0
+    assert re.search(r"decided by wrist \+2: wrist flexion -15 to -5 deg \(\S+ \+- \S+ deg\)", finding.reason)
+    assert finding.outcome == Outcome.WARNING
 
 
 def test_five_millimetres_of_noise_give_an_upright_person_a_band_that_names_the_angle(tmp_path: Path) -> None:
@@ -235,14 +239,45 @@ def test_noise_far_from_all_thresholds_gives_one_score(tmp_path: Path) -> None:
 
 def test_markers_of_a_person_bent_at_the_hips_show_a_bent_trunk(tmp_path: Path) -> None:
     finding = of_markers(tmp_path, {"trunk_flex": 5.0}, 0.0, lean=65.0)
-    assert "trunk +4: trunk flexion above 60 deg (70.0 deg)" in finding.notes[0]
+    assert "trunk +4: trunk flexion above 60 deg (70.0 +- " in finding.notes[0]
 
 
 @pytest.mark.parametrize("joint", ["neck_flex", "trunk_flex", "right_sh_abd", "right_wr_flex"])
-def test_the_interval_of_an_angle_holds_three_deviations_of_its_noise_and_not_five(tmp_path: Path, joint: str) -> None:
-    (tracked,) = people_of(opened(str(c3d(tmp_path, {"neck_flex": 5.0}, 5e-3))))
-    assert tracked is not None
+def test_an_interval_for_all_frames_holds_three_deviations_and_not_five(tmp_path: Path, joint: str) -> None:
+    (measured,) = people_of(opened(str(c3d(tmp_path, {"neck_flex": 5.0}, 5e-3))))
+    assert measured is not None
+    tracked = replace(measured, deviation=None)
     angle = {"neck_flex": "neck_flexion", "trunk_flex": "trunk_flexion", "right_wr_flex": "wrist_flexion"}.get(joint)
     deviation = np.degrees(np.std(tracked.q[:, tracked.names.index(joint)]))
     width = math.degrees(spread_of(tracked, "right")[angle or "upper_arm_flexion"])
     assert 3.0 * deviation - 0.5 <= width <= 5.0 * deviation + 0.5
+
+
+@pytest.mark.parametrize("angle", ["neck_flexion", "trunk_flexion", "elbow_flexion", "wrist_flexion"])
+def test_an_interval_of_markers_holds_the_true_angle(tmp_path: Path, angle: str) -> None:
+    (tracked,) = people_of(opened(str(c3d(tmp_path, {"neck_flex": 5.0}, 5e-3))))
+    truth = {"neck_flexion": 5.0, "elbow_flexion": 80.0}.get(angle, 0.0)
+    found = np.degrees(np.asarray(getattr(of_joints(tracked.names, tracked.q, "right"), angle)))
+    width = np.degrees(spread_of(tracked, "right")[angle])
+    assert np.mean(np.abs(found - truth) <= width + 0.5) >= 0.9  # + 0.5: the interval is rounded to degrees
+
+
+def test_an_arm_is_as_uncertain_as_the_joint_that_raises_it() -> None:
+    """A forward arm is raised by sh_flex, an arm to the side by sh_abd; the other joint moves it along a circle."""
+    posed = person({"right_sh_flex": np.where(np.arange(250) < 125, 60.0, 0.0), "right_sh_abd": 0.0})
+    q, deviation = posed.q.copy(), np.zeros_like(posed.q)
+    q[125:, posed.names.index("right_sh_abd")] = math.radians(60.0)
+    deviation[:, posed.names.index("right_sh_abd")] = math.radians(5.0)
+    width = np.degrees(spread_of(replace(posed, q=q, deviation=deviation), "right")["upper_arm_flexion"])
+    assert width[0] == pytest.approx(0.0) and width[-1] == pytest.approx(10.0)
+
+
+def test_a_score_is_uncertain_only_at_uncertain_instants() -> None:
+    posed = person({"trunk_flex": 18.0}, root=leaning(0.0))
+    deviation = np.zeros_like(posed.q)
+    deviation[:100, posed.names.index("trunk_flex")] = math.radians(5.0)
+    arm = next(scored(replace(posed, deviation=deviation), None, (0.0, 5.0)))
+    differs = arm.scores.highest > arm.scores.lowest
+    assert differs[:100].all() and not differs[100:].any()
+    finding = posture_finding(arm, posed)
+    assert re.search(r"score \d to \d: .*trunk flexion 20 to 60 deg \(18.0 \+- 10.0 deg\)", finding.reason)

@@ -11,6 +11,8 @@ from hric_core.errors import HricError
 from hric_core.geometry import FloatArray
 
 Angle = FloatArray | float | None
+Spread = FloatArray | float
+"""Half-width of an uncertainty interval, for all instants or for each, shape (n,) [rad]."""
 Flag = np.ndarray[Any, np.dtype[np.bool_]] | bool | None
 
 
@@ -109,7 +111,8 @@ class Known:
         posture: posture of the person.
         task: task of the arm and of the rest of the body.
         fields: names of the fields that a scorer needs.
-        spread: uncertainty of angles, half-width of an interval [rad], by name; inf: not known; no entry: exact.
+        spread: uncertainty of angles, half-width of an interval, one value or shape (n,) [rad], by name; inf: not
+            known; no entry: exact.
 
     Attributes:
         count: number of instants n.
@@ -120,7 +123,7 @@ class Known:
         HricError: fields have different lengths.
     """
 
-    def __init__(self, posture: Posture, task: Task, fields: Sequence[str], spread: Mapping[str, float]) -> None:
+    def __init__(self, posture: Posture, task: Task, fields: Sequence[str], spread: Mapping[str, Spread]) -> None:
         values = {name: getattr(posture if hasattr(posture, name) else task, name) for name in fields}
         values |= {name: values[arm] for name, arm in SHARED.items() if name in values and values[name] is None}
         self.spread = spread

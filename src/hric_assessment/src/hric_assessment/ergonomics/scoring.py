@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from hric_assessment.ergonomics.posture import NOTHING_KNOWN, Known, Posture, Task
+from hric_assessment.ergonomics.posture import NOTHING_KNOWN, Known, Posture, Spread, Task
 from hric_assessment.tables import Adder, Band, Condition, PostureTable
 from hric_core import plugins
 from hric_core.errors import UnknownNameError
@@ -38,7 +38,7 @@ class Step:
         reasons: possible reasons, phrases.
         case: index of the reason that applies at each instant, shape (n,).
         angle: angle that determines the points, shape (n,) [rad]; None: a flag determines them.
-        spread: uncertainty of the angle, half-width of an interval [rad].
+        spread: uncertainty of the angle, half-width of an interval, one value or shape (n,) [rad].
     """
 
     part: str
@@ -46,11 +46,12 @@ class Step:
     reasons: tuple[str, ...]
     case: IntArray
     angle: FloatArray | None = None
-    spread: float = 0.0
+    spread: Spread = 0.0
 
     def reason(self, index: int) -> str:
         """Return a text with the points at one instant and the reason for them."""
-        about = f" +- {math.degrees(self.spread):.1f}" if self.spread else ""
+        spread = float(np.broadcast_to(self.spread, len(self.points))[index])
+        about = f" +- {math.degrees(spread):.1f}" if spread else ""
         value = "" if self.angle is None else f" ({math.degrees(self.angle[index]):.1f}{about} deg)"
         return f"{self.part} {self.points[index]:+d}: {self.reasons[self.case[index]]}{value}"
 
@@ -171,7 +172,7 @@ class Scorer:
         angle, spread = self.known[band.angle], self._spread(band.angle)
         bounds = [self._bound(bound) for bound in band.bounds]
         case, scores = _case(band, bounds, angle), np.array(band.scores, np.int8)
-        if spread and self._end:
+        if self._end and np.any(spread):
             first, last = _case(band, bounds, angle - spread), _case(band, bounds, angle + spread)
             for other, score in enumerate(band.scores):
                 better = self._end * (score - scores[case]) > 0
@@ -187,7 +188,8 @@ class Scorer:
     def _adder(self, label: str, adder: Adder) -> Step:
         case = np.any([self._fulfilled(condition) for condition in adder.any], axis=0).astype(np.int8)
         only = adder.any[0].angle if len(adder.any) == 1 else None
-        angle, spread = (None, 0.0) if only is None else (self.known[only], self._spread(only))
+        angle = None if only is None else self.known[only]
+        spread = 0.0 if only is None else self._spread(only)
         return Step(label, adder.score * case, (f"not {adder.text}", adder.text), case, angle, spread)
 
     def _fulfilled(self, condition: Condition) -> Any:
@@ -198,8 +200,8 @@ class Scorer:
         threshold = math.radians(self._chosen[str(condition.above or condition.beyond)])
         return angle + (self._end * self._spread(name) if self._end else 0.0) > threshold
 
-    def _spread(self, name: str) -> float:
-        """Return the uncertainty of an angle, half-width of an interval [rad]."""
+    def _spread(self, name: str) -> Spread:
+        """Return the uncertainty of an angle, half-width of an interval, one value or shape (n,) [rad]."""
         return self.known.spread.get(name, 0.0)
 
     def _bound(self, bound: float | str) -> float:
@@ -220,7 +222,7 @@ def scored(table: PostureTable, method: str, known: Known, total: Total) -> Scor
     scorer = Scorer(table, known)
     score, stricter, looser = total(scorer), *(total(Scorer(table, known, shift)) for shift in (-VARIATION, VARIATION))
     low, high, lowest, highest = scorer, scorer, score, score
-    if any(known.spread.values()):
+    if any(np.any(width) for width in known.spread.values()):
         low, high = Scorer(table, known, end=-1), Scorer(table, known, end=1)
         lowest, highest = total(low), total(high)
     ends = (lowest, highest, tuple(low.steps))
@@ -309,7 +311,7 @@ class PostureMethod:
         posture: Posture,
         task: Task = NOTHING_KNOWN,
         version: str = "",
-        spread: Mapping[str, float] = MappingProxyType({}),
+        spread: Mapping[str, Spread] = MappingProxyType({}),
     ) -> Scores:
         """Return the scores of a posture over time.
 
@@ -317,7 +319,8 @@ class PostureMethod:
             posture: posture of one arm and of the rest of the person.
             task: task of that arm; its load counts for the rest of the person, too.
             version: one of `versions`; empty: the default.
-            spread: uncertainty of angles, half-width of an interval [rad], by name; inf: not known.
+            spread: uncertainty of angles, half-width of an interval, one value or shape (n,) [rad], by name; inf: not
+                known.
 
         Raises:
             HricError: fields have different lengths, the version does not exist, or the table lacks the coupling.
@@ -328,7 +331,7 @@ class PostureMethod:
         known = Known(posture, task, [*needed(table), *self.task_fields], spread)
         return scored(table, self.name(version), known, lambda scorer: self.total(scorer, task, version))
 
-    def highest(self, posture: Posture, task: Task, version: str, spread: Mapping[str, float]) -> IntArray:
+    def highest(self, posture: Posture, task: Task, version: str, spread: Mapping[str, Spread]) -> IntArray:
         """Return the highest scores that uncertain angles allow, shape (n,); arguments: see `score`."""
         table = self.table()
         known = Known(posture, task, [*needed(table), *self.task_fields], spread)

@@ -34,7 +34,7 @@ def of_c3d(path: Path) -> Recording:
     time, end = result.time[rows], trial.start + trial.duration
     states = Columns(f"{path.name}/joint_states", tuple(motion.body.joints), time, motion.q[rows])
     root = TrackedRoot(
-        f"{path.name}/tracking", "laboratory", time, motion.root[rows], motion.residual[rows], calibrated=True
+        f"{path.name}/tracking", "laboratory", time, motion.root[rows], motion.residual[rows], True, motion.spread[rows]
     )
     return Recording(
         {f"{path.name}: {len(result.labels)} markers of {result.marker_set}": len(motion.q)},

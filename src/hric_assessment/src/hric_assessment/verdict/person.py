@@ -60,6 +60,7 @@ class AssessedPerson:
         uncertainty_from: explanation of the uncertainty.
         name: namespace of the person.
         record: recorded signals of a simulated human, with grips and torques; None for others.
+        deviation: standard deviations of the joint angles, shape (n, j) [rad]; None: not known for each frame.
     """
 
     what: str
@@ -76,6 +77,7 @@ class AssessedPerson:
     uncertainty_from: str = "simulated, so exact"
     name: str = ""
     record: HumanRecord | None = None
+    deviation: FloatArray | None = None
 
     @property
     def sides(self) -> tuple[str, ...]:
@@ -194,6 +196,7 @@ def _other(source: AssessmentInput, topic: str) -> AssessedPerson:
         uncertainty=0.0 if tracked is None else _residual(tracked),
         uncertainty_from="95th percentile of the distance between measured markers and those of the body",
         name=name,
+        deviation=None if tracked is None else tracked.deviation,
     )
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from hric_assessment.ergonomics import use
-from hric_assessment.ergonomics.posture import ANGLES, MIDDLE, SAME, Posture, Task, of_joints, to_vertical
+from hric_assessment.ergonomics.posture import ANGLES, MIDDLE, SAME, Posture, Spread, Task, of_joints, to_vertical
 from hric_assessment.findings import finite_rows, unknown
 from hric_assessment.tables import PostureTable, verdict_table
 from hric_assessment.verdict.person import AssessedPerson
@@ -22,6 +22,8 @@ COVERAGE = 3.0
 Project default, unconfirmed. The interval excludes 0.3 % of normally distributed errors, which add up to a second only
 in recordings longer than six minutes.
 """
+NORMAL = 1.96
+"""Ratio of a 95 % interval's half-width to the standard deviation, for a normal distribution [1]."""
 JOINTS = {**SAME, "upper_arm_flexion": "sh_abd", "upper_arm_abduction": "sh_abd", "forearm_inward": "sh_rot"}
 """Joint of the arm from which each posture angle gets its uncertainty.
 
@@ -105,14 +107,19 @@ def task_of(
     )
 
 
-def spread_of(person: AssessedPerson, side: str) -> dict[str, float]:
+def spread_of(person: AssessedPerson, side: str) -> dict[str, Spread]:
     """Return the uncertainty (half-width) of each posture angle of a tracked person [rad]; empty for other persons.
+
+    If the standard deviation of each joint angle is known, it is a 95 % interval for each instant, shape (n,).
+    Otherwise it is one value for the recording:
 
     If each coordinate of a marker has the standard deviation s, least squares give angles with the covariance s^2 (J^T
     J)^-1, with the Jacobian J of all markers of the body at the median posture. The root mean square distance r of the
     markers from their model positions is s sqrt((3 m - k) / m), with m markers and k degrees of freedom. The standard
     deviation is multiplied by COVERAGE and rounded like the angles.
     """
+    if person.deviation is not None:
+        return _spread_over_time(person, person.deviation, side)
     if not person.uncertainty > 0.0:
         return {}
     columns = {name: angle for name, angle in zip(person.names, person.q.T, strict=True) if np.isfinite(angle).any()}
@@ -126,6 +133,31 @@ def spread_of(person: AssessedPerson, side: str) -> dict[str, float]:
     step = verdict_table()["angle"]
     known = {angle: width[name] for angle, name in joints.items() if name in width}
     return {angle: math.radians(step * math.floor(width / step + 0.5)) for angle, width in known.items()}
+
+
+def _spread_over_time(person: AssessedPerson, deviation: FloatArray, side: str) -> dict[str, Spread]:
+    """Return the half-width of the 95 % interval of each posture angle at each instant, shape (n,) [rad].
+
+    An angle f(q) of several joints has the variance sum_j d_j^2 (first order, joints as independent), with the larger
+    difference d_j of f(q) to f(q + s_j) and f(q - s_j) at the standard deviation s_j of joint j; the larger one, since
+    the elevation of a hanging arm has no derivative. The orientation of the pelvis counts as exact.
+
+    Args:
+        person: assessed person.
+        deviation: standard deviations of the joint angles, shape (n, j) [rad].
+        side: side of the arm.
+    """
+    middle, step = of_joints(person.names, person.q, side), verdict_table()["angle"]
+    known = {name: np.asarray(angle) for name in ANGLES if (angle := getattr(middle, name)) is not None}
+    variance = {name: np.zeros(len(person.time)) for name in known}
+    for joint in range(len(person.names)):
+        shift = np.zeros_like(person.q)
+        shift[:, joint] = deviation[:, joint]
+        ends = [of_joints(person.names, person.q + sign * shift, side) for sign in (1.0, -1.0)]
+        for name, angle in known.items():
+            variance[name] += np.max([np.nan_to_num(getattr(end, name) - angle) ** 2 for end in ends], axis=0)
+    width = {name: NORMAL * np.degrees(np.sqrt(value)) / step for name, value in variance.items()}
+    return {name: np.radians(step * np.floor(value + 0.5)) for name, value in width.items()}
 
 
 def _load(person: AssessedPerson, record: HumanRecord | None, side: str) -> FloatArray | None:

@@ -80,6 +80,7 @@ class TrackedRoot:
         pose: position [m] and quaternion x y z w, shape (n, 7); NaN while the person is lost.
         residual: distance between measured and model markers, root mean square, shape (n,) [m].
         calibrated: True if the body model was fitted to the person.
+        deviation: standard deviation of each joint angle of the same person, shape (n, j) [rad]; None: not known.
     """
 
     topic: str
@@ -88,6 +89,7 @@ class TrackedRoot:
     pose: FloatArray
     residual: FloatArray
     calibrated: bool
+    deviation: FloatArray | None = None
 
 
 @dataclass(frozen=True)
