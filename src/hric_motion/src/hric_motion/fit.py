@@ -18,6 +18,7 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 import numpy.typing as npt
+from tqdm import tqdm
 
 from hric_core.errors import HricError, ParameterError
 from hric_core.geometry import FloatArray
@@ -178,7 +179,7 @@ class BodyFit:
         return replace(body, markers={**body.markers, **fitted})
 
     def motion(self, positions: FloatArray, block: int = 400) -> FittedMotion:
-        """Return the motion of the fitted body that fits the markers best.
+        """Return the motion of the fitted body that fits the markers best; a terminal shows the progress.
 
         Args:
             positions: positions of the markers, shape (n, m, 3) [m]; NaN: not visible.
@@ -186,7 +187,7 @@ class BodyFit:
         """
         knots = np.unique(np.append(np.arange(0, len(positions), KNOT), len(positions) - 1))
         known, parts = self._started(positions[knots]), list[FittedMotion]()
-        for begin in range(0, len(positions), block):
+        for begin in tqdm(range(0, len(positions), block), unit_scale=block, unit=" frames", disable=None, leave=False):
             rows = np.arange(begin, min(begin + block, len(positions)))
             nearest = np.abs(rows[:, None] - knots).argmin(axis=1)
             parts.append(self._block(positions[rows], known.rows(nearest)))

@@ -8,8 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
-import opensim
-
 from hric_core.command import Argument, Command
 from hric_core.errors import DescriptionError, FailureError, ParameterError
 from hric_core.parameters import declared, read_yaml
@@ -60,7 +58,6 @@ class ConvertCommand(Command):
 
     def run(self, arguments: argparse.Namespace) -> None:
         """Convert the description, verify and write the model, and print the errors found by the verification."""
-        opensim.Logger.setLevelString("Error")
         started = time.perf_counter()
         options = _options(arguments)
         urdf_xml = read_description(arguments.input, arguments.xacro_arg)

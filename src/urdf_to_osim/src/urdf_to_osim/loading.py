@@ -18,9 +18,11 @@ SIMBODY = ("libSimTKcommon.so", "libSimTKmath.so", "libSimTKsimbody.so")
 
 
 def load_opensim() -> None:
-    """Import OpenSim with Simbody's libraries loaded first, and without its log file in the working folder."""
+    """Import OpenSim with Simbody's libraries loaded first; it logs errors only, and writes no log file."""
     load_simbody_first()
-    importlib.import_module("opensim").Logger.removeFileSink()
+    logger = importlib.import_module("opensim").Logger
+    logger.removeFileSink()
+    logger.setLevelString("Error")
 
 
 def load_simbody_first() -> bool:

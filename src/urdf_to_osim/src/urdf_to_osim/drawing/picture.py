@@ -5,8 +5,6 @@ import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-import opensim
-
 from hric_core.command import Argument, Command
 from hric_core.errors import FailureError, ParameterError
 from hric_core.kept import write_whole
@@ -80,7 +78,6 @@ class PictureCommand(Command):
 
     def run(self, arguments: argparse.Namespace) -> None:
         """Draw the model and print the name of the PNG file."""
-        opensim.Logger.setLevelString("Error")
         output = arguments.output or arguments.model.with_suffix(".png")
         (width, height), (azimuth, elevation) = arguments.size, arguments.view
         look = Look(width, height, azimuth, elevation, arguments.centres, arguments.frames)
