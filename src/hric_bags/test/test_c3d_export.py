@@ -23,6 +23,7 @@ from hric_bags.run_folder import RunFolder
 from hric_core.command import main
 from hric_core.errors import HricError
 from hric_core.trial.c3d import read_trial
+from hric_core.trial.events import TrialEvent
 from hric_perception.plate.section import PlateSection
 
 SINGLE = 2.0**-24
@@ -252,11 +253,12 @@ def test_a_long_trial_becomes_files_that_the_format_can_count(truth: Truth, tmp_
         channels=(),
         plates=(),
         positions=np.tile(trial.positions[:1], (70000, 1, 1)),
-        events=((10.0, "a"), (280.0, "b")),
+        events=(TrialEvent(10.0, "a"), TrialEvent(280.0, "b", "Left")),
     )
     first, second = c3d_format.parts(long)
     assert (len(first.positions), len(second.positions), second.start) == (65535, 4465, pytest.approx(65535 / 240.0))
-    assert first.events == ((10.0, "a"),) and second.events == ((280.0 - 65535 / 240.0, "b"),)
+    assert first.events == (TrialEvent(10.0, "a"),)
+    assert second.events == (TrialEvent(280.0 - 65535 / 240.0, "b", "Left"),)
     c3d_format.write(first, tmp_path / "a.c3d")
     assert len(read_trial(tmp_path / "a.c3d").positions) == 65535 and read_trial(tmp_path / "a.c3d").channels == ()
 
@@ -286,7 +288,7 @@ def test_the_line_that_is_printed_tells_how_the_file_was_made(
         "plate left of type 2",
         "analog samples at 2160 Hz",
         "from 2000 Hz by cubic",
-        "mm, N, N mm",
+        "mm, N, Nmm",
     ):
         assert words in line
 
@@ -331,7 +333,7 @@ def test_events_are_triggers_and_phases(tmp_path: Path) -> None:
         tuple(TopicColumn(name, "V", np.zeros(4000)) for name in ("a", "b")),
     )
     trial = c3d_trial.collect({table.topic: table for table in (phases, trigger, emg)}, frames.FixedFrames(), {})
-    assert trial.events == ((0.5, "rest"), (1.5, "moving"), (2.0, "trigger"))
+    assert trial.events == (TrialEvent(0.5, "rest"), TrialEvent(1.5, "moving"), TrialEvent(2.0, "trigger"))
     c3d_format.write(trial, tmp_path / "a.c3d")
     group = read(tmp_path / "a.c3d")[0].get("EVENT")
     assert [label.strip() for label in group.get("LABELS").string_array] == ["rest", "moving", "trigger"]

@@ -52,7 +52,11 @@ class Refinement(TypedDict):
 
 
 class RunFile(RunNotes, total=False):
-    """Contents of run.yaml; interval: begin and end of the robot time that the metrics cover [s]; limits: by joint."""
+    """Contents of run.yaml.
+
+    interval: begin and end of the robot time that the metrics cover [s]; limits: by joint; trials: replayed trials by
+    name of the file, see `hric_core.trial.description`.
+    """
 
     experiment: str
     study: str
@@ -68,6 +72,7 @@ class RunFile(RunNotes, total=False):
     bag: str
     bags: Sequence[str]
     definition: Definition
+    trials: Mapping[str, Mapping[str, Any]]
     parameters: NodeParameters
     limits: Mapping[str, Mapping[str, float]]
     versions: Mapping[str, str]

@@ -19,6 +19,7 @@ from hric_control.limits import load_limits
 from hric_core import plugins
 from hric_core.node import Node
 from hric_core.trial.c3d import PROGRAMS as RECORDED
+from hric_core.trial.description import replayed_trials
 from hric_core.urdf import ONE_COORDINATE, read
 from hric_run.definition.experiment import Experiment, package_path, to_dict
 
@@ -59,6 +60,8 @@ def head(
         entries: further keys, which differ between live and headless runs.
     """
     code_versions, code_revision = _code()
+    values = to_dict(definition)
+    trials = replayed_trials(values)
     return {
         "experiment": definition.name,
         "description": definition.description,
@@ -68,7 +71,8 @@ def head(
         "finished": None,
         "arguments": neutral(list(overrides)),
         "bag": folder.bag_path.name,
-        "definition": neutral(to_dict(definition)),
+        "definition": neutral(values),
+        **({"trials": trials} if trials else {}),
         "parameters": parameters(tree),
         "versions": code_versions,
         "revision": code_revision,

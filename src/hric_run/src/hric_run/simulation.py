@@ -78,7 +78,8 @@ class Simulation:
             # Imported only for runs with motion capture.
             from hric_run.headless_human import HeadlessHuman
 
-            steppers.insert(0, HeadlessHuman(node, mocap.build(self.seed, person), announced=bool(steppers)))
+            announced = bool(steppers) or mocap.human.get("program") == "c3d"
+            steppers.insert(0, HeadlessHuman(node, mocap.build(self.seed, person), announced))
         added = [section.headless(node, self.seed) for section in self.definition.added_sections.values()]
         steppers += [stepper for stepper in added if stepper is not None]
         self.app = RobotApp(node, node.child(parameters.ROBOT))

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from hric_bags.export.c3d_trial import C3dTrial
+from hric_core.trial.plates import METRES
 
 MAX_FRAMES = 65535
 """Largest number of frames in a c3d file, whose header counts them in 16 bits; longer trials become several files."""
-MM = 1000.0
 WIDTH = 120
 """Width of a line of text in a c3d parameter, which may have 255 characters [characters]."""
 INTEGER = 2
@@ -30,9 +30,9 @@ def parts(trial: C3dTrial) -> Iterator[C3dTrial]:
             positions=trial.positions[first:last],
             channels=tuple(replace(channel, values=channel.values[samples]) for channel in trial.channels),
             events=tuple(
-                (time - offset, label)
-                for time, label in trial.events
-                if 0 <= time - offset < (last - first) / trial.rate
+                event._replace(time=event.time - offset)
+                for event in trial.events
+                if 0 <= event.time - offset < (last - first) / trial.rate
             ),
         )
 
@@ -53,8 +53,8 @@ def write(trial: C3dTrial, path: Path, started: str = "") -> None:
         _analogs(file, trial)
     if trial.plates:
         _plates(file, trial)
-    for time, label in trial.events:
-        file.add_event([float(time // 60), time % 60], "General", label)
+    for time, label, context in trial.events:
+        file.add_event([float(time // 60), time % 60], context, label)
     file.add_parameter("MANUFACTURER", "SOFTWARE", "hric_experiments")
     file.add_parameter("HRIC", "START_TIME", float(trial.start), "of the first frame [s]")
     for name, note in {**trial.notes, **({"STARTED": started} if started else {})}.items():
@@ -64,13 +64,14 @@ def write(trial: C3dTrial, path: Path, started: str = "") -> None:
 
 def _points(file: Any, trial: C3dTrial) -> None:
     group, p = file["parameters"]["POINT"], trial.positions
-    group["RATE"]["value"], group["UNITS"]["value"], group["LABELS"]["value"] = [trial.rate], ["mm"], list(trial.labels)
+    group["RATE"]["value"], group["UNITS"]["value"] = [trial.rate], [trial.length]
+    group["LABELS"]["value"] = list(trial.labels)
     points = np.ones((4, p.shape[1], p.shape[0]))
-    points[:3] = MM * p.transpose(2, 1, 0)
+    points[:3] = p.transpose(2, 1, 0) / METRES[trial.length]
     file["data"]["points"] = points
     file["data"]["meta_points"]["residuals"] = np.where(np.isfinite(p).all(axis=2).T, 0.0, -1.0)[None]
     file.add_parameter("POINT", "X_SCREEN", "+X")
-    file.add_parameter("POINT", "Y_SCREEN", "+Y", "y of OpenSim's ground points up")
+    file.add_parameter("POINT", "Y_SCREEN", f"+{trial.up.upper()}", "points up")
 
 
 def _analogs(file: Any, trial: C3dTrial) -> None:
@@ -84,12 +85,12 @@ def _analogs(file: Any, trial: C3dTrial) -> None:
 
 
 def _plates(file: Any, trial: C3dTrial) -> None:
-    group, plates = file["parameters"]["FORCE_PLATFORM"], trial.plates
+    group, plates, metre = file["parameters"]["FORCE_PLATFORM"], trial.plates, 1.0 / METRES[trial.length]
     channels = 1 + np.arange(6 * len(plates)).reshape(len(plates), 6).T
     parameters = {"USED": [len(plates)], "TYPE": [plate.kind for plate in plates], "ZERO": [0, 0], "CHANNEL": channels}
     for name, values in parameters.items():
         group[name].update(type=INTEGER, value=np.array(values))
-    file.add_parameter("FORCE_PLATFORM", "CORNERS", MM * np.stack([plate.corners.T for plate in plates], axis=2))
-    file.add_parameter("FORCE_PLATFORM", "ORIGIN", MM * np.stack([plate.origin for plate in plates], axis=1))
+    file.add_parameter("FORCE_PLATFORM", "CORNERS", metre * np.stack([plate.corners.T for plate in plates], axis=2))
+    file.add_parameter("FORCE_PLATFORM", "ORIGIN", metre * np.stack([plate.origin for plate in plates], axis=1))
     file.add_parameter("FORCE_PLATFORM", "CAL_MATRIX", np.stack([plate.calibration for plate in plates], axis=2))
     file.add_parameter("FORCE_PLATFORM", "UNITS", "N")

@@ -1,23 +1,35 @@
-"""Contents of a c3d file: markers, force plates and EMG on one time grid, in the axes of OpenSim's ground."""
+"""Contents of a c3d file: markers, force plates and EMG on one time grid, in the axes of OpenSim's ground.
+
+A run that replays a trial has the axes, labels, units, force plate and events of that trial.
+"""
 
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hric_bags.export import batches, opensim_formats, resampling
+from hric_bags.export import batches, opensim_formats, replayed_trial, resampling
 from hric_bags.export.c3d_plates import C3dPlate, PlateSettings, plate_of, plate_settings
 from hric_bags.export.frames import STATIC, FixedFrames
 from hric_bags.export.opensim_text import GROUND, marker_name
+from hric_bags.export.replayed_trial import ReplayedTrial
 from hric_bags.export.table import ExportError, FloatArray, TopicTable
 from hric_bags.run_file import RunFile
+from hric_core.trial.events import TrialEvent
 
 FRAME_RATE = 100.0
 """Frame rate of a run without motion capture [Hz] (default chosen by this project, unconfirmed)."""
 TRIGGER_TYPE, PHASE_TYPE = "std_msgs/msg/Empty", "std_msgs/msg/String"
-NEEDED = (opensim_formats.MOCAP_TYPE, batches.CHUNK, STATIC, TRIGGER_TYPE, PHASE_TYPE)
+NEEDED = (
+    opensim_formats.MOCAP_TYPE,
+    batches.CHUNK,
+    STATIC,
+    TRIGGER_TYPE,
+    PHASE_TYPE,
+    replayed_trial.START_TYPE,
+)
 """Message types from which a trial follows."""
 TRIGGER, PHASE = "/trigger", "/phase"
 """Endings of the names of topics whose messages become events."""
@@ -51,8 +63,10 @@ class C3dTrial:
         positions: positions of the markers, shape (frames, markers, 3) [m]; NaN: not visible.
         channels: channels of the plates, six each, then EMG.
         plates: force plates in the order of their channels.
-        events: (time since the first frame [s], name of the event).
+        events: events, with times since the first frame.
         notes: sentences on how the file was made, by name of their parameter.
+        up: axis of the file that points up, "y" or "z".
+        length: unit of length of the file.
     """
 
     start: float
@@ -62,8 +76,10 @@ class C3dTrial:
     positions: FloatArray
     channels: tuple[Channel, ...]
     plates: tuple[C3dPlate, ...]
-    events: tuple[tuple[float, str], ...]
+    events: tuple[TrialEvent, ...]
     notes: Mapping[str, str]
+    up: str = "y"
+    length: str = "mm"
 
 
 def collect(tables: Mapping[str, TopicTable], frames: FixedFrames, run: RunFile, surface: float = 0.0) -> C3dTrial:
@@ -82,19 +98,21 @@ def collect(tables: Mapping[str, TopicTable], frames: FixedFrames, run: RunFile,
     markers = opensim_formats.markers_of(captures[0], frames) if captures else None
     sampled = [resampling.SampledTopic(table) for table in [*plates, *emg]]
     grid = _Grid(markers, sampled)
-    settings = plate_settings(run)
+    replayed = replayed_trial.of_run(run)
+    settings = {name: setting.over(surface) for name, setting in plate_settings(run).items()}
     c3d_plates, channels = [], list[Channel]()
     for number, (table, source) in enumerate(zip(plates, sampled, strict=False), 1):
-        plate_setting = settings.get(opensim_formats.plate_name(table), PlateSettings())
-        plate, signals = plate_of(
-            table, frames, plate_setting.over(surface), source.values(opensim_formats.CHANNELS, grid.analog)
+        wrench, name = source.values(opensim_formats.CHANNELS, grid.analog), opensim_formats.plate_name(table)
+        plate, signals, names = (replayed.recorded_plate(name, wrench) if replayed is not None else None) or (
+            *plate_of(table, frames, settings.get(name, PlateSettings().over(surface)), wrench),
+            [],
         )
         c3d_plates.append(plate)
-        names = zip(opensim_formats.CHANNELS, plate.units, signals.T, strict=True)
-        channels += [Channel(f"{name}{number}", unit, values) for name, unit, values in names]
+        labels = names or [f"{channel}{number}" for channel in opensim_formats.CHANNELS]
+        channels += map(Channel, labels, plate.units, signals.T)
     for table, source in zip(emg, sampled[len(plates) :], strict=True):
         channels += _emg(table, source, grid.analog, [channel.label for channel in channels])
-    return C3dTrial(
+    trial = C3dTrial(
         grid.start,
         grid.rate,
         grid.per_frame,
@@ -102,9 +120,41 @@ def collect(tables: Mapping[str, TopicTable], frames: FixedFrames, run: RunFile,
         grid.positions(markers),
         tuple(channels),
         tuple(c3d_plates),
-        _events(tables, grid.start, grid.count / grid.rate),
+        _events(tables, grid, replayed),
         _notes(markers, c3d_plates, sampled, grid, next(iter([*captures, *plates, *emg])).clock),
     )
+    return trial if replayed is None else _as_replayed(trial, replayed, frames, markers)
+
+
+def _as_replayed(
+    trial: C3dTrial, replayed: ReplayedTrial, frames: FixedFrames, markers: opensim_formats.OpenSimMarkers | None
+) -> C3dTrial:
+    """Return a trial with the axes, labels and units of the file that its run replayed."""
+    T = replayed.T_file_ground(frames, None if markers is None else markers.table)
+    streamed = [] if markers is None else list(markers.positions)
+    labels = [replayed.label(name) or label for name, label in zip(streamed, trial.labels, strict=True)]
+    whole = all(plate.axes == replayed.axes for plate in trial.plates)
+    return replace(
+        trial,
+        labels=tuple(_differ(labels)),
+        positions=trial.positions @ T[:3, :3].T + T[:3, 3],
+        channels=tuple(_replayed_channel(channel, replayed) for channel in trial.channels),
+        plates=tuple(
+            plate if plate.axes == replayed.axes else replace(plate, corners=plate.corners @ T[:3, :3].T + T[:3, 3])
+            for plate in trial.plates
+        ),
+        notes={**trial.notes, "AXES": replayed.axes},
+        up=replayed.about["up"],
+        length=replayed.about["length"] if whole else "mm",
+    )
+
+
+def _replayed_channel(channel: Channel, replayed: ReplayedTrial) -> Channel:
+    label = replayed.muscles.get(channel.label)
+    if label is None:
+        return channel
+    unit, volts = replayed.unit(label)
+    return Channel(label, unit, channel.values / volts)
 
 
 def _sources(tables: Mapping[str, TopicTable]) -> tuple[list[TopicTable], list[TopicTable], list[TopicTable]]:
@@ -197,19 +247,21 @@ def _differ(labels: Sequence[str], taken: Sequence[str] = ()) -> list[str]:
     return different
 
 
-def _events(tables: Mapping[str, TopicTable], start: float, duration: float) -> tuple[tuple[float, str], ...]:
-    """Return the events in the file, (time since its start [s], name): triggers, and phases of the emulated human."""
-    events = []
+def _events(tables: Mapping[str, TopicTable], grid: _Grid, replayed: ReplayedTrial | None) -> tuple[TrialEvent, ...]:
+    """Return the events in the file: triggers, and those of the replayed trial or phases of the emulated human."""
+    events = [] if replayed is None else replayed.events(tables)
     for table in tables.values():
         if table.type_name == TRIGGER_TYPE and table.topic.endswith(TRIGGER):
-            events += [(time, "trigger") for time in table.time.tolist()]
+            events += [TrialEvent(time, "trigger") for time in table.time.tolist()]
         elif (
-            table.type_name == PHASE_TYPE
+            replayed is None
+            and table.type_name == PHASE_TYPE
             and table.topic.endswith(PHASE)
             and (column := table.column("data")) is not None
         ):
-            events += list(zip(table.time.tolist(), map(str, column.values), strict=True))
-    return tuple(sorted((time - start, label) for time, label in events if 0 <= time - start < duration))
+            events += map(TrialEvent, table.time.tolist(), map(str, column.values))
+    shifted = [event._replace(time=event.time - grid.start) for event in events]
+    return tuple(sorted(event for event in shifted if 0 <= event.time < grid.count / grid.rate))
 
 
 def _notes(
@@ -246,4 +298,5 @@ def describe(trial: C3dTrial) -> str:
         f"{len(trial.positions)} frames at {trial.rate:g} Hz from {trial.start:.3f} s, {len(trial.labels)} "
         f"markers{plates}, {emg} other channels"
     )
-    return f"{held}; mm, N, N mm, {trial.notes['AXES']}{analog}"
+    units = ", ".join(dict.fromkeys((trial.length, *(unit for plate in trial.plates for unit in plate.units))))
+    return f"{held}; {units}, {trial.notes['AXES']}{analog}"

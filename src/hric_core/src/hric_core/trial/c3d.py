@@ -17,6 +17,7 @@ from hric_core.errors import HricError, ParameterError, UnknownNameError
 from hric_core.geometry import UP_AXES, FloatArray
 from hric_core.geometry.transforms import vectors_z_up
 from hric_core.trial.c3d_file import C3dContent, continued, read_content
+from hric_core.trial.events import TrialEvent, read_events
 from hric_core.trial.plates import METRES, Group, PlateReader, TrialPlate, first_number, numbers
 
 PROGRAMS = ("c3d", "trc", "mot")
@@ -63,6 +64,8 @@ class Trial:
         start: for a file exported from a run of HRIC, robot time of the first frame [s]; 0 for other files.
         angles: joint angles that the laboratory's software computed, by name without prefix, shape (frames, 3) each
             [deg]; NaN: not known.
+        events: events in the file, in the order of time.
+        length: unit of length in the file, e.g. "mm".
     """
 
     name: str
@@ -80,6 +83,8 @@ class Trial:
     reasons: Mapping[int | str, str] = field(default_factory=dict)
     start: float = 0.0
     angles: Mapping[str, FloatArray] = field(default_factory=dict)
+    events: tuple[TrialEvent, ...] = ()
+    length: str = "mm"
 
     @property
     def duration(self) -> float:
@@ -241,6 +246,8 @@ def _trial(path: Path, up: str, content: C3dContent) -> Trial:
         reasons,
         first_number(parameters.get("HRIC", {}), "START_TIME", 0.0),
         computed,
+        read_events(parameters.get("EVENT", {}), (max(content.first, 1) - 1) / rate),
+        unit,
     )
 
 

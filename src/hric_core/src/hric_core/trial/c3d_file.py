@@ -41,6 +41,7 @@ class C3dContent(NamedTuple):
         valid: True where a point was measured, shape (frames, points).
         analogs: analog samples, each channel in its unit, shape (channels, samples).
         per_frame: number of samples of a channel in a frame; 0: there are no channels.
+        first: number of the first frame.
         damaged: True if some parameters could not be read.
     """
 
@@ -50,6 +51,7 @@ class C3dContent(NamedTuple):
     valid: np.ndarray[Any, np.dtype[np.bool_]]
     analogs: FloatArray
     per_frame: int
+    first: int
     damaged: bool
 
 
@@ -114,6 +116,7 @@ class _File:
             quads[..., 3] >= 0.0,
             _scaled(analog, samples, wide),
             per_frame,
+            first,
             damaged or first_number(point, "USED") != points,
         )
 

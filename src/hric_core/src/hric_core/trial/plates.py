@@ -1,7 +1,7 @@
 """Reader of the force plates in a c3d file: their poses and the measured loads."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -42,6 +42,9 @@ class TrialPlate:
         size: size of the surface along x and y [m].
         load: load on the plate, in its frame about the middle of the surface: Fx, Fy, Fz [N], Mx, My, Mz [N m], shape
             (samples, 6).
+        source: the plate as the file describes it, in its axes, for a file that is written again: `corners` and
+            `origin` [m], `channels` (numbers from 1 on), `moment` (unit of the moments [N m]), `flip` (-1: z points
+            down) and, of types 4 and 5, `calibration`.
     """
 
     kind: int
@@ -49,6 +52,7 @@ class TrialPlate:
     T_lab_plate: FloatArray
     size: tuple[float, float]
     load: FloatArray
+    source: Mapping[str, Any] = field(default_factory=dict)
 
     def at(self, time: float) -> tuple[float, ...]:
         """Return the load (3 forces [N], 3 moments [N m]) at a time of the trial [s], interpolated linearly.
@@ -117,12 +121,16 @@ class PlateReader:
         corners = self._values("CORNERS", number, (3, 4)).T * self.metres
         rows = self._channel_rows(number, CHANNELS[kind])
         signals = self.analogs[rows].T - self._baseline(rows, kind)
+        source: dict[str, Any] = {"corners": corners.tolist(), "channels": [row + 1 for row in rows]}
         if kind == 1:
-            return _turned(kind, self.rate, corners, self._type_1(signals, [self.units[row] for row in rows]), self.up)
+            reaction = self._type_1(signals, [self.units[row] for row in rows])
+            return _turned(kind, self.rate, corners, reaction, self.up, source)
         origin = self._values("ORIGIN", number, (3,)) * self.metres
+        source["origin"] = origin.tolist()
         if kind in MATRICES:
-            signals = signals @ self._values("CAL_MATRIX", number, MATRICES[kind]).T
-        moments = self._moment_unit(self.units[rows[3]]) if kind == 2 else self.metres
+            matrix = self._values("CAL_MATRIX", number, MATRICES[kind])
+            signals, source["calibration"] = signals @ matrix.T, matrix.tolist()
+        moments = source["moment"] = self._moment_unit(self.units[rows[3]]) if kind == 2 else self.metres
         wrench = _type_3(signals, origin) if kind == 3 else signals * np.array([1, 1, 1, moments, moments, moments])
         if (
             origin[2] > 0
@@ -130,7 +138,7 @@ class PlateReader:
             origin = -origin
         about_surface = np.array([0.0, 0.0, origin[2]]) if kind == 3 else origin
         wrench[:, 3:] += np.cross(wrench[:, :3], about_surface)
-        return _turned(kind, self.rate, corners, wrench, self.up)
+        return _turned(kind, self.rate, corners, wrench, self.up, source)
 
     def _type_1(self, signals: FloatArray, units: Sequence[str]) -> FloatArray:
         """Return the wrench about the middle of the surface, shape (samples, 6), of a type 1 plate.
@@ -207,7 +215,9 @@ def _type_3(ch: FloatArray, origin: FloatArray) -> FloatArray:
     return np.column_stack([x12 + x34, y14 + y23, z1 + z2 + z3 + z4, mx, my, b * (x34 - x12) + a * (y14 - y23)])
 
 
-def _turned(kind: int, rate: float, corners: FloatArray, reaction: FloatArray, up: str) -> TrialPlate:
+def _turned(
+    kind: int, rate: float, corners: FloatArray, reaction: FloatArray, up: str, source: dict[str, Any]
+) -> TrialPlate:
     """Return the plate, with the load in a frame whose z points up.
 
     `corners`, shape (4, 3) [m], are in the quadrants +x +y, -x +y, -x -y, +x -y of the plate's axes in the file."""
@@ -223,4 +233,4 @@ def _turned(kind: int, rate: float, corners: FloatArray, reaction: FloatArray, u
     R_file_plate = np.diag([1.0, flip, flip])
     T_lab_plate = homogeneous(R_lab_file @ R_file_plate, corners.mean(axis=0))
     load = -np.hstack([reaction[:, :3] @ R_file_plate, reaction[:, 3:] @ R_file_plate])
-    return TrialPlate(kind, rate, T_lab_plate, size, load)
+    return TrialPlate(kind, rate, T_lab_plate, size, load, {**source, "flip": flip})

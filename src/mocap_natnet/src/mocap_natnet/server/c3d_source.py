@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from hric_core.errors import ParameterError
 from hric_core.geometry import FloatArray, Pose, Track, Vector, quaternion_from_rotation
+from hric_core.trial import description
 from hric_core.trial.c3d import Trial
 from mocap_natnet.rigid_body import on_one_line, poses_of_points
 
@@ -97,9 +98,7 @@ def labels_of(trial: Trial, name: str) -> list[str]:
     Raises:
         HricError: there are no such labels; the message lists all labels.
     """
-    labels = [
-        label for label in trial.labels if label.startswith((f"{name}_", f"{name}:", f"{name}/")) or label == name
-    ]
+    labels = description.labels_of(trial.labels, name)
     if not labels and not trial.labels:
         raise ParameterError(f"{trial.name} has no markers")
     if not labels:
