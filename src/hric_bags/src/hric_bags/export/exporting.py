@@ -4,7 +4,7 @@ import json
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 
 from tqdm import tqdm
@@ -20,11 +20,11 @@ from hric_core.errors import HricError, ParameterError, UnknownNameError
 from hric_core.parameters import number
 
 PLAIN = ("npz", "csv", "parquet")
-FORMATS = (*PLAIN, "trc", "mot", "sto", "external_loads", "c3d", "bag")
+FORMATS = (*PLAIN, "trc", "mot", "sto", "external_loads", "c3d", "bids", "xdf", "bag")
 NEEDED: dict[str, tuple[str, ...]] = {
     **opensim_formats.NEEDED,
     "external_loads": loads.NEEDED,
-    "c3d": c3d_trial.NEEDED,
+    **dict.fromkeys(("c3d", "bids", "xdf"), c3d_trial.NEEDED),
 }
 """Format -> message types that it is made from; other formats need all types."""
 
@@ -57,8 +57,8 @@ class ExportRequest:
             if kind not in formats():
                 raise UnknownNameError("format", kind, formats())
         number(minimum=-0.5, maximum=0.5, unit="m").checked(self.surface, "--surface")
-        if self.surface and not {"external_loads", "c3d"} & set(self.formats):
-            raise ParameterError("--surface has no effect; valid: with --format external_loads or c3d")
+        if self.surface and not {"external_loads", "c3d", "xdf"} & set(self.formats):
+            raise ParameterError("--surface has no effect; valid: with --format external_loads, c3d or xdf")
         if self.load_body and "external_loads" not in self.formats:
             raise ParameterError("--load-body has no effect; valid: with --format external_loads")
 
@@ -222,6 +222,15 @@ class _Job:
                 self._write_each(kind, captures, self._write_markers)
             case "c3d":
                 self._write_c3d()
+            case "bids":
+                from hric_bags.export import bids
+
+                for name, writer in bids.bids_files(self._trial, self.source.run).items():
+                    self.output.write(kind, name, writer)
+            case "xdf":
+                from hric_bags.export.xdf import write_xdf
+
+                self.output.write(kind, f"{self._run_stem}.xdf", partial(write_xdf, trial=self._trial))
             case "external_loads":
                 return self._write_loads()
             case _:
@@ -254,6 +263,17 @@ class _Job:
         """File name, without extension, of files that are named after the bag."""
         return self.source.bag.stem if self.anonymiser is None else anonymous.NAME
 
+    @property
+    def _run_stem(self) -> str:
+        """File name, without extension, of files that are named after the run."""
+        folder = self.source.folder if self.anonymiser is None else None
+        return self._stem if folder is None else folder.path.name
+
+    @cached_property
+    def _trial(self) -> c3d_trial.C3dTrial:
+        """Markers, force plates and EMG on one time grid."""
+        return c3d_trial.collect(self.tables, self._frames, self.source.run, self.request.surface)
+
     def _write_bag(self, path: Path) -> None:
         unbatched.write(self.source, path, self.request.topics, progress=self.progress, anonymous=self.anonymiser)
 
@@ -263,11 +283,9 @@ class _Job:
     def _write_c3d(self) -> None:
         from hric_bags.export import c3d_format
 
-        source = self.source
-        trial = c3d_trial.collect(self.tables, self._frames, source.run, self.request.surface)
+        trial, stem = self._trial, self._run_stem
         known = self.anonymiser is None
-        stem = source.folder.path.name if source.folder is not None and known else self._stem
-        pieces, started = list(c3d_format.parts(trial)), str(source.run.get("started") or "") if known else ""
+        pieces, started = list(c3d_format.parts(trial)), str(self.source.run.get("started") or "") if known else ""
         for part, piece in enumerate(pieces, 1):
             name = f"{stem}_{part}.c3d" if len(pieces) > 1 else f"{stem}.c3d"
             self.output.write("c3d", name, partial(c3d_format.write, piece, started=started))
