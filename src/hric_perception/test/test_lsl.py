@@ -1,6 +1,9 @@
 """Emulated EMG over a real LSL outlet, read by the real inlet: stamps, numbers, restarts."""
 
 import os
+import shutil
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from ipaddress import ip_address
@@ -123,6 +126,33 @@ def test_stamps_are_the_times_of_the_samples_and_none_is_missing(rig: Rig) -> No
     assert rig.chunks[0].layout.channels == (*NAMES, "time") and rig.chunks[0].layout.unit == "V V V V V V V V s"
     assert np.allclose(np.diff(codes(rig.chunks)), 1 / 2000) and (np.diff(numbers(rig.chunks)) == 1).all()
     assert rig.health.lost == 0
+
+
+FAR = """
+import sys, time, pylsl
+from hric_perception.lsl import use_session
+use_session(sys.argv[1])
+outlet = pylsl.StreamOutlet(pylsl.StreamInfo(sys.argv[2], "EMG", 1, 100.0, pylsl.cf_double64, "far"))
+while True:
+    outlet.push_sample([0.0], pylsl.local_clock())
+    time.sleep(0.01)
+"""
+"""Program with an LSL outlet, for a process with a clock of its own."""
+AHEAD = ("unshare", "--time", "--monotonic", "100000")
+"""Command that runs a program whose monotonic clock is 100000 s ahead."""
+
+
+def test_another_clock_on_the_same_host_name_is_corrected(rig: Rig) -> None:
+    if shutil.which(AHEAD[0]) is None or subprocess.run([*AHEAD, "true"], capture_output=True).returncode:
+        pytest.skip("this user may not give a process a clock of its own")
+    words = [*AHEAD, sys.executable, "-c", FAR, f"test_lsl_{os.getpid()}", rig.name]
+    with subprocess.Popen(words) as device:
+        try:
+            wait(lambda: rig.health.samples > 300)
+        finally:
+            device.kill()
+    now = rig.clock.now()
+    assert all(0.0 < chunk.start < now for chunk in rig.chunks)
 
 
 def test_a_drop_out_shows_in_the_numbers_and_not_in_the_stamps(rig: Rig) -> None:

@@ -103,6 +103,26 @@ def test_a_server_that_is_not_there_is_named() -> None:
     reader.client.close()
 
 
+@pytest.mark.parametrize(
+    ("word", "answer"),
+    [
+        ("SENSOR 1 PAIRED?", "YES"),
+        ("SENSOR 16 TYPE?", "O"),
+        ("SENSOR 3 CHANNEL 1 RATE?", "2000"),
+        ("SENSOR 17 PAIRED?", "INVALID COMMAND"),
+        ("SENSOR 1 CHANNEL 2 RATE?", "INVALID COMMAND"),
+        ("SENSOR 1 SERIAL?", "INVALID COMMAND"),
+    ],
+)
+def test_base_station_answers_about_its_sensors(server: TrignoServer, word: str, answer: str) -> None:
+    with socket.create_connection(("127.0.0.1", server.command_port), timeout=LIMIT) as connection:
+        file = connection.makefile("rwb")
+        assert file.read(len(protocol.GREETING)) == protocol.GREETING
+        file.write(word.encode() + protocol.END)
+        file.flush()
+        assert file.read(len(answer) + len(protocol.END)) == answer.encode() + protocol.END
+
+
 def test_an_older_server_has_the_rate_of_the_parameter(server: TrignoServer, monkeypatch: pytest.MonkeyPatch) -> None:
     known = server._response
     monkeypatch.setattr(

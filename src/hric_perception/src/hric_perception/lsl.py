@@ -3,7 +3,6 @@
 import contextlib
 import logging
 import re
-import socket
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -34,6 +33,10 @@ Few large blocks cost less than many small ones.
 """
 BUFFER = 30
 """Length of liblsl's buffer for a slow reader [s]."""
+CLOCK_TIMEOUT = 5.0
+"""Longest time to measure the offset of a stream's clock [s]; liblsl needs about 0.7 s."""
+SAME_CLOCK = 1e-3
+"""Offset below which a stream is stamped by the clock of this machine [s]."""
 MAX_SAMPLES = 2048
 """Largest number of samples that one call of `pull_chunk` returns."""
 SCALES = {
@@ -112,6 +115,7 @@ class LslReader(Driver):
         stream: receiver of the samples.
         health: receiver of status reports.
         choose: function that may change the layout of a stream, or reject it by a ParameterError.
+        local: True if the stream is on this machine for certain, so that its clock need not be measured.
     """
 
     def __init__(
@@ -120,9 +124,10 @@ class LslReader(Driver):
         stream: SampleStream,
         health: StreamHealth,
         choose: Callable[[Layout], Layout] = lambda layout: layout,
+        local: bool = False,
     ) -> None:
         super().__init__("lsl reader")
-        self._query, self._stream, self._health, self._choose = query, stream, health, choose
+        self._query, self._stream, self._health, self._choose, self._local = query, stream, health, choose, local
 
     def _run(self) -> None:
         while streams := self._find():
@@ -155,8 +160,7 @@ class LslReader(Driver):
         return []
 
     def _read(self, info: pylsl.StreamInfo) -> None:
-        # Streams of this machine are stamped by its own clock, so that there is no clock offset to estimate.
-        flags = 0 if info.hostname() == socket.gethostname() else pylsl.proc_clocksync
+        flags = 0 if self._local else _clock_flags(info)
         inlet = pylsl.StreamInlet(info, max_buflen=BUFFER, recover=False, processing_flags=flags)
         try:
             layout, scales = describe(inlet.info(2.0))
@@ -171,6 +175,16 @@ class LslReader(Driver):
         finally:
             with contextlib.suppress(RuntimeError):
                 inlet.close_stream()
+
+
+def _clock_flags(info: pylsl.StreamInfo) -> int:
+    """Return liblsl's flags for a stream: its stamps stay as they are if they are by the clock of this machine.
+
+    The name of the machine does not show this, since two machines or containers may have the same name. Raises
+    RuntimeError if the stream does not respond.
+    """
+    probe = pylsl.StreamInlet(info, max_buflen=1, recover=False)
+    return 0 if abs(probe.time_correction(CLOCK_TIMEOUT)) < SAME_CLOCK else int(pylsl.proc_clocksync)
 
 
 def source_name(kind: str, name: str) -> str:
@@ -217,7 +231,7 @@ class LslSettings(Settings):
         """Return a reader for streams of type `kind`, or of the type in these settings if there is one."""
         use_session(self.session)
         query = StreamQuery(kind if self.type is None else self.type, self.name, self.source_id)
-        return LslReader(query, stream, health, choose)
+        return LslReader(query, stream, health, choose, local=bool(self.session))
 
 
 class LslOutlet:

@@ -1,5 +1,7 @@
 """Protocol of a Delsys Trigno server, for both sides. The data contain neither stamps nor sequence numbers."""
 
+import re
+
 import numpy as np
 
 from hric_perception.chunk import FloatArray
@@ -18,6 +20,10 @@ END = b"\r\n\r\n"
 GREETING = b"Delsys Trigno System Digital Protocol Version 3.6.0" + END
 FRAME_INTERVAL, FRAME_COUNT = "FRAME INTERVAL?", "MAX SAMPLES EMG?"
 """Requests for duration [s] and number of samples of a frame, which give the rate; older servers reject them."""
+SENSOR = re.compile(r"SENSOR (\d+) (?:CHANNEL (\d+) )?([A-Z]+)\?")
+"""Request about a sensor, or about one of its channels: number of the sensor, of the channel, and the quantity."""
+AVANTI = "O"
+"""Answer to TYPE? of an Avanti sensor."""
 
 
 CODE_PERIOD = 1.0

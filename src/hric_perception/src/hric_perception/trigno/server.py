@@ -134,4 +134,12 @@ class TrignoServer:
             protocol.FRAME_COUNT: str(self._frame),
             "QUIT": "BYE",
         }
-        return responses.get(word, "INVALID COMMAND")
+        return responses.get(word) or self._sensor_response(word)
+
+    def _sensor_response(self, word: str) -> str:
+        """Return the answer to a request about a sensor; each has one EMG channel and no other."""
+        request = protocol.SENSOR.fullmatch(word)
+        if request is None or not 1 <= int(request[1]) <= protocol.CHANNELS or request[2] not in (None, "1"):
+            return "INVALID COMMAND"
+        answers = {"RATE": f"{self._rate:.9g}"} if request[2] else {"PAIRED": "YES", "TYPE": protocol.AVANTI}
+        return answers.get(request[3], "INVALID COMMAND")
