@@ -8,10 +8,11 @@ import opensim
 import pytest
 from export_bags import FRAMES, HIDDEN, MARKERS_BODY, PLATE_ORIGIN, PRESSED, WEIGHT, Truth
 
-from hric_bags.export import exporting, inverse_dynamics, inverse_kinematics, recording
+from hric_bags.export import exporting, frames, inverse_dynamics, inverse_kinematics, loads, recording
 from hric_bags.export.exporting import ExportRequest
 from hric_bags.run_folder import RunFolder
 from hric_core.command import main
+from hric_core.trial.opensim_text import read_storage
 from hric_report import headless
 from hric_run.definition import experiment
 
@@ -32,6 +33,23 @@ def folder(truth: Truth) -> Path:
     request = ExportRequest(("trc", "mot", "sto", "external_loads"), load_body="foot")
     exporting.export(recording.find(str(truth.bag)), request, truth.bag.parent / "out")
     return truth.bag.parent / "out"
+
+
+def test_loads_that_are_read_back_equal_those_written(truth: Truth, folder: Path) -> None:
+    source = recording.find(str(truth.bag))
+    tables = recording.read(source, ("/hric/perception/force_plate/left/samples", "/tf_static"))
+    plate = tables["/hric/perception/force_plate/left/samples"]
+    load = loads.of_plate(plate, frames.of_run("", tables, {}), "foot")
+    storage = read_storage(folder / "external_loads" / "external_loads.mot")
+    assert np.array_equal(storage.time, load.time)
+    assert all(np.array_equal(storage.columns[name], values) for name, values in load.columns.items())
+
+
+def test_coordinates_that_are_read_back_equal_the_log(truth: Truth, folder: Path) -> None:
+    storage = read_storage(folder / "mot" / "control_log.mot")
+    time, position, _ = truth.log
+    assert storage.degrees and np.abs(storage.time - time).max() < 1e-9
+    np.testing.assert_allclose(np.radians(np.column_stack(list(storage.columns.values()))), position, rtol=1e-14)
 
 
 def markers(path: Path) -> tuple[opensim.TimeSeriesTableVec3, list[np.ndarray]]:

@@ -11,7 +11,9 @@ import yaml
 from c3d_files import PER_FRAME, RATE, Lab
 
 from hric_core.command import main
+from hric_core.geometry.transforms import vectors_z_up
 from hric_core.trial.c3d import read_trial
+from hric_core.trial.opensim_text import read_markers
 from hric_report import headless
 from hric_run.definition import experiment
 
@@ -52,7 +54,7 @@ def files(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureReque
     (folder / "replay.yaml").write_text(yaml.safe_dump({**raw, "duration": 1.5}))
     definition = experiment.load(str(folder / "replay.yaml"))
     run = headless.run(definition, (), root=folder / "runs", progress=False, figures=False).folder
-    assert main(["export", str(run.path), "--format", "c3d", "--quiet"]) == 0
+    assert main(["export", str(run.path), "--format", "c3d", "trc", "--quiet"]) == 0
     return path, run.path / "export" / "c3d" / f"{run.path.name}.c3d"
 
 
@@ -76,6 +78,20 @@ def test_marker_positions_keep_the_axes_of_the_laboratory(files: tuple[Path, Pat
     for k in range(before.positions.shape[1]):
         exact = [np.interp(place[inside], np.arange(FRAMES), before.positions[:, k, axis]) for axis in range(3)]
         np.testing.assert_allclose(after.positions[inside, k], np.column_stack(exact), atol=1e-6)
+
+
+def test_trc_keeps_labels_and_positions(files: tuple[Path, Path]) -> None:
+    before = read_trial(files[0])
+    (path,) = (files[1].parents[1] / "trc").glob("*.trc")
+    after = read_markers(path)
+    assert tuple(after.markers) == before.labels
+    place = (after.time - 1e-3) * RATE
+    inside = (place >= 0) & (place <= FRAMES - 1)
+    R_base_lab = np.array([[0.28, -0.96, 0.0], [0.96, 0.28, 0.0], [0.0, 0.0, 1.0]])
+    for k, p_ground in enumerate(after.markers.values()):
+        p_lab = (vectors_z_up("y", p_ground[inside]) - BASE["xyz"]) @ R_base_lab
+        exact = [np.interp(place[inside], np.arange(FRAMES), before.positions[:, k, axis]) for axis in range(3)]
+        np.testing.assert_allclose(p_lab, np.column_stack(exact), atol=1e-6)
 
 
 @pytest.mark.parametrize("name", ["TYPE", "CORNERS", "ORIGIN", "CAL_MATRIX"])

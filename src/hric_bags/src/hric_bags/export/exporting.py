@@ -10,7 +10,7 @@ from pathlib import Path
 from tqdm import tqdm
 
 from hric_bags import files
-from hric_bags.export import anonymous, c3d_trial, frames, loads, opensim_formats, recording, unbatched
+from hric_bags.export import anonymous, c3d_trial, frames, loads, opensim_formats, recording, replayed_trial, unbatched
 from hric_bags.export.anonymous import Anonymiser
 from hric_bags.export.output import ExportFolder
 from hric_bags.export.recording import ExportSource
@@ -278,7 +278,11 @@ class _Job:
         unbatched.write(self.source, path, self.request.topics, progress=self.progress, anonymous=self.anonymiser)
 
     def _write_markers(self, table: TopicTable, path: Path) -> None:
-        opensim_formats.write_markers(opensim_formats.markers_of(table, self._frames), path, f"{table.name}.trc")
+        markers, replayed = opensim_formats.markers_of(table, self._frames), replayed_trial.of_run(self.source.run)
+        if replayed is not None:
+            labels = {name: replayed.label(name) or name for name in markers.positions}
+            markers = replace(markers, positions={labels[name]: p for name, p in markers.positions.items()})
+        opensim_formats.write_markers(markers, path, f"{table.name}.trc")
 
     def _write_c3d(self) -> None:
         from hric_bags.export import c3d_format
