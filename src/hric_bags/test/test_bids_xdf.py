@@ -15,11 +15,12 @@ import pytest
 import pyxdf
 from export_bags import FRAMES, Truth
 
-from hric_bags.export import bdf, bids, c3d_trial, exporting, frames, recording
-from hric_bags.export.c3d_trial import C3dTrial, Channel
+from hric_bags.export import exporting, frames, recording
 from hric_bags.export.exporting import ExportRequest
 from hric_bags.export.table import ExportError
-from hric_bags.export.xdf import write_xdf
+from hric_bags.export.trial import bdf, bids, c3d_trial
+from hric_bags.export.trial.c3d_trial import C3dTrial, Channel
+from hric_bags.export.trial.xdf import write_xdf
 from hric_core.trial.events import TrialEvent
 
 EVENT = TrialEvent(0.1, "Foot Strike", "Left")

@@ -15,10 +15,11 @@ import opensim
 import pytest
 from export_bags import EMG_RATE, FRAMES, HIDDEN, MARKERS_BODY, PLATE_ORIGIN, PRESSED, WEIGHT, Truth
 
-from hric_bags.export import c3d_format, c3d_trial, exporting, frames, opensim_text, recording
+from hric_bags.export import exporting, frames, opensim_text, recording
 from hric_bags.export.exporting import ExportRequest
 from hric_bags.export.resampling import SampledTopic, frame_grid
 from hric_bags.export.table import ExportError, TopicColumn, TopicTable
+from hric_bags.export.trial import c3d_format, c3d_trial
 from hric_bags.run_folder import RunFolder
 from hric_core.command import main
 from hric_core.errors import HricError

@@ -10,21 +10,22 @@ from pathlib import Path
 from tqdm import tqdm
 
 from hric_bags import files
-from hric_bags.export import anonymous, c3d_trial, frames, loads, opensim_formats, recording, replayed_trial, unbatched
+from hric_bags.export import anonymous, frames, loads, opensim_formats, recording, unbatched
 from hric_bags.export.anonymous import Anonymiser
 from hric_bags.export.output import ExportFolder
 from hric_bags.export.recording import ExportSource
 from hric_bags.export.table import ExportError, TopicTable
+from hric_bags.export.trial import c3d_trial, trial_formats
 from hric_core import plugins
 from hric_core.errors import HricError, ParameterError, UnknownNameError
 from hric_core.parameters import number
 
 PLAIN = ("npz", "csv", "parquet")
-FORMATS = (*PLAIN, "trc", "mot", "sto", "external_loads", "c3d", "bids", "xdf", "bag")
+FORMATS = (*PLAIN, "trc", "mot", "sto", "external_loads", *trial_formats.KINDS, "bag")
 NEEDED: dict[str, tuple[str, ...]] = {
     **opensim_formats.NEEDED,
     "external_loads": loads.NEEDED,
-    **dict.fromkeys(("c3d", "bids", "xdf"), c3d_trial.NEEDED),
+    **dict.fromkeys(trial_formats.KINDS, c3d_trial.NEEDED),
 }
 """Format -> message types that it is made from; other formats need all types."""
 
@@ -220,17 +221,8 @@ class _Job:
             case "trc":
                 captures = self._need(kind, "motion capture (hric_msgs/MocapData)", opensim_formats.is_capture)
                 self._write_each(kind, captures, self._write_markers)
-            case "c3d":
-                self._write_c3d()
-            case "bids":
-                from hric_bags.export import bids
-
-                for name, writer in bids.bids_files(self._trial, self.source.run).items():
-                    self.output.write(kind, name, writer)
-            case "xdf":
-                from hric_bags.export.xdf import write_xdf
-
-                self.output.write(kind, f"{self._run_stem}.xdf", partial(write_xdf, trial=self._trial))
+            case "c3d" | "bids" | "xdf":
+                self._write_trial(kind)
             case "external_loads":
                 return self._write_loads()
             case _:
@@ -278,22 +270,16 @@ class _Job:
         unbatched.write(self.source, path, self.request.topics, progress=self.progress, anonymous=self.anonymiser)
 
     def _write_markers(self, table: TopicTable, path: Path) -> None:
-        markers, replayed = opensim_formats.markers_of(table, self._frames), replayed_trial.of_run(self.source.run)
-        if replayed is not None:
-            labels = {name: replayed.label(name) or name for name in markers.positions}
-            markers = replace(markers, positions={labels[name]: p for name, p in markers.positions.items()})
+        markers = trial_formats.with_own_labels(opensim_formats.markers_of(table, self._frames), self.source.run)
         opensim_formats.write_markers(markers, path, f"{table.name}.trc")
 
-    def _write_c3d(self) -> None:
-        from hric_bags.export import c3d_format
-
-        trial, stem = self._trial, self._run_stem
-        known = self.anonymiser is None
-        pieces, started = list(c3d_format.parts(trial)), str(self.source.run.get("started") or "") if known else ""
-        for part, piece in enumerate(pieces, 1):
-            name = f"{stem}_{part}.c3d" if len(pieces) > 1 else f"{stem}.c3d"
-            self.output.write("c3d", name, partial(c3d_format.write, piece, started=started))
-        self.notes.append(f"c3d: {c3d_trial.describe(trial)}")
+    def _write_trial(self, kind: str) -> None:
+        run = self.source.run
+        started = str(run.get("started") or "") if self.anonymiser is None else ""
+        for name, writer in trial_formats.trial_files(kind, self._trial, run, self._run_stem, started).items():
+            self.output.write(kind, name, writer)
+        if kind == "c3d":
+            self.notes.append(f"c3d: {c3d_trial.describe(self._trial)}")
 
     def _write_loads(self) -> bool:
         plates = [table for table in self.tables.values() if opensim_formats.is_plate(table)]

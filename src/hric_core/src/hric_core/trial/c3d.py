@@ -212,11 +212,7 @@ def _trial(path: Path, up: str, content: C3dContent) -> Trial:
         reasons["parameters"] = "some parameters, which are damaged"
     if not rate > 0:
         raise ParameterError(f"c3d file {path} has {len(raw)} frames at {rate:g} Hz; valid: a rate above 0")
-    unit = _texts(point, "UNITS", 1)[0].lower() or "mm"
-    if unit not in METRES and len(unit) == CUT:
-        unit = next((name for name in METRES if name.startswith(unit)), unit)
-    if unit not in METRES:
-        raise ParameterError(f"c3d file {path} has points in {unit!r}; valid: {', '.join(METRES)}")
+    unit = _unit(path, point)
     labels = _labels(point, "LABELS", raw.shape[1])
     raw[~content.valid | ~np.isfinite(raw).all(axis=2) | (raw == 0.0).all(axis=2)] = np.nan
     computed = {label.split(":")[-1]: raw[:, row] for row, label in enumerate(labels) if label.endswith(ANGLES)}
@@ -249,6 +245,16 @@ def _trial(path: Path, up: str, content: C3dContent) -> Trial:
         read_events(parameters.get("EVENT", {}), (max(content.first, 1) - 1) / rate),
         unit,
     )
+
+
+def _unit(path: Path, point: Group) -> str:
+    """Return the unit of length, a key of METRES. Raises ParameterError: there is no such unit."""
+    unit = _texts(point, "UNITS", 1)[0].lower() or "mm"
+    if unit not in METRES and len(unit) == CUT:
+        unit = next((name for name in METRES if name.startswith(unit)), unit)
+    if unit not in METRES:
+        raise ParameterError(f"c3d file {path} has points in {unit!r}; valid: {', '.join(METRES)}")
+    return unit
 
 
 def _analog_rate(analog: Group, rate: float, per_frame: int) -> tuple[float, str]:

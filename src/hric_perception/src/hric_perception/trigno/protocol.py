@@ -23,7 +23,7 @@ FRAME_INTERVAL, FRAME_COUNT = "FRAME INTERVAL?", "MAX SAMPLES EMG?"
 SENSOR = re.compile(r"SENSOR (\d+) (?:CHANNEL (\d+) )?([A-Z]+)\?")
 """Request about a sensor, or about one of its channels: number of the sensor, of the channel, and the quantity."""
 AVANTI = "O"
-"""Answer to TYPE? of an Avanti sensor."""
+"""Response to TYPE? of an Avanti sensor."""
 
 
 CODE_PERIOD = 1.0

@@ -137,9 +137,9 @@ class TrignoServer:
         return responses.get(word) or self._sensor_response(word)
 
     def _sensor_response(self, word: str) -> str:
-        """Return the answer to a request about a sensor; each has one EMG channel and no other."""
+        """Return the response to a request about a sensor; each has one EMG channel and no other."""
         request = protocol.SENSOR.fullmatch(word)
         if request is None or not 1 <= int(request[1]) <= protocol.CHANNELS or request[2] not in (None, "1"):
             return "INVALID COMMAND"
-        answers = {"RATE": f"{self._rate:.9g}"} if request[2] else {"PAIRED": "YES", "TYPE": protocol.AVANTI}
-        return answers.get(request[3], "INVALID COMMAND")
+        responses = {"RATE": f"{self._rate:.9g}"} if request[2] else {"PAIRED": "YES", "TYPE": protocol.AVANTI}
+        return responses.get(request[3], "INVALID COMMAND")

@@ -10,12 +10,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hric_bags.export import batches, opensim_formats, replayed_trial, resampling
-from hric_bags.export.c3d_plates import C3dPlate, PlateSettings, plate_of, plate_settings
+from hric_bags.export import batches, opensim_formats, resampling
 from hric_bags.export.frames import STATIC, FixedFrames
 from hric_bags.export.opensim_text import GROUND, marker_name
-from hric_bags.export.replayed_trial import ReplayedTrial
 from hric_bags.export.table import ExportError, FloatArray, TopicTable
+from hric_bags.export.trial import replayed_trial
+from hric_bags.export.trial.c3d_plates import C3dPlate, PlateSettings, plate_of, plate_settings
+from hric_bags.export.trial.replayed_trial import ReplayedTrial
 from hric_bags.run_file import RunFile
 from hric_core.trial.events import TrialEvent
 

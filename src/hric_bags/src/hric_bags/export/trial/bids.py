@@ -5,11 +5,9 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
-import numpy as np
-
-from hric_bags.export.bdf import UNIT, write_bdf
-from hric_bags.export.c3d_trial import C3dTrial, Channel
 from hric_bags.export.table import ExportError
+from hric_bags.export.trial.bdf import UNIT, write_bdf
+from hric_bags.export.trial.c3d_trial import C3dTrial, Channel
 from hric_bags.run_file import RunFile
 from hric_core.trial.c3d import VOLTS
 
@@ -87,9 +85,7 @@ def _motion(trial: C3dTrial, stem: str, task: str) -> dict[str, Writer]:
         "POSChannelCount": 3 * count,
         "MotionChannelCount": 3 * count,
     }
-    channels = [
-        (f"{label}_{axis}", axis, "POS", label, "m", "laboratory") for label in trial.labels for axis in "xyz"
-    ]
+    channels = [(f"{label}_{axis}", axis, "POS", label, "m", "laboratory") for label in trial.labels for axis in "xyz"]
     frame = {"reference_frame": {"Levels": {"laboratory": {"Description": trial.notes["AXES"]}}}}
     rows = trial.positions.reshape(len(trial.positions), -1).tolist()
     return {

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from hric_bags.export.c3d_trial import Channel
 from hric_bags.export.table import ExportError
+from hric_bags.export.trial.c3d_trial import Channel
 from hric_core.trial.c3d import VOLTS
 
 UNIT = "uV"

@@ -7,8 +7,8 @@ from xml.sax.saxutils import escape
 
 import numpy as np
 
-from hric_bags.export.c3d_trial import C3dTrial, Channel
 from hric_bags.export.table import FloatArray
+from hric_bags.export.trial.c3d_trial import C3dTrial, Channel
 
 HEADER, STREAM, SAMPLES, CLOCK_OFFSET, FOOTER = 1, 2, 3, 4, 6
 """Tags of chunks in an XDF file."""

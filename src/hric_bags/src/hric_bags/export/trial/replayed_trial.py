@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from hric_bags.export.c3d_plates import C3dPlate
 from hric_bags.export.frames import MOCAP, FixedFrames
 from hric_bags.export.table import FloatArray, TopicTable
+from hric_bags.export.trial.c3d_plates import C3dPlate
 from hric_bags.run_file import RunFile
 from hric_core.geometry.messages import rotation
 from hric_core.geometry.transforms import R_YUP_ZUP, homogeneous, inverse

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hric_bags.export.c3d_trial import C3dTrial
+from hric_bags.export.trial.c3d_trial import C3dTrial
 from hric_core.trial.plates import METRES
 
 MAX_FRAMES = 65535
