@@ -11,11 +11,12 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, TypedDict
+from typing import Any, NotRequired, TypedDict
 
 from hric_core.errors import HricError
 from hric_core.geometry import Vector
 from hric_human.body.joints import ROWS
+from hric_human.muscles.curves import SampledCurves
 from hric_human.muscles.polynomial import Polynomial, exponents
 
 BUILT_IN = Path(__file__).parents[3] / "config" / "muscles" / "delft.json"
@@ -41,6 +42,7 @@ class Muscle:
         pulls: force on the distal bone per muscle force [1], for each joint centre that the muscle crosses; x, y, z in
             axes of the proximal link (torso or upper arm).
         path: points of the muscle in the resting posture, only for drawing.
+        curves: the muscle's own force-length-velocity curves; None: those of `hric_human.muscles.curves`.
     """
 
     name: str
@@ -50,6 +52,7 @@ class Muscle:
     length: Polynomial
     pulls: Mapping[str, tuple[Polynomial, Polynomial, Polynomial]]
     path: MusclePath
+    curves: SampledCurves | None = None
 
 
 @dataclass(frozen=True)
@@ -69,6 +72,30 @@ class FitError:
 
 
 @dataclass(frozen=True)
+class Certificate:
+    """Difference of static optimisation with fitted muscles from OpenSim's tool with the model, on one motion.
+
+    Attributes:
+        rms, largest: root mean square and largest difference of activations [1].
+        highest: highest activation of OpenSim's solution [1].
+        worst: root mean square difference of the muscles that differ most, by name [1].
+    """
+
+    rms: float
+    largest: float
+    highest: float
+    worst: Mapping[str, float]
+
+    def __str__(self) -> str:
+        """Return one line of text."""
+        worst = ", ".join(f"{name} {value:.3f}" for name, value in self.worst.items())
+        return (
+            f"static optimisation against OpenSim's tool on a motion of 1 s: activations differ by {self.rms:.4f} RMS, "
+            f"{self.largest:.3f} at most (highest activation: {self.highest:.2f}); most: {worst}"
+        )
+
+
+@dataclass(frozen=True)
 class Anatomy:
     """Fitted muscles of a right arm; a left arm is its mirror image.
 
@@ -80,6 +107,7 @@ class Anatomy:
         reference: lengths of the model's segments [m], named like the keys of `Subject.lengths`.
         notice: licence and credits of the model.
         errors: errors of the fit, by muscle.
+        certificate: comparison with OpenSim's static optimisation; None if there is none.
     """
 
     name: str
@@ -90,6 +118,7 @@ class Anatomy:
     reference: Mapping[str, float]
     notice: str
     errors: Mapping[str, FitError]
+    certificate: Certificate | None = None
 
     def save(self, path: Path) -> None:
         """Write the anatomy to a JSON file. Raises OSError."""
@@ -99,6 +128,8 @@ class Anatomy:
         """Return the anatomy as JSON text."""
         head = {key: getattr(self, key) for key in ("name", "notice", "joints", "lower", "upper", "reference")}
         lines = [f" {json.dumps(key)}: {json.dumps(value)}," for key, value in head.items()]
+        if self.certificate is not None:
+            lines.append(f' "certificate": {json.dumps(asdict(self.certificate))},')
         errors = {name: asdict(error) for name, error in self.errors.items()}
         muscles = [f"  {json.dumps(_row(muscle))}" for muscle in self.muscles.values()]
         lines += [f' "errors": {json.dumps(errors)},', ' "muscles": [', ",\n".join(muscles), " ]"]
@@ -114,6 +145,9 @@ def load(path: Path) -> Anatomy:
     try:
         content = json.loads(path.read_text())
         muscles = {row["name"]: _muscle(row) for row in content["muscles"]}
+        if len({muscle.curves is None for muscle in muscles.values()}) > 1:
+            raise ValueError("some muscles have curves and others have none")
+        certificate = content.get("certificate")
         return Anatomy(
             content["name"],
             tuple(content["joints"]),
@@ -123,6 +157,7 @@ def load(path: Path) -> Anatomy:
             content["reference"],
             content["notice"],
             {name: FitError(**error) for name, error in content["errors"].items()},
+            None if certificate is None else Certificate(**certificate),
         )
     except OSError as error:
         raise HricError(f"the muscle file {path} cannot be read: {error.strerror}") from error
@@ -140,6 +175,7 @@ class _MuscleRow(TypedDict):
     length: object
     pulls: Mapping[str, Sequence[object]]
     course: Sequence[tuple[str, Vector]]
+    curves: NotRequired[Mapping[str, Any]]
 
 
 def _row(muscle: Muscle) -> dict[str, object]:
@@ -147,6 +183,8 @@ def _row(muscle: Muscle) -> dict[str, object]:
     row["length"] = _polynomial_row(muscle.length)
     row["pulls"] = {centre: [_polynomial_row(part) for part in pull] for centre, pull in muscle.pulls.items()}
     row["course"] = row.pop("path")
+    if muscle.curves is None:
+        del row["curves"]
     return row
 
 
@@ -166,7 +204,13 @@ def _muscle(row: _MuscleRow) -> Muscle:
     path = tuple((str(segment), (float(x), float(y), float(z))) for segment, (x, y, z) in row["course"])
     if len(path) < 2 or not {segment for segment, _ in path} <= set(SEGMENTS):
         raise ValueError(f"the course of muscle {row['name']} is {path}; valid: 2 points or more on {SEGMENTS}")
-    return Muscle(row["name"], force, optimal, slack, _polynomial(row["length"]), pulls, path)
+    return Muscle(row["name"], force, optimal, slack, _polynomial(row["length"]), pulls, path, _curves(row))
+
+
+def _curves(row: _MuscleRow) -> SampledCurves | None:
+    if "curves" not in row:
+        return None
+    return SampledCurves(**{key: tuple(of) if isinstance(of, list) else of for key, of in row["curves"].items()})
 
 
 def _polynomial(row: Any) -> Polynomial:

@@ -24,7 +24,7 @@ VALID = (
     f"{NAME} (built in), a .json file of `hric fit_muscles`, or a model of a right arm for OpenSim "
     "(.osim) or MuJoCo (.xml)"
 )
-FIT_VERSION = b"2"
+FIT_VERSION = b"3"
 """Part of every key of the cache; to be changed whenever the fitting code gives another result."""
 
 

@@ -5,6 +5,8 @@ formulations for solving the muscle redundancy problem, Ann. Biomed. Eng. 44(10)
 OpenSim's DeGrooteFregly2016Muscle; a test compares the forces.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from hric_core.geometry import FloatArray
@@ -28,6 +30,44 @@ RISE, FALL = 0.015, 0.060
 """Time constants of activation and deactivation [s]."""
 SMOOTHING = 0.1
 """Factor b in tanh(b (excitation - activation)), which blends activation and deactivation [1]."""
+
+LENGTHS = np.linspace(0.2, 2.0, 91)
+"""Fibre lengths of `SampledCurves`, per optimal length along the line of action [1]; as in `muscles.c`."""
+SPEEDS = np.linspace(-1.0, 1.0, 201)
+"""Speeds of `SampledCurves`, per maximum velocity [1]; positive: lengthening."""
+
+
+@dataclass(frozen=True)
+class SampledCurves:
+    """Curves of one muscle, linear between samples and constant beyond them, along its line of action.
+
+    force = max_force (a active(l) velocity(v speed(l) / max_velocity) + passive(l)), with activation a, fibre length l
+    per optimal length and its rate v [1/s].
+
+    Attributes:
+        max_velocity: velocity at the end of SPEEDS, optimal lengths per second.
+        active, passive: force per maximum isometric force at LENGTHS [1].
+        speed: speed of the fibres relative to that along the line of action, at LENGTHS, 1 at optimal length [1].
+        velocity: factor on the active force at SPEEDS [1].
+    """
+
+    max_velocity: float
+    active: tuple[float, ...]
+    passive: tuple[float, ...]
+    speed: tuple[float, ...]
+    velocity: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        """Check the numbers. Raises ValueError."""
+        tables = self.active, self.passive, self.speed, self.velocity
+        if [len(table) for table in tables] != [len(LENGTHS)] * 3 + [len(SPEEDS)]:
+            raise ValueError(f"curves have {[len(table) for table in tables]} samples")
+        if not (self.max_velocity > 0.0 and np.isfinite(self.numbers()).all()):
+            raise ValueError(f"curves have the maximum velocity {self.max_velocity} or a sample that is not finite")
+
+    def numbers(self) -> FloatArray:
+        """Return all numbers, in the order of the attributes."""
+        return np.array([self.max_velocity, *self.active, *self.passive, *self.speed, *self.velocity])
 
 
 def approach_speed(activation: FloatArray, excitation: FloatArray) -> FloatArray:

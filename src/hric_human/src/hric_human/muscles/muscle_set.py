@@ -166,7 +166,8 @@ class MuscleSet:
         angles = [self._order.index(f"{side}_{name}") for name in anatomy.joints]
         products = _Monomials(anatomy)
         start, term, coefficient = products.rows(muscle.length for muscle in anatomy.muscles.values())
-        sizes = len(angles), len(products.factor), len(anatomy.muscles), len(term), row, column
+        own = [muscle.curves.numbers() for muscle in anatomy.muscles.values() if muscle.curves is not None]
+        sizes = len(angles), len(products.factor), len(anatomy.muscles), len(term), row, column, bool(own)
         integers = np.concatenate([angles, products.factor, products.angle, start, term])
         made = [self._scaled(anatomy, muscle, side) for muscle in anatomy.muscles.values()]
         self.scaled += made
@@ -174,7 +175,7 @@ class MuscleSet:
             (muscle.force, muscle.optimal_length / muscle.scale, muscle.slack_length / muscle.scale, muscle.scale)
             for muscle in made
         ]
-        numbers = [anatomy.lower, anatomy.upper, coefficient, *np.transpose(rows)]
+        numbers = [anatomy.lower, anatomy.upper, coefficient, *np.transpose(rows), *own]
         return sizes, integers.astype(np.intc), np.concatenate(numbers)
 
     def _scaled(self, anatomy: Anatomy, muscle: Muscle, side: str) -> ScaledMuscle:

@@ -3,7 +3,7 @@
 
 #include <math.h>
 
-enum { BELLS = 3 };
+enum { BELLS = 3, LENGTHS = 91, SPEEDS = 201, OWN = 1 + 3 * LENGTHS + SPEEDS };
 
 typedef struct {
     double bell[BELLS][4], passive_shape, passive_strain, shortest, velocity[4], max_velocity;
@@ -16,6 +16,7 @@ typedef struct {
     int *place, *factor, *angle, *start,
         *term; /* place: index of each angle in q; start: first entry of each row; term: monomial of each entry */
     double *lower, *upper, *coefficient, *force, *optimal, *slack, *scale; /* scale: subject's lengths per model's */
+    double *own; /* SampledCurves.numbers() of each muscle, or NULL if the muscles have the built-in curves */
     double *x, *value;                                                     /* angles clipped to the range, monomials */
 } Arm;
 
@@ -50,6 +51,20 @@ static double velocity_factor(const Curves *c, double v)
     const double *d = c->velocity;
     return d[0] * asinh(d[1] * v + d[2]) + d[3];
 }
+
+/* Interpolate between samples at equal steps from low to high; beyond them the value is constant. */
+static double sampled(const double *value, int count, double low, double high, double x)
+{
+    const double at = (x - low) / (high - low) * (count - 1);
+    if (!(at > 0.0))
+        return value[0];
+    if (at >= count - 1)
+        return value[count - 1];
+    const int i = (int)at;
+    return value[i] + (at - i) * (value[i + 1] - value[i]);
+}
+
+static double at_length(const double *value, double l) { return sampled(value, LENGTHS, 0.2, 2.0, l); }
 
 /* Compute the monomials at the angles, clipped to the range of the fit. Returns 1 if an angle was clipped, else 0. */
 static int prepare(const Arm *arm, const double *q)
@@ -87,6 +102,14 @@ static void muscle(const Muscles *self, const Arm *arm, int i, const double *dq,
                  velocity = speed / (arm->scale[i] * arm->optimal[i]);
     out[k] = length;
     out[self->muscles + k] = velocity;
+    if (arm->own != NULL) {
+        const double *own = arm->own + i * OWN, *forces = own + 1, *speeds = forces + 2 * LENGTHS;
+        const double fibre = velocity * at_length(speeds, length) / own[0];
+        out[2 * self->muscles + k] =
+            arm->force[i] * at_length(forces, length) * sampled(speeds + LENGTHS, SPEEDS, -1.0, 1.0, fibre);
+        out[3 * self->muscles + k] = arm->force[i] * at_length(forces + LENGTHS, length);
+        return;
+    }
     out[2 * self->muscles + k] = arm->force[i] * active(c, length) * velocity_factor(c, velocity / c->max_velocity);
     out[3 * self->muscles + k] = arm->force[i] * passive(c, length);
 }
@@ -147,13 +170,13 @@ static int valid(const Muscles *self, const Arm *arm, int entries)
 }
 
 /* Read an arm from the tuple (sizes, integers, numbers). sizes: joints, monomials, muscles, entries, first row, first
-   column; integers and numbers: the arrays of Arm in their order. */
+   column, 1 if the muscles have curves of their own; integers and numbers: the arrays of Arm in their order. */
 static int take_arm(const Muscles *self, PyObject *given, Arm *arm)
 {
     PyObject *integers, *numbers;
-    int n;
-    if (!PyArg_ParseTuple(given, "(iiiiii)OO", &arm->joints, &arm->monomials, &arm->muscles, &n, &arm->row,
-                          &arm->column, &integers, &numbers))
+    int n, own;
+    if (!PyArg_ParseTuple(given, "(iiiiiii)OO", &arm->joints, &arm->monomials, &arm->muscles, &n, &arm->row,
+                          &arm->column, &own, &integers, &numbers))
         return 0;
     if (arm->joints < 1 || arm->monomials < 1 || arm->muscles < 0 || n < 0) {
         PyErr_SetString(PyExc_ValueError, "an arm has no joints or no monomials");
@@ -163,7 +186,7 @@ static int take_arm(const Muscles *self, PyObject *given, Arm *arm)
                  rows = k * (1 + m);
     arm->place = copied(integers, m + 2 * t + rows + 1 + e, sizeof(int), "the integers of an arm");
     arm->lower =
-        arm->place == NULL ? NULL : copied(numbers, 2 * m + e + 4 * k, sizeof(double), "the numbers of an arm");
+        arm->place == NULL ? NULL : copied(numbers, 2 * m + e + (own ? 4 + OWN : 4) * k, sizeof(double), "the numbers of an arm");
     arm->x = arm->lower == NULL ? NULL : zeroed(m + t, sizeof(double));
     if (arm->x == NULL)
         return 0;
@@ -171,6 +194,7 @@ static int take_arm(const Muscles *self, PyObject *given, Arm *arm)
     arm->term = arm->start + rows + 1;
     arm->upper = arm->lower + m, arm->coefficient = arm->upper + m, arm->force = arm->coefficient + e;
     arm->optimal = arm->force + k, arm->slack = arm->optimal + k, arm->scale = arm->slack + k;
+    arm->own = own ? arm->scale + k : NULL;
     arm->value = arm->x + m;
     return valid(self, arm, n);
 }

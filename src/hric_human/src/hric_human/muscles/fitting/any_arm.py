@@ -9,6 +9,7 @@ girdle's motion, as in OpenSim. Joints that the model lacks, or that no muscle o
 
 import logging
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -55,17 +56,22 @@ def fit(model: ArmModel, source: str, terms: str = "") -> Anatomy:
     placing = Placing(model)
     lower, upper = _range(placing)
     count = min(SAMPLES, FEWEST_SAMPLES * 2 ** (len(lower) - 1))
+    curves = model.curves()
+    unusable = [f"{name}: {of}" for name, of in zip(model.muscles, curves, strict=True) if isinstance(of, str)]
+    if len(unusable) == len(curves):
+        raise HricError(f"{model.name} has no usable muscle; {unusable[0]}")
     samples = _sampled(placing, model, poses(lower, upper, count + count // SHARE))
     strengths, paths = model.strengths(), placing.muscle_paths()
     credits = f"Fitted from {source}, whose licence applies here. Its credits: {model.credits or 'none in the file'}"
     muscles, errors = dict[str, Muscle](), dict[str, FitError]()
     for k, name in enumerate(model.muscles):
         numbers = [rounded(float(values[k])) for values in strengths]
-        made = _fitted(samples, k, placing.joints, name, numbers, paths[k])
+        own = curves[k]
+        made = own if isinstance(own, str) else _fitted(samples, k, placing.joints, name, numbers, paths[k])
         if isinstance(made, str):
             LOG.warning("%s: muscle %s is left out: %s", model.name, name, made)
         else:
-            muscles[name], errors[name] = made
+            muscles[name], errors[name] = replace(made[0], curves=own), made[1]
             _report_fibres(model.name, made[0], samples, placing.joints)
     acting = [joint for joint in placing.joints if any(joint in muscle.length.joints for muscle in muscles.values())]
     if not acting:

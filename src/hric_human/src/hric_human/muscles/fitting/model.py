@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from hric_core.geometry import FloatArray
+from hric_human.muscles.curves import SampledCurves
 
 
 class Coordinate(NamedTuple):
@@ -86,6 +87,10 @@ class ArmModel(ABC):
 
         The forces are in axes of the ground.
         """
+
+    def curves(self) -> Sequence[SampledCurves | str | None]:
+        """Return each muscle's own curves, why it has none that can be used, or None for the built-in curves."""
+        return [None] * len(self.muscles)
 
     @abstractmethod
     def strengths(self) -> Strengths:

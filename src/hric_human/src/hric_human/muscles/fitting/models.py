@@ -1,6 +1,7 @@
 """Fit of the muscles of an arm model from its file. OpenSim or MuJoCo is imported only for a fit."""
 
 import logging
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -60,10 +61,15 @@ def fit(path: Path) -> Anatomy:
     if repair.is_das4(path):
         LOG.warning("%s is %s", path, DELFT_MENDS)
         return delft.fit(path)
+    from hric_human.muscles.fitting.certificate import certify
     from hric_human.muscles.fitting.opensim_model import OpenSimArm
 
     LOG.warning("%s is used without repairs: check its muscle paths yourself", path)
-    return any_arm.fit(OpenSimArm(path), path.name, terms(path))
+    anatomy = any_arm.fit(OpenSimArm(path), path.name, terms(path))
+    certificate = certify(path, anatomy)
+    if certificate is not None:
+        LOG.warning("%s: %s", path, certificate)
+    return replace(anatomy, certificate=certificate)
 
 
 def run(model: Path, output: Path) -> None:

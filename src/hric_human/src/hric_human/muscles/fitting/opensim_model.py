@@ -10,7 +10,9 @@ import opensim
 
 from hric_core.errors import HricError
 from hric_core.geometry import FloatArray
+from hric_human.muscles.curves import SampledCurves
 from hric_human.muscles.fitting.model import ArmModel, Coordinate, Strengths
+from hric_human.muscles.fitting.opensim_curves import CurveBench
 from hric_human.muscles.fitting.sample import Paths, members
 
 LOG = logging.getLogger("hric.human.muscles")
@@ -39,6 +41,9 @@ class _Coupler:
 
 class OpenSimArm(Paths, ArmModel):
     """OpenSim model of an arm. CoordinateCouplerConstraints are evaluated; other constraints are ignored.
+
+    Attributes:
+        dependent: names of the coordinates that follow others.
 
     Raises:
         HricError: OpenSim cannot read the model, or it has no muscles with points on bodies.
@@ -71,11 +76,11 @@ class OpenSimArm(Paths, ArmModel):
         bodies = [body.getName() for body in members(model.getBodySet())]
         self.parents = _sorted({body: self._parent(body) for body in bodies})
         self._couplers = list(_couplers(model, self.state))
-        dependent = {coupler.name for coupler in self._couplers}
+        self.dependent = [coupler.name for coupler in self._couplers]
         self.coordinates = [
             _coordinate(coordinate)
             for coordinate in members(model.getCoordinateSet())
-            if coordinate.getName() not in dependent
+            if coordinate.getName() not in self.dependent
             and coordinate.getMotionType() != _TRANSLATION
             and not coordinate.getLocked(self.state)
         ]
@@ -90,6 +95,11 @@ class OpenSimArm(Paths, ArmModel):
         joint = self._joints.get(body)
         name = _body(joint.getParentFrame()) if joint is not None else ""
         return "" if name == self.model.getGround().getName() else name
+
+    @property
+    def angles(self) -> dict[str, float]:
+        """Return the current values of all coordinates by name [rad], [m]."""
+        return dict(self._angles)
 
     def put(self, angles: Mapping[str, float]) -> None:
         """Set coordinates by name [rad]; the others do not change, except dependent ones."""
@@ -124,6 +134,11 @@ class OpenSimArm(Paths, ArmModel):
             along * [muscle.getOptimalFiberLength() for muscle in of],
             np.array([muscle.getTendonSlackLength() for muscle in of]),
         )
+
+    def curves(self) -> list[SampledCurves | str | None]:
+        """Return the curves of the muscles, sampled from OpenSim's, or why OpenSim cannot evaluate them."""
+        bench = CurveBench(self.model)
+        return [bench.sampled(name) for name in self.muscles]
 
 
 def _couplers(model: Any, state: Any) -> Iterator[_Coupler]:

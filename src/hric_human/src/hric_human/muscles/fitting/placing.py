@@ -27,6 +27,7 @@ class Placing:
     Attributes:
         joints: names of the arm joints that the model has, in their order.
         hinges: joints that correspond to one coordinate of the model, by name of the joint.
+        coordinates: names of the model's coordinates that move the joints.
 
     Raises:
         HricError: the model has no arm, or its coordinates do not match the joints of an arm.
@@ -39,6 +40,7 @@ class Placing:
         self._shoulder = self._matching.shoulder
         matched = {*self.hinges, *(SHOULDER if self._shoulder else ())}
         self.joints = tuple(row.name for row in ARM if row.name in matched)
+        self.coordinates = [of.coordinate.name for of in self.hinges.values()] + [of.name for of in self._shoulder]
         self._solved: list[tuple[FloatArray, FloatArray]] = []
 
     def put(self, q: FloatArray) -> bool:
