@@ -29,8 +29,8 @@ from hric_human.muscles.static_optimization import MINIMUM, StaticOptimization
 LOG = logging.getLogger("hric.human.muscles")
 FRAMES, CHECKED = 41, slice(8, 33)
 """Number of frames of the motion of 1 s, and those compared: OpenSim's splines spoil both ends."""
-FROM, TO = 0.3, 0.6
-"""Ends of the motion as shares of each joint's range; project default."""
+MOTION = {"sh_flex": (0.1, 0.4), "sh_abd": (0.1, 0.3), "el_flex": (0.3, 1.5)}
+"""First and last angle of joints in the motion, which lifts the hand; 0 for other joints [rad]; project default."""
 TRIES = 64
 """Number of motions that are tried until the model's ranges allow one."""
 LIMIT = 120.0
@@ -94,16 +94,13 @@ class _Motion:
 
 def _motion(placing: Placing, model: OpenSimArm, anatomy: Anatomy) -> _Motion:
     """Return the first motion within the model's ranges. Raises HricError: there is none among TRIES."""
-    lower, upper = np.zeros(len(placing.joints)), np.zeros(len(placing.joints))
-    for name, low, high in zip(anatomy.joints, anatomy.lower, anatomy.upper, strict=True):
-        lower[placing.joints.index(name)], upper[placing.joints.index(name)] = low, high
-    for name, hinge in placing.hinges.items():
-        if name not in anatomy.joints:
-            lower[placing.joints.index(name)] = upper[placing.joints.index(name)] = np.clip(0.0, *hinge.range)
-    ends = lower + np.array([[FROM], [TO]]) * (upper - lower)
-    starts = [ends[0], *poses(lower.tolist(), upper.tolist(), TRIES)]
-    for start in starts:
-        moved = _Motion(np.array([start, start + 0.5 * (ends[1] - start) if start is not ends[0] else ends[1]]))
+    ranges = {name: hinge.range for name, hinge in placing.hinges.items()}
+    ranges |= zip(anatomy.joints, zip(anatomy.lower, anatomy.upper, strict=True), strict=True)
+    lower, upper = np.array([ranges.get(name, (0.0, 0.0)) for name in placing.joints]).T
+    ends = np.clip(np.array([MOTION.get(name, (0.0, 0.0)) for name in placing.joints]).T, lower, upper)
+    starts = poses(lower.tolist(), upper.tolist(), TRIES)
+    for both in [ends, *([start, 0.5 * (start + ends[1])] for start in starts)]:
+        moved = _Motion(np.array(both))
         for q in moved.q:
             if not placing.put(q) or (slopes := placing.slopes(q)) is None:
                 break

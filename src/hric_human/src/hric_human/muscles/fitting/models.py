@@ -68,7 +68,7 @@ def fit(path: Path) -> Anatomy:
     anatomy = any_arm.fit(OpenSimArm(path), path.name, terms(path))
     certificate = certify(path, anatomy)
     if certificate is not None:
-        LOG.warning("%s: %s", path, certificate)
+        LOG.info("%s: %s", path, certificate)
     return replace(anatomy, certificate=certificate)
 
 
@@ -88,6 +88,8 @@ def run(model: Path, output: Path) -> None:
     anatomy.save(output)
     print(anatomy.notice)
     print(errors_as_markdown(anatomy))
+    if anatomy.certificate is not None:
+        print(anatomy.certificate)
 
 
 def errors_as_markdown(anatomy: Anatomy) -> str:
