@@ -39,6 +39,8 @@ FIBRES = (0.4, 1.6)
 """Usual range of fibre length per optimal length [1]; muscles that leave it are logged; project default."""
 SHARE = SAMPLES // UNSEEN
 """Number of poses used for the fit per pose used to test it."""
+EARLY = 64
+"""Number of poses after which a model is refused that reaches fewer than a quarter of them; project default."""
 _REPORTS = 10
 
 
@@ -120,6 +122,9 @@ def _sampled(placing: Placing, model: ArmModel, requested: FloatArray) -> Muscle
     """
     q, lengths, arms, pulls = [], [], [], {centre: list[FloatArray]() for centre in CENTRES}
     for n, pose in enumerate(requested):
+        if n == EARLY and 4 * len(q) < EARLY:
+            requested = requested[:EARLY]
+            break
         if n % (len(requested) // _REPORTS) == 0:
             LOG.info("%s: %d of %d poses sampled", model.name, n, len(requested))
         if not placing.put(pose) or (slopes := placing.slopes(pose)) is None:

@@ -111,9 +111,7 @@ def _motion(placing: Placing, model: OpenSimArm, anatomy: Anatomy) -> _Motion:
     raise HricError(f"none of {len(starts)} motions is within the ranges of its coordinates")
 
 
-def _state(
-    anatomy: Anatomy, q: FloatArray, dq: FloatArray, kinds: Sequence[str]
-) -> tuple[FloatArray, FloatArray]:
+def _state(anatomy: Anatomy, q: FloatArray, dq: FloatArray, kinds: Sequence[str]) -> tuple[FloatArray, FloatArray]:
     """Return moment arms, shape (k, m) [m], and force per activation as in OpenSim's tool, shape (k,) [N]."""
     arms, gain = np.zeros((len(anatomy.muscles), len(q))), np.zeros(len(anatomy.muscles))
     for k, (muscle, kind) in enumerate(zip(anatomy.muscles.values(), kinds, strict=True)):
