@@ -210,7 +210,8 @@ def _muscle(row: _MuscleRow) -> Muscle:
 def _curves(row: _MuscleRow) -> SampledCurves | None:
     if "curves" not in row:
         return None
-    return SampledCurves(**{key: tuple(of) if isinstance(of, list) else of for key, of in row["curves"].items()})
+    numbers = dict(row["curves"])
+    return SampledCurves(numbers.pop("max_velocity"), **{key: tuple(samples) for key, samples in numbers.items()})
 
 
 def _polynomial(row: Any) -> Polynomial:

@@ -16,8 +16,8 @@ typedef struct {
     int *place, *factor, *angle, *start,
         *term; /* place: index of each angle in q; start: first entry of each row; term: monomial of each entry */
     double *lower, *upper, *coefficient, *force, *optimal, *slack, *scale; /* scale: subject's lengths per model's */
-    double *own; /* SampledCurves.numbers() of each muscle, or NULL if the muscles have the built-in curves */
-    double *x, *value;                                                     /* angles clipped to the range, monomials */
+    double *own;       /* SampledCurves.numbers() of each muscle, or NULL if the muscles have the built-in curves */
+    double *x, *value; /* angles clipped to the range, monomials */
 } Arm;
 
 typedef struct {
@@ -185,8 +185,9 @@ static int take_arm(const Muscles *self, PyObject *given, Arm *arm)
     const size_t m = (size_t)arm->joints, t = (size_t)arm->monomials, k = (size_t)arm->muscles, e = (size_t)n,
                  rows = k * (1 + m);
     arm->place = copied(integers, m + 2 * t + rows + 1 + e, sizeof(int), "the integers of an arm");
-    arm->lower =
-        arm->place == NULL ? NULL : copied(numbers, 2 * m + e + (own ? 4 + OWN : 4) * k, sizeof(double), "the numbers of an arm");
+    arm->lower = arm->place == NULL
+                     ? NULL
+                     : copied(numbers, 2 * m + e + (own ? 4 + OWN : 4) * k, sizeof(double), "the numbers of an arm");
     arm->x = arm->lower == NULL ? NULL : zeroed(m + t, sizeof(double));
     if (arm->x == NULL)
         return 0;

@@ -33,8 +33,8 @@ WORST_FIT = 0.006
 """Maximum root mean square error of the moment arms of a usable muscle [m]; project default."""
 FAR_OFF = 0.02
 """Error of a fitted moment arm [m] above which the path is assumed to jump at that pose; project default."""
-FEWEST_SAMPLES = 192
-"""Number of poses of a fit with one joint; doubled for each further joint, up to SAMPLES; project default."""
+FEWEST_SAMPLES, MOST_SAMPLES = 192, 1024
+"""Number of poses of a fit with one joint, doubled for each further joint, and its maximum; project default."""
 FIBRES = (0.4, 1.6)
 """Usual range of fibre length per optimal length [1]; muscles that leave it are logged; project default."""
 SHARE = SAMPLES // UNSEEN
@@ -57,7 +57,7 @@ def fit(model: ArmModel, source: str, terms: str = "") -> Anatomy:
     """
     placing = Placing(model)
     lower, upper = _range(placing)
-    count = min(SAMPLES, FEWEST_SAMPLES * 2 ** (len(lower) - 1))
+    count = min(MOST_SAMPLES, FEWEST_SAMPLES * 2 ** (len(lower) - 1))
     curves = model.curves()
     unusable = [f"{name}: {of}" for name, of in zip(model.muscles, curves, strict=True) if isinstance(of, str)]
     if len(unusable) == len(curves):
@@ -70,7 +70,7 @@ def fit(model: ArmModel, source: str, terms: str = "") -> Anatomy:
         numbers = [rounded(float(values[k])) for values in strengths]
         own = curves[k]
         made = own if isinstance(own, str) else _fitted(samples, k, placing.joints, name, numbers, paths[k])
-        if isinstance(made, str):
+        if isinstance(own, str) or isinstance(made, str):
             LOG.warning("%s: muscle %s is left out: %s", model.name, name, made)
         else:
             muscles[name], errors[name] = replace(made[0], curves=own), made[1]
@@ -120,7 +120,8 @@ def _sampled(placing: Placing, model: ArmModel, requested: FloatArray) -> Muscle
     Raises:
         HricError: the model reaches fewer than half of the poses.
     """
-    q, lengths, arms, pulls = [], [], [], {centre: list[FloatArray]() for centre in CENTRES}
+    q, lengths, arms = list[FloatArray](), list[FloatArray](), list[FloatArray]()
+    pulls = {centre: list[FloatArray]() for centre in CENTRES}
     for n, pose in enumerate(requested):
         if n == EARLY and 4 * len(q) < EARLY:
             requested = requested[:EARLY]

@@ -65,11 +65,11 @@ def certify(path: Path, anatomy: Anatomy) -> Certificate | None:
         arms, gain = _state(anatomy, motion.q[n, columns], motion.dq[n, columns], kinds)
         torque = forces[n, used] @ motion.arms[n][np.ix_(used, columns)]
         found.append(solver.solve(arms, gain, torque).activation)
-    error = np.array(found) - activation[CHECKED][:, used]
-    rms = dict(zip(anatomy.muscles, np.sqrt((error**2).mean(axis=0)).tolist(), strict=True))
+    missed = np.array(found) - activation[CHECKED][:, used]
+    rms = dict(zip(anatomy.muscles, np.sqrt((missed**2).mean(axis=0)).tolist(), strict=True))
     return Certificate(
-        rounded(float(np.sqrt((error**2).mean()))),
-        rounded(float(np.abs(error).max())),
+        rounded(float(np.sqrt((missed**2).mean()))),
+        rounded(float(np.abs(missed).max())),
         rounded(float(activation[CHECKED][:, used].max())),
         {name: rounded(rms[name]) for name in sorted(rms, key=lambda name: -rms[name])[:WORST]},
     )

@@ -78,7 +78,7 @@ class CurveBench:
         """Return OpenSim's active force with a rigid tendon, per maximum isometric force along the line of action."""
         self._put(muscle, unit, length, velocity)
         force = float(muscle.calcInextensibleTendonActiveFiberForce(self._state, activation))
-        return force * muscle.getOptimalFiberLength() / (unit * muscle.getMaxIsometricForce())
+        return float(force * muscle.getOptimalFiberLength() / (unit * muscle.getMaxIsometricForce()))
 
     def _passive(self, muscle: Any, unit: float, alpha: float, length: float, old: bool) -> float:
         """Return the passive force, per maximum isometric force along the line of action."""
@@ -91,7 +91,7 @@ class CurveBench:
             fibres.setFiberLength(self._state, math.hypot(unit * float(length), optimal * math.sin(alpha)))
             self._model.realizeVelocity(self._state)
         force = float(muscle.getPassiveFiberForceAlongTendon(self._state))
-        return force * optimal / (unit * muscle.getMaxIsometricForce())
+        return float(force * optimal / (unit * muscle.getMaxIsometricForce()))
 
 
 def _rounded(values: FloatArray) -> tuple[float, ...]:
