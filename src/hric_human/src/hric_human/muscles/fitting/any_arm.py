@@ -9,6 +9,7 @@ girdle's motion, as in OpenSim. Joints that the model lacks, or that no muscle o
 
 import logging
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,6 +17,7 @@ import numpy as np
 from hric_core.errors import HricError
 from hric_core.geometry import FloatArray
 from hric_human.muscles.anatomy import CENTRES, Anatomy, FitError, Muscle, MusclePath
+from hric_human.muscles.curves import SampledCurves
 from hric_human.muscles.fitting.delft import RANGE, SAMPLES, UNSEEN
 from hric_human.muscles.fitting.fit import NO_ARM, arm_errors, fit_error, fit_muscle, rounded
 from hric_human.muscles.fitting.model import ArmModel
@@ -33,7 +35,7 @@ WORST_FIT = 0.006
 """Maximum root mean square error of the moment arms of a usable muscle [m]; project default."""
 FAR_OFF = 0.02
 """Error of a fitted moment arm [m] above which the path is assumed to jump at that pose; project default."""
-FEWEST_SAMPLES, MOST_SAMPLES = 192, 1024
+FEWEST_SAMPLES, MAX_SAMPLES = 192, 1024
 """Number of poses of a fit with one joint, doubled for each further joint, and its maximum; project default."""
 FIBRES = (0.4, 1.6)
 """Usual range of fibre length per optimal length [1]; muscles that leave it are logged; project default."""
@@ -57,11 +59,8 @@ def fit(model: ArmModel, source: str, terms: str = "") -> Anatomy:
     """
     placing = Placing(model)
     lower, upper = _range(placing)
-    count = min(MOST_SAMPLES, FEWEST_SAMPLES * 2 ** (len(lower) - 1))
-    curves = model.curves()
-    unusable = [f"{name}: {of}" for name, of in zip(model.muscles, curves, strict=True) if isinstance(of, str)]
-    if len(unusable) == len(curves):
-        raise HricError(f"{model.name} has no usable muscle; {unusable[0]}")
+    count = min(MAX_SAMPLES, FEWEST_SAMPLES * 2 ** (len(lower) - 1))
+    curves = _curves(model)
     samples = _sampled(placing, model, poses(lower, upper, count + count // SHARE))
     strengths, paths = model.strengths(), placing.muscle_paths()
     credits = f"Fitted from {source}, whose licence applies here. Its credits: {model.credits or 'none in the file'}"
@@ -90,6 +89,15 @@ def fit(model: ArmModel, source: str, terms: str = "") -> Anatomy:
         f"{terms} {credits}".strip(),
         errors,
     )
+
+
+def _curves(model: ArmModel) -> Sequence[SampledCurves | str | None]:
+    """Return the model's curves. Raises HricError: no muscle has usable ones."""
+    curves = model.curves()
+    unusable = [f"{name}: {of}" for name, of in zip(model.muscles, curves, strict=True) if isinstance(of, str)]
+    if len(unusable) == len(curves):
+        raise HricError(f"{model.name} has no usable muscle; {unusable[0]}")
+    return curves
 
 
 def _range(placing: Placing) -> tuple[list[float], list[float]]:
