@@ -92,11 +92,13 @@ def fit(model: ArmModel, source: str, terms: str = "") -> Anatomy:
 
 
 def _curves(model: ArmModel) -> Sequence[SampledCurves | str | None]:
-    """Return the model's curves. Raises HricError: no muscle has usable ones."""
+    """Return the model's curves. Raises HricError: half of the muscles or more have none that can be used."""
     curves = model.curves()
     unusable = [f"{name}: {of}" for name, of in zip(model.muscles, curves, strict=True) if isinstance(of, str)]
-    if len(unusable) == len(curves):
-        raise HricError(f"{model.name} has no usable muscle; {unusable[0]}")
+    if 2 * len(unusable) >= len(curves):
+        raise HricError(
+            f"{model.name}: {len(unusable)} of {len(curves)} muscles cannot be used; the first is {unusable[0]}"
+        )
     return curves
 
 
