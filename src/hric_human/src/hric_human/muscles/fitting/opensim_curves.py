@@ -29,15 +29,13 @@ class CurveBench:
         joint.updCoordinate().setName("length")
         self._model.addBody(body)
         self._model.addJoint(joint)
-        coordinates = opensim.StdVectorString()
-        coordinates.append("/jointset/slider/length")
         for k in range(model.getMuscles().getSize()):
             clone = model.getMuscles().get(k).clone()
             clone.thisown = 0  # the bench's model owns the copy
             muscle = opensim.Muscle.safeDownCast(clone)
             path = opensim.FunctionBasedPath()
             path.setLengthFunction(opensim.LinearFunction(1.0, 0.0))
-            path.setCoordinatePaths(coordinates)
+            path.appendCoordinatePath("/jointset/slider/length")
             muscle.set_path(path)
             kind = muscle.getConcreteClassName()
             muscle.set_ignore_tendon_compliance(kind != ELASTIC_ONLY and not kind.endswith(DEPRECATED))
