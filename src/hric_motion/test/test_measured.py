@@ -130,6 +130,12 @@ def test_noise_of_few_markers_is_that_of_the_markers() -> None:
     assert 0.007 < measured(PERSON, [NAMES[row] for row in worn], positions, RATE).noise < 0.013
 
 
+def test_progress_counts_the_frames() -> None:
+    calls = list[tuple[int, int]]()
+    measured(PERSON, NAMES, np.tile(CLEAN, (2, 1, 1)), RATE, progress=lambda done, total: calls.append((done, total)))
+    assert calls == [(400, 800), (800, 800)]
+
+
 def test_points_that_are_no_person_are_refused() -> None:
     with pytest.raises(HricError, match=r"the body fits the markers within 30 mm in 0% .*Check labels, unit"):
         measured(PERSON, NAMES, np.random.default_rng(0).normal(size=CLEAN[:40].shape), RATE)

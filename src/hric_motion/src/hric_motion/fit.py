@@ -11,14 +11,13 @@ section 6, 2000), and steps are damped as Levenberg and Marquardt do.
     motion.postures.q, motion.spread               # joint angles and their standard deviations [rad]
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import NamedTuple, TypeVar
 
 import numpy as np
 import numpy.typing as npt
-from tqdm import tqdm
 
 from hric_core.errors import HricError, ParameterError
 from hric_core.geometry import FloatArray
@@ -55,6 +54,8 @@ COARSE, FINE = 0.3, 3e-4
 """Noise of the first round by the residual of the table's body; relative change of the cost that ends a round [1]."""
 KNOT = 10
 """Distance of the frames whose postures are found from scratch; the others begin at the nearest of these."""
+BLOCK = 400
+"""Number of frames whose motion is computed at once."""
 STEPS, SETTLED = 60, 1e-4
 """Largest number of steps of a fit, and the step [m], [rad] below which it has settled."""
 SAMPLED, LOWER = 8, 0.9
@@ -82,6 +83,8 @@ STARTS: tuple[dict[str, float], ...] = (
 
 
 Mask = npt.NDArray[np.bool_]
+Progress = Callable[[int, int], object]
+"""Function that is called with the number of frames that are done, and that of all."""
 Arrays = TypeVar("Arrays", BodyPostures, "_Equations")
 
 
@@ -178,19 +181,20 @@ class BodyFit:
         fitted = {name: replace(self._markers[name], p_link_marker=p_link) for name, p_link in markers}
         return replace(body, markers={**body.markers, **fitted})
 
-    def motion(self, positions: FloatArray, block: int = 400) -> FittedMotion:
-        """Return the motion of the fitted body that fits the markers best; a terminal shows the progress.
+    def motion(self, positions: FloatArray, progress: Progress = lambda done, total: None) -> FittedMotion:
+        """Return the motion of the fitted body that fits the markers best.
 
         Args:
             positions: positions of the markers, shape (n, m, 3) [m]; NaN: not visible.
-            block: number of frames that are computed at once.
+            progress: called after each block of frames.
         """
         knots = np.unique(np.append(np.arange(0, len(positions), KNOT), len(positions) - 1))
         known, parts = self._started(positions[knots]), list[FittedMotion]()
-        for begin in tqdm(range(0, len(positions), block), unit_scale=block, unit=" frames", disable=None, leave=False):
-            rows = np.arange(begin, min(begin + block, len(positions)))
+        for begin in range(0, len(positions), BLOCK):
+            rows = np.arange(begin, min(begin + BLOCK, len(positions)))
             nearest = np.abs(rows[:, None] - knots).argmin(axis=1)
             parts.append(self._block(positions[rows], known.rows(nearest)))
+            progress(int(rows[-1]) + 1, len(positions))
         postures = BodyPostures(*map(np.concatenate, zip(*(part.postures for part in parts), strict=True)))
         arrays = [np.concatenate([part[k] for part in parts]) for k in (1, 2)]
         return FittedMotion(postures, *arrays)

@@ -12,7 +12,7 @@ from hric_core.errors import HricError
 from hric_core.geometry import FloatArray
 from hric_human.body import Body, Subject
 from hric_human.body.markers import ExtraMarker
-from hric_motion.fit import FRAMES, BodyFit, seen_in
+from hric_motion.fit import FRAMES, BodyFit, Progress, seen_in
 from hric_motion.tracking.tracker import BRIDGE
 
 MAX_DISTANCE = 0.03
@@ -79,6 +79,7 @@ def measured(
     rate: float,
     extra: Sequence[ExtraMarker] = (),
     still: FloatArray | None = None,
+    progress: Progress = lambda done, total: None,
 ) -> MeasuredMotion:
     """Fit a body to the markers of a trial, and return the motion of the person.
 
@@ -90,6 +91,7 @@ def measured(
         extra: markers that are not in the table of the body.
         still: positions of the same markers in a static trial, shape (k, markers, 3) [m], whose frames are half of
             those of the fit; the person may sway. None: there is none.
+        progress: called with the number of frames that are done, and that of all.
 
     Raises:
         HricError: the markers do not determine the pose of the trunk, or the body does not fit them.
@@ -99,7 +101,7 @@ def measured(
     chosen = np.concatenate([_spread_out(part, FRAMES // len(parts)) for part in parts])
     with threadpool_limits(1):  # small matrices: a second thread costs more than it helps, much more on a busy machine
         fit = BodyFit(subject, names, chosen, extra)
-        motion = fit.motion(filled)
+        motion = fit.motion(filled, progress)
     q = np.where(motion.spread < KNOWN * fit.prior_spread, motion.postures.q, np.nan)
     root = np.hstack([motion.postures.p, Rotation.from_matrix(motion.postures.R).as_quat()])
     distances = np.where(seen_in(positions), motion.distances, np.nan)

@@ -21,7 +21,7 @@ from hric_human.body import Subject, load
 from hric_human.body.markers import check_upright, markers
 from hric_human.body.segments import LINKS, segments
 from hric_human.participant.settings import SUBJECTS
-from hric_motion.fit import TRUNK, seen_in
+from hric_motion.fit import TRUNK, Progress, seen_in
 from hric_motion.marker_sets import FEW, Person, TrialMarkerSet, best_set, mapped_set
 from hric_motion.measured import MeasuredMotion, measured
 
@@ -64,6 +64,11 @@ class TrialMotion:
     def time(self) -> FloatArray:
         """Times of the frames, shape (n,) [s]."""
         return self.trial.start + np.arange(len(self.motion.q)) / self.trial.rate
+
+    @property
+    def positions(self) -> FloatArray:
+        """Positions of the markers of the motion, shape (n, m, 3) [m]; NaN: not visible, or not in this file."""
+        return _positions(self.trial, self.labels, self.motion.names)
 
 
 @dataclass(frozen=True)
@@ -112,6 +117,7 @@ def trial_motion(
     prefix: str | None = None,
     labels: Path | None = None,
     measures: Mapping[str, float | str] = NO_MEASURES,
+    progress: Progress = lambda done, total: None,
 ) -> TrialMotion:
     """Return the motion of one person in a file.
 
@@ -123,6 +129,7 @@ def trial_motion(
         prefix: prefix of the person's labels, with or without the separator at its end; None: there is one person.
         labels: mapping file, see `marker_sets.mapped_set`; None: the labels are those of a known marker set.
         measures: some of the subject's mass [kg], height [m] and sex.
+        progress: called with the number of frames that are done, and that of all.
 
     Raises:
         HricError: a file cannot be read, its marker set is unknown, it has several people, or the body does not fit.
@@ -135,13 +142,12 @@ def trial_motion(
     _check_known(trials[0], worn, [name for name in worn.labels if on[name] in TRUNK], mapped=labels is not None)
     by_trial = [worn.labels, *(_again(trial, worn, labels is not None) for trial in trials[1:])]
     names, never, positions = _seen(trials, by_trial)
-    for trial, p in zip(trials, positions, strict=True):
-        if not trial.up_known:
-            check_upright(trial.name, dict(zip(names, p.swapaxes(0, 1), strict=True)), trial.up)
+    _check_upright(trials, names, positions)
     legs = any(on[name].endswith(LEGS) for name in names)
     person = replace(person, parts="whole_body" if legs else "upper_body")
     try:
-        motion = measured(person, names, positions[0], trials[0].rate, extra, positions[1] if static else None)
+        still = positions[1] if static else None
+        motion = measured(person, names, positions[0], trials[0].rate, extra, still, progress)
     except HricError as error:
         raise HricError(f"{path.name}: {error}") from error
     notes = _notes(trials, worn, sources, person, never)
@@ -226,6 +232,13 @@ def _check_known(trial: Trial, worn: _Worn, trunk: Sequence[str], *, mapped: boo
         f"{MIN_MARKERS} or more, {MIN_TRUNK} on the trunk. Map its labels to markers: "
         f"hric trial {trial.name} --labels NEW.yaml"
     )
+
+
+def _check_upright(trials: Sequence[Trial], names: Sequence[str], positions: Sequence[FloatArray]) -> None:
+    """Check the vertical axis of files that do not state it. Raises ParameterError."""
+    for trial, p in zip(trials, positions, strict=True):
+        if not trial.up_known:
+            check_upright(trial.name, dict(zip(names, p.swapaxes(0, 1), strict=True)), trial.up)
 
 
 def _of(trials: Sequence[Trial], measures: Mapping[str, float | str]) -> tuple[Subject, dict[str, str]]:

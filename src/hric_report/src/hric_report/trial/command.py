@@ -3,9 +3,10 @@
 import argparse
 import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TypeVar
 
 from tqdm import tqdm
 
@@ -17,11 +18,42 @@ from hric_core.geometry import UP_AXES
 from hric_human.body import load
 from hric_motion.marker_sets import mapping_text
 from hric_motion.moments import JointMoments, joint_moments
-from hric_motion.trial import TrialMotion, prefixes, read, trial_motion
+from hric_motion.trial import MEASURES, TrialMotion, prefixes, read, trial_motion
 from hric_report.trial import files, summary
 
+T = TypeVar("T")
 ALL = "all"
 """Value of --prefix for all people of a file, one by one."""
+
+
+def trial_arguments() -> list[Argument]:
+    """Return the arguments that name trials, their person and the folder of the results."""
+    person = "subject"
+    return [
+        Argument("motions", nargs="+", type=Path, metavar="MOTION", help=".c3d or .trc file, or several"),
+        Argument(
+            "--static", type=Path, metavar="FILE", help="trial of the same person standing still, fitted together"
+        ),
+        Argument("--up", choices=UP_AXES, default="", help="vertical axis in the files (default: as they state)"),
+        Argument("--prefix", metavar="P", help="prefix of the person's labels, or all: all people, one by one"),
+        Argument(
+            "--labels",
+            type=Path,
+            metavar="FILE",
+            help="YAML file with lines LABEL: MARKER; one that does not exist is written, to be edited",
+        ),
+        Argument(
+            "-o",
+            "--output",
+            type=Path,
+            metavar="FOLDER",
+            help="folder for the results, NAME_trial for each file (default: beside the file)",
+        ),
+        Argument("--subject", type=Path, metavar="FILE", help="YAML file of the subject", group=person),
+        Argument("--mass", type=float, metavar="KG", help="mass (default: as in the file)", group=person),
+        Argument("--height", type=float, metavar="M", help="height (default: as in the file)", group=person),
+        Argument("--sex", choices=("female", "male"), help="sex (default: male)", group=person),
+    ]
 
 
 class TrialCommand(Command):
@@ -33,58 +65,47 @@ class TrialCommand(Command):
 
     def arguments(self) -> list[Argument]:
         """Return the arguments."""
-        person = "subject"
-        return [
-            Argument("motions", nargs="+", type=Path, metavar="MOTION", help=".c3d or .trc file, or several"),
-            Argument(
-                "--static", type=Path, metavar="FILE", help="trial of the same person standing still, fitted together"
-            ),
-            Argument("--up", choices=UP_AXES, default="", help="vertical axis in the files (default: as they state)"),
-            Argument("--prefix", metavar="P", help="prefix of the person's labels, or all: all people, one by one"),
-            Argument(
-                "--labels",
-                type=Path,
-                metavar="FILE",
-                help="YAML file with lines LABEL: MARKER; one that does not exist is written, to be edited",
-            ),
-            Argument(
-                "-o",
-                "--output",
-                type=Path,
-                metavar="FOLDER",
-                help="folder for the results, NAME_trial for each file (default: beside the file)",
-            ),
-            Argument("--subject", type=Path, metavar="FILE", help="YAML file of the subject", group=person),
-            Argument("--mass", type=float, metavar="KG", help="mass (default: as in the file)", group=person),
-            Argument("--height", type=float, metavar="M", help="height (default: as in the file)", group=person),
-            Argument("--sex", choices=("female", "male"), help="sex (default: male)", group=person),
-        ]
+        return trial_arguments()
 
     def run(self, arguments: argparse.Namespace) -> int:
         """Compute the motions, write their files, and print what is known."""
-        motions = [path.expanduser() for path in arguments.motions]
-        measures = {key: getattr(arguments, key) for key in ("mass", "height", "sex") if getattr(arguments, key)}
-        if arguments.subject is not None and measures:
-            raise ParameterError(f"--subject and --{next(iter(measures))} contradict each other; valid: one of them")
-        if arguments.labels is not None and arguments.prefix is not None:
-            raise ParameterError(
-                "--labels and --prefix contradict each other; valid: complete labels, without --prefix"
-            )
-        if arguments.labels is not None and not arguments.labels.exists():
-            _write_mapping(motions[0], arguments.labels)
-        jobs = [job for path in motions for job in _people(path, arguments.prefix)]
-        written, failed = list[Path](), list[str]()
-        for path, prefix in tqdm(jobs, unit=" trials", disable=not sys.stderr.isatty() or None, leave=False):
-            try:
-                written.append(_one(path, prefix, arguments, measures))
-            except HricError as error:
-                if len(jobs) == 1:
-                    raise
-                failed.append(str(error))
+        written, code = of_each(arguments, _written)
         _print(written)
-        for message in failed:
-            print(f"failed: {message}", file=sys.stderr)
-        return NOT_GOOD if failed else 0
+        return code
+
+
+def of_each(
+    arguments: argparse.Namespace, function: Callable[[Path, str | None, argparse.Namespace], T]
+) -> tuple[list[T], int]:
+    """Return the results of a function of file, prefix and arguments for each person of each trial; and the exit code.
+
+    A trial that fails does not stop the others; its error is printed.
+
+    Raises:
+        HricError: the arguments contradict each other, or the only trial fails.
+    """
+    motions = [path.expanduser() for path in arguments.motions]
+    if arguments.subject is not None and (measures := _measures(arguments)):
+        raise ParameterError(f"--subject and --{next(iter(measures))} contradict each other; valid: one of them")
+    if arguments.labels is not None and arguments.prefix is not None:
+        raise ParameterError("--labels and --prefix contradict each other; valid: complete labels, without --prefix")
+    if arguments.labels is not None and not arguments.labels.exists():
+        _write_mapping(motions[0], arguments.labels)
+    jobs = [job for path in motions for job in _people(path, arguments.prefix)]
+    results = list[T]()
+    for path, prefix in jobs:
+        try:
+            results.append(function(path, prefix, arguments))
+        except HricError as error:
+            if len(jobs) == 1:
+                raise
+            print(f"failed: {error}", file=sys.stderr)
+    return results, NOT_GOOD if len(results) < len(jobs) else 0
+
+
+def _measures(arguments: argparse.Namespace) -> dict[str, float | str]:
+    """Return the measures of the subject that are given as options."""
+    return {key: getattr(arguments, key) for key in MEASURES if getattr(arguments, key)}
 
 
 def _write_mapping(motion: Path, target: Path) -> None:
@@ -102,22 +123,31 @@ def _people(path: Path, prefix: str | None) -> list[tuple[Path, str | None]]:
     return [(path, one) for one in prefixes(path)] if prefix == ALL else [(path, prefix)]
 
 
-def _one(path: Path, prefix: str | None, arguments: argparse.Namespace, measures: Mapping[str, float | str]) -> Path:
-    """Compute one motion and write its files; return their folder."""
+def moved(path: Path, prefix: str | None, arguments: argparse.Namespace) -> tuple[TrialMotion, JointMoments | None]:
+    """Return the motion of a person and their joint moments, None: not known; show the frames that are done."""
     subject = None if arguments.subject is None else load(arguments.subject)
-    result: TrialMotion = trial_motion(
-        path, arguments.static, subject, arguments.up, prefix, arguments.labels, measures
-    )
+    with tqdm(unit=" frames", desc=path.name, disable=not sys.stderr.isatty() or None, leave=False) as bar:
+
+        def show(done: int, total: int) -> None:
+            bar.total = total
+            bar.update(done - bar.n)
+
+        result: TrialMotion = trial_motion(
+            path, arguments.static, subject, arguments.up, prefix, arguments.labels, _measures(arguments), show
+        )
+    try:
+        return result, joint_moments(result.motion, result.trial.rate, result.trial.plates)
+    except HricError as error:
+        return replace(result, notes=(*result.notes, f"joint moments are not known: {error}")), None
+
+
+def _written(path: Path, prefix: str | None, arguments: argparse.Namespace) -> Path:
+    """Compute one motion and write its files; return their folder."""
+    result, moments = moved(path, prefix, arguments)
     sources = {"motion": path} | ({} if arguments.static is None else {"static": arguments.static})
     folder = path.parent if arguments.output is None else arguments.output
     person = "_" + re.sub(r"\W", "_", result.prefix) if prefix and result.prefix else ""
-    name = f"{path.stem}{person}_trial"
-    moments: JointMoments | None = None
-    try:
-        moments = joint_moments(result.motion, result.trial.rate, result.trial.plates)
-    except HricError as error:
-        result = replace(result, notes=(*result.notes, f"joint moments are not known: {error}"))
-    return files.write(result, moments, sources, name, folder, arguments.command)
+    return files.write(result, moments, sources, f"{path.stem}{person}_trial", folder, arguments.command)
 
 
 def _print(folders: Sequence[Path]) -> None:
