@@ -100,7 +100,9 @@ def judge(source: AssessmentInput, choices: AssessmentChoices | None = None) -> 
     table, first = choices.limits.table, people[0] if people else None
     assumptions = [line for person in people for line in person.assumptions]
     verdict = Verdict(
-        RecordingSummary(source.name, source.kind, source.run.get("experiment"), signals.begin, signals.end),
+        RecordingSummary(
+            source.name, source.kind, source.run.get("experiment"), signals.begin, signals.end, signals.notes
+        ),
         TableTitle(table.title, table.edition),
         None if first is None else first.summary(),
         (*dict.fromkeys(assumptions), *silence_assumed(source), *choices.assumptions),

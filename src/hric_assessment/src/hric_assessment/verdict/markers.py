@@ -1,6 +1,5 @@
 """Motion of a person, computed from body markers in a c3d file or in motion capture frames of a bag."""
 
-import logging
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
@@ -16,14 +15,13 @@ from hric_motion.tracking import LOST, PersonTracker
 from hric_perception.person.frames import PersonMarkers
 from hric_perception.person.settings import PersonSettings
 
-LOG = logging.getLogger("hric.assessment")
 FRAMES = "hric_msgs/msg/MocapData"
 Frame = tuple[float, FloatArray]
 """Motion capture frame: robot time [s], and positions of the markers, shape (m, 3) [m]."""
 
 
 def of_c3d(path: Path) -> Recording:
-    """Read a c3d file as a recording of a person, whose body is fitted to the markers; what was assumed is logged.
+    """Read a c3d file as a recording of a person, whose body is fitted to the markers.
 
     Raises:
         HricError: the file does not exist, has no known markers of one person, or the body does not fit them.
@@ -31,8 +29,6 @@ def of_c3d(path: Path) -> Recording:
     from hric_motion.trial import trial_motion  # with SciPy, which takes longer to load than everything else here
 
     result = trial_motion(path)
-    for note in result.notes:
-        LOG.warning("%s: %s", path.name, note)
     motion, trial = result.motion, result.trial
     rows = slice(None, None, max(1, round(trial.rate / RATE)))
     time, end = result.time[rows], trial.start + trial.duration
@@ -51,6 +47,7 @@ def of_c3d(path: Path) -> Recording:
         None,
         {states.topic: states},
         {root.topic: root},
+        notes=result.notes,
     )
 
 

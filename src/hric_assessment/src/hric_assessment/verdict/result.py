@@ -42,6 +42,7 @@ class RecordingSummary:
         kind: run, bag or c3d.
         experiment: name of the experiment; None without a run folder.
         begin, end: robot time of the recording's begin and end [s].
+        notes: what was assumed and left out when the markers of a c3d file were read, one sentence each.
     """
 
     name: str
@@ -49,6 +50,7 @@ class RecordingSummary:
     experiment: str | None
     begin: float
     end: float
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -156,7 +158,8 @@ class Verdict:
             full: True for all findings with their values, figures, missing signals, and assumptions.
         """
         span = f"{self.input.begin:.2f} to {self.input.end:.2f} s"
-        lines = [f"{self.input.name}, {span}: {headline(self.conclusions, only)}", ""]
+        notes = [f"note: {note}" for note in self.input.notes]
+        lines = [f"{self.input.name}, {span}: {headline(self.conclusions, only)}", *notes, ""]
         certain = {item.question: item for item in self.certainty}
         for item in self.conclusions:
             if not only or item.question in only:

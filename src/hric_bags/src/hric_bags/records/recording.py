@@ -114,6 +114,7 @@ class Recording:
         description: URDF of the robot; "": not in the bag.
         safety: decisions of a supervisor; None: there was no supervisor.
         static: poses of static tf frames in their parents, by (parent, child).
+        notes: what was assumed and left out when the markers of a trial were read, one sentence each.
     """
 
     topics: dict[str, int]
@@ -132,6 +133,7 @@ class Recording:
     description: str = ""
     static: dict[tuple[str, str], Pose] = field(default_factory=dict)
     safety: SafetyRecord | None = None
+    notes: tuple[str, ...] = ()
 
 
 def read(bag: Path | Bag) -> Recording:
