@@ -18,7 +18,7 @@ SIMBODY = ("libSimTKcommon.so", "libSimTKmath.so", "libSimTKsimbody.so")
 
 
 def load_opensim() -> None:
-    """Import OpenSim with Simbody's libraries loaded first; it logs errors only, and writes no log file."""
+    """Import OpenSim with Simbody's libraries loaded first, without its log file, and with its errors only."""
     load_simbody_first()
     logger = importlib.import_module("opensim").Logger
     logger.removeFileSink()
