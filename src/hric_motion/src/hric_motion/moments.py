@@ -125,7 +125,7 @@ def joint_moments(
     Raises:
         HricError: the pose of the person is known in too few successive frames.
     """
-    rows = _known(motion)
+    rows = longest_known(motion)
     notes = [f"only frames {rows.start + 1} to {rows.stop} are used: in others the pose is not known"]
     time, whole = np.arange(rows.start, rows.stop) / rate, WholeBody(motion.body)
     posture = np.hstack([_filled(motion, rows), _continuous(motion.root[rows])])
@@ -172,8 +172,12 @@ def lifted(moments: JointMoments, link: str, mass: float) -> ExternalLoad:
     return ExternalLoad(link, mass * (np.array(GRAVITY) - acceleration), np.zeros_like(point), point)
 
 
-def _known(motion: MeasuredMotion) -> slice:
-    """Return the longest range of frames in which the pose of the person is known."""
+def longest_known(motion: MeasuredMotion) -> slice:
+    """Return the longest range of frames in which the pose of the person is known.
+
+    Raises:
+        HricError: it is too short.
+    """
     known = intervals(np.asarray(np.isfinite(motion.root).all(axis=1)))
     rows = max(known, key=lambda rows: rows.stop - rows.start, default=slice(0, 0))
     if (count := rows.stop - rows.start) < FEWEST:

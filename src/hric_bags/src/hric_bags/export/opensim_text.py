@@ -44,7 +44,9 @@ def write_trc(path: Path, time: FloatArray, markers: Mapping[str, FloatArray], n
         file.write("\t".join(keys) + "\n" + "\t".join(values) + "\n")
         file.write(f"Frame#\tTime\t{labels}\n\t\t{axis_labels}\n\n")
         for frame, (t, row) in enumerate(zip(time.tolist(), matrix.tolist(), strict=True), 1):
-            file.write(f"{frame}\t{t:.9f}\t" + "\t".join("" if value != value else repr(value) for value in row) + "\n")
+            cells = "\t".join("" if value != value else repr(value) for value in row)
+            end = "\t" if cells.endswith("\t") else ""  # without it OpenSim does not count an empty last cell
+            file.write(f"{frame}\t{t:.9f}\t{cells}{end}\n")
 
 
 def write_storage(

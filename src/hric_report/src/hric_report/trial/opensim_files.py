@@ -32,6 +32,7 @@ FAR = "1000"
 R_GROUND_LAB = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 """Rotation of the laboratory, z up, in OpenSim's ground."""
 MODEL, MOTION, LOADS = "human.osim", "inverse_dynamics.mot", "loads.sto"
+SETUP, MOMENTS = "inverse_dynamics.xml", "moments.sto"
 
 
 def described(urdf: str) -> str:
@@ -86,7 +87,7 @@ def write_dynamics(folder: Path, moments: JointMoments) -> None:
     if columns:
         write_storage(folder / LOADS, time, columns, "Loads")
         _write_xml(_loads([load.link for load in moments.loads]), folder / "loads.xml")
-    _write_xml(_tool(time, bool(columns)), folder / "inverse_dynamics.xml")
+    _write_xml(_tool(time, bool(columns)), folder / SETUP)
 
 
 def _loads(links: list[str]) -> ElementTree.Element:
@@ -121,7 +122,7 @@ def _tool(time: FloatArray, loaded: bool) -> ElementTree.Element:
         "external_loads_file": "loads.xml" if loaded else "",
         "coordinates_file": MOTION,
         "lowpass_cutoff_frequency_for_coordinates": "-1",
-        "output_gen_force_file": "moments.sto",
+        "output_gen_force_file": MOMENTS,
     }
     for key, value in values.items():
         ElementTree.SubElement(tool, key).text = value
