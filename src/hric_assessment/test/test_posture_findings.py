@@ -278,6 +278,13 @@ def test_an_arm_is_as_uncertain_as_the_joint_that_raises_it() -> None:
     assert width[0] == pytest.approx(0.0) and width[-1] == pytest.approx(10.0)
 
 
+def test_an_arm_between_behind_and_aside_is_no_more_uncertain() -> None:
+    posed = person({"right_sh_flex": -10.0, "right_sh_abd": 10.0})
+    deviation = np.zeros_like(posed.q)
+    deviation[:, posed.names.index("right_sh_abd")] = math.radians(1.0)
+    assert np.degrees(spread_of(replace(posed, deviation=deviation), "right")["upper_arm_flexion"]).max() <= 2.0
+
+
 def test_a_score_is_uncertain_only_at_uncertain_instants() -> None:
     posed = person({"trunk_flex": 18.0}, root=leaning(0.0))
     deviation = np.zeros_like(posed.q)

@@ -108,17 +108,23 @@ def measured(
     fitted = np.asarray(_rms(motion.distances, axis=1) <= MAX_DISTANCE)  # False for NaN
     visible = seen[:, list(fit.trunk)].sum(axis=1) >= 3
     fitted &= visible
-    if fitted[visible].mean() < MIN_SHARE:
-        after = _rms(motion.distances, axis=0)
-        worst = sorted(zip(names, after, strict=True), key=lambda pair: -np.nan_to_num(pair[1]))[:3]
-        raise HricError(
-            f"the body fits the markers within {1e3 * MAX_DISTANCE:.0f} mm in {fitted[visible].mean():.0%} of the "
-            f"frames that show the trunk; valid: {MIN_SHARE:.0%} or more. Farthest off: "
-            + ", ".join(f"{name} {1e3 * off:.0f} mm" for name, off in worst)
-            + ". Check labels, unit and vertical axis"
-        )
+    _check_fitted(float(fitted[visible].mean()), names, motion.distances)
     q[~fitted], root[~fitted] = np.nan, np.nan
     return MeasuredMotion(fit.body, fit.names, q, motion.spread, root, distances, fit.before, fit.noise)
+
+
+def _check_fitted(share: float, names: Sequence[str], distances: FloatArray) -> None:
+    """Check that enough of the frames that show the trunk are fitted. Raises HricError, with the worst markers."""
+    if share >= MIN_SHARE:
+        return
+    after = _rms(distances, axis=0)
+    worst = sorted(zip(names, after, strict=True), key=lambda pair: -np.nan_to_num(pair[1]))[:3]
+    raise HricError(
+        f"the body fits the markers within {1e3 * MAX_DISTANCE:.0f} mm in {share:.0%} of the frames that show the "
+        f"trunk; valid: {MIN_SHARE:.0%} or more. Farthest off: "
+        + ", ".join(f"{name} {1e3 * off:.0f} mm" for name, off in worst)
+        + ". Check labels, unit and vertical axis"
+    )
 
 
 def bridged(positions: FloatArray, rate: float) -> FloatArray:

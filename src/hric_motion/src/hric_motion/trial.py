@@ -68,7 +68,7 @@ class TrialMotion:
     @property
     def positions(self) -> FloatArray:
         """Positions of the markers of the motion, shape (n, m, 3) [m]; NaN: not visible, or not in this file."""
-        return _positions(self.trial, self.labels, self.motion.names)
+        return _positions(self.trial, dict(self.labels), self.motion.names)
 
 
 @dataclass(frozen=True)

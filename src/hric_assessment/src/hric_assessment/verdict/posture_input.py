@@ -140,7 +140,8 @@ def _spread_over_time(person: AssessedPerson, deviation: FloatArray, side: str) 
 
     An angle f(q) of several joints has the variance sum_j d_j^2 (first order, joints as independent), with the larger
     difference d_j of f(q) to f(q + s_j) and f(q - s_j) at the standard deviation s_j of joint j; the larger one, since
-    the elevation of a hanging arm has no derivative. The orientation of the pelvis counts as exact.
+    the elevation of a hanging arm has no derivative. The sign of this elevation jumps where the arm points as far back
+    as aside, so it does not count. The orientation of the pelvis counts as exact.
 
     Args:
         person: assessed person.
@@ -155,7 +156,9 @@ def _spread_over_time(person: AssessedPerson, deviation: FloatArray, side: str) 
         shift[:, joint] = deviation[:, joint]
         ends = [of_joints(person.names, person.q + sign * shift, side) for sign in (1.0, -1.0)]
         for name, angle in known.items():
-            variance[name] += np.max([np.nan_to_num(getattr(end, name) - angle) ** 2 for end in ends], axis=0)
+            size = np.abs if name == "upper_arm_flexion" else np.asarray
+            changes = [np.nan_to_num(size(getattr(end, name)) - size(angle)) for end in ends]
+            variance[name] += np.max(np.square(changes), axis=0)
     width = {name: NORMAL * np.degrees(np.sqrt(value)) / step for name, value in variance.items()}
     return {name: np.radians(step * np.floor(value + 0.5)) for name, value in width.items()}
 

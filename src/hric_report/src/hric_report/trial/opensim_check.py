@@ -95,8 +95,8 @@ def inverse_kinematics(result: TrialMotion, rows: slice, folder: Path) -> dict[s
     tool, tasks = opensim.InverseKinematicsTool(), opensim.IKTaskSet()
     for name in motion.names:
         marker = motion.body.markers[name]
-        place = opensim.Vec3(*map(float, marker.p_link_marker))
-        model.addMarker(opensim.Marker(name, model.getBodySet().get(marker.link), place))
+        p_link_marker = opensim.Vec3(*map(float, marker.p_link_marker))
+        model.addMarker(opensim.Marker(name, model.getBodySet().get(marker.link), p_link_marker))
         task = opensim.IKMarkerTask()
         task.setName(name)
         task.setWeight(1.0)
