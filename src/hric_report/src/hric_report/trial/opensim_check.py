@@ -37,7 +37,7 @@ KINEMATICS, DYNAMICS, VENDOR = "OpenSim inverse kinematics", "OpenSim inverse dy
 MARKED, SEEN, SOLVED = "human_with_markers.osim", "markers.trc", "inverse_kinematics.mot"
 
 
-class Difference(NamedTuple):
+class OpenSimDifference(NamedTuple):
     """Difference of an angle or moment from that of another program, in frames in which both are known.
 
     Attributes:
@@ -59,7 +59,7 @@ class Difference(NamedTuple):
     peak: float
 
 
-def differences(result: TrialMotion, moments: JointMoments | None, folder: Path) -> list[Difference]:
+def differences(result: TrialMotion, moments: JointMoments | None, folder: Path) -> list[OpenSimDifference]:
     """Return all differences of a trial; folder: existing folder for OpenSim's files.
 
     Raises:
@@ -67,7 +67,7 @@ def differences(result: TrialMotion, moments: JointMoments | None, folder: Path)
     """
     joints, q = list(result.motion.body.joints), result.motion.q
     found = [
-        Difference(VENDOR, one.joint, "deg", one.frames, *map(float, np.degrees([one.rms, one.varying, peak])))
+        OpenSimDifference(VENDOR, one.joint, "deg", one.frames, *map(float, np.degrees([one.rms, one.varying, peak])))
         for one in compared(joints, q, result.trial.angles)
         for peak in [np.nanmax(np.abs(q[:, joints.index(one.joint)]))]
     ]
@@ -133,7 +133,7 @@ def inverse_dynamics(moments: JointMoments, folder: Path) -> dict[str, FloatArra
 
 def _compared(
     program: str, unit: str, joints: list[str], ours: FloatArray, theirs: Mapping[str, FloatArray]
-) -> list[Difference]:
+) -> list[OpenSimDifference]:
     """Return the differences of the joints that are known in some frames; ours: shape (n, j)."""
     found = []
     for joint, column in zip(joints, ours.T, strict=True):
@@ -141,5 +141,5 @@ def _compared(
         if known.any():
             off = (column - theirs[joint])[known]
             rms, peak = float(np.sqrt(np.mean(off**2))), float(np.abs(column[known]).max())
-            found.append(Difference(program, joint, unit, int(known.sum()), rms, float(off.std()), peak))
+            found.append(OpenSimDifference(program, joint, unit, int(known.sum()), rms, float(off.std()), peak))
     return found

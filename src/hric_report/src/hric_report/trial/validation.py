@@ -1,4 +1,4 @@
-"""Command `validate`: joint angles and moments of trials beside those of other programs, as a table and a page."""
+"""Command `validate human`: joint angles and moments of trials beside those of other programs; table and page."""
 
 import argparse
 import csv
@@ -15,12 +15,12 @@ from hric_report.html import templates
 from hric_report.html.chart import Axis
 from hric_report.html.table import PageTable
 from hric_report.trial.command import moved, of_each, trial_arguments
-from hric_report.trial.opensim_check import Difference, differences
+from hric_report.trial.opensim_check import OpenSimDifference, differences
 from hric_report.trial.page import ASSETS, WIDE
 
 TABLE, PAGE = "validation.csv", "validation.html"
 HEAD = ("joint", "unit", "frames", "RMS", "RMS without mean", "largest value")
-Trial = tuple[str, list[Difference]]
+Trial = tuple[str, list[OpenSimDifference]]
 """Name of a trial, and its differences."""
 
 
@@ -34,7 +34,7 @@ class ValidateCommand(Command):
 
     def arguments(self) -> list[Argument]:
         """Return the arguments."""
-        return [Argument("what", choices=("human",), help="what is compared"), *trial_arguments()]
+        return trial_arguments()
 
     def run(self, arguments: argparse.Namespace) -> int:
         """Compare the trials, print the table, and write it and the page."""
@@ -63,12 +63,12 @@ def _compared(path: Path, prefix: str | None, arguments: argparse.Namespace) -> 
     return path.name + (f", {result.prefix}" if prefix and result.prefix else ""), found
 
 
-def _by_program(found: Sequence[Difference]) -> dict[str, list[Difference]]:
+def _by_program(found: Sequence[OpenSimDifference]) -> dict[str, list[OpenSimDifference]]:
     """Return the differences by program."""
     return {name: [one for one in found if one.program == name] for name in dict.fromkeys(one.program for one in found)}
 
 
-def _cells(one: Difference) -> list[str]:
+def _cells(one: OpenSimDifference) -> list[str]:
     """Return the cells of a row below HEAD."""
     return [one.joint, one.unit, str(one.frames), *(f"{value:.3g}" for value in (one.rms, one.varying, one.peak))]
 
