@@ -20,7 +20,8 @@ def tree(key: str) -> dict[str, Any]:
 
 
 def labels(key: str) -> list[str]:
-    return [label.format(side) for label in tree(key)["labels"] for side in ("LR" if "{}" in label else "-")]
+    sides = tree(key).get("sides", "LR")
+    return [label.format(side) for label in tree(key)["labels"] for side in (sides if "{}" in label else "-")]
 
 
 @pytest.mark.parametrize("key", SETS)

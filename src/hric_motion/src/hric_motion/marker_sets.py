@@ -112,15 +112,17 @@ def _marker_set(trees: Mapping[str, Any], key: str) -> TrialMarkerSet:
     tree = trees[key]
     base = trees[tree["base"]]["labels"] if "base" in tree else {}
     known, extra = dict[str, str](), dict[str, ExtraMarker]()
+    sides = [(word, *side) for word, side in zip(tree.get("sides", "LR"), SIDES, strict=True)]
     for label, entry in (base | tree["labels"]).items():
-        for letter, side in SIDES if "{}" in label else (("", ""),):
-            name = label.format(letter)
+        for word, letter, side in sides if "{}" in label else (("", "", ""),):
+            name = label.format(word)
             if isinstance(entry, str):
                 known[plain(name)] = letter + entry
                 continue
             known[plain(name)] = name
             forward, outward, up = map(float, entry["offset"])
-            row = MarkerRow(name, entry["segment"], (entry["share"],) * 2, (forward, outward, up))
+            left, right = share if isinstance(share := entry["share"], list) else (share, share)
+            row = MarkerRow(name, entry["segment"], (left, right), (forward, outward, up))
             extra[name] = ExtraMarker(name, row, side, entry.get("loose", False))
     computed = (*tree.get("computed", ()), *(trees[FIRST]["computed"] if key != FIRST else ()))
     unused = {plain(label): reason for label, reason in tree.get("unused", {}).items()}

@@ -14,14 +14,14 @@ import numpy as np
 
 from hric_core.errors import HricError, ParameterError
 from hric_core.geometry import UP_AXES, FloatArray
-from hric_core.geometry.transforms import vectors_z_up
 from hric_core.trial.c3d import Trial, read_trial
-from hric_core.trial.opensim_text import rate_of, read_markers
 from hric_human.body import Subject, load
 from hric_human.body.markers import check_upright, markers
 from hric_human.body.segments import LINKS, segments
 from hric_human.participant.settings import SUBJECTS
 from hric_motion.fit import TRUNK, Progress, seen_in
+from hric_motion.formats import FORMATS, read_motive, read_mvnx, read_trc
+from hric_motion.handovers import is_handover, read_handover
 from hric_motion.marker_sets import FEW, Person, TrialMarkerSet, best_set, mapped_set
 from hric_motion.measured import MeasuredMotion, measured
 
@@ -81,26 +81,24 @@ class _Worn:
 
 
 def read(path: Path, up: str = "") -> Trial:
-    """Read the markers of a .c3d or .trc file.
+    """Read the markers of a trial.
 
     Args:
-        path: path of the file.
-        up: vertical axis in the file, y or z; empty: as the file states, else z (.c3d) or y (.trc, as in OpenSim).
+        path: path of a .c3d, .trc, .csv (Motive) or .mvnx (Xsens) file, or of the folder of a handover.
+        up: vertical axis in the file, y or z; empty: as the file states, or as is usual for its format.
 
     Raises:
         HricError: the file cannot be read, or has another content.
     """
-    if path.suffix.lower() == ".c3d":
-        return read_trial(path, up)
-    if path.suffix.lower() != ".trc":
-        raise ParameterError(f"{path} is no trial; valid: a .c3d or .trc file")
+    readers = {".c3d": read_trial, ".trc": read_trc, ".csv": read_motive, ".mvnx": read_mvnx}
+    reader = read_handover if is_handover(path) else readers.get(path.suffix.lower())
+    if reader is None:
+        raise ParameterError(
+            f"{path} is no trial; valid: a {', '.join(FORMATS[:-1])} or {FORMATS[-1]} file, or the folder of a handover"
+        )
     if up and up not in UP_AXES:
         raise ParameterError(f"the axis that points up in {path.name} is {up!r}; valid: {', '.join(UP_AXES)}")
-    rows, axis = read_markers(path), up or "y"
-    positions = vectors_z_up(axis, np.stack(list(rows.markers.values()), axis=1))
-    rate, start = rate_of(path, rows.time), float(rows.time[0])
-    nothing = np.zeros((0, 0))
-    return Trial(path.name, rate, tuple(rows.markers), positions, 0.0, (), (), nothing, {}, axis, bool(up), start=start)
+    return reader(path, up)
 
 
 def prefixes(path: Path) -> tuple[str, ...]:
@@ -122,7 +120,7 @@ def trial_motion(
     """Return the motion of one person in a file.
 
     Args:
-        path: .c3d or .trc file with the motion.
+        path: file with the motion, see `read`.
         static: static trial of the same person; the body is fitted to frames of both files.
         subject: subject; None: `measures`, what the files state, and the 50th percentile, in this order.
         up: vertical axis in the files, y or z; empty: as they state, or as is usual for their format.

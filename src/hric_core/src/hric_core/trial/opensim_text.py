@@ -2,6 +2,7 @@
 
 It needs neither ROS nor OpenSim."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -52,7 +53,7 @@ def read_storage(path: Path) -> Storage:
     Raises:
         ParameterError: the file cannot be read, or has another content; the message is one line.
     """
-    lines = _lines(path)
+    lines = lines_of(path)
     head = [line.strip().lower() for line in lines]
     if END not in head:
         raise ParameterError(f"{path} is not a motion or storage file of OpenSim: it has no line {END!r}")
@@ -62,9 +63,9 @@ def read_storage(path: Path) -> Storage:
         raise ParameterError(
             f"{path}, line {start + 1}: wrong column labels; valid: `time`, then the other labels, each once"
         )
-    matrix = _matrix(path, [(k, lines[k].split()) for k in range(start + 1, len(lines)) if lines[k].strip()], labels)
+    matrix = matrix_of(path, [(k, lines[k].split()) for k in range(start + 1, len(lines)) if lines[k].strip()], labels)
     degrees = "indegrees=yes" in {line.replace(" ", "") for line in head[:start]}
-    return Storage(_rising(path, matrix[:, 0]), {label: matrix[:, k] for k, label in enumerate(labels) if k}, degrees)
+    return Storage(rising(path, matrix[:, 0]), {label: matrix[:, k] for k, label in enumerate(labels) if k}, degrees)
 
 
 def read_markers(path: Path) -> MarkerRows:
@@ -73,7 +74,7 @@ def read_markers(path: Path) -> MarkerRows:
     Raises:
         ParameterError: the file cannot be read, or has another content; the message is one line.
     """
-    lines = _lines(path)
+    lines = lines_of(path)
     if len(lines) < TRC_HEAD or not lines[0].startswith("PathFileType"):
         raise ParameterError(f"{path} is not a .trc file: its first line does not begin with PathFileType")
     keys = dict(zip(lines[1].split(), lines[2].split(), strict=False))
@@ -84,11 +85,11 @@ def read_markers(path: Path) -> MarkerRows:
     labels = ["frame", "time", *(f"{name} {axis}" for name in names for axis in "xyz")]
     if not names or len(set(names)) < len(names):
         raise ParameterError(f"{path}, line 4: wrong marker names; valid: one name or more, each once")
-    rows = [(k, _padded(lines[k].split("\t"), len(labels))) for k in range(TRC_HEAD, len(lines)) if lines[k].strip()]
-    matrix = _matrix(path, rows, labels)
+    rows = [(k, padded(lines[k].split("\t"), len(labels))) for k in range(TRC_HEAD, len(lines)) if lines[k].strip()]
+    matrix = matrix_of(path, rows, labels)
     positions = METRES[unit] * matrix[:, 2:].reshape(len(matrix), -1, 3)
     positions[(positions == 0.0).all(axis=2)] = np.nan
-    return MarkerRows(_rising(path, matrix[:, 1]), {name: positions[:, k] for k, name in enumerate(names)})
+    return MarkerRows(rising(path, matrix[:, 1]), {name: positions[:, k] for k, name in enumerate(names)})
 
 
 def rate_of(path: Path, time: FloatArray) -> float:
@@ -99,26 +100,28 @@ def rate_of(path: Path, time: FloatArray) -> float:
     return float((len(time) - 1) / (time[-1] - time[0]))
 
 
-def _lines(path: Path) -> list[str]:
+def lines_of(path: Path) -> list[str]:
+    """Return the lines of a text file. Raises ParameterError: it cannot be read, or is not text."""
     try:
-        return path.read_text().splitlines()
+        return path.read_text(encoding="utf-8-sig").splitlines()
     except OSError as error:
         raise ParameterError(f"{path}: {error.strerror}") from error
     except UnicodeDecodeError as error:
         raise ParameterError(f"{path} is not a text file") from error
 
 
-def _padded(cells: list[str], width: int) -> list[str]:
+def padded(cells: list[str], width: int) -> list[str]:
     """Return a row with empty cells removed from or added to its end, so that it has `width` cells if possible."""
     while len(cells) > width and not cells[-1].strip():
         cells.pop()
     return cells + [""] * (width - len(cells))
 
 
-def _matrix(path: Path, rows: list[tuple[int, list[str]]], labels: list[str]) -> FloatArray:
+def matrix_of(path: Path, rows: Sequence[tuple[int, list[str]]], labels: Sequence[str]) -> FloatArray:
     """Return the numbers in rows of text cells, shape (rows, labels); an empty cell becomes NaN.
 
-    Each row is given with the index of its line in the file, for error messages."""
+    Each row is given with the index of its line in the file, for error messages. Raises ParameterError.
+    """
     numbers = []
     for index, cells in rows:
         if len(cells) != len(labels):
@@ -132,7 +135,8 @@ def _matrix(path: Path, rows: list[tuple[int, list[str]]], labels: list[str]) ->
     return np.array(numbers)
 
 
-def _rising(path: Path, time: FloatArray) -> FloatArray:
+def rising(path: Path, time: FloatArray) -> FloatArray:
+    """Return times that are finite and increase. Raises ParameterError, with `path`, for others."""
     if not np.isfinite(time).all() or (np.diff(time) <= 0.0).any():
         raise ParameterError(f"{path}: the times of the rows do not increase; valid: finite, increasing times")
     return time

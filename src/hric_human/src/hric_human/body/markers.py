@@ -25,8 +25,8 @@ FEW = 4
 LYING = 2.0
 """Ratio of distances along y and z, from feet to head, above which z cannot be up (project default, unconfirmed)."""
 
-HEAD_ENDS = ("FHD", "BHD", "HEADL", "HEADR", "HEADTOP", "HEADFRONT", "TOPHEAD")
-PELVIS_ENDS = ("ASI", "PSI", "SACR")
+HEAD_ENDS = ("FHD", "BHD", "HEADL", "HEADR", "HEADTOP", "HEADFRONT", "TOPHEAD", "HEAD")
+PELVIS_ENDS = ("ASI", "PSI", "SACR", "HIP", "PELVIS")
 FEET_ENDS = ("ANK", "HEE", "TOE")
 """Endings of the names of markers, in capitals, by which the upright direction is checked."""
 
