@@ -24,7 +24,7 @@ from hric_core.trial.plates import METRES
 
 FORMATS = (".c3d", ".trc", ".csv", ".mvnx")
 """Endings of the names of files with a trial."""
-AXIS = 0.1
+AXIS = 0.5
 """Distance of the points on a segment's axes from its origin [m]."""
 TURNED = re.compile(r"(HIPS?|PELVIS|CHEST|T8|HEAD|.*HAND|.*FOOT)")
 """Pattern of the names of segments, in capitals, whose axes become points."""
