@@ -35,7 +35,7 @@ class AssessCommand(Command):
     def arguments(self) -> list[Argument]:
         """Return the arguments of the command line."""
         return [
-            *run_arguments("a bag, or a c3d file with markers of a body (Plug-in Gait)", "RUN|BAG|C3D"),
+            *run_arguments("a bag, or a trial with markers of people (see hric trial)", "RUN|BAG|TRIAL"),
             *choice_arguments(),
             Argument(
                 "--only",

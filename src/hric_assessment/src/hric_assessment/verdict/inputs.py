@@ -1,14 +1,16 @@
-"""Input of an assessment: a run folder, a bag, or a c3d file with markers of a body."""
+"""Input of an assessment: a run folder, a bag, or a trial with markers of bodies."""
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from hric_assessment.typed_json import Content
-from hric_assessment.verdict.markers import FRAMES, of_c3d, of_frames
+from hric_assessment.verdict.markers import FRAMES, of_frames, of_trial
 from hric_bags.records import recording
 from hric_bags.records.recording import Recording
 from hric_bags.run_file import RunFile
 from hric_bags.run_folder import RunFolder
+from hric_motion.formats import FORMATS
+from hric_motion.handovers import is_handover
 from hric_perception.person.settings import PersonSettings
 
 
@@ -18,7 +20,7 @@ class AssessmentInput:
 
     Attributes:
         name: name of the recording in printed texts.
-        kind: run, bag or c3d.
+        kind: run, bag or c3d (any trial).
         folder: folder in which verdict.json is written.
         recording: recorded signals.
         run: contents of run.yaml; empty without a run folder.
@@ -47,15 +49,15 @@ def opened(name: str, root: Path | None = None) -> AssessmentInput:
     """Read the recording to be assessed.
 
     Args:
-        name: path or name of a run folder, "latest", or path of a bag or c3d file.
+        name: path or name of a run folder, "latest", or path of a bag or trial.
         root: folder of all runs.
 
     Raises:
         HricError: the recording does not exist, or cannot be read.
     """
     path = Path(name).expanduser()
-    if path.suffix.lower() == ".c3d":
-        return AssessmentInput(path.stem, "c3d", path.parent, of_c3d(path))
+    if path.suffix.lower() in FORMATS or is_handover(path):
+        return AssessmentInput(path.stem, "c3d", path.parent, of_trial(path))
     if path.suffix == ".bag" and not (path / "run.yaml").is_file():
         signals = recording.read(path)
         return _with_markers(AssessmentInput(path.stem, "bag", path.parent, signals, {}, signals.description), path)

@@ -1,4 +1,4 @@
-"""Motion of a person, computed from body markers in a c3d file or in motion capture frames of a bag."""
+"""Motion of a person, computed from body markers in a trial or in motion capture frames of a bag."""
 
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
@@ -20,35 +20,31 @@ Frame = tuple[float, FloatArray]
 """Motion capture frame: robot time [s], and positions of the markers, shape (m, 3) [m]."""
 
 
-def of_c3d(path: Path) -> Recording:
-    """Read a c3d file as a recording of a person, whose body is fitted to the markers.
+def of_trial(path: Path) -> Recording:
+    """Read a trial as a recording of its people, whose bodies are fitted to the markers.
 
     Raises:
-        HricError: the file does not exist, has no known markers of one person, or the body does not fit them.
+        HricError: the file cannot be read, has no known markers, or a body does not fit them.
     """
-    from hric_motion.trial import trial_motion  # with SciPy, which takes longer to load than everything else here
+    from hric_motion.trial import prefixes, trial_motion  # with SciPy, which takes longer to load than all else here
 
-    result = trial_motion(path)
-    motion, trial = result.motion, result.trial
-    rows = slice(None, None, max(1, round(trial.rate / RATE)))
-    time, end = result.time[rows], trial.start + trial.duration
-    states = Columns(f"{path.name}/joint_states", tuple(motion.body.joints), time, motion.q[rows])
-    root = TrackedRoot(
-        f"{path.name}/tracking", "laboratory", time, motion.root[rows], motion.residual[rows], True, motion.spread[rows]
-    )
-    return Recording(
-        {f"{path.name}: {len(result.labels)} markers of {result.marker_set}": len(motion.q)},
-        frozenset(),
-        trial.start,
-        end,
-        float,
-        None,
-        {},
-        None,
-        {states.topic: states},
-        {root.topic: root},
-        notes=result.notes,
-    )
+    kinds, people, tracked = dict[str, int](), dict[str, Columns](), dict[str, TrackedRoot]()
+    several, notes = prefixes(path), list[str]()
+    for prefix in several if len(several) > 1 else (None,):
+        result = trial_motion(path, prefix=prefix)
+        motion, trial = result.motion, result.trial
+        name = path.name if prefix is None else f"{path.name}/{result.prefix}"
+        notes += [note if prefix is None else f"{result.prefix}: {note}" for note in result.notes]
+        rows = slice(None, None, max(1, round(trial.rate / RATE)))
+        time = result.time[rows]
+        states = Columns(f"{name}/joint_states", tuple(motion.body.joints), time, motion.q[rows])
+        root = TrackedRoot(
+            f"{name}/tracking", "laboratory", time, motion.root[rows], motion.residual[rows], True, motion.spread[rows]
+        )
+        kinds[f"{name}: {len(result.labels)} markers of {result.marker_set}"] = len(motion.q)
+        people[states.topic], tracked[root.topic] = states, root
+    end = trial.start + trial.duration
+    return Recording(kinds, frozenset(), trial.start, end, float, None, {}, None, people, tracked, notes=tuple(notes))
 
 
 def of_frames(bag: Path, signals: Recording, settings: PersonSettings) -> tuple[Columns, TrackedRoot] | None:

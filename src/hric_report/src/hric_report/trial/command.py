@@ -16,6 +16,8 @@ from hric_core.command import Argument, Command
 from hric_core.errors import NOT_GOOD, HricError, ParameterError
 from hric_core.geometry import UP_AXES
 from hric_human.body import load
+from hric_motion.formats import trials_in
+from hric_motion.handovers import is_handover
 from hric_motion.marker_sets import mapping_text
 from hric_motion.moments import JointMoments, joint_moments
 from hric_motion.trial import MEASURES, TrialMotion, prefixes, read, trial_motion
@@ -30,7 +32,9 @@ def trial_arguments() -> list[Argument]:
     """Return the arguments that name trials, their person and the folder of the results."""
     person = "subject"
     return [
-        Argument("motions", nargs="+", type=Path, metavar="MOTION", help=".c3d or .trc file, or several"),
+        Argument(
+            "motions", nargs="+", type=Path, metavar="MOTION", help="trial, folder of OpenCap or Pose2Sim, or several"
+        ),
         Argument(
             "--static", type=Path, metavar="FILE", help="trial of the same person standing still, fitted together"
         ),
@@ -57,7 +61,9 @@ def trial_arguments() -> list[Argument]:
 
 
 class TrialCommand(Command):
-    """Compute joint angles with standard deviations, and joint moments, of a person in trials (.c3d or .trc).
+    """Compute joint angles with standard deviations, and joint moments, of a person in trials.
+
+    A trial is a .c3d, .trc, .csv (Motive) or .mvnx (Xsens) file, or the folder of a handover.
 
     A body is fitted to the markers; what markers and force plates do not determine is not known, and left empty. Writes
     angles.csv, moments.csv, a page (trial.html), the values (trial.json), and files for OpenSim. Needs no ROS master.
@@ -84,7 +90,9 @@ def of_each(
     Raises:
         HricError: the arguments contradict each other, or the only trial fails.
     """
-    motions = [path.expanduser() for path in arguments.motions]
+    given = [path.expanduser() for path in arguments.motions]
+    folders = {path for path in given if path.is_dir() and not is_handover(path)}
+    motions = [file for path in given for file in (trials_in(path) if path in folders else [path])]
     if arguments.subject is not None and (measures := _measures(arguments)):
         raise ParameterError(f"--subject and --{next(iter(measures))} contradict each other; valid: one of them")
     if arguments.labels is not None and arguments.prefix is not None:

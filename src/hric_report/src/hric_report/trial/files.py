@@ -67,7 +67,8 @@ def write(
 
 
 def _hash(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+    files = sorted(path.glob("*.csv")) if path.is_dir() else [path]
+    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
 
 
 def _free(folder: Path, name: str, file: Mapping[str, str], prefix: str) -> Path:

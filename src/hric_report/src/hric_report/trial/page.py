@@ -24,7 +24,7 @@ WIDE = 760.0
 """Right end of the axis of wide pictures [px]."""
 POINTS = 400
 """Number of points of a curve from which on only every second, third, ... frame is drawn."""
-LINES = (summary.fit_line, summary.known_line, summary.moment_line, summary.subject_line)
+LINES = (summary.fit_line, summary.known_line, summary.moment_line, summary.handover_line, summary.subject_line)
 """First lines of the page."""
 SHOWN = 1.96
 """Half of the 95 % band of a normal distribution, in standard deviations [1]."""
@@ -68,7 +68,7 @@ def build(result: TrialMotion, moments: JointMoments | None, values: Mapping[str
             subtitle=f"{files}; {values['marker_set']}, {values['frames']} frames at {values['rate']:g} Hz",
             verdicts=_labels(values),
             foot="Joint angles and moments are estimates of a model that was fitted to the markers.",
-            lines=[line(values) for line in LINES],
+            lines=[text for line in LINES if (text := line(values))],
             unknown=_unknown(values),
             markers=markers,
             bars=Axis(0.0, 1e3 * longest, 80.0, WIDE),

@@ -10,6 +10,7 @@ from hric_bags import text
 from hric_core.geometry import FloatArray
 from hric_human.body import Body
 from hric_human.body.segments import Builder
+from hric_motion.handovers import GRIPPED, handover_of
 from hric_motion.measured import KNOWN, MAX_DISTANCE
 from hric_motion.moments import HICKS, RECOMMENDED, JointMoments
 from hric_motion.trial import MEASURES, TrialMotion
@@ -88,6 +89,7 @@ def content(result: TrialMotion, moments: JointMoments | None = None) -> dict[st
     table, fitted = Builder(result.subject).lengths, motion.body.subject.lengths
     markers = zip(motion.names, motion.before, motion.after, strict=True)
     residual = motion.residual[np.isfinite(motion.residual)]
+    handover = handover_of(result.trial)
     return {
         "marker_set": result.marker_set,
         "prefix": result.prefix,
@@ -111,6 +113,7 @@ def content(result: TrialMotion, moments: JointMoments | None = None) -> dict[st
             for one in compared(list(motion.body.joints), motion.q, result.trial.angles)
         },
         "moments": None if moments is None else moment_values(moments),
+        "handover": None if handover is None else vars(handover),
         "notes": list(result.notes),
     }
 
@@ -164,6 +167,22 @@ def moment_line(values: Mapping[str, Any]) -> str:
     return "; ".join(parts) + "."
 
 
+def handover_line(values: Mapping[str, Any]) -> str:
+    """Return a sentence on the wrenches of a handover; empty: the trial has none."""
+    one = values["handover"]
+    if one is None:
+        return ""
+
+    def shown(key: str, unit: str) -> str:
+        return "not known" if one[key] is None else f"{one[key]:.3g} {unit}"
+
+    return (
+        f"Handover in {one['duration']:.3g} s: both hold the object for {shown('overlap', 's')} (grip force above "
+        f"{GRIPPED:g} N); largest interaction force meanwhile {shown('force_max', 'N')}, largest grip force of the giver "
+        f"{shown('grip_giver', 'N')}, of the taker {shown('grip_taker', 'N')}."
+    )
+
+
 def subject_line(values: Mapping[str, Any]) -> str:
     """Return a sentence on the subject and on where each number comes from."""
     subject, sources = values["subject"], values["sources"]
@@ -181,6 +200,7 @@ def render(name: str, values: Mapping[str, Any]) -> str:
         fit_line(values),
         known_line(values),
         moment_line(values),
+        *filter(None, [handover_line(values)]),
         subject_line(values),
         *(f"- {joint}: {one['reason']}" for joint, one in values["joints"].items() if one["reason"]),
         *(
