@@ -258,7 +258,8 @@ def _notes(
     trials: Sequence[Trial], worn: _Worn, sources: Mapping[str, str], person: Subject, never: Sequence[str]
 ) -> tuple[str, ...]:
     """Return what was assumed, and what was left out."""
-    trial, used = trials[0], set(worn.labels.values())
+    trial, people = trials[0], _people(worn.chosen, trials[0].labels)
+    used = {label for labels in (worn.labels, *people.values()) for label in labels.values()}
     assumed = [f"{key} {getattr(person, key)}{UNITS[key]}" for key in MEASURES if sources.get(key) == DEFAULT]
     notes = [f"assumed: {', '.join(assumed)}, of {DEFAULT}, as no option and no file states it"] if assumed else []
     notes += [
