@@ -49,7 +49,7 @@ def points(key: str, shift: float = 0.0) -> Points:
 
 
 def quaternions(p: Mapping[str, FloatArray], name: str, pose: Sequence[Sequence[float]]) -> FloatArray:
-    """Return the orientation of a segment by its points, shape (n, 4); pose: its axes forward and left in the T-pose."""
+    """Return the orientation of a segment by its points, shape (n, 4); pose: axes forward and left in the T-pose."""
     if f"{name}_left" not in p:
         return np.tile([0.0, 0.0, 0.0, 1.0], (FRAMES, 1))
     R_pose = np.array([*pose, np.cross(*np.array(pose))]).T
@@ -78,7 +78,9 @@ def write_trc(path: Path, p: Points) -> Path:
     return path
 
 
-def write_motive(path: Path, people: Mapping[str, Points], hidden: Sequence[str] = (), units: str = "Millimeters") -> Path:
+def write_motive(
+    path: Path, people: Mapping[str, Points], hidden: Sequence[str] = (), units: str = "Millimeters"
+) -> Path:
     """Write the bones of skeletons as a .csv file of Motive with y up; hidden: bones that are not seen in 10 frames."""
     about = "Format Version,1.23,Take Name,Take 1,Capture Frame Rate,60.0,Export Frame Rate,60.0"
     about += f",Rotation Type,Quaternion,Length Units,{units},Coordinate Space,Global"
@@ -133,11 +135,16 @@ def write_handover(folder: Path, grips: Mapping[str, FloatArray]) -> Path:
         for name in bones(p):
             if name[1:] in ("Thigh", "Shin", "Foot", "Toe"):
                 continue
-            file = folder / f"{person}_{name.lower() if name in ('Hip', 'Ab', 'Chest', 'Neck', 'Head') else name}_pose_saved.csv"
+            file = (
+                folder
+                / f"{person}_{name.lower() if name in ('Hip', 'Ab', 'Chest', 'Neck', 'Head') else name}_pose_saved.csv"
+            )
             _write_rows(file, "x,y,z,q0,q1,q2,q3", np.hstack([p[name], quaternions(p, name, T_POSE["z"])]))
     none = np.zeros(FRAMES)
     for name, grip in grips.items():
-        _write_rows(folder / f"Wrench_{name}_saved.csv", "Fx,Fy,Fz,Tx,Ty,Tz", np.column_stack([none, none, -grip, *[none] * 3]))
+        _write_rows(
+            folder / f"Wrench_{name}_saved.csv", "Fx,Fy,Fz,Tx,Ty,Tz", np.column_stack([none, none, -grip, *[none] * 3])
+        )
     return folder
 
 

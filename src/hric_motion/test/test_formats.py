@@ -54,7 +54,7 @@ def test_a_session_of_opencap_has_trials_and_subject(tmp_path: Path) -> None:
     result = trial_motion(file)
     assert result.marker_set == "OpenCap"
     assert (result.subject.mass, result.subject.height, result.sources["mass"]) == (70.0, 1.72, "walk.trc")
-    check(result, 4.0, 0.85)
+    check(result, 4.0, 0.75)  # no markers on head and fingers
 
 
 def test_keypoints_are_centres_of_joints(tmp_path: Path) -> None:

@@ -6,10 +6,13 @@ import re
 from pathlib import Path
 
 import ezc3d
+import laboratory_files
 import numpy as np
 import opensim
 import pytest
 
+from hric_assessment.verdict.assess import assess
+from hric_assessment.verdict.inputs import opened
 from hric_core.command import perform
 from hric_core.errors import HricError
 from hric_core.geometry import FloatArray
@@ -159,3 +162,33 @@ def test_a_missing_mapping_is_written(motion: Path, tmp_path: Path) -> None:
 def test_mistakes_in_the_options_are_refused(words: list[str], message: str, motion: Path) -> None:
     with pytest.raises(HricError, match=message):
         perform(["trial", str(motion), *words])
+
+
+@pytest.fixture(scope="module")
+def handover(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of a handover in which both people hold the object for 0.1 s."""
+    rows = np.arange(laboratory_files.FRAMES)
+    grips = {"giver": np.where(rows < 40, 20.0, 0.0), "taker": np.where(rows < 28, 0.0, 30.0)}
+    return laboratory_files.write_handover(tmp_path_factory.mktemp("people") / "pass", grips)
+
+
+def test_both_people_of_a_handover_get_a_folder(handover: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert perform(["trial", str(handover), "--prefix", "all", "--mass", "70", "--height", "1.72"]) == 0
+    values = json.loads((handover.parent / "pass_taker_trial" / "trial.json").read_text())
+    assert (handover.parent / "pass_giver_trial" / "trial.html").is_file()
+    assert values["handover"]["overlap"] == pytest.approx(0.1) and values["handover"]["force_max"] is None
+    assert "both hold the object for 0.1 s" in capsys.readouterr().out
+
+
+def test_postures_of_both_people_are_assessed(handover: Path) -> None:
+    verdict = assess(opened(str(handover)))
+    assert {"pass/giver", "pass/taker"} <= {finding.person for finding in verdict.findings}
+
+
+def test_a_folder_of_opencap_gives_its_trials(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ("walk", "squat"):
+        laboratory_files.write_trc(tmp_path / "MarkerData" / f"{name}.trc", laboratory_files.points("opencap"))
+    (tmp_path / "sessionMetadata.yaml").write_text("mass_kg: 70.0\nheight_m: 1.72\n")
+    assert perform(["trial", str(tmp_path), "-o", str(tmp_path / "out")]) == 0
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"squat_trial", "walk_trial", "trials.csv"}
+    assert "Subject: 70 kg (walk.trc), 1.72 m (walk.trc)" in capsys.readouterr().out

@@ -55,7 +55,9 @@ def trials_in(path: Path) -> list[Path]:
         ParameterError: the folder has no trials.
     """
     folders = [path, *(path / name for name in FOLDERS), *(one for name in FOLDERS for one in path.glob(f"*/{name}"))]
-    found = sorted({file for folder in folders for file in folder.glob("*.trc")} | set(path.glob("MarkerData/**/*.trc")))
+    found = sorted(
+        {file for folder in folders for file in folder.glob("*.trc")} | set(path.glob("MarkerData/**/*.trc"))
+    )
     if not found:
         raise ParameterError(
             f"{path} has no trials; valid: a folder of OpenCap (MarkerData/*.trc) or Pose2Sim (pose-3d/*.trc), or one "
@@ -82,7 +84,9 @@ def read_trc(path: Path, up: str) -> Trial:
         ParameterError: a file cannot be read, or has another content.
     """
     rows = read_markers(path)
-    return trial_of(path.name, rate_of(path, rows.time), float(rows.time[0]), rows.markers, up or "y", bool(up), _session(path))
+    return trial_of(
+        path.name, rate_of(path, rows.time), float(rows.time[0]), rows.markers, up or "y", bool(up), _session(path)
+    )
 
 
 def trial_of(
@@ -140,7 +144,7 @@ def pose_points(
 
 
 def read_motive(path: Path, up: str) -> Trial:
-    """Read the markers and the skeletons in a .csv file that Motive has exported (format versions 1.2 to 1.25).
+    """Read the markers and the skeletons in a .csv file that Motive has exported (format versions 1.2 and later).
 
     Args:
         path: path of the file.
@@ -150,35 +154,43 @@ def read_motive(path: Path, up: str) -> Trial:
         ParameterError: the file cannot be read, or has another content.
     """
     lines = list(csv.reader(lines_of(path)))
-    if not lines or not lines[0] or lines[0][0] != "Format Version":
-        raise ParameterError(f"{path} is no file of Motive: its first line does not begin with Format Version")
-    about = dict(zip(lines[0][::2], lines[0][1::2], strict=False))
-    unit = about.get("Length Units", "Meters")
-    if unit.lower() not in METRES or about.get("Coordinate Space", "Global") != "Global":
-        raise ParameterError(
-            f"{path} has lengths in {unit} and {about.get('Coordinate Space')} coordinates; valid: "
-            "Meters, Centimeters or Millimeters, and Global"
-        )
+    metres, turned = _about_motive(path, lines)
     last = next((k for k, row in enumerate(lines) if row and row[0].strip() == "Frame"), 0)
-    head = [row for row in lines[1:last] if any(row)]
-    width = len(lines[last])
-    if len(head) < 3 or any(len(row) != width for row in head):
+    head, labels = [row for row in lines[1:last] if any(row)], lines[last]
+    if len(head) < 3 or any(len(row) != len(labels) for row in head):
         raise ParameterError(
             f"{path} has no complete head; valid: rows Type, Name, ID and Rotation or Position above the row Frame"
         )
-    rows = [(k, padded(row, width)) for k, row in enumerate(lines) if k > last and any(row)]
-    matrix = matrix_of(path, rows, lines[last])
-    columns = {key: k for k, key in enumerate(zip(head[0], head[1], head[-1], lines[last], strict=True))}
-    time, up_or_y, points = rising(path, matrix[:, 1]), up or "y", dict[str, FloatArray]()
-    metres, turned = METRES[unit.lower()], about.get("Rotation Type", "Quaternion") == "Quaternion"
+    rows = [(k, padded(row, len(labels))) for k, row in enumerate(lines) if k > last and any(row)]
+    matrix = matrix_of(path, rows, labels)
+    columns = {key: k for k, key in enumerate(zip(head[0], head[1], head[-1], labels, strict=True))}
+    time, axis, points = rising(path, matrix[:, 1]), up or "y", dict[str, FloatArray]()
     for kind, name in dict.fromkeys((kind, name) for kind, name, _, _ in columns):
         p = _columns(matrix, columns, (kind, name, "Position"), "XYZ")
         if p is not None and kind in ("Marker", "Bone", "Bone Marker") and name not in points:
             quaternions = _columns(matrix, columns, (kind, name, "Rotation"), "XYZW") if turned else None
-            points |= pose_points(name, metres * p, quaternions if kind == "Bone" else None, T_POSE[up_or_y])
+            points |= pose_points(name, metres * p, quaternions if kind == "Bone" else None, T_POSE[axis])
     if not points:
         raise ParameterError(f"{path} has no markers and no bones; valid: types Marker, Bone and Bone Marker")
-    return trial_of(path.name, rate_of(path, time), float(time[0]), points, up_or_y, bool(up), {})
+    return trial_of(path.name, rate_of(path, time), float(time[0]), points, axis, bool(up), {})
+
+
+def _about_motive(path: Path, lines: Sequence[Sequence[str]]) -> tuple[float, bool]:
+    """Return the unit of length of a file of Motive [m], and True if its rotations are quaternions.
+
+    Raises:
+        ParameterError: it is no file of Motive, or has another unit or coordinates of the parents.
+    """
+    if not lines or not lines[0] or lines[0][0] != "Format Version":
+        raise ParameterError(f"{path} is no file of Motive: its first line does not begin with Format Version")
+    about = dict(zip(lines[0][::2], lines[0][1::2], strict=False))
+    unit, space = about.get("Length Units", "Meters"), about.get("Coordinate Space", "Global")
+    if unit.lower() not in METRES or space != "Global":
+        raise ParameterError(
+            f"{path} has lengths in {unit} and {space} coordinates; valid: Meters, Centimeters or Millimeters, and "
+            "Global"
+        )
+    return METRES[unit.lower()], about.get("Rotation Type", "Quaternion") == "Quaternion"
 
 
 def _columns(
@@ -199,6 +211,29 @@ def read_mvnx(path: Path, up: str) -> Trial:
     Raises:
         ParameterError: the file cannot be read, or has another content.
     """
+    rate, names, times, values = _mvnx_frames(path)
+    p, turns, n = values["position"], values["orientation"], len(times)
+    if n < 2 or {len(row) for row in p} != {3 * len(names)} or len(p) != n or len(set(names)) < len(names):
+        raise ParameterError(
+            f"{path} has {len(p)} positions of {n} frames for {len(names)} segments; valid: two frames or more, of "
+            "type normal, each with 3 numbers for each segment"
+        )
+    rate = rate if rate > 0.0 else rate_of(path, rising(path, np.array(times)))
+    turned = len(turns) == n and {len(row) for row in turns} == {4 * len(names)}
+    quaternions = np.reshape(turns, (n, -1, 4))[..., [1, 2, 3, 0]] if turned else None
+    points = dict[str, FloatArray]()
+    for k, (name, rows) in enumerate(zip(names, np.reshape(p, (n, -1, 3)).swapaxes(0, 1), strict=True)):
+        points |= pose_points(name, rows, None if quaternions is None else quaternions[:, k], XSENS_POSE)
+    start = times[0] if np.isfinite(times[0]) else 0.0
+    return trial_of(path.name, rate, start, points, up or "z", True, {})
+
+
+def _mvnx_frames(path: Path) -> tuple[float, list[str], list[float], dict[str, list[list[float]]]]:
+    """Return rate [Hz] (0: not stated), segments, times [s], and positions and orientations (w, x, y, z) of the frames.
+
+    Raises:
+        ParameterError: the file cannot be read, or is damaged.
+    """
     rate, names, times = 0.0, list[str](), list[float]()
     values: dict[str, list[list[float]]] = {"position": [], "orientation": []}
     try:
@@ -216,23 +251,7 @@ def read_mvnx(path: Path, up: str) -> Trial:
         raise ParameterError(f"{path}: {error.strerror}") from error
     except (ElementTree.ParseError, ValueError) as error:
         raise ParameterError(f"{path} is no complete .mvnx file: {error}") from error
-    names = names or list(XSENS_SEGMENTS)
-    p, n = values["position"], len(times)
-    if n < 2 or {len(row) for row in p} != {3 * len(names)} or len(p) != n or len(set(names)) < len(names):
-        raise ParameterError(
-            f"{path} has {len(p)} positions of {n} frames for {len(names)} segments; valid: two frames or more, of type "
-            "normal, each with 3 numbers for each segment"
-        )
-    if rate <= 0.0:
-        rate = rate_of(path, rising(path, np.array(times)))
-    w_first = values["orientation"]
-    turned = len(w_first) == n and {len(row) for row in w_first} == {4 * len(names)}
-    quaternions = np.reshape(w_first, (n, -1, 4))[..., [1, 2, 3, 0]] if turned else None
-    points = dict[str, FloatArray]()
-    for k, (name, row) in enumerate(zip(names, np.reshape(p, (n, -1, 3)).swapaxes(0, 1), strict=True)):
-        points |= pose_points(name, row, None if quaternions is None else quaternions[:, k], XSENS_POSE)
-    start = times[0] if np.isfinite(times[0]) else 0.0
-    return trial_of(path.name, rate, start, points, up or "z", True, {})
+    return rate, names or list(XSENS_SEGMENTS), times, values
 
 
 def _elements(path: Path) -> Iterator[tuple[str, ElementTree.Element]]:

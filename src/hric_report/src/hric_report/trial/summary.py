@@ -178,8 +178,9 @@ def handover_line(values: Mapping[str, Any]) -> str:
 
     return (
         f"Handover in {one['duration']:.3g} s: both hold the object for {shown('overlap', 's')} (grip force above "
-        f"{GRIPPED:g} N); largest interaction force meanwhile {shown('force_max', 'N')}, largest grip force of the giver "
-        f"{shown('grip_giver', 'N')}, of the taker {shown('grip_taker', 'N')}. The joint moments are without the object's force on the hands."
+        f"{GRIPPED:g} N); largest interaction force meanwhile {shown('force_max', 'N')}; largest grip force of the "
+        f"giver {shown('grip_giver', 'N')}, of the taker {shown('grip_taker', 'N')}. The joint moments are without the "
+        "object's force on the hands."
     )
 
 
