@@ -1,7 +1,7 @@
 """Readers of trials in the text formats of other programs: .trc, Motive's .csv, Xsens' .mvnx, and their folders.
 
 Segments with an orientation, such as the bones of a skeleton, become up to three points each: the origin NAME, which is
-a joint centre, and the points NAME_forward and NAME_left at AXIS from it. The axes are those of a person who stands in
+a joint centre, and the points NAME_forward and NAME_left at AXIS from it. The axes are those of a person who is in
 the T-pose with palms down, in which the segments of Motive and Xsens have no rotation.
 """
 
@@ -163,7 +163,9 @@ def read_motive(path: Path, up: str) -> Trial:
         )
     rows = [(k, padded(row, len(labels))) for k, row in enumerate(lines) if k > last and any(row)]
     matrix = matrix_of(path, rows, labels)
-    columns = {key: k for k, key in enumerate(zip(head[0], head[1], head[-1], labels, strict=True))}
+    columns: dict[tuple[str, ...], int] = {
+        key: k for k, key in enumerate(zip(head[0], head[1], head[-1], labels, strict=True))
+    }
     time, axis, points = rising(path, matrix[:, 1]), up or "y", dict[str, FloatArray]()
     for kind, name in dict.fromkeys((kind, name) for kind, name, _, _ in columns):
         p = _columns(matrix, columns, (kind, name, "Position"), "XYZ")
@@ -212,15 +214,15 @@ def read_mvnx(path: Path, up: str) -> Trial:
         ParameterError: the file cannot be read, or has another content.
     """
     rate, names, times, values = _mvnx_frames(path)
-    p, turns, n = values["position"], values["orientation"], len(times)
+    p, orientations, n = values["position"], values["orientation"], len(times)
     if n < 2 or {len(row) for row in p} != {3 * len(names)} or len(p) != n or len(set(names)) < len(names):
         raise ParameterError(
             f"{path} has {len(p)} positions of {n} frames for {len(names)} segments; valid: two frames or more, of "
             "type normal, each with 3 numbers for each segment"
         )
     rate = rate if rate > 0.0 else rate_of(path, rising(path, np.array(times)))
-    turned = len(turns) == n and {len(row) for row in turns} == {4 * len(names)}
-    quaternions = np.reshape(turns, (n, -1, 4))[..., [1, 2, 3, 0]] if turned else None
+    turned = len(orientations) == n and {len(row) for row in orientations} == {4 * len(names)}
+    quaternions = np.reshape(orientations, (n, -1, 4))[..., [1, 2, 3, 0]] if turned else None
     points = dict[str, FloatArray]()
     for k, (name, rows) in enumerate(zip(names, np.reshape(p, (n, -1, 3)).swapaxes(0, 1), strict=True)):
         points |= pose_points(name, rows, None if quaternions is None else quaternions[:, k], XSENS_POSE)

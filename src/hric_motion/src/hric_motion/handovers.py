@@ -18,7 +18,7 @@ from hric_motion.formats import T_POSE, pose_points, trial_of
 
 PEOPLE = ("giver", "taker")
 POSE = "_pose_saved.csv"
-"""Ending of the files of the bones; before it stands giver or taker, and the bone."""
+"""Ending of the files of the bones; before it: giver or taker, and the bone."""
 WRENCHES = {name: f"Wrench_{name}_saved.csv" for name in (*PEOPLE, "interaction")}
 POSE_HEAD = ("x", "y", "z", "q0", "q1", "q2", "q3")
 """Columns of a bone: position [m], with z up, and quaternion (x, y, z, w)."""
@@ -94,7 +94,7 @@ def handover_of(trial: Trial) -> RecordedHandover | None:
     The grip force is the pressure on the sensor, -Fz; a person holds the object while it is above GRIPPED.
     """
     force = {name: _force(trial, name) for name in WRENCHES}
-    grips = [None if force[name] is None else -force[name][:, 2] for name in PEOPLE]
+    grips = [None if (one := force[name]) is None else -one[:, 2] for name in PEOPLE]
     known = [grip for grip in grips if grip is not None and np.isfinite(grip).any()]
     if not known:
         return None
@@ -105,7 +105,7 @@ def handover_of(trial: Trial) -> RecordedHandover | None:
         force_max = float(np.nanmax(magnitude)) if np.isfinite(magnitude).any() else None
     peaks = [None if grip is None or not np.isfinite(grip).any() else float(np.nanmax(grip)) for grip in grips]
     overlap = float(both.sum() / trial.analog_rate) if both.any() else None
-    return RecordedHandover(overlap, force_max, *peaks, trial.duration)
+    return RecordedHandover(overlap, force_max, peaks[0], peaks[1], trial.duration)
 
 
 def _force(trial: Trial, name: str) -> FloatArray | None:
