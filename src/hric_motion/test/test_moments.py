@@ -9,7 +9,7 @@ from standing_person import JOINTS, RATE, standing, supporting, without
 
 from hric_core.errors import HricError
 from hric_human.body.segments import link_name
-from hric_motion.moments import JointMoments, joint_moments, lifted
+from hric_motion.moments import JointMoments, joint_force, joint_moments, lifted
 
 MOTION = standing()
 PLATE = supporting(MOTION)
@@ -66,6 +66,17 @@ def test_a_lifted_mass_loads_the_root_by_its_weight() -> None:
     held = lifted(RESULT, link_name("hand", "right"), 4.0)
     loaded = joint_moments(MOTION, RATE, {3: PLATE}, [held], CUTOFF)
     assert_allclose((loaded.residual - RESULT.residual)[:, :3].mean(axis=0), [0.0, 0.0, 4.0 * 9.81], atol=0.5)
+
+
+def test_a_bent_trunk_rests_on_the_pelvis_with_its_weight() -> None:
+    q, lean = np.zeros_like(MOTION.q), np.radians(60.0)
+    q[:, JOINTS.index("trunk_flex")] = lean
+    still = replace(MOTION, q=q, root=np.tile([0.0, 0.0, 0.9, 0.0, 0.0, 0.0, 1.0], (len(q), 1)))
+    carried = {"torso", "head", "upper_arm", "forearm", "hand"}
+    weight = 9.81 * sum(one.mass.mass for one in MOTION.body.segments.values() if one.kind in carried)
+    force = joint_force(joint_moments(still, RATE), "trunk_flex")
+    assert np.isnan(force[0]).all()
+    assert_allclose(force[150], [-weight * np.sin(lean), 0.0, weight * np.cos(lean)], atol=0.5)
 
 
 def test_the_ends_of_a_motion_have_no_moments() -> None:

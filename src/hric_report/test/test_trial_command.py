@@ -3,6 +3,7 @@
 import csv
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import ezc3d
@@ -18,8 +19,10 @@ from hric_core.errors import HricError
 from hric_core.geometry import FloatArray
 from hric_core.trial.opensim_text import read_storage
 from hric_human.body import Subject, describe
+from hric_motion.measured import MeasuredMotion
+from hric_motion.moments import joint_moments
 from hric_motion.postures import BodyPostures, MarkerPostures
-from hric_report.trial import page
+from hric_report.trial import page, summary
 
 RATE, FRAMES = 50.0, 40
 BODY = describe(Subject(code="S07", mass=78.2, height=1.759, sex="male", parts="whole_body"))
@@ -102,6 +105,22 @@ def test_model_and_motion_place_the_elbow(folder: Path) -> None:
     marker = positions()[7, NAMES.index("RELB")]
     radius = BODY.segments["right_upper_arm"].radius
     assert np.linalg.norm(marker - [x, -right, up]) == pytest.approx(radius, abs=0.01)
+
+
+def test_without_a_head_the_lumbar_load_is_not_known(folder: Path) -> None:
+    assert json.loads((folder / "trial.json").read_text())["lumbar"] is None
+    assert "L5/S1 compression is not known; it needs the moment of trunk_flex" in (folder / "trial.html").read_text()
+
+
+def test_the_lumbar_load_is_judged_by_its_worse_end() -> None:
+    q = np.zeros((100, len(BODY.joints)))
+    q[:, list(BODY.joints).index("trunk_flex")] = np.radians(80.0)
+    root, none = np.tile([0.0, 0.0, 0.9, 0.0, 0.0, 0.0, 1.0], (100, 1)), np.zeros((100, 1))
+    heavy = describe(replace(BODY.subject, mass=115.0))
+    bent = MeasuredMotion(heavy, (), q, 0.0 * q, root, none, none[0], 0.001)
+    values = summary.lumbar_values(joint_moments(bent, RATE))
+    assert values is not None and values["compression"] < 3400.0 < values["high"]
+    assert ", above the NIOSH action limit of 3.4 kN; known in" in summary.lumbar_line({"lumbar": values})
 
 
 def test_the_page_loads_nothing(folder: Path) -> None:

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.signal import butter, sosfiltfilt
 
-from hric_core.errors import HricError
+from hric_core.errors import HricError, check_known
 from hric_core.geometry import FloatArray
 from hric_core.trial.plates import TrialPlate
 from hric_human.body import Body
@@ -170,6 +170,23 @@ def lifted(moments: JointMoments, link: str, mass: float) -> ExternalLoad:
     point, time = moments.needed.position[:, index[link]], moments.motion.time
     acceleration = np.gradient(np.gradient(point, time, axis=0), time, axis=0)
     return ExternalLoad(link, mass * (np.array(GRAVITY) - acceleration), np.zeros_like(point), point)
+
+
+def joint_force(moments: JointMoments, joint: str) -> FloatArray:
+    """Return the net force on the link that a joint moves, from the link before, in axes of that link.
+
+    Returns:
+        the force, shape (n, 3) [N], NaN where the moment of the joint is not known.
+
+    Raises:
+        HricError: the body has no such joint.
+    """
+    check_known("joint", [joint], moments.body.joints, "the body")
+    column = list(moments.body.joints).index(joint)
+    links = enumerate(WholeBody(moments.body).links)
+    at = next(at for at, link in links if any(link.axis) and link.joint == column)
+    force = np.einsum("nji,nj->ni", moments.needed.rotation[:, at], moments.needed.force[:, at])
+    return np.where(np.isfinite(moments.moment[:, [column]]), force, np.nan)
 
 
 def longest_known(motion: MeasuredMotion) -> slice:

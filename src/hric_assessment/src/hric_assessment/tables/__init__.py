@@ -2,7 +2,7 @@
 
     limits = limit_table("iso_ts_15066")        # or "bgia2011", or a Path to a user's own file
     rula_table(), reba_table(), niosh_table(), separation_table(), episode_table(), area_table(), verdict_table()
-    uncertain_table()
+    uncertain_table(), lumbar_table()
 
 Each file has the values in their printed units, their sources, and a mark for each value: how many public sources
 confirm it. The tables contain printed units; code that uses a table converts them to SI.
@@ -60,6 +60,7 @@ __all__ = [
     "area_table",
     "episode_table",
     "limit_table",
+    "lumbar_table",
     "niosh_table",
     "reba_table",
     "rula_table",
@@ -87,6 +88,7 @@ NIOSH_NAMES = (
     "design_goal",
     "high",
 )
+LUMBAR_NAMES = ("action_limit", "permissible", "lever_arm", "lever_arm_range", "height", "height_range")
 SEPARATION_NAMES = ("walking_speed", "hand_speed", "near", "intrusion_slope", "intrusion_offset", "resolution_limit")
 EPISODE_NAMES = ("transient_time", "rate", "touch_force", "gap")
 VERDICT_NAMES = (
@@ -151,6 +153,12 @@ def reba_table() -> RebaTable:
 def niosh_table() -> NioshTable:
     """Return the values of the NIOSH lifting equation (config/tables/niosh.yaml)."""
     return _built_in(NioshTable, "niosh", NIOSH_NAMES)
+
+
+@cache
+def lumbar_table() -> ValueTable:
+    """Return the values of the compression at L5/S1 (config/tables/lumbar.yaml)."""
+    return _built_in(ValueTable, "lumbar", LUMBAR_NAMES)
 
 
 @cache

@@ -24,7 +24,10 @@ WIDE = 760.0
 """Right end of the axis of wide pictures [px]."""
 POINTS = 400
 """Number of points of a curve from which on only every second, third, ... frame is drawn."""
-LINES = (summary.fit_line, summary.known_line, summary.moment_line, summary.handover_line, summary.subject_line)
+LINES = (
+    *(summary.fit_line, summary.known_line, summary.moment_line),
+    *(summary.lumbar_line, summary.handover_line, summary.subject_line),
+)
 """First lines of the page."""
 SHOWN = 1.96
 """Half of the 95 % band of a normal distribution, in standard deviations [1]."""

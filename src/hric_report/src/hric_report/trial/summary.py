@@ -6,17 +6,20 @@ from typing import Any
 
 import numpy as np
 
+from hric_assessment.ergonomics.lumbar import level, lumbar
 from hric_bags import text
 from hric_core.geometry import FloatArray
 from hric_human.body import Body
 from hric_human.body.segments import Builder
 from hric_motion.handovers import GRIPPED, handover_of
 from hric_motion.measured import KNOWN, MAX_DISTANCE
-from hric_motion.moments import HICKS, RECOMMENDED, JointMoments
+from hric_motion.moments import HICKS, RECOMMENDED, JointMoments, joint_force
 from hric_motion.trial import MEASURES, TrialMotion
 from hric_motion.vendor import compared
 
 Numbers = dict[str, float | None]
+WAIST = "trunk_flex"
+"""Joint whose moment and force load the lumbar spine."""
 
 
 @dataclass(frozen=True)
@@ -83,6 +86,17 @@ def moment_values(moments: JointMoments) -> dict[str, Any]:
     return {"joints": joints, "residual": residual, "plates": standing, "notes": list(moments.notes)}
 
 
+def lumbar_values(moments: JointMoments) -> dict[str, Any] | None:
+    """Return the largest load of the lumbar spine in trial.json, and its level by the worse end; None: not known."""
+    moment = moments.moment[:, list(moments.body.joints).index(WAIST)]
+    load = lumbar(moment, joint_force(moments, WAIST), moments.body.segments["torso"].p_parent_link[2])
+    known = np.isfinite(load.compression)
+    if not known.any():
+        return None
+    peaks = {key: float(np.nanmax(getattr(load, key))) for key in ("compression", "low", "high", "shear")}
+    return {"known": float(known.mean()), **peaks, "level": level(peaks["high"])}
+
+
 def content(result: TrialMotion, moments: JointMoments | None = None) -> dict[str, Any]:
     """Return the content of trial.json, in SI units and degrees, without the origin of the files; None: not known."""
     motion = result.motion
@@ -113,6 +127,7 @@ def content(result: TrialMotion, moments: JointMoments | None = None) -> dict[st
             for one in compared(list(motion.body.joints), motion.q, result.trial.angles)
         },
         "moments": None if moments is None else moment_values(moments),
+        "lumbar": None if moments is None else lumbar_values(moments),
         "handover": None if handover is None else vars(handover),
         "notes": list(result.notes),
     }
@@ -184,6 +199,18 @@ def handover_line(values: Mapping[str, Any]) -> str:
     )
 
 
+def lumbar_line(values: Mapping[str, Any]) -> str:
+    """Return a sentence on the compression of the lumbar spine."""
+    load = values["lumbar"]
+    if load is None:
+        return f"L5/S1 compression is not known; it needs the moment of {WAIST} and every angle on which that depends."
+    peak, low, high = (f"{1e-3 * load[key]:.1f}" for key in ("compression", "low", "high"))
+    return (
+        f"L5/S1 compression without a load in the hands: peak {peak} kN ({low} to {high}), {load['level']}; known in "
+        f"{_percent(load['known'])} of the time."
+    )
+
+
 def subject_line(values: Mapping[str, Any]) -> str:
     """Return a sentence on the subject and on where each number comes from."""
     subject, sources = values["subject"], values["sources"]
@@ -201,6 +228,7 @@ def render(name: str, values: Mapping[str, Any]) -> str:
         fit_line(values),
         known_line(values),
         moment_line(values),
+        lumbar_line(values),
         *filter(None, [handover_line(values)]),
         subject_line(values),
         *(f"- {joint}: {one['reason']}" for joint, one in values["joints"].items() if one["reason"]),
