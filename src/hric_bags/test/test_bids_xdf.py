@@ -106,6 +106,13 @@ def test_bids_without_markers_and_emg_is_refused(truth: Truth, tmp_path: Path) -
     assert result.failures == {"bids": "format bids needs motion capture or EMG, among the requested topics"}
 
 
+def test_unknown_emg_is_not_written_as_zero(tmp_path: Path) -> None:
+    values = np.ones(10)
+    values[3] = np.nan
+    with pytest.raises(ExportError, match="EMG of biceps has samples that are not known"):
+        bdf.write_bdf(tmp_path / "a.bdf", [Channel("biceps", "V", values)], 10.0)
+
+
 def test_emg_beyond_the_format_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ExportError, match="EMG of 20000000 uV does not fit into a BDF file; valid: below 10 V"):
         bdf.write_bdf(tmp_path / "a.bdf", [Channel("a", "V", np.full(10, 20.0))], 10.0)

@@ -223,6 +223,15 @@ def test_a_damaged_file_is_refused_and_ends_nobody(file: Path, tmp_path: Path) -
         assert str(path) in str(error.value) and "\n" not in str(error.value)
 
 
+def test_a_file_that_ends_anywhere_is_refused(file: Path, tmp_path: Path) -> None:
+    whole = file.read_bytes()
+    for end in range(0, len(whole) - 512, len(whole) // 200):  # the last block of 512 bytes is filled up
+        path = tmp_path / f"{end}.c3d"
+        path.write_bytes(whole[:end])
+        with pytest.raises(HricError):
+            read_trial(path)
+
+
 def test_damaged_parameters_are_told(file: Path, tmp_path: Path) -> None:
     random, told = np.random.default_rng(3), 0
     for number in range(8):

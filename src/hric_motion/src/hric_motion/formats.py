@@ -12,7 +12,6 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from hric_core.errors import ParameterError
 from hric_core.geometry import FloatArray
@@ -135,11 +134,12 @@ def pose_points(
     points = {name: p}
     if quaternions is None or not TURNED.fullmatch(re.split("[:_/]", name)[-1].upper()):
         return points
-    length = np.linalg.norm(quaternions, axis=1)
-    known = np.isfinite(length) & (length > 0.5)
+    length = np.linalg.norm(quaternions, axis=1, keepdims=True)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        x_y_z, w = np.split(np.where(length > 0.5, quaternions / length, np.nan), [3], axis=1)
     for end, axis in zip(("forward", "left"), axes, strict=True):
-        points[f"{name}_{end}"] = np.full(p.shape, np.nan)
-        points[f"{name}_{end}"][known] = p[known] + AXIS * Rotation.from_quat(quaternions[known]).apply(axis)
+        across = np.cross(x_y_z, axis)
+        points[f"{name}_{end}"] = p + AXIS * (axis + 2.0 * (w * across + np.cross(x_y_z, across)))
     return points
 
 

@@ -160,7 +160,7 @@ def _spread_over_time(person: AssessedPerson, deviation: FloatArray, side: str) 
             changes = [np.nan_to_num(size(getattr(end, name)) - size(angle)) for end in ends]
             variance[name] += np.max(np.square(changes), axis=0)
     width = {name: NORMAL * np.degrees(np.sqrt(value)) / step for name, value in variance.items()}
-    return {name: np.radians(step * np.floor(value + 0.5)) for name, value in width.items()}
+    return {name: np.radians(step * np.ceil(value - 1e-9)) for name, value in width.items()}
 
 
 def _load(person: AssessedPerson, record: HumanRecord | None, side: str) -> FloatArray | None:

@@ -88,8 +88,8 @@ class _File:
         """Return the content; section: begin of the parameters [byte]."""
         points, words, first, last = self._words(2, 4)
         start, per_frame = self._words(16, 2)
-        end = (start - 1) * BLOCK or len(self._data)
-        parameters, damaged = self._parameters(section + 4, end if end > section else len(self._data))
+        end = (start - 1) * BLOCK if (start - 1) * BLOCK > section else len(self._data)
+        parameters, damaged = self._parameters(section + 4, min(end, len(self._data)))
         point, analog = parameters.get("POINT", {}), parameters.get("ANALOG", {})
         scale, rate = (float(number) for number in self._reals(12, 3)[[0, 2]])
         rate = first_number(point, "RATE", 0.0) or rate
@@ -154,6 +154,8 @@ class _File:
         start, count = at + 2 + dimensions, math.prod(shape)
         if kind not in SIZES or start + count * SIZES[kind] > len(self._data):
             return None
+        if not count:
+            return []
         if kind == TEXT:
             width = shape[0] if shape else 1
             raw = self._data[start : start + count]

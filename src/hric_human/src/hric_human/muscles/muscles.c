@@ -56,7 +56,9 @@ static double velocity_factor(const Curves *c, double v)
 static double sampled(const double *value, int count, double low, double high, double x)
 {
     const double at = (x - low) / (high - low) * (count - 1);
-    if (!(at > 0.0))
+    if (isnan(at))
+        return at;
+    if (at <= 0.0)
         return value[0];
     if (at >= count - 1)
         return value[count - 1];

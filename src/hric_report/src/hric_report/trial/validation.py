@@ -25,7 +25,7 @@ Trial = tuple[str, list[OpenSimDifference]]
 
 
 class ValidateCommand(Command):
-    """Compare joint angles and moments of a person in trials (.c3d or .trc) with those of other programs.
+    """Compare joint angles and moments of a person in trials with those of other programs.
 
     Angles: those that the laboratory's software wrote into the file (Plug-in Gait), and OpenSim's inverse kinematics of
     the same body and markers. Moments: OpenSim's inverse dynamics of the same body, motion and loads. Writes

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hric_bags.export.table import ExportError
+from hric_bags.export.table import ExportError, FloatArray
 from hric_bags.export.trial.c3d_trial import Channel
 from hric_core.trial.c3d import VOLTS
 
@@ -29,11 +29,10 @@ def write_bdf(path: Path, channels: Sequence[Channel], rate: float) -> None:
         rate: sample rate [Hz].
 
     Raises:
-        ExportError: a value is too large for the format.
+        ExportError: a value is not known, or too large for the format.
     """
-    values = np.stack([channel.values * (VOLTS[channel.unit.lower()] * 1e6) for channel in channels])
-    size, count = max(1, round(rate)), len(channels)
-    values = np.pad(np.nan_to_num(values), ((0, 0), (0, -values.shape[1] % size)), mode="edge")
+    values, size, count = _microvolts(channels), max(1, round(rate)), len(channels)
+    values = np.pad(values, ((0, 0), (0, -values.shape[1] % size)), mode="edge")
     peaks = [max(1, math.ceil(peak)) for peak in np.abs(values).max(axis=1)]
     if max(peaks) > 9_999_999:  # a number has eight characters, with its sign
         raise ExportError(f"EMG of {max(peaks)} uV does not fit into a BDF file; valid: below 10 V")
@@ -63,3 +62,10 @@ def write_bdf(path: Path, channels: Sequence[Channel], rate: float) -> None:
     records = digital.reshape(count, -1, size).transpose(1, 0, 2)
     low_bytes = np.ascontiguousarray(records).view(np.uint8).reshape(-1, 4)[:, :3]
     path.write_bytes(b"\xffBIOSEMI" + text.encode("ascii", "replace") + low_bytes.tobytes())
+
+
+def _microvolts(channels: Sequence[Channel]) -> FloatArray:
+    """Return the values of the channels, shape (channels, samples) [uV]. Raises ExportError: one is not known."""
+    if unknown := [channel.label for channel in channels if not np.isfinite(channel.values).all()]:
+        raise ExportError(f"EMG of {', '.join(unknown)} has samples that are not known, which a BDF file cannot say")
+    return np.stack([channel.values * (VOLTS[channel.unit.lower()] * 1e6) for channel in channels])
