@@ -48,6 +48,8 @@ class Network:
                 continue
             address, _, port = local.rpartition(":")
             pid = line.partition("pid=")[2].partition(",")[0]  # behind a name that may have blanks
+            if not pid:  # its process ended while ss looked for it
+                continue
             try:
                 # Dask makes one word of all, its title, where setproctitle is installed.
                 words = Path(f"/proc/{pid}/cmdline").read_text().replace("\0", " ").split()
