@@ -77,4 +77,4 @@ def test_command_lines_within_texts_are_understood() -> None:
 def test_every_alias_names_a_command_that_is_there() -> None:
     nodes = {path: path.read_text(errors="replace") for path in Path(ROOT / "src").glob("*/nodes/*")}
     named = {alias[1] for text in nodes.values() if (alias := ALIAS.search(text))}
-    assert named == {name for name in plugins.names(plugins.COMMAND) if " " not in name}
+    assert named <= set(plugins.names(plugins.COMMAND))

@@ -1,0 +1,89 @@
+"""Command `port`: what of a ros_control or franka_ros controller exists here, and a package to port it in."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from hric_controllers.porting.reading import Source, Use, read_cpp
+from hric_core import plugins
+from hric_core.command import Argument, Command
+from hric_core.errors import NOT_GOOD, HricError
+
+if TYPE_CHECKING:
+    from hric_controllers.porting.counterparts import Counterpart
+
+TITLES = {
+    "interface": "interfaces",
+    "parameter": "parameters",
+    "subscriber": "topics it subscribes to",
+    "publisher": "topics it publishes",
+    "service": "services",
+    "action": "actions",
+    "live parameters": "live parameters",
+    "call": "calls of handles",
+    "state": "fields of the Franka state",
+}
+
+
+class PortCommand(Command):
+    """Show which interfaces, parameters, messages and calls of a controller exist here; write a package to port it in.
+
+    The controller is one of ros_control or franka_ros in C++, or a node in Python. Its headers are read, too, if they
+    are beside it or in its package's folder include. Nothing is compiled or run.
+    """
+
+    epilog = "exit codes: 0 everything exists here; 3 something is missing here, and the package says what."
+
+    def arguments(self) -> list[Argument]:
+        """Return the arguments."""
+        return [
+            Argument("files", nargs="+", type=Path, metavar="FILE", help="source of the controller, .cpp, .h or .py"),
+            Argument(
+                "--output",
+                type=Path,
+                metavar="FOLDER",
+                help="new folder for the package (default: only show what exists)",
+            ),
+        ]
+
+    def run(self, arguments: argparse.Namespace) -> int:
+        """Read the controller, print the table and write the package."""
+        from hric_controllers.porting import skeleton
+        from hric_controllers.porting.counterparts import counterpart
+        from hric_controllers.porting.python_source import read_python
+
+        files, output = arguments.files, arguments.output
+        if output is not None and output.exists():
+            raise HricError(f"--output {output} exists; name a new folder, such as src/my_port")
+        is_python = [path.suffix == ".py" for path in files]
+        if any(is_python) and len(files) > 1:
+            raise HricError("give one Python file, or the C++ files of one controller")
+        source = read_python(files[0]) if all(is_python) else read_cpp(files)
+        rows = [(use, counterpart(use)) for use in source.uses]
+        print("\n".join(_table(source, rows)))
+        if output is not None:
+            for name, text in skeleton.files(source).items():
+                (output / name).parent.mkdir(parents=True, exist_ok=True)
+                (output / name).write_text(text)
+            print(f"\nwritten: {output}, with the law to be written in src/{skeleton.snake(source.name)}/law.py")
+        return 0 if all(here.exists for _, here in rows) else NOT_GOOD
+
+
+def _table(source: Source, rows: Sequence[tuple[Use, Counterpart]]) -> Iterator[str]:
+    """Yield the lines that show each use with its counterpart."""
+    yield source.plugin
+    if source.plugin in plugins.names(plugins.CONTROLLER):
+        yield "  A controller of this type exists here, and takes the YAML of the source: it needs no port."
+    if not rows:
+        yield "  It uses nothing of ROS or of the robot that this command knows."
+    for kind, title in TITLES.items():
+        of_kind = [(use, here) for use, here in rows if use.kind == kind]
+        if of_kind:
+            yield f"  {title}"
+        for use, here in of_kind:
+            yield f"    {'yes' if here.exists else 'NO '}  {use.name:36} {here.text:44} {use.origin}"
+    missing = sum(not here.exists for _, here in rows)
+    yield f"  {len(rows) - missing} of {len(rows)} exist here" + (f", {missing} do not" if missing else "")

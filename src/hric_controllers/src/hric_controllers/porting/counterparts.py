@@ -1,0 +1,106 @@
+"""Counterparts here of the interfaces, topics and calls of ros_control and franka_ros."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+
+from roslib.message import get_message_class, get_service_class
+
+from franka_hw_interface import interfaces  # noqa: F401  # defines the subclasses that `here` looks for
+from franka_hw_interface.robot_state import RobotState
+from hric_control.hardware_interface import HardwareInterface
+from hric_controllers.porting.reading import Use
+
+CALLS = {
+    "getRobotState": "robot_state",
+    "getMass": "mass()",
+    "getCoriolis": "coriolis()",
+    "getGravity": "gravity()",
+    "getPose": "pose(frame)",
+    "getZeroJacobian": "zero_jacobian(frame)",
+    "getBodyJacobian": "body_jacobian(frame)",
+    "getPosition": "position",
+    "getVelocity": "velocity",
+    "getEffort": "effort",
+    "setCommand": "command = values; Cartesian: set_command()",
+    "getCommand": "command",
+    "getName": "name of a handle, names of a group",
+}
+"""Methods of handles, and the attribute or method of the handle here."""
+ELSEWHERE = {
+    "hardware_interface::ForceTorqueSensorInterface": "the wrench is O_F_ext_hat_K of the Franka state",
+    "franka_hw::FrankaModelHandle": "use FrankaModelInterface",
+}
+"""Replacements for interfaces that do not exist here."""
+
+
+@dataclass(frozen=True)
+class Counterpart:
+    """Counterpart of a `Use`.
+
+    Attributes:
+        exists: True if the controller can use it here.
+        text: what it is called here; otherwise what is missing, and what serves instead.
+        module: module that defines the class to import; empty: nothing is imported.
+    """
+
+    exists: bool
+    text: str
+    module: str = ""
+
+
+def counterpart(use: Use) -> Counterpart:
+    """Return the counterpart of something that a controller uses."""
+    if use.kind == "interface":
+        return _interface(use.name)
+    if use.kind == "parameter":
+        literal = all(one.isalnum() or one in "_/~" for one in use.name)
+        text = f'controller_node.param("{use.name}")' if literal else "a computed name: write it out by hand"
+        return Counterpart(True, text)
+    if use.kind in {"subscriber", "publisher", "service"}:
+        return _message(use)
+    if use.kind == "action":
+        server = use.type == "server"
+        return Counterpart(
+            server, "controller_node.action_server" if server else "no client in a controller: a node calls it"
+        )
+    if use.kind == "live parameters":
+        return Counterpart(True, "controller_node.live_parameters, or Settings.offer of hric_core.parameters")
+    if use.kind == "call":
+        return _call(use)
+    names = [one.name for one in fields(RobotState)]
+    return Counterpart(use.name in names, use.name if use.name in names else "not a field of RobotState")
+
+
+def _interfaces(base: type[HardwareInterface]) -> Iterator[type[HardwareInterface]]:
+    for kind in base.__subclasses__():
+        yield kind
+        yield from _interfaces(kind)
+
+
+def _interface(name: str) -> Counterpart:
+    """Return the class here with ros_control's name of an interface."""
+    for kind in _interfaces(HardwareInterface):
+        if kind.cpp_name == name:
+            return Counterpart(True, kind.__name__, kind.__module__)
+    instead = ELSEWHERE.get(name, "no robot here has it")
+    return Counterpart(False, f"not here: {instead}")
+
+
+def _message(use: Use) -> Counterpart:
+    """Return the Python class of a topic's or service's type."""
+    if not use.type:
+        return Counterpart(use.kind == "service", "type not seen in the source: add it by hand")
+    if "/" not in use.type:
+        return Counterpart(False, f"{use.type}: package not seen in the source; add it by hand")
+    lookup = get_service_class if use.kind == "service" else get_message_class
+    kind = lookup(use.type)
+    if kind is None:
+        return Counterpart(False, f"{use.type} is not built here: add its package to this workspace")
+    package, name = use.type.split("/")
+    return Counterpart(True, name, f"{package}.{'srv' if use.kind == 'service' else 'msg'}")
+
+
+def _call(use: Use) -> Counterpart:
+    if use.name not in CALLS or use.type.startswith("ForceTorque"):
+        return Counterpart(False, f"{use.type} here has no such method")
+    return Counterpart(True, CALLS[use.name])

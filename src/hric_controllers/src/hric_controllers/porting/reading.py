@@ -1,0 +1,232 @@
+"""Reader of C++ controllers of ros_control and franka_ros: interfaces, parameters, topics, calls. Compiles nothing."""
+
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from hric_core.errors import HricError
+
+LIFE_CYCLE = ("init", "starting", "update", "stopping")
+"""Methods of a controller that the controller manager calls."""
+TEXT = r'"((?:\\.|[^"\\])*)"'
+TYPE = r"([\w:]+(?:\s*::\s*\w+)*)"
+COMMENTS = re.compile(r'//[^\n]*|/\*.*?\*/|"(?:\\.|[^"\\\n])*"', re.DOTALL)
+INCLUDE = re.compile(r'#\s*include\s*[<"]([\w./-]+\.(?:h|hpp|hh))[">]')
+EXPORT = re.compile(r"PLUGINLIB_EXPORT_CLASS\s*\(\s*([\w:]+)\s*,")
+CLASS = re.compile(r"\bclass\s+(\w+)\s*(?:final\s*)?:\s*public\s+(?:\w+\s*::\s*)*(?:Multi\w*)?Controller\w*\s*<")
+INTERFACE = re.compile(r"\b(\w+::\w+Interface)\b")
+PARAMETER = re.compile(
+    r"(?:(?:\.|->)\s*(getParam|getParamCached|param)|ros::param::(?:get|param))\s*(?:<[^;()]*?>)?\s*\("
+)
+SUBSCRIPTION = re.compile(r"(?:\.|->)\s*subscribe\s*(?:<\s*" + TYPE + r"[^;()]*>)?\s*\(\s*" + TEXT)
+SUBSCRIBE_OPTIONS = re.compile(r"\w\.init\s*(?:<\s*" + TYPE + r"\s*>)?\s*\(\s*" + TEXT)
+ADVERTISED = re.compile(r"(?:\.|->)\s*advertise\s*<\s*" + TYPE + r"\s*>\s*\(\s*" + TEXT)
+REALTIME = re.compile(
+    r"RealtimePublisher\s*<\s*" + TYPE + r"\s*>\s*>?\s*(\w*)\s*(?:\(\s*[\w*>.-]+\s*,\s*" + TEXT + r")?"
+)
+REALTIME_INIT = re.compile(r"(\w+)\s*(?:\.|->)\s*init\s*\(\s*[\w*]+\s*,\s*" + TEXT)
+SERVICE = re.compile(r"(?:\.|->)\s*advertiseService\s*(?:<[^;()]*?>)?\s*\(\s*" + TEXT)
+ACTION = re.compile(r"SimpleAction(Server|Client)\s*<\s*" + TYPE + r"\s*>")
+LIVE = re.compile(r"dynamic_reconfigure\s*::\s*Server\s*<\s*" + TYPE + r"\s*>")
+HANDLE = re.compile(r"\b(\w+Handle)\s*>*\s*[&*]?\s*(\w+)\s*[;,={(]")
+METHOD = re.compile(r"(?<![\w.>])(?:\w+\s*::\s*)?(" + "|".join(LIFE_CYCLE) + r")\s*\([^;{}]*\)[^;{}]*\{")
+CALLBACK = re.compile(r"&\s*(?:\w+\s*::\s*)*(\w+)\s*[,)]")
+STATE = re.compile(r"\bRobotState\s*&?\s+(\w+)\s*[=;,)({]")
+OF_VECTORS = {
+    "push_back",
+    "emplace_back",
+    "size",
+    "resize",
+    "reserve",
+    "reset",
+    "get",
+    "at",
+    "clear",
+    "begin",
+    "end",
+    "empty",
+}
+"""Methods of C++ containers and pointers of handles, which are no calls to the robot."""
+
+
+@dataclass(frozen=True, order=True)
+class Use:
+    """Something of ROS or of the robot that a controller uses.
+
+    Attributes:
+        kind: "interface", "parameter", "subscriber", "publisher", "service", "action", "live parameters", "call" or
+            "state".
+        name: name in the source: of the interface, parameter, topic, service, method or field.
+        type: message type as "package/Name", class of the handle, or default of a parameter as written; may be empty.
+        origin: file name and line of the first use.
+    """
+
+    kind: str
+    name: str
+    type: str
+    origin: str
+
+
+@dataclass(frozen=True)
+class Source:
+    """Controller as read from its source.
+
+    Attributes:
+        name: name of the class.
+        plugin: name of the plugin, "package/Class"; the class alone if the source does not export it.
+        uses: what it uses, each once, by kind and in the order of the source.
+        methods: lines of each method of the life cycle, as "FILE, lines A to B".
+    """
+
+    name: str
+    plugin: str
+    uses: tuple[Use, ...]
+    methods: dict[str, str]
+
+
+def read_cpp(files: Sequence[Path]) -> Source:
+    """Return the controller in C++ files; headers that the files include are read, too, where they can be located.
+
+    Raises:
+        HricError: a file cannot be read, or no file has a class of a controller.
+    """
+    texts = {path: _text(path) for path in files}
+    for path, text in list(texts.items()):
+        texts |= {header: _text(header) for header in _headers(path, text) if header not in texts}
+    packages = {Path(name).stem: name.split("/")[0] for text in texts.values() for name in INCLUDE.findall(text)}
+    texts = {path: INCLUDE.sub("", text) for path, text in texts.items()}
+    whole = "\n".join(texts.values())
+    exported, declared = EXPORT.search(whole), CLASS.search(whole)
+    if exported is None and declared is None:
+        raise HricError(
+            f"{', '.join(path.name for path in files)}: no class is derived from controller_interface::Controller or "
+            "MultiInterfaceController, and none is exported by PLUGINLIB_EXPORT_CLASS; give the file with the class"
+        )
+    plugin = exported.group(1).replace("::", "/", 1) if exported else declared.group(1) if declared else ""
+    uses: dict[tuple[str, str], Use] = {}
+    methods: dict[str, str] = {}
+    for path, text in texts.items():
+        for use in _uses(path, text, whole):
+            if use.kind in {"subscriber", "publisher"} and use.type in packages:  # a name of "using"
+                use = replace(use, type=f"{packages[use.type]}/{use.type}")
+            uses.setdefault((use.kind, use.name), use)
+        for found in METHOD.finditer(text):
+            end = _block_end(text, found.end() - 1)
+            first, last = _line(text, found.start(1)), _line(text, end)
+            methods.setdefault(found.group(1), f"{path.name}, lines {first} to {last}")
+    return Source(plugin.rpartition("/")[2].rpartition(":")[2], plugin, tuple(uses.values()), methods)
+
+
+def _text(path: Path) -> str:
+    """Return the text of a file, without comments but with all its line breaks."""
+    try:
+        text = path.read_text(encoding="utf-8", errors="replace")
+    except OSError as error:
+        raise HricError(f"{path}: {error.strerror}") from None
+    return COMMENTS.sub(lambda one: one.group() if one.group()[0] == '"' else re.sub(r"[^\n]", " ", one.group()), text)
+
+
+def _headers(path: Path, text: str) -> Iterator[Path]:
+    """Yield the headers of the file's own package that it includes, looked for beside it and in `include`."""
+    for name in INCLUDE.findall(text):
+        for folder in (path.parent, path.parent / "include", path.parent.parent / "include"):
+            if (header := folder / name).is_file():
+                yield header
+                break
+
+
+def _line(text: str, position: int) -> int:
+    return text.count("\n", 0, position) + 1
+
+
+def _block_end(text: str, opening: int) -> int:
+    """Return the position of the brace that closes the one at `opening`, or of the last character."""
+    depth = 0
+    for position in range(opening, len(text)):
+        depth += {"{": 1, "}": -1}.get(text[position], 0)
+        if depth == 0:
+            return position
+    return len(text) - 1
+
+
+def _uses(path: Path, text: str, whole: str) -> Iterator[Use]:
+    """Yield what a file uses; `whole` is the text of all files, for types that another one declares."""
+
+    def at(kind: str, name: str, of: str, found: re.Match[str]) -> Use:
+        return Use(kind, name, of, f"{path.name}:{_line(text, found.start())}")
+
+    for found in INTERFACE.finditer(text):
+        if not found.group(1).startswith("controller_interface"):
+            yield at("interface", found.group(1), "", found)
+    for found in PARAMETER.finditer(text):
+        name, default = _parameter(found.group(1) or "get", _arguments(text, found.end() - 1))
+        yield at("parameter", name, default, found)
+    yield from _topics(text, whole, at)
+    for found in SERVICE.finditer(text):
+        yield at("service", found.group(1), "", found)
+    for found in ACTION.finditer(text):
+        yield at("action", _ros_type(found.group(2)), found.group(1).lower(), found)
+    for found in LIVE.finditer(text):
+        yield at("live parameters", _ros_type(found.group(1)), "", found)
+    handles = {variable: kind for kind, variable in HANDLE.findall(whole) if kind != "NodeHandle"}
+    for found in re.finditer(r"\b(\w+)(?:\s*\[[^\]]*\]|\.at\([^)]*\))?\s*(?:\.|->)\s*(\w+)\s*\(", text):
+        if found.group(1) in handles and found.group(2) not in OF_VECTORS:
+            yield at("call", found.group(2), handles[found.group(1)], found)
+    states = "|".join({r"getRobotState\(\)", *(rf"\b{name}" for name in STATE.findall(whole))})
+    for found in re.finditer(rf"(?:{states})\s*\.\s*(\w+)\b(?!\s*\()", text):
+        yield at("state", found.group(1), "", found)
+
+
+def _topics(text: str, whole: str, at: Callable[..., Use]) -> Iterator[Use]:
+    """Yield the subscribers and publishers of a file."""
+    for found in SUBSCRIPTION.finditer(text):
+        yield at("subscriber", found.group(2), _message(found.group(1), text, found.end(), whole), found)
+    for found in SUBSCRIBE_OPTIONS.finditer(text):
+        yield at("subscriber", found.group(2), _message(found.group(1), text, found.end(), whole), found)
+    for found in ADVERTISED.finditer(text):
+        yield at("publisher", found.group(2), _ros_type(found.group(1)), found)
+    variables = {variable: _ros_type(kind) for kind, variable, _ in REALTIME.findall(whole) if variable}
+    for found in REALTIME.finditer(text):
+        if found.group(3):
+            yield at("publisher", found.group(3), _ros_type(found.group(1)), found)
+    for found in REALTIME_INIT.finditer(text):
+        yield at("publisher", found.group(2), variables.get(found.group(1), ""), found)
+
+
+def _message(stated: str | None, text: str, begin: int, whole: str) -> str:
+    """Return the message type of a subscriber: as stated, or that of its callback's argument; empty: not known."""
+    if stated:
+        return _ros_type(stated)
+    callback = CALLBACK.search(text[begin : text.find(";", begin)])
+    name = callback.group(1) if callback else "callback"
+    argument = re.search(rf"\b{name}\s*\(\s*(?:const\s+)?{TYPE}", whole)
+    return _ros_type(argument.group(1)) if argument else ""
+
+
+def _ros_type(name: str) -> str:
+    """Return a C++ type of a message as "package/Name"."""
+    name = re.sub(r"\s|ConstPtr$|Ptr$", "", name).removesuffix("::").removeprefix("::")
+    return name.replace("::", "/")
+
+
+def _arguments(text: str, opening: int) -> list[str]:
+    """Return the arguments between the parenthesis at `opening` and its counterpart."""
+    parts, depth, part = [], 0, ""
+    for one in text[opening + 1 : opening + 600]:
+        depth += {"(": 1, "{": 1, "[": 1, ")": -1, "}": -1, "]": -1}.get(one, 0)
+        if depth < 0:
+            break
+        if one == "," and depth == 0:
+            parts.append(part.strip())
+            part = ""
+        else:
+            part += one
+    return [*parts, part.strip()]
+
+
+def _parameter(call: str, arguments: Sequence[str]) -> tuple[str, str]:
+    """Return name and default (empty: none) of a parameter that is read by `call`."""
+    default = "" if call.startswith("get") or len(arguments) < 2 else arguments[-1]
+    literal = re.fullmatch(TEXT, arguments[0])
+    return (literal.group(1) if literal else arguments[0]), default
