@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from hric_core.errors import CommandError, HricError
-from hric_core.geometry import Pose, Vector, messages
+from hric_core.geometry import Pose, Vector, messages, quaternions
 from hric_core.geometry.poses import difference
 from hric_core.geometry.quaternions import is_rotation
 from hric_core.parameters import Settings, number, numbers, refused
@@ -112,6 +112,32 @@ def check_equilibrium(message: Any, base: str, present: Pose, limit: JumpSetting
     if limit is not None:
         _check_jump(difference(requested, present), limit)
     return requested
+
+
+def check_target(message: Any, base: str, start: Pose, box: Box, largest_turn: float) -> tuple[Vector, Vector]:
+    """Return the position [m] of a commanded pose, and its rotation vector from the pose at the start [rad].
+
+    Args:
+        message: geometry_msgs/PoseStamped in the frame `base`; an empty frame name means this frame.
+        base: name of the robot's base frame.
+        start: pose of the end effector at the start of the controller.
+        box: workspace of the end effector.
+        largest_turn: largest angle of the rotation [rad].
+
+    Raises:
+        CommandError: the message is no pose in this frame, or the pose is outside of the workspace or turned too far.
+    """
+    requested = check_equilibrium(message, base, start)
+    if not box.contains(requested.position):
+        x, y, z = requested.position
+        raise CommandError(f"pose refused: ({x:.3f}, {y:.3f}, {z:.3f}) m is outside of the workspace; valid: {box}")
+    rotation = quaternions.difference(requested.orientation, start.orientation)
+    if math.hypot(*rotation) > largest_turn:
+        raise CommandError(
+            f"pose refused: rotated by {math.hypot(*rotation):.3g} rad from the orientation at the start; valid: up "
+            f"to {largest_turn:g} rad (largest_turn)"
+        )
+    return requested.position, rotation
 
 
 def _check_jump(error: list[float], limit: JumpSettings) -> None:

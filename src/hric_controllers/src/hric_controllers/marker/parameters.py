@@ -36,6 +36,19 @@ class Rotation(MotionLimits):
     jerk: float = number(100.0, above=0.0, unit="rad/s^3")
 
 
+def check_arm_limits(where: str, translation: MotionLimits, rotation: MotionLimits) -> None:
+    """Raise an error if a limit is above that of the arm; `where`: namespace of the parameters."""
+    arm = franka_limits().with_margins()
+    for group, limits, largest in (
+        ("translation", translation, arm.translation),
+        ("rotation", rotation, arm.rotation),
+    ):
+        for name in ("velocity", "acceleration", "jerk"):
+            value, bound = getattr(limits, name), getattr(largest, name)
+            if value > bound:
+                raise refused(f"{where}{group}/{name}", value, f"up to {bound:.4g}, the arm's own limit less a margin")
+
+
 @dataclass(frozen=True)
 class Workspace(Box):
     """Workspace of the end effector, with default corners.
@@ -113,17 +126,7 @@ class TrackingSettings(Settings):
         """Raise an error if a point's attitude shall be followed, or if a limit is above that of the arm."""
         if self.follow == "pose" and self.source == "point":
             raise refused(f"{where}follow", self.follow, "position with source point: a point has no attitude")
-        arm = franka_limits().with_margins()
-        for group, limits, largest in (
-            ("translation", self.translation, arm.translation),
-            ("rotation", self.rotation, arm.rotation),
-        ):
-            for name in ("velocity", "acceleration", "jerk"):
-                value, bound = getattr(limits, name), getattr(largest, name)
-                if value > bound:
-                    raise refused(
-                        f"{where}{group}/{name}", value, f"up to {bound:.4g}, the arm's own limit less a margin"
-                    )
+        check_arm_limits(where, self.translation, self.rotation)
 
     @property
     def topic(self) -> str:

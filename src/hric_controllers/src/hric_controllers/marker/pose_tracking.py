@@ -1,6 +1,5 @@
 """Desired pose of the end effector in each cycle, from markers or commanded poses; shared by two controllers."""
 
-import math
 from collections import deque
 from collections.abc import Sequence
 from typing import Any
@@ -8,7 +7,7 @@ from typing import Any
 from geometry_msgs.msg import PoseStamped
 
 from hric_control.speed_scale import SpeedScale
-from hric_controllers.cartesian.workspace import check_equilibrium
+from hric_controllers.cartesian.workspace import check_target
 from hric_controllers.marker.follower import FollowerState, MarkerFollower, PoseOffset
 from hric_controllers.marker.jitter_buffer import MAX_WAITING, JitterBuffer
 from hric_controllers.marker.motion import LineMotion, MotionLimits, OnlineTrajectoryGenerator
@@ -45,7 +44,7 @@ class PoseTracking:
         self._jitter_buffer = JitterBuffer(0.0 if self._settings.thesis else self._settings.playout_margin)
         # Filled by the subscription, emptied by the loop.
         self._markers: deque[MarkerSample] = deque(maxlen=MAX_WAITING)
-        self._commands: realtime.LatestValue[Pose | None] = realtime.LatestValue(None)
+        self._commands: realtime.LatestValue[PoseOffset | None] = realtime.LatestValue(None)
         self._state_time = realtime.Throttle(self._settings.state_publish_rate)
         self._running, self._ignored = False, 0
         self._pending: PoseOffset | None = None
@@ -77,20 +76,11 @@ class PoseTracking:
         """
         if not self._running:
             raise CommandError("the controller is not running, the pose is ignored; start it first")
-        follower = self._settings.follower
+        settings = self._settings
         # The pose may be far away: the motion to it stays within its limits.
-        requested = check_equilibrium(message, self._base, self._start)
-        if not follower.workspace.contains(requested.position):
-            raise CommandError(
-                f"pose refused: {_text(requested.position)} is outside of the workspace; valid: {follower.workspace}"
-            )
-        angle = math.hypot(*quaternions.difference(requested.orientation, self._start.orientation))
-        if angle > follower.largest_turn:
-            raise CommandError(
-                f"pose refused: it is rotated by {angle:.3g} rad from the orientation at the start; valid: up to "
-                f"{follower.largest_turn:g} rad (largest_turn)"
-            )
-        self._commands.set(requested)
+        self._commands.set(
+            PoseOffset(*check_target(message, self._base, self._start, settings.workspace, settings.largest_turn))
+        )
 
     def start(self, O_T_EE: Sequence[float]) -> None:
         """Put the desired pose at rest and wait for a marker or command.
@@ -155,8 +145,7 @@ class PoseTracking:
     def _take_command(self) -> None:
         requested = self._commands.take_new()
         if requested is not None:
-            rotation = quaternions.difference(requested.orientation, self._start.orientation)
-            self._pending = PoseOffset(requested.position, rotation)
+            self._pending = requested
             self._follower.command()
             self._jitter_buffer.clear()
         if self._pending is not None:
