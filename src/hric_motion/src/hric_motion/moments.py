@@ -183,7 +183,7 @@ def half_width_of(moments: JointMoments, quantity: Callable[[JointMoments], Floa
 def _varied(moments: JointMoments) -> Iterator[JointMoments]:
     """Yield the moments for an error of one standard deviation of each joint angle, of the mass, and of the lengths."""
     subject, motion = moments.body.subject, moments.motion
-    for column in np.flatnonzero((moments.deviation > 0.0).any(axis=0)):
+    for column in np.flatnonzero((moments.deviation != 0.0).any(axis=0)):
         q = motion.q.copy()
         q[:, column] += moments.deviation[:, column]
         yield _with(moments, moments.body, q)

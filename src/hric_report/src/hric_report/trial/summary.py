@@ -84,7 +84,7 @@ def moment_values(moments: JointMoments) -> dict[str, Any]:
         values, width = column[known], half[known]
         curves = values - width, values, values, values + width
         picks = (np.min, np.min, np.max, np.max)
-        ends = [float(pick(curve)) if len(values) else None for pick, curve in zip(picks, curves, strict=True)]
+        ends = [_finite(pick(curve)) if len(values) else None for pick, curve in zip(picks, curves, strict=True)]
         joints[name] = {"known": len(values) / len(column), **dict(zip(ENDS, ends, strict=True))}
     standing = {foot: list(plates) for foot, plates in moments.standing.items()}
     residual = _finite(moments.residual_share)
@@ -187,7 +187,9 @@ def moment_line(values: Mapping[str, Any]) -> str:
     joints = moments["joints"]
     unknown = [name for name, one in joints.items() if not one["known"]]
     parts = [f"{len(joints) - len(unknown)} of {len(joints)} joint moments are known"]
-    if sizes := {name: max(-one["low_end"], one["high_end"]) for name, one in joints.items() if one["known"]}:
+    if sizes := {
+        name: max(-one["low_end"], one["high_end"]) for name, one in joints.items() if one["low_end"] is not None
+    }:
         name = max(sizes, key=sizes.__getitem__)
         low, high = (f"{joints[name][key]:.0f}" for key in ("low", "high"))
         parts.append(f"largest: {name}, {low} to {high} N m, up to {sizes[name]:.0f} N m at the worse end (95 %)")
