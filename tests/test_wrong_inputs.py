@@ -33,6 +33,7 @@ FILES = {
     "- {region: face, quasi_static: 65000}\n",
     "short.yaml": "title: x\nedition: 2026\nsources: {us: own}\nsource: us\nforces:\n"
     "- {region: chest, quasi_static: 140, transient: 14}\n",
+    "work.yaml": "lifts: [{begin: 3, end: 2, load: 5}]\nrepetitive: [{factors: {pace: fast}}]\n",
     "stops.yaml": "title: x\nkind: measurement\nsource: me\nreaction_time: 100\nstops:\n"
     "- {speed: 1, time: 300}\n- {speed: 0.5, time: 0}\n",
     "cut.urdf": "<robot",
@@ -158,6 +159,10 @@ TOOLS = [
     (
         "hric_assessment assess --stop stops.yaml",
         r"100 ms would be 0\.1 s.*300 ms would be 0\.3 s.*time is 0;.*valid: .* above 0 to 10",
+    ),
+    (
+        "hric_assessment assess --work work.yaml",
+        r"lifts\[0\]\.end is 2\.0; valid: a number above begin \(3\).*no pace 'fast' .*; valid: free, machine, partly",
     ),
     ("hric_assessment assess --picture x.png", r"--picture is x\.png; valid: a file name \.svg"),
     ("hric_experiments export notes.txt --format csv --surface 0.05", r"--surface has no effect; .*c3d"),

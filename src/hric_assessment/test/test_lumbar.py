@@ -21,7 +21,7 @@ def at(moment: float, force: tuple[float, float, float], waist: float = 0.15, **
 def test_a_published_static_lift_has_its_compression() -> None:
     """Trunk inclined by 35 deg, 510 N at 0.25 m and 150 N at 0.40 m along it, extensor at 5 cm: 3612 N and 379 N.
 
-    Solved exercise, homeworksource.com/p/3285722; its arms are those of Nordin and Frankel's textbook.
+    Solved exercise, homeworksource.com/p/3285722.
     """
     lean = np.radians(35.0)
     moment = -(510.0 * 0.25 + 150.0 * 0.4) * np.sin(np.radians(55.0))

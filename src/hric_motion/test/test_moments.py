@@ -96,3 +96,50 @@ def test_only_the_longest_known_part_is_used() -> None:
     result = joint_moments(replace(MOTION, root=root), RATE, {3: PLATE})
     assert result.notes[0] == "only frames 102 to 300 are used: in others the pose is not known"
     assert result.motion.time[0] == pytest.approx(1.01)
+
+
+def spread(degrees: float, **about: float) -> JointMoments:
+    """Return the moments of a person at rest with the forearm forward, whose right elbow has a standard deviation."""
+    q, deviation = np.zeros_like(MOTION.q), np.zeros_like(MOTION.q)
+    q[:, JOINTS.index("right_el_flex")] = np.radians(60.0)
+    deviation[:, JOINTS.index("right_el_flex")] = np.radians(degrees)
+    root = np.tile([0.0, 0.0, 0.9, 0.0, 0.0, 0.0, 1.0], (len(q), 1))
+    return joint_moments(replace(MOTION, q=q, spread=deviation, root=root), RATE, **about)
+
+
+def elbow(result: JointMoments) -> tuple[float, float]:
+    column = JOINTS.index("right_el_flex")
+    return abs(float(result.moment[150, column])), float(result.half_width[150, column])
+
+
+def test_the_weight_of_a_forearm_is_uncertain_by_mass_and_length() -> None:
+    moment, half = elbow(spread(0.0))
+    assert_allclose(half, 1.96 * moment * np.hypot(0.02, 0.02), rtol=0.01)
+    moment, half = elbow(spread(0.0, mass_deviation=0.15))
+    assert_allclose(half, 1.96 * moment * np.hypot(0.15, 0.02), rtol=0.01)
+
+
+def test_an_uncertain_angle_moves_the_lever_of_the_forearm() -> None:
+    """Its moment is proportional to sin 60 deg; 3 deg change it by cos 60 deg times 3 deg."""
+    moment, half = elbow(spread(3.0))
+    angle = abs(np.sin(np.radians(63.0)) / np.sin(np.radians(60.0)) - 1.0)
+    assert_allclose(half, 1.96 * moment * np.sqrt(2 * 0.02**2 + angle**2), rtol=0.01)
+
+
+def test_intervals_of_moments_hold_those_of_motions_with_errors() -> None:
+    """Angles with random constant errors: 95 % of the moments are in the interval, for the trunk and an arm."""
+    rng, size = np.random.default_rng(3), np.radians(2.0)
+    stated = joint_moments(replace(MOTION, spread=np.full_like(MOTION.q, size)), RATE, {3: PLATE}, cutoff=CUTOFF)
+    columns = [JOINTS.index(name) for name in ("trunk_flex", "right_sh_flex", "right_el_flex")]
+    inside = []
+    for _ in range(150):
+        moved = replace(MOTION, q=MOTION.q + rng.normal(scale=size, size=len(JOINTS)))
+        change = joint_moments(moved, RATE, cutoff=CUTOFF).moment - stated.moment
+        inside.append(np.abs(change[[100, 200]][:, columns]) <= stated.half_width[[100, 200]][:, columns])
+    assert 0.9 < np.mean(inside) < 0.995
+    assert np.isnan(stated.half_width[0]).all()
+
+
+def test_an_unknown_moment_has_no_interval() -> None:
+    result = joint_moments(without(MOTION, "right_sh_rot"), RATE, {3: PLATE}, cutoff=CUTOFF)
+    assert np.isnan(result.half_width[:, JOINTS.index("trunk_flex")]).all()

@@ -87,6 +87,11 @@ def test_moments_of_legs_without_a_plate_are_empty(folder: Path) -> None:
     assert {row["left_knee_flex [N m]"] for row in rows} == {""}
     elbow = np.array([float(row["right_el_flex [N m]"]) for row in rows[15:-15]])
     assert 1.0 < elbow.mean() < 5.0  # forearm and hand of 1.7 kg, bent by about 45 deg
+    half = np.array([float(row["right_el_flex half-width [N m]"]) for row in rows[15:-15]])
+    assert (half / elbow > 0.05).all() and (half / elbow < 0.3).all()  # 5.5 % by mass and length alone
+    joint = json.loads((folder / "trial.json").read_text())["moments"]["joints"]["right_el_flex"]
+    assert joint["low_end"] < joint["low"] < joint["high"] < joint["high_end"]
+    assert "N m at the worse end (95 %)" in (folder / "trial.html").read_text()
 
 
 def test_unknown_joints_have_their_reason(folder: Path) -> None:
@@ -120,7 +125,9 @@ def test_the_lumbar_load_is_judged_by_its_worse_end() -> None:
     bent = MeasuredMotion(heavy, (), q, 0.0 * q, root, none, none[0], 0.001)
     values = summary.lumbar_values(joint_moments(bent, RATE))
     assert values is not None and values["compression"] < 3400.0 < values["high"]
-    assert ", above the NIOSH action limit of 3.4 kN; known in" in summary.lumbar_line({"lumbar": values})
+    assert "), at the worse end above the NIOSH action limit of 3.4 kN; known in" in summary.lumbar_line(
+        {"lumbar": values}
+    )
 
 
 def test_the_page_loads_nothing(folder: Path) -> None:

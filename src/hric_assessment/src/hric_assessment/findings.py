@@ -117,7 +117,9 @@ DISCLAIMER = (
     "no certified safety function."
 )
 """Disclaimer that is printed with the findings."""
-GROUPS = CONTACT, ENERGY, SEPARATION, POSTURE, LIFT = ("contact", "energy", "separation", "posture", "lift")
+EFFORTS = LIFT, REPETITION, PUSHING = ("lift", "repetition", "pushing")
+"""Groups of findings about tasks of a person."""
+GROUPS = CONTACT, ENERGY, SEPARATION, POSTURE, *_ = ("contact", "energy", "separation", "posture", *EFFORTS)
 """Groups into which findings are sorted."""
 FIGURE_GROUPS = ("strength", "muscles", "joint load", "interaction", "productivity")
 

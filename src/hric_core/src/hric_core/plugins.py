@@ -20,6 +20,7 @@ PARTICIPANT = "hric_control::Participant"
 HUMAN_CONTROLLER = "hric_human::HumanController"
 SENSOR = "hric_perception::Sensor"
 POSTURE_METHOD = "hric_assessment::PostureMethod"
+TASK_METHOD = "hric_assessment::TaskMethod"
 EXPORT = "hric_bags::Export"
 SECTION = "hric_run::Section"
 COMMAND = "hric_core::Command"
@@ -33,6 +34,7 @@ _BASES = {
     HUMAN_CONTROLLER: "hric_human.control.controller:HumanController",
     SENSOR: "hric_perception.section:SensorSection",
     POSTURE_METHOD: "hric_assessment.ergonomics.scoring:PostureMethod",
+    TASK_METHOD: "hric_assessment.verdict.tasks:TaskMethod",
     EXPORT: "hric_bags.export.table:Export",
     SECTION: "hric_run.definition.sections:ExperimentSection",
     COMMAND: "hric_core.command:Command",

@@ -7,9 +7,10 @@ agree: without errors it would be zero.
     result = joint_moments(motion, trial.rate, trial.plates)
     result.moment                                 # shape (n, j) [N m]; NaN: not known
     result.residual_share                         # RMS of the residual force by the body weight [1]
+    result.half_width                             # of the 95 % interval of each moment, shape (n, j) [N m]
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import NamedTuple
@@ -21,11 +22,13 @@ from scipy.signal import butter, sosfiltfilt
 from hric_core.errors import HricError, check_known
 from hric_core.geometry import FloatArray
 from hric_core.trial.plates import TrialPlate
-from hric_human.body import Body
+from hric_human.body import Body, describe
+from hric_human.body.segments import Builder
 from hric_human.control.kinematics import GRAVITY
 from hric_human.control.whole_body import ExternalLoad, Needed, RootMotion, WholeBody
 from hric_human.muscles.after_run import CUTOFF, FEWEST, RecordedMotion, of_root_too, smoothed
 from hric_motion.measured import MeasuredMotion
+from hric_motion.stances import NORMAL
 
 LOADED = 20.0
 """Vertical force from which on a plate carries a foot [N], as gait laboratories use it; unconfirmed.
@@ -44,6 +47,10 @@ LOST = 0.1
 """Residual force by the body weight above which the load under the feet is not known, as without a plate there [1]."""
 RECOMMENDED, HICKS = 0.05, "Hicks et al. 2015"
 """Recommended limit of the residual force by the largest external force [1] (J. Biomech. Eng. 137:020905)."""
+MASS_DEVIATION, UNKNOWN_MASS_DEVIATION = 0.02, 0.15
+"""Standard deviations of a stated mass of the body, and of one that is not stated, by the mass [1]."""
+LENGTH_DEVIATION = 0.02
+"""Standard deviation of all fitted lengths of the body together, by the lengths [1]."""
 NO_PLATES: Mapping[int, TrialPlate] = MappingProxyType({})
 
 Mask = npt.NDArray[np.bool_]
@@ -64,6 +71,9 @@ class JointMoments:
         loads: loads on the links.
         standing: plates under each foot, by its link.
         notes: what was not used or not known, and why.
+        deviation: standard deviations of the joint angles, shape (n, j) [rad].
+        mass_deviation: standard deviation of the body's mass, by the mass [1].
+        half_width: half-widths of the 95 % intervals of the moments, see `half_width_of`, shape (n, j) [N m].
     """
 
     body: Body
@@ -75,6 +85,9 @@ class JointMoments:
     loads: tuple[ExternalLoad, ...]
     standing: Mapping[str, tuple[int, ...]]
     notes: tuple[str, ...]
+    deviation: FloatArray
+    mass_deviation: float
+    half_width: FloatArray
 
     @property
     def residual_share(self) -> float:
@@ -112,6 +125,7 @@ def joint_moments(
     plates: Mapping[int, TrialPlate] = NO_PLATES,
     loads: Sequence[ExternalLoad] = (),
     cutoff: float = CUTOFF,
+    mass_deviation: float = MASS_DEVIATION,
 ) -> JointMoments:
     """Compute the joint moments of a motion.
 
@@ -121,6 +135,7 @@ def joint_moments(
         plates: force plates of the trial, by number, in the laboratory of the markers.
         loads: further loads on links, such as a wrench on a hand, at the instants of the result.
         cutoff: cut-off of the low-pass filter of motion and plates [Hz].
+        mass_deviation: standard deviation of the body's mass, by the mass [1].
 
     Raises:
         HricError: the pose of the person is known in too few successive frames.
@@ -140,17 +155,49 @@ def joint_moments(
     unknown = _unknown(whole, np.isnan(motion.q[rows][nearest]), lost) | ends[:, None]
     if lost.any():
         notes.append(f"the load under the feet is not known in {lost.mean():.0%} of the time")
-    return JointMoments(
-        motion.body,
-        smooth,
-        root,
-        np.where(unknown, np.nan, needed.torque),
-        needed,
-        residual,
-        (*support.loads, *loads),
-        support.standing,
-        (*notes[len(time) == len(motion.q) :], *support.notes),
-    )
+    moment, remarks = np.where(unknown, np.nan, needed.torque), (*notes[len(time) == len(motion.q) :], *support.notes)
+    acting = (*support.loads, *loads), support.standing, remarks
+    deviations = motion.spread[rows][nearest], mass_deviation, np.zeros_like(moment)
+    result = JointMoments(motion.body, smooth, root, moment, needed, residual, *acting, *deviations)
+    return replace(result, half_width=half_width_of(result, lambda varied: varied.moment))
+
+
+def half_width_of(moments: JointMoments, quantity: Callable[[JointMoments], FloatArray]) -> FloatArray:
+    """Return the half-width of the 95 % interval of a quantity, in its shape and unit; NaN where it is not known.
+
+    The variance is the sum of the squared changes by one standard deviation of each joint angle, of the mass and of the
+    lengths (first order, as independent). The error of an angle counts as constant over time, so that it moves a
+    joint's lever arms, and not the accelerations. Loads on feet and hands, and the pose of the root, count as exact.
+
+    Args:
+        moments: joint moments.
+        quantity: function that returns the quantity for moments; called once for each standard deviation.
+    """
+    middle = quantity(moments)
+    variance = np.zeros_like(middle)
+    for varied in _varied(moments):
+        variance += (quantity(varied) - middle) ** 2
+    return np.asarray(NORMAL * np.sqrt(variance))
+
+
+def _varied(moments: JointMoments) -> Iterator[JointMoments]:
+    """Yield the moments for an error of one standard deviation of each joint angle, of the mass, and of the lengths."""
+    subject, motion = moments.body.subject, moments.motion
+    for column in np.flatnonzero((moments.deviation != 0.0).any(axis=0)):
+        q = motion.q.copy()
+        q[:, column] += moments.deviation[:, column]
+        yield _with(moments, moments.body, q)
+    lengths = {name: (1.0 + LENGTH_DEVIATION) * value for name, value in Builder(subject).lengths.items()}
+    for changed in ({"mass": (1.0 - moments.mass_deviation) * subject.mass}, {"lengths": lengths}):
+        yield _with(moments, describe(replace(subject, **changed)), motion.q)  # lighter and longer: such a body exists
+
+
+def _with(moments: JointMoments, body: Body, q: FloatArray) -> JointMoments:
+    """Return the moments of another body, or of other joint angles, under the same loads."""
+    motion = moments.motion
+    needed = WholeBody(body).inverse_dynamics(q, motion.dq, motion.ddq, moments.root, moments.loads)
+    known = np.where(np.isfinite(moments.moment), needed.torque, np.nan)
+    return replace(moments, body=body, moment=known, needed=needed)
 
 
 def lifted(moments: JointMoments, link: str, mass: float) -> ExternalLoad:

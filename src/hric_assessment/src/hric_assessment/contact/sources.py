@@ -11,7 +11,7 @@ from typing import Any
 
 from hric_assessment import tables
 from hric_assessment.ergonomics.scoring import methods
-from hric_assessment.findings import CONTACT, LIFT, POSTURE, SEPARATION
+from hric_assessment.findings import CONTACT, LIFT, POSTURE, PUSHING, REPETITION, SEPARATION
 from hric_assessment.tables.base import MARKS, Value
 from hric_assessment.tables.limits import LimitRow
 from hric_assessment.tables.posture import ChosenThreshold
@@ -24,6 +24,8 @@ BY_GROUP: Mapping[str, Mapping[str, Callable[[], tables.TableFile]]] = {
     CONTACT: {"episodes": tables.episode_table, "contact_areas": tables.area_table},
     SEPARATION: {"separation": tables.separation_table},
     LIFT: {"niosh": tables.niosh_table},
+    REPETITION: {"ocra": tables.ocra_table},
+    PUSHING: {"pushing": tables.push_table},
 }
 """Tables by group of findings and name of their file, besides contact limits and posture methods."""
 SourcedNumber = tuple[str, str, str, str, str]

@@ -113,7 +113,7 @@ def rate(lift: Lift, table: NioshTable | None = None) -> LiftRating:
     rounded = table["load_constant"] * math.prod(rounded_multiplier(value) for value in multipliers)
     assumptions = (f"speed is not known: assumed up to {table['speed_limit']:g} m/s",) * (lift.speed is None)
     index = _index(lift.load, limit)
-    level = _level(index, table)
+    level = level_of(index, table)
     return LiftRating(multipliers, limit, index, level, rounded, _index(lift.load, rounded), assumptions)
 
 
@@ -122,7 +122,9 @@ def rounded_multiplier(multiplier: float) -> float:
     return math.floor(100.0 * multiplier + 0.5 + 1e-9) / 100.0
 
 
-def _level(index: float, table: NioshTable) -> str:
+def level_of(index: float, table: NioshTable | None = None) -> str:
+    """Return the level of a lifting index, in words."""
+    table = table or niosh_table()
     goal, high = table["design_goal"], table["high"]
     if index <= goal:
         return f"up to the design goal of {goal:g}"

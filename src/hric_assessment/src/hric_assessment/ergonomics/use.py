@@ -51,6 +51,26 @@ def repeats(time: FloatArray, signals: FloatArray, amplitude: float) -> FloatArr
     return np.asarray(largest[block])
 
 
+def wide(
+    time: FloatArray, signal: FloatArray, travel: float, window: float
+) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """Return True for instants in a window in which a signal travels far, shape (n,).
+
+    Args:
+        time: ascending times, shape (n,) [s].
+        signal: signal, shape (n,); NaN is bridged by interpolation; one that is all NaN does not travel.
+        travel: minimum travel, in the unit of the signal.
+        window: length of the window [s].
+    """
+    block, means = _blocks(time, signal[:, None])
+    if not means.size:
+        return np.zeros(len(time), np.bool_)
+    count = min(max(2, round(window / BLOCK)), len(means))
+    windows = sliding_window_view(means[:, 0], count)
+    far = windows.max(axis=-1) - windows.min(axis=-1) >= travel
+    return np.asarray((np.convolve(far, np.ones(count, dtype=np.int64)) > 0)[block])
+
+
 def _moves(signal: list[float], amplitude: float) -> list[int]:
     """Return the indices at which a signal has moved by `amplitude` since its last turn, up and down alternately."""
     moves, direction, low, high = list[int](), 0, signal[0], signal[0]

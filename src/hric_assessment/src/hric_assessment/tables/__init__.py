@@ -2,7 +2,7 @@
 
     limits = limit_table("iso_ts_15066")        # or "bgia2011", or a Path to a user's own file
     rula_table(), reba_table(), niosh_table(), separation_table(), episode_table(), area_table(), verdict_table()
-    uncertain_table(), lumbar_table()
+    uncertain_table(), lumbar_table(), ocra_table(), push_table()
 
 Each file has the values in their printed units, their sources, and a mark for each value: how many public sources
 confirm it. The tables contain printed units; code that uses a table converts them to SI.
@@ -24,6 +24,7 @@ from hric_assessment.tables.base import (
 )
 from hric_assessment.tables.limits import FOOT, REGIONS, EnergyRow, ForceRow, LimitRow, LimitTable, PressureRow
 from hric_assessment.tables.posture import Adder, Band, Condition, PostureTable, RebaTable, RulaTable
+from hric_assessment.tables.tasks import OcraTable, PushRow, PushTable
 from hric_core.errors import check_known
 from hric_core.parameters import package_yaml, read_yaml, unknown
 
@@ -50,8 +51,11 @@ __all__ = [
     "LimitRow",
     "LimitTable",
     "NioshTable",
+    "OcraTable",
     "PostureTable",
     "PressureRow",
+    "PushRow",
+    "PushTable",
     "RebaTable",
     "RulaTable",
     "TableFile",
@@ -62,6 +66,8 @@ __all__ = [
     "limit_table",
     "lumbar_table",
     "niosh_table",
+    "ocra_table",
+    "push_table",
     "reba_table",
     "rula_table",
     "separation_table",
@@ -159,6 +165,18 @@ def niosh_table() -> NioshTable:
 def lumbar_table() -> ValueTable:
     """Return the values of the compression at L5/S1 (config/tables/lumbar.yaml)."""
     return _built_in(ValueTable, "lumbar", LUMBAR_NAMES)
+
+
+@cache
+def ocra_table() -> OcraTable:
+    """Return the table of the OCRA checklist (config/tables/ocra.yaml)."""
+    return _built_in(OcraTable, "ocra")
+
+
+@cache
+def push_table() -> PushTable:
+    """Return the forces of pushing and pulling (config/tables/pushing.yaml)."""
+    return _built_in(PushTable, "pushing")
 
 
 @cache

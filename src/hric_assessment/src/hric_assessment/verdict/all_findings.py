@@ -8,12 +8,12 @@ from hric_assessment.findings import Finding
 from hric_assessment.verdict.choices import AssessmentChoices
 from hric_assessment.verdict.contacts import contact_findings
 from hric_assessment.verdict.inputs import AssessmentInput
-from hric_assessment.verdict.lifts import lift_findings
 from hric_assessment.verdict.person import AssessedPerson
 from hric_assessment.verdict.postures import posture_finding, scored
 from hric_assessment.verdict.refined import with_bars
 from hric_assessment.verdict.result import ScoreCurve
 from hric_assessment.verdict.separating import PersonSeparation, not_separated, separated, separation_finding
+from hric_assessment.verdict.tasks import task_methods
 from hric_core.errors import HricError
 
 
@@ -46,7 +46,8 @@ def all_findings(source: AssessmentInput, people: Sequence[AssessedPerson], choi
         for arm in scored(person, person.record, (signals.begin, signals.end), choices.versions):
             findings.append(replace(posture_finding(arm, person), person=person.name))
             scores[arm.key].append(arm.timeline())
-        findings += [*_separation(source, person, choices, distances), *lift_findings(source, person)]
+        findings += _separation(source, person, choices, distances)
+        findings += [item for method in task_methods() for item in method.findings(source, person, choices.work)]
     if len({finding.person for finding in findings}) < 2:
         findings = [replace(finding, person="") for finding in findings]  # with one person no name is needed
     return AllFindings(with_bars(findings, source.run), scores, distances)

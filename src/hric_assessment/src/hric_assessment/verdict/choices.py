@@ -16,6 +16,8 @@ from hric_assessment.separation.protective import Stop
 from hric_assessment.separation.stopping import StopTable, load
 from hric_assessment.tables import AREA, LIMIT_TABLES, REACTION, STOPPING, verdict_table
 from hric_assessment.typed_json import Content
+from hric_assessment.work import Work
+from hric_assessment.work import load as load_work
 from hric_core.command import Argument
 from hric_core.geometry import FloatArray
 from hric_core.parameters import as_number
@@ -79,6 +81,7 @@ class AssessmentChoices:
         versions: versions of the tables of posture scoring methods, by the keys of `methods`.
         assumptions: assumptions behind the choices, one sentence each.
         factors: factors of unconfirmed numbers, by their names in config/tables/uncertain.yaml; a missing one is 1.
+        work: what the user states about the work.
     """
 
     limits: Limits = field(default_factory=Limits.named)
@@ -89,6 +92,7 @@ class AssessmentChoices:
     assumptions: tuple[str, ...] = ()
     interpretation: str = BY_DURATION
     factors: Mapping[str, float] = field(default_factory=dict)
+    work: Work = field(default_factory=Work)
 
     def varied(self, factors: Mapping[str, float]) -> "AssessmentChoices":
         """Return a copy with unconfirmed numbers changed; the contact area must be known already, see `stated`.
@@ -147,6 +151,12 @@ def choice_arguments() -> list[Argument]:
             help="mass of the robot by which the speed of a contact is judged: reflected, with rotors and free joints; "
             "standard, M/2 + m_L; locked, with locked joints; or the largest of the three (default: %(default)s)",
         ),
+        Argument(
+            "--work",
+            type=Path,
+            metavar="FILE",
+            help="YAML file with lifts, pushing and repetitive work, their loads and breaks, which are then judged",
+        ),
         *_table_arguments(),
     ]
 
@@ -178,4 +188,5 @@ def chosen(options: argparse.Namespace) -> AssessmentChoices:
         options.robot_mass,
         versions,
         interpretation=options.contact_class,
+        work=Work() if options.work is None else load_work(options.work.expanduser()),
     )

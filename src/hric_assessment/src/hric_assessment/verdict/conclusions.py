@@ -3,7 +3,7 @@
 contact   Did every contact stay within the limits of the body?
 distance  Was the arm never nearer than the protective separation distance?
 posture   Is the posture score of every arm whose joint angles are known within limits?
-effort    How much effort does the run cost the person? Only lifts have a limit.
+effort    How much effort does the run cost the person? Lifts have a limit, and the tasks of a work file.
 task      Was the run completed?
 """
 
@@ -13,7 +13,7 @@ from enum import StrEnum
 from typing import Annotated
 
 from hric_assessment.ergonomics.scoring import method_of
-from hric_assessment.findings import ENERGY, Finding, Missing, Outcome, UnjudgedValue
+from hric_assessment.findings import EFFORTS, ENERGY, Finding, Missing, Outcome, UnjudgedValue
 from hric_assessment.tables import niosh_table
 from hric_assessment.typed_json import Content
 from hric_human.participant.settings import HumanSettings
@@ -212,8 +212,8 @@ def _lacking(question: str, missing: Sequence[Missing]) -> str:
 
 
 def _effort(findings: Sequence[Finding], figures: Sequence[UnjudgedValue], missing: Sequence[Missing]) -> Conclusion:
-    """Return the conclusion about effort: of the worst rated lift, else of the largest load, which has no limit."""
-    lifts = [item for item in findings if item.group == GROUPS[EFFORT]]
+    """Return the conclusion about effort: of the worst rated task, else of the largest load, which has no limit."""
+    lifts = [item for item in findings if item.group in EFFORTS]
     if lifts and lifts[0].outcome != Outcome.NOT_ASSESSABLE:
         return _by(EFFORT, lifts[0], findings)
     load = next((item for item in figures if item.group in ("strength", "muscles") and item.value is not None), None)

@@ -1,24 +1,53 @@
-"""Findings about lifts: loads that a person picks up and puts down, rated by the NIOSH lifting equation."""
+"""Findings about lifts: loads that a person picks up and puts down, rated by the NIOSH lifting equation.
 
-from collections.abc import Sequence
+Loads in recorded grips are found in the recording. Other lifts are stated in the work file: their geometry is that of
+the measured posture, with its interval, and the worse end of the lifting index counts.
+"""
+
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
 from hric_assessment.ergonomics import niosh
-from hric_assessment.ergonomics.niosh import Lift, LiftRating
+from hric_assessment.ergonomics.niosh import HOUR, Lift
 from hric_assessment.findings import LIFT, Evidence, Finding, NotAssessableError, Outcome, finite_rows
-from hric_assessment.tables import niosh_table, verdict_table
+from hric_assessment.tables import UNITS, niosh_table, verdict_table
 from hric_assessment.verdict.inputs import AssessmentInput
 from hric_assessment.verdict.person import AssessedPerson
+from hric_assessment.verdict.tasks import TaskMethod, judged, stances_of
+from hric_assessment.work import LiftTask, Work
 from hric_bags.records.human_record import GripRecord
 from hric_core.geometry import FloatArray
 from hric_human.control.kinematics import GRAVITY
+from hric_motion.stances import Stance
 
 ASSUMED = (
     "assumed: the load stays in the sagittal plane, does not shift, and is gripped well; one lift in 5 min for 1 h; "
     "the ankles are below the midpoint of the hips, or of the shoulders if the body has only arms"
 )
+
+
+GEOMETRY = ("horizontal distance H [m]", "height V [m]", "travel D [m]", "asymmetry A [rad]")
+FROM_POSTURE = (
+    "H, V, D and asymmetry from the measured posture: middles of hands and ankles, and pelvis, above a floor at height "
+    "0 of a trial; each has the 95 % interval of the joint angles, and the index that of all their ends together"
+)
+HIPS = "assumed: the ankles are below the midpoint of the hips"
+WORST_COUPLING, HIGHEST_FREQUENCY = "poor", 100.0
+"""Coupling and lifts per minute that count as the worst ones if they are not known."""
+LONGEST = 8.0
+"""Longest work that the NIOSH equation rates [h]."""
+
+
+class Lifting(TaskMethod):
+    """NIOSH lifting index of loads in recorded grips, and of the lifts in a work file."""
+
+    def findings(self, source: AssessmentInput, person: AssessedPerson, work: Work) -> list[Finding]:
+        """Return the findings about a person's lifts."""
+        stated = [_stated(person, task, phase, at) for task in work.lifts for at, phase in enumerate(niosh.PHASES)]
+        return [*lift_findings(source, person), *stated]
 
 
 @dataclass(frozen=True)
@@ -118,14 +147,75 @@ def _lift(transport: LiftTransport, person: AssessedPerson, phase: str, end: int
     )
 
 
+def _stated(person: AssessedPerson, task: LiftTask, phase: str, at: int) -> Finding:
+    """Return the finding about one end of a lift of the work file; at: index of the end."""
+    table, window = niosh_table(), (task.begin, task.end)
+    subject, about = f"{phase} of {task.load:g} kg at {window[at]:g} s", (window, person.signals)
+    finding = Finding(subject, Outcome.NOT_ASSESSABLE, "", table.name, None, {}, *about, group=LIFT, person=person.name)
+    best, worst = _tasks(task, phase)
+    floor = person.settings.floor if person.settings is not None else 0.0
+    try:
+        stances = stances_of(person, np.array(window))
+        middle = _geometry_of(stances.middle, at, floor)
+        half = stances.half_width(lambda stance: _geometry_of(stance, at, floor))
+        ends = [niosh.rate(lift).index for lift in _corners(best, middle, half)]
+        unknown_end = max(niosh.rate(lift).index for lift in _corners(worst, middle, half))
+    except NotAssessableError as error:
+        return replace(finding, reason=str(error).replace("\n", "; "))
+    low, high = min(ends), max(ends)
+    shown = f"{high:.2f}" if f"{low:.2f}" == f"{high:.2f}" else f"{low:.2f} to {high:.2f}"
+    values: dict[str, float | None] = {"load [kg]": task.load}
+    for name, value, width in zip(GEOMETRY, middle.tolist(), half.tolist(), strict=True):
+        values |= {name: value, f"{name}, half-width of its interval": width}
+    indices = {"": high, ", better end": low, ", unknown at its worst": unknown_end}
+    finding = replace(
+        finding,
+        reason=f"lifting index {shown}: {niosh.level_of(high)}; {_limits()}",
+        share=high / table["high"],
+        values={**values, **{f"lifting index{name} [1]": index for name, index in indices.items()}},
+        notes=(FROM_POSTURE, *[HIPS] * (not stances.legs), *niosh.rate(best).assumptions),
+    )
+    stated = {"lifts per minute": task.per_minute, "hours of the work": task.hours, "coupling": task.coupling}
+    return judged(
+        finding, _outcome(high), _outcome(unknown_end), [name for name, value in stated.items() if value is None]
+    )
+
+
+def _tasks(task: LiftTask, phase: str) -> tuple[Lift, Lift]:
+    """Return a lift without its geometry, with the best and with the worst values of what is not stated."""
+    lift = Lift(phase, task.load, 0.0, 0.0, 0.0)
+    if task.coupling is not None:
+        lift = replace(lift, coupling=task.coupling)
+    lift = replace(lift, frequency=task.per_minute or 0.0, duration=HOUR * (task.hours or 1.0))
+    often = HIGHEST_FREQUENCY if task.per_minute is None else task.per_minute
+    coupling = task.coupling or WORST_COUPLING
+    return lift, replace(lift, frequency=often, duration=HOUR * (task.hours or LONGEST), coupling=coupling)
+
+
+def _geometry_of(stance: Stance, at: int, floor: float) -> FloatArray:
+    """Return the GEOMETRY of one end of a lift; at: index of the end; floor: height of the floor [m]."""
+    height = np.maximum(0.0, stance.hands[:, 2] - floor)
+    return np.array([stance.reach[at], height[at], abs(height[1] - height[0]), stance.asymmetry[at]])
+
+
+def _corners(lift: Lift, middle: FloatArray, half: FloatArray) -> Iterator[Lift]:
+    """Yield a lift with all combinations of the ends of its geometry, and of the height with the highest limit."""
+    low, high = np.maximum(0.0, middle - half), middle + half
+    best = UNITS["length"] * niosh_table()["vertical"]
+    heights = low[1], high[1], np.clip(best, low[1], high[1])
+    for h, v, d, a in product((low[0], high[0]), heights, (low[2], high[2]), (low[3], high[3])):
+        yield replace(lift, horizontal=float(h), vertical=float(v), distance=float(d), asymmetry=float(a))
+
+
+def _limits() -> str:
+    table = niosh_table()
+    return f"up to {table['design_goal']:g} is within limits, up to {table['high']:g} a warning (chosen here)"
+
+
 def _rated(transport: LiftTransport, lift: Lift, window: tuple[float, float]) -> Finding:
     table = niosh_table()
-    values = {
-        "load, the person's share [kg]": lift.load,
-        "horizontal distance H [m]": lift.horizontal,
-        "height V [m]": lift.vertical,
-        "travel D [m]": lift.distance,
-    }
+    measured = (lift.horizontal, lift.vertical, lift.distance)
+    values = {"load, the person's share [kg]": lift.load, **dict(zip(GEOMETRY, measured, strict=False))}
     subject, signals = f"{lift.phase} of {transport.held}", ("/hric/human/grip",)
     unrated = Finding(subject, Outcome.NOT_ASSESSABLE, "", table.name, None, values, window, signals, group=LIFT)
     try:
@@ -135,13 +225,10 @@ def _rated(transport: LiftTransport, lift: Lift, window: tuple[float, float]) ->
     results = {"recommended weight limit [kg]": rated.limit, "lifting index [1]": rated.index}
     results |= {"weight limit by rounded multipliers [kg]": rated.rounded_limit}
     results |= {f"multiplier {name}": value for name, value in rated.multipliers._asdict().items()}
-    reason = (
-        f"lifting index {rated.index:.2f}: {rated.level}; up to {table['design_goal']:g} is within limits, up to "
-        f"{table['high']:g} a warning (chosen here)"
-    )
+    reason = f"lifting index {rated.index:.2f}: {rated.level}; {_limits()}"
     return replace(
         unrated,
-        outcome=_outcome(rated),
+        outcome=_outcome(rated.index),
         reason=reason,
         share=rated.index / table["high"],
         values={**values, **results},
@@ -149,8 +236,8 @@ def _rated(transport: LiftTransport, lift: Lift, window: tuple[float, float]) ->
     )
 
 
-def _outcome(rated: LiftRating) -> Outcome:
+def _outcome(index: float) -> Outcome:
     table = niosh_table()
-    if rated.index > table["high"]:
+    if index > table["high"]:
         return Outcome.ABOVE
-    return Outcome.WARNING if rated.index > table["design_goal"] else Outcome.WITHIN
+    return Outcome.WARNING if index > table["design_goal"] else Outcome.WITHIN

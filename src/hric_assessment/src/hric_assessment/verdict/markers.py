@@ -38,9 +38,8 @@ def of_trial(path: Path) -> Recording:
         rows = slice(None, None, max(1, round(trial.rate / RATE)))
         time = result.time[rows]
         states = Columns(f"{name}/joint_states", tuple(motion.body.joints), time, motion.q[rows])
-        root = TrackedRoot(
-            f"{name}/tracking", "laboratory", time, motion.root[rows], motion.residual[rows], True, motion.spread[rows]
-        )
+        tracked_in = motion.root[rows], motion.residual[rows], True, motion.spread[rows], motion.body
+        root = TrackedRoot(f"{name}/tracking", "laboratory", time, *tracked_in)
         kinds[f"{name}: {len(result.labels)} markers of {result.marker_set}"] = len(motion.q)
         people[states.topic], tracked[root.topic] = states, root
     end = trial.start + trial.duration

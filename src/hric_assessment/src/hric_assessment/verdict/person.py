@@ -166,7 +166,9 @@ def _other(source: AssessmentInput, topic: str) -> AssessedPerson:
     tracking_topic = f"{name}/tracking"
     tracked = source.recording.tracked.get(tracking_topic)
     section, assumptions = source.definition.get("person"), []
-    if section is None:
+    if tracked is not None and tracked.body is not None:
+        body = tracked.body
+    elif section is None:
         body = _settings(None, states.names).body()
         assumptions.append(_assumed(body, states.names))
     else:

@@ -15,6 +15,7 @@ from hric_core.geometry import FloatArray, Pose
 from hric_human.control.kinematics import GRAVITY
 from hric_human.control.marker_model import MarkerModel
 from hric_human.participant.settings import HAND
+from hric_motion.stances import NORMAL
 
 COVERAGE = 3.0
 """Ratio of the uncertainty interval's half-width to the standard deviation of an angle [1].
@@ -22,8 +23,6 @@ COVERAGE = 3.0
 Project default, unconfirmed. The interval excludes 0.3 % of normally distributed errors, which add up to a second only
 in recordings longer than six minutes.
 """
-NORMAL = 1.96
-"""Ratio of a 95 % interval's half-width to the standard deviation, for a normal distribution [1]."""
 JOINTS = {**SAME, "upper_arm_flexion": "sh_abd", "upper_arm_abduction": "sh_abd", "forearm_inward": "sh_rot"}
 """Joint of the arm from which each posture angle gets its uncertainty.
 
@@ -122,17 +121,22 @@ def spread_of(person: AssessedPerson, side: str) -> dict[str, Spread]:
         return _spread_over_time(person, person.deviation, side)
     if not person.uncertainty > 0.0:
         return {}
+    width = {name: COVERAGE * math.degrees(value) for name, value in tracked_deviations(person).items()}
+    joints = MIDDLE | {angle: f"{side}_{name}" for angle, name in (JOINTS | {"knee_flexion": "knee_flex"}).items()}
+    step = verdict_table()["angle"]
+    known = {angle: width[name] for angle, name in joints.items() if name in width}
+    return {angle: math.radians(step * math.floor(width / step + 0.5)) for angle, width in known.items()}
+
+
+def tracked_deviations(person: AssessedPerson) -> dict[str, float]:
+    """Return the standard deviation of each joint angle of a tracked person [rad], see `spread_of`."""
     columns = {name: angle for name, angle in zip(person.names, person.q.T, strict=True) if np.isfinite(angle).any()}
     q = [float(np.nanmedian(columns[name])) if name in columns else 0.0 for name in person.body.joints]
     J = MarkerModel(person.body, tuple(person.body.markers)).at(q, Pose())[1]
     variance = person.uncertainty**2 * len(J) / (3.0 * len(J) - J.shape[2])
     J = J.reshape(-1, J.shape[2])
     deviations = np.sqrt(variance * np.diag(np.linalg.pinv(J.T @ J)))[-len(q) :]
-    width = dict(zip(person.body.joints, COVERAGE * np.degrees(deviations), strict=True))
-    joints = MIDDLE | {angle: f"{side}_{name}" for angle, name in (JOINTS | {"knee_flexion": "knee_flex"}).items()}
-    step = verdict_table()["angle"]
-    known = {angle: width[name] for angle, name in joints.items() if name in width}
-    return {angle: math.radians(step * math.floor(width / step + 0.5)) for angle, width in known.items()}
+    return dict(zip(person.body.joints, deviations.tolist(), strict=True))
 
 
 def _spread_over_time(person: AssessedPerson, deviation: FloatArray, side: str) -> dict[str, Spread]:

@@ -7,10 +7,10 @@ from typing import Annotated, TypeVar
 import numpy as np
 
 from hric_assessment.ergonomics.scoring import methods
-from hric_assessment.findings import DISCLAIMER, ENERGY, Finding, Missing, Outcome, UnjudgedValue
+from hric_assessment.findings import DISCLAIMER, EFFORTS, ENERGY, Finding, Missing, Outcome, UnjudgedValue
 from hric_assessment.typed_json import NAMES, Content, JsonObject, closed, plain, schema_of
 from hric_assessment.verdict.certainty import Certainty
-from hric_assessment.verdict.conclusions import CONTACT, GROUPS, ORDER, Conclusion, headline, outcome
+from hric_assessment.verdict.conclusions import CONTACT, EFFORT, GROUPS, ORDER, Conclusion, headline, outcome
 from hric_assessment.verdict.moment import Moment
 from hric_assessment.verdict.person import PersonSummary
 from hric_core.errors import NOT_GOOD, NOT_KNOWN
@@ -168,6 +168,7 @@ class Verdict:
         lines += ["", DISCLAIMER, ""]
         groups = [GROUPS[item] for item in only if item in GROUPS] if only else list(GROUPS.values())
         groups += [ENERGY] if GROUPS[CONTACT] in groups else []
+        groups += EFFORTS if GROUPS[EFFORT] in groups else []
         decisive = [item.finding for item in self.conclusions if item.finding is not None]
         others = [item for index, item in enumerate(self.findings) if index not in decisive]
         first = ranked([self.findings[index] for index in decisive])

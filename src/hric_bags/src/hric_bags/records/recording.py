@@ -31,6 +31,7 @@ from hric_bags.records.one_publisher import JOINTS, RecordedJointStates, check_n
 from hric_bags.records.rows import Thinning, times, xyz, xyz_quaternion
 from hric_bags.records.safety_record import EVENT_TYPE, STATE_TYPE, SafetyMessages, SafetyRecord
 from hric_core.geometry import Pose
+from hric_human.body import Body
 
 RATE = 100.0
 """Highest rate of a stored stream [Hz]; project default."""
@@ -81,6 +82,7 @@ class TrackedRoot:
         residual: distance between measured and model markers, root mean square, shape (n,) [m].
         calibrated: True if the body model was fitted to the person.
         deviation: standard deviation of each joint angle of the same person, shape (n, j) [rad]; None: not known.
+        body: body that was fitted to the person; None: none was.
     """
 
     topic: str
@@ -90,6 +92,7 @@ class TrackedRoot:
     residual: FloatArray
     calibrated: bool
     deviation: FloatArray | None = None
+    body: Body | None = None
 
 
 @dataclass(frozen=True)

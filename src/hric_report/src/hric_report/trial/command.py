@@ -19,8 +19,8 @@ from hric_human.body import load
 from hric_motion.formats import trials_in
 from hric_motion.handovers import is_handover
 from hric_motion.marker_sets import mapping_text
-from hric_motion.moments import JointMoments, joint_moments
-from hric_motion.trial import MEASURES, TrialMotion, prefixes, read, trial_motion
+from hric_motion.moments import MASS_DEVIATION, UNKNOWN_MASS_DEVIATION, JointMoments, joint_moments
+from hric_motion.trial import DEFAULT, MEASURES, TrialMotion, prefixes, read, trial_motion
 from hric_report.trial import files, summary
 
 T = TypeVar("T")
@@ -144,8 +144,9 @@ def moved(path: Path, prefix: str | None, arguments: argparse.Namespace) -> tupl
         result: TrialMotion = trial_motion(
             path, arguments.static, subject, arguments.up, prefix, arguments.labels, _measures(arguments), show
         )
+    mass = UNKNOWN_MASS_DEVIATION if result.sources["mass"] == DEFAULT else MASS_DEVIATION
     try:
-        return result, joint_moments(result.motion, result.trial.rate, result.trial.plates)
+        return result, joint_moments(result.motion, result.trial.rate, result.trial.plates, mass_deviation=mass)
     except HricError as error:
         return replace(result, notes=(*result.notes, f"joint moments are not known: {error}")), None
 

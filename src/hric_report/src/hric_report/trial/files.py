@@ -118,10 +118,11 @@ def _write_angles(path: Path, result: TrialMotion) -> None:
 
 
 def _write_moments(path: Path, moments: JointMoments) -> None:
-    """Write time, moment of each joint, and the residual at the root link; an empty cell is not known."""
+    """Write time, moment of each joint and half its 95 % interval, and the residual; an empty cell is not known."""
     residual = [f"residual {kind}{axis} [{unit}]" for kind, unit in (("F", "N"), ("M", "N m")) for axis in "xyz"]
-    head = [*(f"{name} [N m]" for name in moments.body.joints), *residual]
-    _write_rows(path, head, moments.motion.time, np.hstack([moments.moment, moments.residual]))
+    head = [f"{name} {what}[N m]" for name in moments.body.joints for what in ("", "half-width ")]
+    columns = np.stack([moments.moment, moments.half_width], axis=2).reshape(len(moments.moment), -1)
+    _write_rows(path, [*head, *residual], moments.motion.time, np.hstack([columns, moments.residual]))
 
 
 def _write_rows(path: Path, head: Sequence[str], times: FloatArray, matrix: FloatArray) -> None:

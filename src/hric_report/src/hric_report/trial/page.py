@@ -10,6 +10,7 @@ import numpy as np
 from hric_core.geometry import FloatArray
 from hric_motion.measured import MAX_DISTANCE
 from hric_motion.moments import JointMoments, intervals
+from hric_motion.stances import NORMAL
 from hric_motion.trial import TrialMotion
 from hric_report.html import templates
 from hric_report.html.chart import Axis, ticks
@@ -29,8 +30,6 @@ LINES = (
     *(summary.lumbar_line, summary.handover_line, summary.subject_line),
 )
 """First lines of the page."""
-SHOWN = 1.96
-"""Half of the 95 % band of a normal distribution, in standard deviations [1]."""
 
 
 @dataclass(frozen=True)
@@ -103,14 +102,14 @@ def _angles(result: TrialMotion, names: list[str]) -> Iterator[PanelPlot]:
     columns = list(result.motion.body.joints)
     for name in names:
         column = columns.index(name)
-        q, half = result.motion.q[:, column], SHOWN * result.motion.spread[:, column]
+        q, half = result.motion.q[:, column], NORMAL * result.motion.spread[:, column]
         yield _panel(f"{name} [deg]", result.time, np.degrees(q), np.degrees(half))
 
 
 def _moments(moments: JointMoments) -> Iterator[PanelPlot]:
-    for name, values in zip(moments.body.joints, moments.moment.T, strict=True):
+    for name, values, half in zip(moments.body.joints, moments.moment.T, moments.half_width.T, strict=True):
         if np.isfinite(values).any():
-            yield _panel(f"{name} [N m]", moments.motion.time, values, np.zeros(len(values)))
+            yield _panel(f"{name} [N m]", moments.motion.time, values, half)
 
 
 def _panel(
@@ -161,10 +160,11 @@ def _tables(values: Mapping[str, Any]) -> Iterator[PageTable]:
     )
     moved = (values["moments"] or {"joints": {}})["joints"]
     loads = tuple(
-        (name, *(number(one[key], 3) for key in ("low", "high")), f"{100.0 * one['known']:.0f} %")
+        (name, *(number(one[key], 3) for key in summary.ENDS), f"{100.0 * one['known']:.0f} %")
         for name, one in moved.items()
     )
-    yield PageTable("Joint moments", ("joint", "smallest [N m]", "largest [N m]", "known"), loads)
+    columns = "lower end (95 %) [N m]", "smallest [N m]", "largest [N m]", "upper end (95 %) [N m]"
+    yield PageTable("Joint moments", ("joint", *columns, "known"), loads)
     lengths = tuple(
         (name, f"{one['table']:.3f}", f"{one['fitted']:.3f}", f"{100 * (one['fitted'] / one['table'] - 1):+.1f} %")
         for name, one in values["lengths"].items()

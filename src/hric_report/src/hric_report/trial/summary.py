@@ -1,23 +1,25 @@
 """Summary of a trial: how well the body fits, and which joints are known, with the reasons."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from hric_assessment.ergonomics.lumbar import level, lumbar
+from hric_assessment.ergonomics.lumbar import LumbarLoad, level, lumbar
 from hric_bags import text
 from hric_core.geometry import FloatArray
 from hric_human.body import Body
 from hric_human.body.segments import Builder
 from hric_motion.handovers import GRIPPED, handover_of
 from hric_motion.measured import KNOWN, MAX_DISTANCE
-from hric_motion.moments import HICKS, RECOMMENDED, JointMoments, joint_force
+from hric_motion.moments import HICKS, RECOMMENDED, JointMoments, half_width_of, joint_force
 from hric_motion.trial import MEASURES, TrialMotion
 from hric_motion.vendor import compared
 
 Numbers = dict[str, float | None]
+ENDS = ("low_end", "low", "high", "high_end")
+"""Keys of a moment in trial.json: lower end of the 95 % interval, smallest and largest value, upper end."""
 WAIST = "trunk_flex"
 """Joint whose moment and force load the lumbar spine."""
 
@@ -75,24 +77,36 @@ def _beyond(body: Body, names: Sequence[str], link: str) -> list[str]:
 
 
 def moment_values(moments: JointMoments) -> dict[str, Any]:
-    """Return the moments in trial.json: known share, smallest and largest of each joint; and the residual."""
+    """Return the moments in trial.json: known share of each joint and its ENDS, and the residual."""
     joints = {}
-    for name, column in zip(moments.body.joints, moments.moment.T, strict=True):
-        values = column[np.isfinite(column)]
-        ends = (float(values.min()), float(values.max())) if len(values) else (None, None)
-        joints[name] = {"known": len(values) / len(column), "low": ends[0], "high": ends[1]}
+    for name, column, half in zip(moments.body.joints, moments.moment.T, moments.half_width.T, strict=True):
+        known = np.isfinite(column)
+        values, width = column[known], half[known]
+        curves = values - width, values, values, values + width
+        picks = (np.min, np.min, np.max, np.max)
+        ends = [_finite(pick(curve)) if len(values) else None for pick, curve in zip(picks, curves, strict=True)]
+        joints[name] = {"known": len(values) / len(column), **dict(zip(ENDS, ends, strict=True))}
     standing = {foot: list(plates) for foot, plates in moments.standing.items()}
     residual = _finite(moments.residual_share)
     return {"joints": joints, "residual": residual, "plates": standing, "notes": list(moments.notes)}
 
 
-def lumbar_values(moments: JointMoments) -> dict[str, Any] | None:
-    """Return the largest load of the lumbar spine in trial.json, and its level by the worse end; None: not known."""
+def _lumbar(moments: JointMoments) -> LumbarLoad:
     moment = moments.moment[:, list(moments.body.joints).index(WAIST)]
-    load = lumbar(moment, joint_force(moments, WAIST), moments.body.segments["torso"].p_parent_link[2])
+    return lumbar(moment, joint_force(moments, WAIST), moments.body.segments["torso"].p_parent_link[2])
+
+
+def lumbar_values(moments: JointMoments) -> dict[str, Any] | None:
+    """Return the largest load of the lumbar spine in trial.json, and its level by the worse end; None: not known.
+
+    The interval adds that of angles, mass and lengths to that of the model.
+    """
+    load = _lumbar(moments)
     known = np.isfinite(load.compression)
     if not known.any():
         return None
+    half = half_width_of(moments, lambda varied: _lumbar(varied).compression)
+    load = replace(load, low=load.low - half, high=load.high + half)
     peaks = {key: float(np.nanmax(getattr(load, key))) for key in ("compression", "low", "high", "shear")}
     return {"known": float(known.mean()), **peaks, "level": level(peaks["high"])}
 
@@ -173,6 +187,12 @@ def moment_line(values: Mapping[str, Any]) -> str:
     joints = moments["joints"]
     unknown = [name for name, one in joints.items() if not one["known"]]
     parts = [f"{len(joints) - len(unknown)} of {len(joints)} joint moments are known"]
+    if sizes := {
+        name: max(-one["low_end"], one["high_end"]) for name, one in joints.items() if one["low_end"] is not None
+    }:
+        name = max(sizes, key=sizes.__getitem__)
+        low, high = (f"{joints[name][key]:.0f}" for key in ("low", "high"))
+        parts.append(f"largest: {name}, {low} to {high} N m, up to {sizes[name]:.0f} N m at the worse end (95 %)")
     parts += [f"not known: {', '.join(unknown)}"] if unknown else []
     if moments["residual"] is not None:
         parts.append(
@@ -206,7 +226,8 @@ def lumbar_line(values: Mapping[str, Any]) -> str:
         return f"L5/S1 compression is not known; it needs the moment of {WAIST} and every angle on which that depends."
     peak, low, high = (f"{1e-3 * load[key]:.1f}" for key in ("compression", "low", "high"))
     return (
-        f"L5/S1 compression without a load in the hands: peak {peak} kN ({low} to {high}), {load['level']}; known in "
+        f"L5/S1 compression without a load in the hands: peak {peak} kN ({low} to {high}), at the worse end "
+        f"{load['level']}; known in "
         f"{_percent(load['known'])} of the time."
     )
 
