@@ -16,7 +16,7 @@ from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from cases import CASES, REFERENCE, Case
+from cases import CASES, Case
 from scipy.stats import t as student
 from tqdm import tqdm
 from turns import Worker, take_turns
@@ -231,9 +231,11 @@ def benchmark(arguments: Sequence[str]) -> int:
 def _table(names: Sequence[str], processes: int) -> dict[str, Row]:
     found: dict[str, Row] = {}
     try:
-        with Worker(REFERENCE) as reference:
+        with ExitStack() as stack:
+            kinds = dict.fromkeys(CASES[name].reference for name in names)
+            references = {kind: stack.enter_context(Worker(kind)) for kind in kinds}
             for name in tqdm(names, disable=None, leave=False):
-                found[name] = timed(name, processes, reference)
+                found[name] = timed(name, processes, references[CASES[name].reference])
     finally:
         print_table(found)  # also after Ctrl-C: print the results so far
     return found

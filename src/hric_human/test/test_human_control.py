@@ -4,7 +4,7 @@ import itertools
 import math
 import re
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -336,28 +336,49 @@ def test_the_reactive_hand_draws_back_from_a_strong_force_after_both_delays() ->
     assert reactive(too_strong=0.0) is not None
 
 
-def test_all_is_the_same_bit_for_bit_from_a_seed() -> None:
-    def torques(seed: int) -> list[list[float]]:
-        x, y, z = HAND
-        content = {
-            "senses": {"joint_delay": 0.01, "joint_noise": 1e-3, "velocity_noise": 1e-2},
-            **impedance(
-                reference={
-                    "program": "minimum_jerk",
-                    "points": [[0, x, y, z], [0.5, x, y + 0.1, z]],
-                    "variation": {"position": 0.01, "time": 0.1},
-                }
-            ),
-        }
-        human, simulated = HumanControl(ARM, content, seed), Simulated(ARM, REST)
-        human.start(0.0)
-        found = []
-        for k in range(600):
-            found.append(human.update(1e-3 * k, *simulated.state))
-            simulated.step(found[-1])
-        return found
+def noisy(seed: int) -> HumanControl:
+    x, y, z = HAND
+    content = {
+        "senses": {"joint_delay": 0.01, "joint_noise": 1e-3, "velocity_noise": 1e-2},
+        **impedance(
+            reference={
+                "program": "minimum_jerk",
+                "points": [[0, x, y, z], [0.5, x, y + 0.1, z]],
+                "variation": {"position": 0.01, "time": 0.1},
+            }
+        ),
+    }
+    return HumanControl(ARM, content, seed)
 
-    assert torques(1) == torques(1) != torques(2)
+
+def torques(human: HumanControl, cycles: int = 600) -> list[list[float]]:
+    """The torques of a motion, during which the arm of the robot approaches."""
+    simulated, found = Simulated(ARM, REST), []
+    human.start(0.0)
+    for k in range(cycles):
+        human.see(1e-3 * k, (HAND[0] + max(0.2, 0.5 - 1e-3 * k), HAND[1], HAND[2]))
+        found.append(human.update(1e-3 * k, *simulated.state))
+        simulated.step(found[-1])
+    return found
+
+
+def test_all_is_the_same_bit_for_bit_from_a_seed() -> None:
+    assert torques(noisy(1)) == torques(noisy(1)) != torques(noisy(2))
+
+
+@pytest.mark.parametrize("new", [lambda: noisy(1), lambda: reactive(pause=0.2), lambda: HumanControl(ARM, {}, 0)])
+def test_a_restart_is_as_good_as_a_new_person_bit_for_bit(new: Callable[[], HumanControl]) -> None:
+    human, cycles = new(), 1500
+    first = torques(human, cycles)
+    for _ in range(2):
+        human.restart()
+        assert (human.posture, torques(human, cycles)) == (new().posture, first)
+
+
+def test_a_restart_costs_a_part_of_a_new_person() -> None:
+    share = cost_ratio(noisy(1).restart, lambda: noisy(1), times=1, rounds=5)
+    print(f"a restart costs {share:.3f} of a new person")
+    assert share < 0.25
 
 
 USER = '''

@@ -12,7 +12,9 @@ from typing import Any
 
 Block = Callable[[], float]
 REFERENCE = "bare/pybullet"
-"""Name of the reference case, to which all others are ratios: a bare step of PyBullet."""
+"""Name of the case to which most others are ratios: a bare step of PyBullet."""
+PANDA = "bare/panda"
+"""Name of the reference of learning environments: a bare step of the Panda that other environments load."""
 
 
 @dataclass(frozen=True)
@@ -26,6 +28,7 @@ class Case:
         arguments: arguments of the function.
         rounds: number of blocks per process.
         several: True if several processes work, so that wall time is measured instead of processor time.
+        reference: name of the case to which this one is a ratio.
     """
 
     what: str
@@ -34,6 +37,7 @@ class Case:
     arguments: dict[str, Any]
     rounds: int = 20
     several: bool = False
+    reference: str = REFERENCE
 
 
 ROBOTS = {
@@ -86,6 +90,23 @@ def _humans() -> dict[str, Case]:
     return found
 
 
+def _environments() -> dict[str, Case]:
+    """Return the cases of a learning environment on MuJoCo: a millisecond of its steps, and a reset in place."""
+    found = {}
+    for name, law, drive, text in (
+        ("joints", "joint", "", "by joint commands"),
+        ("cartesian", "cartesian", "", "by Cartesian impedance"),
+        ("person", "joint", "torque", "and a person by torque, separation, RULA"),
+        ("muscles", "joint", "muscle", "and a person by muscles, separation, RULA"),
+    ):
+        given, what = {"law": law, "drive": drive}, f"an environment: arm {text}"
+        found[f"environment/{name}"] = Case(what, "ms of robot time", ("environment", "step"), given, reference=PANDA)
+    for name, drive in (("arm", ""), ("person", "torque"), ("muscles", "muscle")):
+        what = f"a reset in place: {name}"
+        found[f"reset/{name}"] = Case(what, "reset", ("environment", "reset"), {"drive": drive}, reference=PANDA)
+    return found
+
+
 def _runs() -> dict[str, Case]:
     found = {}
     for engine in ("pybullet", "mujoco"):
@@ -108,6 +129,9 @@ def _fci() -> dict[str, Case]:
 
 CASES: dict[str, Case] = {
     REFERENCE: Case("PyBullet's own step of the arm", "step", ("arms", "bare_pybullet"), {}),
+    PANDA: Case(
+        "PyBullet's own step of the Panda with hand of pybullet_data", "step", ("environment", "bare_panda"), {}
+    ),
     "bare/mujoco/accurate": Case("MuJoCo's step, Runge-Kutta", "step", ("arms", "bare_mujoco"), {"integrator": "RK4"}),
     "bare/mujoco/semi_implicit": Case(
         "MuJoCo's step, implicitfast", "step", ("arms", "bare_mujoco"), {"integrator": "IMPLICITFAST"}
@@ -127,6 +151,7 @@ CASES: dict[str, Case] = {
     "human/muscles": Case(
         "the human's law and 34 muscles, and nothing else", "cycle", ("arms", "human_law"), {"muscles": True}
     ),
+    **_environments(),
     **_runs(),
     "live/unpaced": Case("a cycle with ROS and recording", "cycle", ("runs", "live"), {}, 1, several=True),
     **_fci(),

@@ -1,8 +1,7 @@
 """Dynamics and kinematics of any serial arm by KDL, from its URDF.
 
 PyKDL's containers do not convert to numpy arrays: most of the time is spent on reading and writing their elements. So
-the containers are created once and reused, only the upper half of symmetric matrices is read, and the gravity torque is
-also available as a compiled function on plain lists.
+what control loops need is compiled (`kdl_solvers.cpp`), with the same results bit for bit.
 """
 
 from collections.abc import Callable, Sequence
@@ -94,12 +93,9 @@ class KdlChain:
         self.n = len(self.joint_names)
         self.gravity_base: FloatArray = T_world_root[:3, :3].T @ np.array(gravity_world, dtype=float)
         """Gravity in the root frame, shape (3,) [m/s^2]."""
-        self._q, self._dq, self._tau = PyKDL.JntArray(self.n), PyKDL.JntArray(self.n), PyKDL.JntArray(self.n)
+        self._q, self._tau = PyKDL.JntArray(self.n), PyKDL.JntArray(self.n)
         self.jacobian_indices = [(i, j) for i in range(6) for j in range(self.n)]
         """Indices of a Jacobian's elements, row by row."""
-        self._upper = [(i, j) for i in range(self.n) for j in range(i, self.n)]
-        self._upper_to_full = [self._upper.index((min(i, j), max(i, j))) for i in range(self.n) for j in range(self.n)]
-        self._mass = PyKDL.JntSpaceInertiaMatrix(self.n)
         self._jacobian, self._frame = PyKDL.Jacobian(self.n), PyKDL.Frame()
         self.T_last_tip = to_kdl_frame(self.description.T_last_tip)
         """Pose of the tip in the last moving link, as a KDL frame."""
@@ -108,38 +104,47 @@ class KdlChain:
     def _use(self, chain: SerialChain) -> None:
         self._solvers = _Solvers(chain, self.gravity_base)
         segments = [_numbers(segment) for segment in chain.segments]
-        self.gravity_list: Callable[[Sequence[float]], list[float]] = _kdl.gravity_function(
-            segments, self.gravity_base.tolist()
-        )
+        self.gravity_list: Callable[[Sequence[float]], list[float]]
+        self.gravity_list, *self._compiled = _kdl.functions(segments, self.gravity_base.tolist())
         """Function from q (n floats [rad]) to gravity torque g(q), n floats [N m]: fast path for control loops."""
 
     def set_load(self, load: MassProperties) -> None:
         """Replace the payload at the tip, given in the tip frame; `MassProperties()` removes it."""
         self._use(self.description.with_load(load))
 
-    def _set(self, target: PyKDL.JntArray, values: Sequence[float] | FloatArray, what: str) -> PyKDL.JntArray:
+    def _plain(self, values: Sequence[float] | FloatArray, what: str) -> Sequence[float]:
         plain = values.tolist() if isinstance(values, np.ndarray) else values
         if len(plain) != self.n:
             raise CommandError(f"{what} has {len(plain)} values for {self.n} joints ({', '.join(self.joint_names)})")
-        for i, value in enumerate(plain):
-            target[i] = value
-        return target
+        return plain
 
     def _position(self, q: Sequence[float] | FloatArray) -> PyKDL.JntArray:
-        return self._set(self._q, q, "joint position")
+        for i, value in enumerate(self._plain(q, "joint position")):
+            self._q[i] = value
+        return self._q
 
     def mass(self, q: Sequence[float] | FloatArray) -> FloatArray:
         """Return the joint-space mass matrix M(q), shape (n, n) [kg m^2]; q: shape (n,) [rad]."""
-        kdl = self._mass
-        _done(self._solvers.dynamics.JntToMass(self._position(q), kdl), "mass matrix")
-        upper = [kdl[index] for index in self._upper]
-        return np.array([upper[k] for k in self._upper_to_full]).reshape(self.n, self.n)
+        out = np.empty((self.n, self.n))
+        self._compiled[0](self._plain(q, "joint position"), out)
+        return out
 
     def coriolis(self, q: Sequence[float] | FloatArray, dq: Sequence[float] | FloatArray) -> FloatArray:
         """Return the vector C(q, dq) dq as in libfranka, shape (n,) [N m]; dq: shape (n,) [rad/s]."""
-        velocity = self._set(self._dq, dq, "joint velocity")
-        _done(self._solvers.dynamics.JntToCoriolis(self._position(q), velocity, self._tau), "Coriolis torque")
-        return np.array([self._tau[i] for i in range(self.n)])
+        out = np.empty(self.n)
+        self._compiled[1](self._plain(q, "joint position"), self._plain(dq, "joint velocity"), out)
+        return out
+
+    def point_jacobian(
+        self, q: Sequence[float] | FloatArray, segments: int, point: Sequence[float] | None = None
+    ) -> FloatArray:
+        """Return the Jacobian of a point of the link after the first `segments` joints, in the root frame, (6, n).
+
+        point: in the frame of that link, 3 floats [m]; None: its origin. Linear rows are above angular ones.
+        """
+        out = np.empty((6, self.n))
+        self._compiled[2](self._plain(q, "joint position"), segments, point, out)
+        return out
 
     def gravity(self, q: Sequence[float] | FloatArray, gravity_base: Sequence[float] | None = None) -> FloatArray:
         """Return the torque against gravity, shape (n,) [N m]; gravity_base: in the root frame, 3 floats [m/s^2]."""
@@ -168,10 +173,7 @@ class KdlChain:
 
     def jacobian(self, q: Sequence[float] | FloatArray) -> FloatArray:
         """Return the Jacobian of the tip, linear above angular velocity in the root frame, shape (6, n)."""
-        R_root_last = self.kdl_pose(q, self.n).M
-        jacobian = self.kdl_jacobian(q, self.n)
-        jacobian.changeRefPoint(R_root_last * self.T_last_tip.p)
-        return from_kdl_jacobian(jacobian, self.jacobian_indices)
+        return self.point_jacobian(q, self.n, list(self.T_last_tip.p))
 
 
 _FRAME_INDICES = tuple((i, j) for i in range(3) for j in range(4))

@@ -70,6 +70,7 @@ class KdlFrankaModel:
             FrankaFrame.END_EFFECTOR: end_effector,
             FrankaFrame.STIFFNESS: end_effector * to_kdl_frame(self.EE_T_K),
         }
+        self._points = {frame: list(offset.p) for frame, offset in offsets.items()}
         self._frames: dict[FrankaFrame, tuple[int, PyKDL.Frame | None]] = {
             **{frame: (i, None) for frame, i in _JOINT_FRAMES.items()},
             **{frame: (JOINTS, offset) for frame, offset in offsets.items()},
@@ -147,7 +148,8 @@ class KdlFrankaModel:
 
     def zero_jacobian(self, frame: FrankaFrame, q: Vector) -> FloatArray:
         """Return the Jacobian of the frame's origin in the base frame, linear above angular, shape (6, 7)."""
-        return from_kdl_jacobian(self._kdl_jacobian(frame, q), self.chain.jacobian_indices)
+        segments, _ = self._frame(frame)
+        return self.chain.point_jacobian(q, segments, self._points.get(frame))
 
     def body_jacobian(self, frame: FrankaFrame, q: Vector) -> FloatArray:
         """Return the Jacobian of the frame's origin in the frame itself, linear above angular, shape (6, 7)."""

@@ -13,13 +13,14 @@ from hric_control.controller import Controller, SettingsClasses
 from hric_control.hardware_interface import EffortJointInterface
 from hric_control.robot_hw import RobotHW
 from hric_control.speed_scale import SpeedScale, SpeedScaleInterface
-from hric_controllers.cartesian.law import CartesianArmState, CartesianLaw, Compliance, FloatArray
+from hric_controllers.cartesian.law import CartesianArmState, CartesianLaw, Compliance
 from hric_controllers.cartesian.settings import CartesianImpedanceSettings, ComplianceSettings
 from hric_controllers.cartesian.workspace import JumpSettings, check_equilibrium
 from hric_controllers.dynamics import added_gravity, rotor_inertia
 from hric_core import realtime
 from hric_core.errors import CommandError
 from hric_core.geometry import Pose, stamped
+from hric_core.native import vectors
 from hric_core.node import Node, ParameterValues
 
 
@@ -119,7 +120,7 @@ class CartesianImpedanceController(Controller):
         self._take_gains()
         self._start_input()
         self._law.start(Pose.of_column_major(self._robot.O_T_EE), q if self._posture is None else self._posture)
-        self._last: FloatArray = np.array(self._gravity(q)) if self._gravity else np.zeros(7)
+        self._last = self._gravity(q) if self._gravity else [0.0] * 7
         self._state_time.restart()
         self._running = True
 
@@ -136,7 +137,7 @@ class CartesianImpedanceController(Controller):
             CartesianArmState(robot.q, robot.dq, model.zero_jacobian(FrankaFrame.END_EFFECTOR), mass, model.coriolis()),
         )
         if self._gravity is not None:
-            tau += self._gravity(self._group.positions())
+            tau = vectors.add(tau, self._gravity(self._group.positions()))
         self._command(tau, period)
         if self._state_time.due(time):
             self._publish(measured)
@@ -149,16 +150,16 @@ class CartesianImpedanceController(Controller):
             law.target_compliance = self._gains.get().softened(self._softest)
         law.force_limit = scale.force
 
-    def _command(self, tau: FloatArray, period: float) -> None:
-        """Limit the rate of the torques (shape (7,) [N m]) and command them; `period`: time since the last ones [s]."""
+    def _command(self, tau: list[float], period: float) -> None:
+        """Limit the rate of the torques (7 floats [N m]) and command them; `period`: time since the last ones [s]."""
         step = self._max_rate * period
-        if step > 0.0:
-            tau = np.minimum(np.maximum(tau, self._last - step), self._last + step)
+        if step > 0.0 and not vectors.near(tau, self._last, [step] * len(tau)):
+            tau = [min(max(value, last - step), last + step) for value, last in zip(tau, self._last, strict=True)]
         self._last = tau
-        self._group.set_command(tau.tolist())
+        self._group.set_command(tau)
 
     def _publish(self, measured: Pose) -> None:
-        stamp, desired, wrench = self._node.now(), self._law.pose, self._law.wrench.tolist()
+        stamp, desired, wrench = self._node.now(), self._law.pose, self._law.wrench
         base = f"{self._arm_id}_link0"
         self._publishers[0].publish(lambda: stamped.pose_stamped(stamped.header(stamp, base), desired))
         self._publishers[1].publish(lambda: stamped.pose_stamped(stamped.header(stamp, base), measured))

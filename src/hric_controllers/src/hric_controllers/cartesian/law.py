@@ -11,25 +11,24 @@ q and dq are the joint positions and velocities, C dq is the Coriolis torque, q_
 stiffness, v the velocity of an equilibrium on a planned motion (otherwise zero). The rules for D and tau_0 are those of
 franka_ros's CartesianImpedanceExampleController. N is the dynamically consistent projector (Khatib 1987, "A unified
 approach for motion and force control of robot manipulators"): the posture torque does not accelerate the end effector.
+For singular poses 1e-6/kg is added to the diagonal of J (M+B)^-1 J^T, so near them N does not protect the directions in
+which the joints cannot move the end effector.
 """
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from hric_core.geometry import poses
+from hric_core.native import load
 
 FloatArray = npt.NDArray[np.float64]
 
-SINGULAR = 1e-6
-"""Regularisation of J (M+B)^-1 J^T, so that it can be inverted in singular poses [1/kg].
-
-Near a singular pose, N then does not protect the directions in which the joints cannot move the end effector.
-"""
-_SINGULAR = SINGULAR * np.eye(6)
+_compiled = load("hric_cartesian_law")
 
 
 @dataclass(frozen=True)
@@ -63,23 +62,21 @@ class Compliance:
         """Return these gains with a translational stiffness of at most `stiffness` [N/m]."""
         return replace(self, translational_stiffness=min(self.translational_stiffness, stiffness))
 
-    def stiffness(self) -> FloatArray:
-        """Return the diagonal of the stiffness matrix K, shape (6,) [N/m], [N m/rad]."""
-        return np.repeat((self.translational_stiffness, self.rotational_stiffness), 3)
+    def stiffness(self) -> list[float]:
+        """Return the diagonal of the stiffness matrix K, 6 floats [N/m], [N m/rad]."""
+        return [self.translational_stiffness] * 3 + [self.rotational_stiffness] * 3
 
-    def damping(self) -> FloatArray:
-        """Return the diagonal of the damping matrix D, shape (6,) [N s/m], [N m s/rad]."""
-        ratios = np.repeat((self.translational_damping_ratio, self.rotational_damping_ratio), 3)
-        damping: FloatArray = 2.0 * ratios * np.sqrt(self.stiffness())
-        return damping
+    def damping(self) -> list[float]:
+        """Return the diagonal of the damping matrix D, 6 floats [N s/m], [N m s/rad]."""
+        ratios = [self.translational_damping_ratio] * 3 + [self.rotational_damping_ratio] * 3
+        return [2.0 * ratio * math.sqrt(k) for ratio, k in zip(ratios, self.stiffness(), strict=True)]
 
 
 def _between(start: float, goal: float, share: float) -> float:
     return goal if share >= 1.0 or abs(goal - start) < 1e-6 else start + share * (goal - start)
 
 
-@dataclass(frozen=True)
-class CartesianArmState:
+class CartesianArmState(NamedTuple):
     """Measured joint state and dynamic model of the arm in one cycle.
 
     Attributes:
@@ -107,9 +104,9 @@ class CartesianLaw:
         pose, target: present equilibrium pose, and the pose that it moves to.
         force_limit: maximum force of the translational spring [N].
         compliance, target_compliance: present gains, and the gains that they approach.
-        posture: joint positions q_n that the null-space torque pulls to, shape (7,) [rad].
-        twist: velocity v of the equilibrium, shape (6,) [m/s], [rad/s]; zero unless the caller sets it.
-        wrench: wrench F of spring and damper in the last cycle, shape (6,) [N], [N m].
+        posture: joint positions q_n that the null-space torque pulls to, 7 floats [rad].
+        twist: velocity v of the equilibrium, 6 floats [m/s], [rad/s]; zero unless the caller sets it.
+        wrench: wrench F of spring and damper in the last cycle, 6 floats [N], [N m].
     """
 
     def __init__(self, compliance: Compliance, filter_time: float) -> None:
@@ -117,15 +114,15 @@ class CartesianLaw:
         self._filter_time = filter_time
         self._share = (0.0, 1.0)  # (period, filter coefficient for that period)
         self.pose = self.target = poses.Pose()
-        self.posture = np.zeros(7)
-        self.twist, self.wrench, self.force_limit = np.zeros(6), np.zeros(6), math.inf
+        self.posture: Sequence[float] = [0.0] * 7
+        self.twist, self.wrench, self.force_limit = [0.0] * 6, [0.0] * 6, math.inf
         self._take_gains()
 
     def start(self, pose: poses.Pose, posture: Sequence[float]) -> None:
         """Set equilibrium and null-space posture (7 floats [rad]), and the gains to their targets, all at once."""
         self.pose = self.target = pose
-        self.twist = np.zeros(6)
-        self.posture = np.array(posture)
+        self.twist = [0.0] * 6
+        self.posture = list(posture)
         self.compliance = self.target_compliance
         self._take_gains()
 
@@ -153,19 +150,21 @@ class CartesianLaw:
             self.compliance = self.target_compliance if gains == self.target_compliance else gains
             self._take_gains()
 
-    def torque(self, measured: poses.Pose, arm: CartesianArmState) -> FloatArray:
-        """Return the joint torques of the law without gravity, shape (7,) [N m]; `measured`: end-effector pose."""
-        J = arm.jacobian
-        dq = np.array(arm.dq)
-        spring = -self._stiffness * poses.difference(measured, self.pose)
-        if self.force_limit != math.inf:
-            force = float(np.linalg.norm(spring[:3]))
-            spring[:3] *= min(1.0, self.force_limit / max(force, 1e-9))
-        self.wrench = wrench = spring - self._damping * (J @ dq - self.twist)
-        tau: FloatArray = J.T @ wrench + arm.coriolis
-        k = self.compliance.nullspace_stiffness
-        if k > 0.0:
-            tau += null_space(J, arm.mass, k * (self.posture - arm.q) - 2.0 * math.sqrt(k) * dq)
+    def torque(self, measured: poses.Pose, arm: CartesianArmState) -> list[float]:
+        """Return the joint torques of the law without gravity, 7 floats [N m]; `measured`: end-effector pose."""
+        tau: list[float]
+        tau, self.wrench = _compiled.torque(
+            self._stiffness,
+            self._damping,
+            poses.difference(measured, self.pose),
+            self.twist,
+            self.force_limit,
+            self.compliance.nullspace_stiffness,
+            self.posture,
+            arm.q,
+            arm.dq,
+            *map(np.ascontiguousarray, arm[2:]),
+        )
         return tau
 
 
@@ -177,6 +176,4 @@ def null_space(J: FloatArray, mass: FloatArray, tau_0: FloatArray) -> FloatArray
         mass: mass matrix with rotor inertia, shape (7, 7) [kg m^2].
         tau_0: joint torque, shape (7,) [N m].
     """
-    inverse_times_J = np.linalg.solve(mass, J.T)  # (M+B)^-1 J^T
-    force = np.linalg.solve(J @ inverse_times_J + _SINGULAR, inverse_times_J.T @ tau_0)
-    return tau_0 - J.T @ force
+    return np.array(_compiled.null_space(*map(np.ascontiguousarray, (J, mass)), tau_0))

@@ -1,7 +1,5 @@
 """Controllers whose end effector follows a marker (thesis ch. 3.3) or moves to commanded poses."""
 
-import numpy as np
-
 from franka_hw_interface.interfaces import FrankaPoseCartesianInterface
 from hric_control.controller import Controller
 from hric_control.robot_hw import RobotHW
@@ -76,7 +74,7 @@ class CartesianPoseImpedanceController(CartesianImpedanceController):
         tracking, law = self._tracking, self._law
         tracking.update(time, period)
         law.pose = law.target = tracking.pose
-        law.twist = np.array(tracking.twist)
+        law.twist = tracking.twist
         tracking.publish(time, self._robot.O_T_EE)
 
     def stopping(self, time: float) -> None:

@@ -18,7 +18,7 @@ A user's class is found through the plugin export of its package.xml (base class
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from hric_core.geometry import Pose, Vector
@@ -44,6 +44,7 @@ class Person:
         T_world_root: pose of the body's root link in the frame of hand references and forces.
         seed: seed of all randomness.
         cycle: time between two updates [s].
+        solved: solutions of inverse kinematics that depend on this person alone, kept over resets.
     """
 
     body: Body
@@ -60,6 +61,7 @@ class Person:
     T_world_root: Pose
     seed: int
     cycle: float
+    solved: dict[object, list[list[float]]] = field(default_factory=dict)
 
 
 class Senses:

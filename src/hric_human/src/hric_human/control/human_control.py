@@ -192,12 +192,19 @@ class HumanControl:
             seed,
             cycle,
         )
-        self._senses = _Delayed(settings.senses, len(ranges), self._hand, seed, cycle)
-        self.clipped = dict.fromkeys(body.joints, 0)
-        self.at_strength = [False] * len(ranges)
+        self._settings, self._new_controller, self._parameters = settings, controller, parameters
+        self.restart()
+
+    def restart(self) -> None:
+        """Reset to the state before the first `update`, with a new controller for the same person."""
+        person, senses = self.person, self._settings.senses
+        count = len(person.joints)
+        self._senses = _Delayed(senses, count, self._hand, person.seed, person.cycle)
+        self.clipped = dict.fromkeys(person.joints, 0)
+        self.at_strength = [False] * count
         self._any_at_strength, self._running = False, False
-        self._controller = controller()
-        self._controller.init(self.person, parameters)
+        self._controller = self._new_controller()
+        self._controller.init(person, self._parameters)
         self.end, posture = self._controller.end, self._controller.posture()
         self.posture = list(self.person.rest) if posture is None else self._as_list(posture)
 

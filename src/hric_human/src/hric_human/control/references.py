@@ -205,13 +205,15 @@ class HandReference(Reference):
         self._hand, self._where = Hand(self._program, motion.begin), motion.prefix
         self._solver = HandSolver(person.hand, person.lower, person.upper, person.rest, oriented)
         self._T_root_world, self._knots = inverse(person.T_world_root), 0
-        self._target, self._last = self._pose(0), list[float]()
-        self._last = self._reached(lambda: self._solver.first(self._target))
-        self._rows = AngleRows(KNOT, [self._last], self._next)
-        _, end = self._program.span
+        self._target, end = self._pose(0), self._program.span[1]
         self.end = motion.begin + end
-        if math.isfinite(end):
-            self._rows = AngleRows(KNOT, [self._last, *(self._next() for _ in range(math.ceil(end / KNOT)))])
+        if motion not in person.solved:
+            self._last = self._reached(lambda: self._solver.first(self._target))
+            later = range(math.ceil(end / KNOT) if math.isfinite(end) else 0)
+            person.solved[motion] = [self._last, *(self._next() for _ in later)]
+        rows = person.solved[motion]
+        self._last = rows[0]
+        self._rows = AngleRows(KNOT, rows.copy(), None if math.isfinite(end) else self._next)
 
     def start(self, time: float) -> None:
         """Start the program of the hand."""

@@ -120,7 +120,7 @@ class Human(Participant):
     def reset(self) -> None:
         """Reset the person to the initial state and wait for the service `start`."""
         if self._cycles:  # otherwise the person has not acted yet
-            self._control = self._new_control()
+            self._control.restart()
         for grip in self._grips:
             grip.restart()
         if self._muscles is not None:
