@@ -11,6 +11,7 @@ from hric_control.sim.simulated_robot import SimulatedRobot
 from hric_core.geometry import FloatArray, pose_of_transform
 from hric_core.node import Node
 from hric_human.control.human_control import hand_side
+from hric_human.control.kinematics import HandChain
 from hric_human.participant.settings import HUMAN, MUSCLE, HumanSettings
 from hric_msgs.msg import JointTorque, MuscleActivation
 from hric_supervisor.arm import ArmShape, ArmState, PlacedCapsules
@@ -46,7 +47,7 @@ class PersonObservation:
         joints: names of the joints.
         q, dq: joint positions and velocities, shape (n,) each [rad], [rad/s].
         T_world_root: pose of the root link in the world, shape (4, 4).
-        T_world_hand: pose of the link of the hand that tracks references, in the world, shape (4, 4).
+        T_world_hand: pose of the hand that tracks references, at the point that does so, in the world, shape (4, 4).
         tau, strength_share: joint torques [N m], and their share of the strength [1], shape (n,), as the person last
             reported them (`human.rate`); NaN before the first report.
         activations: activation of each muscle [1], likewise; None: joint torques drive the person.
@@ -107,7 +108,7 @@ class Observer:
         self._joints = tuple(body.joints)
         self._body_shape = BodyShape(body, self.settings.root(body))
         side = hand_side(body, (self.settings.control or {}).get("side", "dominant"), "")
-        self._hand = f"{HUMAN}::{body.segments[f'{side}_hand'].link}"
+        self._hand = HandChain(body, side)
         count = len(self._joints)
         walked = 0 if self.settings.walk is None else 2
         self._q, self._dq = [0.0] * (count + walked), [0.0] * (count + walked)
@@ -154,7 +155,7 @@ class Observer:
         plant.read_joints(HUMAN, self._q, self._dq)
         q, dq = self._q[-count:], self._dq[-count:]
         root, _ = plant.link_state(f"{HUMAN}::{plant.base_link(HUMAN)}")
-        hand, _ = plant.link_state(self._hand)
+        hand = root @ self._hand.pose(q).transform()
         placed = self._body_shape.seen(
             self._hw.loop.time, "world", dict(zip(self._joints, q, strict=True)), pose_of_transform(root)
         )

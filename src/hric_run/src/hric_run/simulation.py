@@ -8,27 +8,24 @@ from collections.abc import Iterator, Mapping, Sequence
 from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, Any, Protocol
 
-from geometry_msgs.msg import PoseStamped
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import TriggerRequest
 from tqdm import tqdm
 
 from hric_bags.reader import ControlRecord, stitch
 from hric_control.hardware_interface import JointStateInterface
-from hric_control.limits import check_start
 from hric_control.robot_app import RobotApp
-from hric_control.sim.simulated_robot import SimulatedRobot
 from hric_core.errors import FailureError, HricError, failing
-from hric_core.geometry import Pose, stamped
 from hric_core.local.node import LocalNode
 from hric_msgs.msg import ControlLog
-from hric_run import provenance
+from hric_run import provenance, stepping
 from hric_run.definition import experiment, parameters
 from hric_run.definition.experiment import Experiment, Setpoint
 from hric_run.definition.overrides import in_yaml
 
 if TYPE_CHECKING:
     from hric_run.observation import Observation, Observer
+    from hric_run.stepping import Command
     from hric_supervisor.app import HeadlessSupervisor
 
 PROGRESS_PERIOD = 0.05
@@ -105,7 +102,7 @@ class Simulation:
             steppers.append(self._supervised(node))
         self._timeline = Timeline(node, self.definition.setpoints, steppers, starts)
         self._observer: Observer | None = None
-        self._commands: dict[str, Any] = {}
+        self._commands = stepping.Commands(node, self.definition.controllers)
         self._log: list[Any] = []
         node.subscribe("control_log", ControlLog, self._log.append)
 
@@ -224,7 +221,7 @@ class Simulation:
             app.manager.loop_running = False
         self._refuse_stopped()
 
-    def command(self, controller: str, command: Sequence[float] | Pose) -> None:
+    def command(self, controller: str, command: "Command") -> None:
         """Send a command to a controller, which checks it as one from its topic.
 
         Args:
@@ -235,24 +232,7 @@ class Simulation:
         Raises:
             HricError: nothing subscribes to this topic, or the controller refuses the command.
         """
-        is_pose = isinstance(command, Pose)
-        topic = f"{controller}/{'equilibrium_pose' if is_pose else 'command'}"
-        publisher = self._commands.get(topic)
-        if publisher is None:
-            publisher = self.node.advertise(topic, PoseStamped if is_pose else Float64MultiArray)
-            if not publisher.subscribers():
-                publisher.unregister()
-                raise HricError(f"nothing subscribes to {topic}; valid: {', '.join(self.definition.controllers)}")
-            self._commands[topic] = publisher
-        if isinstance(command, Pose):
-            message = stamped.pose_stamped(stamped.header(self.node.now(), ""), command)
-        else:
-            message = Float64MultiArray(data=[float(value) for value in command])
-        self.node.raises = True
-        try:
-            publisher.publish(message)
-        finally:
-            self.node.raises = False
+        self._commands.send(controller, command)
 
     def observe(self) -> "Observation":
         """Return the present state of arm and person, contacts and distance, as arrays.
@@ -264,7 +244,7 @@ class Simulation:
             # Imported only for callers that observe.
             from hric_run.observation import Observer
 
-            self._observer = Observer(self.node, self._simulated())
+            self._observer = Observer(self.node, stepping.simulated(self.app))
         return self._observer.observe()
 
     def reset(
@@ -288,7 +268,7 @@ class Simulation:
             HricError: the experiment cannot run, and the simulation is then closed; or it cannot be reset in place.
         """
         if in_place:
-            self._reset_in_place(self.seed if seed is None else seed, q_start, overrides)
+            self._return_to_start(self.seed if seed is None else seed, q_start, overrides)
             return
         if q_start is not None:
             overrides |= {"robot.q_start": [float(value) for value in q_start]}
@@ -297,14 +277,7 @@ class Simulation:
         self._overrides = self._overrides | overrides
         self._open()
 
-    def _simulated(self) -> SimulatedRobot:
-        hw = self.app.hw
-        if not isinstance(hw, SimulatedRobot):
-            raise HricError(f"{self.app.name} is not simulated in this process; valid: a SimulatedRobot")
-        return hw
-
-    def _reset_in_place(self, seed: int, q_start: Sequence[float] | None, overrides: Mapping[str, Any]) -> None:
-        app, node, hw = self.app, self.node, self._simulated()
+    def _return_to_start(self, seed: int, q_start: Sequence[float] | None, overrides: Mapping[str, Any]) -> None:
         if overrides:
             raise HricError(f"{', '.join(overrides)} cannot be changed by a reset in place; valid: seed, q_start")
         if self._timeline.steppers:
@@ -313,30 +286,16 @@ class Simulation:
                 "valid: reset(), or an experiment without them"
             )
         if q_start is not None:
-            check_start(hw.description, hw.states.names, q_start, "q_start")
-            hw.q_start = [float(value) for value in q_start]
-            node.set_param(f"{parameters.ROBOT}/q_start", hw.q_start)
+            stepping.set_start(self.app, self.node, q_start)
         self.seed = seed
-        node.set_param(f"{parameters.ROBOT}/plant/seed", self.definition.robot.plant.get("seed", seed))
-        if self.definition.human is not None:
-            human = f"{parameters.ROBOT}/participants/{parameters.HUMAN}"
-            node.set_param(f"{human}/seed", self.definition.human.get("seed", seed))
-        names = list(self.definition.controllers)
-        app.manager.switch([], [item.name for item in app.manager.list() if item.state == "running"])
-        hw.reset()
-        # A cycle without effect takes the request to restart controllers, which a new process does not have.
-        hw.loop.run(lambda *_: False)
-        hw.loop.cycles, hw.loop.time, app.cycles = 0, 0.0, 0
-        app.manager.update(0.0, hw.period)
-        hw.read(0.0, 0.0)  # as before the controllers of a new process start
-        app.manager.switch(names, [])
+        stepping.return_to_start(self.app, self.node, self.definition, seed)
         self._flush_log()
         self._log.clear()
         if self._observer is not None:
             self._observer.restart()
         starts = [] if self.definition.human is None else [parameters.HUMAN_START]
         self._timeline.close()
-        self._timeline = Timeline(node, self.definition.setpoints, [], starts)
+        self._timeline = Timeline(self.node, self.definition.setpoints, [], starts)
 
     def _flush_log(self) -> None:
         """Complete the control log, of which `advance` leaves the last rows."""

@@ -71,13 +71,11 @@ class Human(Participant):
         with self._naming("watches"):
             if settings.watches:
                 plant.link_state(settings.watches)
-        calls: dict[str, Callable[[], object]] = {"start": self._start}
+        where, calls = f"{node.beside('hric')}/{name}", dict[str, Callable[[], object]](start=self._start)
         for grip in self._grips:
             calls[f"grips/{grip.name}/close"] = grip.close
             calls[f"grips/{grip.name}/open"] = partial(grip.open, "the service to open it was called")
-        self._services = [
-            node.service(f"{node.beside('hric')}/{name}/{path}", Trigger, self._served(act)) for path, act in calls.items()
-        ]
+        self._services = [node.service(f"{where}/{path}", Trigger, self._served(act)) for path, act in calls.items()]
         self._begin()
 
     def _new_control(self) -> HumanControl:
