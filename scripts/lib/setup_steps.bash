@@ -204,7 +204,7 @@ install_python() {
   fi
   stamp doing python
   for part in "${need_python[@]}"; do
-    part_file= index=()
+    index=() part_file=''
     # PyTorch has its build without CUDA on an index of its own.
     [ "$part" != learning ] || index=(--extra-index-url https://download.pytorch.org/whl/cpu)
     [ "$part" = run ] || part_file=-$part

@@ -7,7 +7,7 @@ import pytest
 
 from hric_core.errors import HricError
 from hric_core.geometry import Pose
-from hric_run.observation import Observation
+from hric_run.observation import SimulationState
 from hric_run.simulation import Simulation
 
 Q = [0.1, -0.7, 0.05, -2.3, 0.0, 1.5, 0.7]
@@ -15,7 +15,7 @@ Q = [0.1, -0.7, 0.05, -2.3, 0.0, 1.5, 0.7]
 VARIED = {"human.control.parameters.reference.variation": {"position": 0.01}}
 
 
-def bits(observation: Observation) -> bytes:
+def bits(observation: SimulationState) -> bytes:
     arm, person = observation.arm, observation.person
     values = [arm.q, arm.dq, arm.tau, arm.T_base_ee, arm.wrench_base, np.array([observation.time])]
     if person is not None:

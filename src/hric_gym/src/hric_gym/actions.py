@@ -9,7 +9,7 @@ import numpy as np
 from hric_core.geometry import FloatArray, Pose, from_rotation_vector
 from hric_core.geometry.quaternions import product
 from hric_gym.spaces import Box, unit_box
-from hric_run.observation import Observation
+from hric_run.observation import SimulationState
 from hric_run.simulation import Simulation
 
 PD, IMPEDANCE = "joint_pd_controller", "cartesian_impedance_controller"
@@ -55,11 +55,11 @@ class ActionMode(ABC):
         """Undo what an episode changed and a reset of the simulation keeps; before each reset."""
 
     @abstractmethod
-    def start(self, observation: Observation) -> None:
+    def start(self, observation: SimulationState) -> None:
         """Set the command to the state at the start of an episode."""
 
     @abstractmethod
-    def apply(self, action: FloatArray, observation: Observation) -> None:
+    def apply(self, action: FloatArray, observation: SimulationState) -> None:
         """Command an action; `observation`: present state."""
 
 
@@ -68,11 +68,11 @@ class JointVelocity(ActionMode):
 
     parameters: ClassVar = {"profile": {"enabled": False}, "kp": 200.0, "kd": 20.0}
 
-    def start(self, observation: Observation) -> None:
+    def start(self, observation: SimulationState) -> None:
         """Hold the present position."""
         self.command = np.clip(observation.arm.q, self._low, self._high)
 
-    def apply(self, action: FloatArray, observation: Observation) -> None:
+    def apply(self, action: FloatArray, observation: SimulationState) -> None:
         """Move the setpoint for one period."""
         self.command = np.clip(self.command + JOINT_SPEED * self._period * action, self._low, self._high)
         self._simulation.command(PD, self.command.tolist())
@@ -83,7 +83,7 @@ class JointPosition(JointVelocity):
 
     parameters: ClassVar = {"profile": {"enabled": True, "velocity": 1.0, "acceleration": 5.0}, "kp": 200.0, "kd": 20.0}
 
-    def apply(self, action: FloatArray, observation: Observation) -> None:
+    def apply(self, action: FloatArray, observation: SimulationState) -> None:
         """Set the setpoint."""
         self.command = np.clip(self._low + 0.5 * (action + 1.0) * (self._high - self._low), self._low, self._high)
         self._simulation.command(PD, self.command.tolist())
@@ -96,7 +96,7 @@ class EndEffectorDelta(ActionMode):
     parameters: ClassVar = {"filter_time": 0.02}
     space: ClassVar[Box] = unit_box(6)
 
-    def start(self, observation: Observation) -> None:
+    def start(self, observation: SimulationState) -> None:
         """Set the equilibrium to the present pose."""
         self._pose = Pose.of_column_major(_matrix(observation).T.ravel().tolist())
         self._hold()
@@ -104,7 +104,7 @@ class EndEffectorDelta(ActionMode):
     def _hold(self) -> None:
         self.command = np.array([*self._pose.position, *self._pose.orientation])
 
-    def apply(self, action: FloatArray, observation: Observation) -> None:
+    def apply(self, action: FloatArray, observation: SimulationState) -> None:
         """Move the equilibrium for one period, at most LEAD ahead of the end effector."""
         present = _matrix(observation)[:3, 3]
         position = np.array(self._pose.position) + SPEED * self._period * action[:3]
@@ -132,7 +132,7 @@ class ImpedanceTarget(EndEffectorDelta):
         """Set the stiffness to the middle of its range, with which the controller starts."""
         self._soften(np.zeros(2))
 
-    def start(self, observation: Observation) -> None:
+    def start(self, observation: SimulationState) -> None:
         """Set the equilibrium to the present pose."""
         self._soften(np.zeros(2))
         super().start(observation)
@@ -145,7 +145,7 @@ class ImpedanceTarget(EndEffectorDelta):
         super()._hold()
         self.command = np.array([*self.command, *self._stiffness.values()])
 
-    def apply(self, action: FloatArray, observation: Observation) -> None:
+    def apply(self, action: FloatArray, observation: SimulationState) -> None:
         """Move the equilibrium for one period, and set the stiffness."""
         self._soften(action[6:])
         super().apply(action, observation)
@@ -160,17 +160,17 @@ class JointTorque(ActionMode):
         "joints": [f"panda_joint{number}" for number in range(1, 8)],
     }
 
-    def start(self, observation: Observation) -> None:
+    def start(self, observation: SimulationState) -> None:
         """Command no torque."""
         self.command = np.zeros(7)
 
-    def apply(self, action: FloatArray, observation: Observation) -> None:
+    def apply(self, action: FloatArray, observation: SimulationState) -> None:
         """Command the torques."""
         self.command = TORQUE * self._effort * action
         self._simulation.command(self.controller, self.command.tolist())
 
 
-def _matrix(observation: Observation) -> FloatArray:
+def _matrix(observation: SimulationState) -> FloatArray:
     T = observation.arm.T_base_ee
     assert T is not None, "the environment has refused other robots"
     return T

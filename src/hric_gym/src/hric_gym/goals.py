@@ -8,7 +8,7 @@ import numpy as np
 
 from hric_core.geometry import FloatArray
 from hric_human.hand import read_program
-from hric_run.observation import Observation
+from hric_run.observation import SimulationState
 
 BOX = np.array([0.35, -0.35, 0.2]), np.array([0.6, 0.35, 0.6])
 """Corners of the box from which goals are drawn, world [m] (project default)."""
@@ -30,7 +30,7 @@ class Goal(ABC):
     def at(self, time: float) -> FloatArray:
         """Return the goal at a robot time [s], world, shape (3,) [m]."""
 
-    def distance(self, observation: Observation) -> float:
+    def distance(self, observation: SimulationState) -> float:
         """Return the distance of the end effector from the goal [m]."""
         assert observation.arm.T_base_ee is not None
         return float(np.linalg.norm(observation.arm.T_base_ee[:3, 3] - self.at(observation.time)))
@@ -91,7 +91,7 @@ class HandGoal(Goal):
         """Return the position of the program."""
         return np.array(self._program.pose(time - self._zero).position)
 
-    def distance(self, observation: Observation) -> float:
+    def distance(self, observation: SimulationState) -> float:
         """Return the distance of the person's hand from the goal [m]."""
         assert observation.person is not None
         return float(np.linalg.norm(observation.person.T_world_hand[:3, 3] - self.at(observation.time)))

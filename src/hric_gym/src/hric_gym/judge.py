@@ -17,7 +17,7 @@ from hric_core.geometry import FloatArray
 from hric_gym.tasks import EFFORT, FORCE, POSTURE, SEPARATION
 from hric_human.contact import ContactSeries, RegionContact, RegionContacts
 from hric_human.participant.settings import HUMAN, HumanSettings
-from hric_run.observation import Observation
+from hric_run.observation import SimulationState
 from hric_supervisor.arm import InForce
 from hric_supervisor.separation import Protective, StoppingModel, nearness
 from hric_supervisor.settings import SupervisorSettings
@@ -121,7 +121,7 @@ class Judge:
         self._watch.restart()
         self._before = None
 
-    def costs(self, observation: Observation) -> Costs:
+    def costs(self, observation: SimulationState) -> Costs:
         """Return the costs of the step that ended with an observation."""
         person = observation.person
         assert person is not None, "the judge has a person"
@@ -143,7 +143,7 @@ class Judge:
             tuple(f"{finding.subject}: {finding.outcome}: {finding.reason}" for finding in poor),
         )
 
-    def _separation(self, observation: Observation) -> float:
+    def _separation(self, observation: SimulationState) -> float:
         """Return the largest ratio of protective separation distance to distance; infinite if they overlap."""
         person = observation.person
         assert person is not None

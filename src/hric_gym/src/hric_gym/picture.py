@@ -6,7 +6,7 @@ from hric_control.sim.simulated_robot import SimulatedRobot
 from hric_core.errors import HricError
 from hric_human.participant.settings import HUMAN, HumanSettings
 from hric_run.definition.experiment import Experiment
-from hric_run.observation import Observation
+from hric_run.observation import SimulationState
 
 VIEW = {"width": 640, "height": 480, "xyz": [2.6, -1.6, 1.1], "rpy": [0.0, 0.3, 2.5]}
 """Size of the pictures [pixels] and pose of the camera in the world [m], [rad]."""
@@ -42,7 +42,7 @@ class Renderer:
                 f"{error}; the variable MUJOCO_GL (egl or osmesa) must be set when MuJoCo is loaded"
             ) from error
 
-    def picture(self, observation: Observation) -> object:
+    def picture(self, observation: SimulationState) -> object:
         """Return the picture of an observation, shape (480, 640, 3)."""
         plant, person = self._plant, observation.person
         poses = {name: plant.link_state(f"{name}::{plant.base_link(name)}")[0] for name in plant.model_names()}

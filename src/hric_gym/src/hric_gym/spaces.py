@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from hric_core.errors import HricError
 from hric_core.geometry import FloatArray, quaternion_from_rotation
-from hric_run.observation import Observation
+from hric_run.observation import SimulationState
 
 try:
     from gymnasium import Env, register
@@ -83,7 +83,7 @@ def as_values(numbers: dict[str, FloatArray]) -> Values:
     return {name: np.asarray(value, np.float32) for name, value in numbers.items()}
 
 
-def arm_values(observation: Observation) -> Values:
+def arm_values(observation: SimulationState) -> Values:
     """Return the fields of the arm."""
     arm = observation.arm
     assert arm.T_base_ee is not None and arm.wrench_base is not None, "the environment has refused other robots"
@@ -95,7 +95,7 @@ def arm_values(observation: Observation) -> Values:
     )
 
 
-def person_values(observation: Observation) -> Values:
+def person_values(observation: SimulationState) -> Values:
     """Return the fields of the person; empty if there is none."""
     person = observation.person
     if person is None:

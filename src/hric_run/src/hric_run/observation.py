@@ -15,8 +15,7 @@ from hric_human.control.kinematics import HandChain
 from hric_human.participant.settings import HUMAN, MUSCLE, HumanSettings
 from hric_msgs.msg import JointTorque, MuscleActivation
 from hric_supervisor.arm import ArmShape, ArmState, PlacedCapsules
-from hric_supervisor.person import BodyShape
-from hric_supervisor.person import Observation as PlacedPerson
+from hric_supervisor.person import BodyShape, Observation
 
 
 @dataclass(frozen=True)
@@ -62,11 +61,11 @@ class PersonObservation:
     tau: FloatArray
     strength_share: FloatArray
     activations: FloatArray | None
-    capsules: PlacedPerson
+    capsules: Observation
 
 
 @dataclass(frozen=True)
-class Observation:
+class SimulationState:
     """State of a simulation at one instant.
 
     Attributes:
@@ -129,7 +128,7 @@ class Observer:
     def _on_activation(self, message: Any) -> None:
         self._activations = np.array(message.activation)
 
-    def observe(self) -> Observation:
+    def observe(self) -> SimulationState:
         """Return the present state."""
         hw, state = self._hw, self._state
         q, dq, tau = (np.array(values) for values in (hw.states.position, hw.states.velocity, hw.states.effort))
@@ -143,11 +142,11 @@ class Observer:
         )
         contacts = tuple(hw.plant.contacts())
         if self.settings is None:
-            return Observation(hw.loop.time, arm, None, contacts, None)
+            return SimulationState(hw.loop.time, arm, None, contacts, None)
         person = self._person()
         near, body = arm.capsules, person.capsules
         separation = float(distances(near.ends[None], near.radii, body.ends[None], body.radii).min())
-        return Observation(hw.loop.time, arm, person, contacts, separation)
+        return SimulationState(hw.loop.time, arm, person, contacts, separation)
 
     def _person(self) -> PersonObservation:
         plant, count = self._hw.plant, len(self._joints)

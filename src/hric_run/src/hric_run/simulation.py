@@ -24,7 +24,7 @@ from hric_run.definition.experiment import Experiment, Setpoint
 from hric_run.definition.overrides import in_yaml
 
 if TYPE_CHECKING:
-    from hric_run.observation import Observation, Observer
+    from hric_run.observation import Observer, SimulationState
     from hric_run.stepping import Command
     from hric_supervisor.app import HeadlessSupervisor
 
@@ -234,7 +234,7 @@ class Simulation:
         """
         self._commands.send(controller, command)
 
-    def observe(self) -> "Observation":
+    def observe(self) -> "SimulationState":
         """Return the present state of arm and person, contacts and distance, as arrays.
 
         Raises:
