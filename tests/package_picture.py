@@ -23,7 +23,7 @@ HOUSES = {
     ),
     "lab": (
         *("hric_bags", "hric_run", "hric_analysis", "hric_report", "hric_sweep", "hric_measurements"),
-        *("hric_view", "hric_experiments"),
+        *("hric_view", "hric_experiments", "hric_gym"),
     ),
 }
 """Python packages of each group (core, human, lab); scripts are in no group."""

@@ -194,7 +194,7 @@ print_sizes() {
 
 # Use Debian's Python, whichever is first in PATH, since ROS's Python packages are built for it.
 install_python() {
-  local part
+  local part index
   if ! grep -qs '^include-system-site-packages = true' .venv/pyvenv.cfg || ! grep -qs '^home = /usr/bin' .venv/pyvenv.cfg ||
     ! .venv/bin/python3 -m pip --version >/dev/null 2>&1; then
     forget python-
@@ -204,12 +204,14 @@ install_python() {
   fi
   stamp doing python
   for part in "${need_python[@]}"; do
-    part_file=
+    index=() part_file=''
+    # PyTorch has its build without CUDA on an index of its own.
+    [ "$part" != learning ] || index=(--extra-index-url https://download.pytorch.org/whl/cpu)
     [ "$part" = run ] || part_file=-$part
     [ -d "$logs" ] || as_user mkdir -p "$logs"
     as_user touch "$logs/setup-pip.log.begin"
     step "Installing the pinned Python packages$(about_part "$part")" pip pip 60 as_user env PATH=$plain_path .venv/bin/python3 -m pip install \
-      --disable-pip-version-check --progress-bar off --no-deps --require-hashes -r "$(locked_of "$part")"
+      --disable-pip-version-check --progress-bar off --no-deps --require-hashes "${index[@]}" -r "$(locked_of "$part")"
     if [ "$part" = run ]; then
       check_python
       # Remove unused files: models that are part of PyBullet, except for the Panda's meshes and those used by tests; headers of the rigid-body library.
@@ -232,6 +234,7 @@ about_part() {
     search) echo " for the search of worst cases (40 MB)" ;;
     cluster) echo " for sweeps on a cluster (45 MB)" ;;
     mutation) echo " for scripts/mutate (45 MB)" ;;
+    learning) echo " for learning (1.2 GB)" ;;
   esac
 }
 

@@ -71,7 +71,7 @@ class FrankaHWSim(SimulatedRobot, CommandedArm):
             compiled = CompiledArm(self.description, self.arm_id, config.min_singular_value)
             self.box = ControlBox(self.model, compiled, config, self._warn)
             self.robot_state = self.box.state
-            self._read_state = sensors.attach(self.plant, self.box, realism, plant_config.get("seed", 0))
+            self._realism = realism
             settings.set_internal_impedance(node, parameters.internal_impedance.stiffness, self.box.joint_impedance)
             self._commands = CommandSet(self.arm_id, states, self.robot_state, limits, period, parameters.rate_limits)
             self.mode, self._requested, self._restart = HOLD, HOLD, False
@@ -144,6 +144,12 @@ class FrankaHWSim(SimulatedRobot, CommandedArm):
                 f"recovery is refused: {outcome.value} (robot mode: {self.robot_state.robot_mode.name.lower()})"
             )
         self.error, self._restart = "", True
+
+    def _reset_plant(self, q: Sequence[float]) -> None:
+        """Reset the plant, and restart the noise of the sensors with the parameter `plant/seed`."""
+        seed = self._node.param("plant/seed", 0)
+        self._read_state = sensors.attach(self.plant, self.box, self._realism, seed)
+        super()._reset_plant(q)
 
     def _settle(self, q: Sequence[float]) -> None:
         self.box.reset(list(q))

@@ -4,7 +4,7 @@ import contextlib
 import copy
 import signal
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -15,15 +15,17 @@ from tqdm import tqdm
 from hric_bags.reader import ControlRecord, stitch
 from hric_control.hardware_interface import JointStateInterface
 from hric_control.robot_app import RobotApp
-from hric_core.errors import FailureError, HricError
+from hric_core.errors import FailureError, HricError, failing
 from hric_core.local.node import LocalNode
 from hric_msgs.msg import ControlLog
-from hric_run import provenance
+from hric_run import provenance, stepping
 from hric_run.definition import experiment, parameters
 from hric_run.definition.experiment import Experiment, Setpoint
 from hric_run.definition.overrides import in_yaml
 
 if TYPE_CHECKING:
+    from hric_run.observation import Observer, SimulationState
+    from hric_run.stepping import Command
     from hric_supervisor.app import HeadlessSupervisor
 
 PROGRESS_PERIOD = 0.05
@@ -40,7 +42,13 @@ class Simulation:
             overshoot = simulation.signals.position.max(axis=0)   # (7,) [rad]
 
     The same experiment with the same seed gives bit for bit the same result, in a new process as after a thousand runs
-    in this one: `reset` constructs robot and controllers again.
+    in this one: `reset` constructs robot and controllers again, or with `in_place` returns them to their start.
+
+    For a caller that acts between short parts of a run, as in reinforcement learning:
+
+        simulation.command("joint_pd_controller", q)           # as from the controller's topic
+        simulation.advance(40)                                 # cycles of 1 ms
+        simulation.observe().arm.T_base_ee                     # (4, 4)
 
     Args:
         name: name of the experiment, path of a YAML file, or the experiment itself.
@@ -93,6 +101,8 @@ class Simulation:
         if self.definition.supervisor is not None:
             steppers.append(self._supervised(node))
         self._timeline = Timeline(node, self.definition.setpoints, steppers, starts)
+        self._observer: Observer | None = None
+        self._commands = stepping.Commands(node, self.definition.controllers)
         self._log: list[Any] = []
         node.subscribe("control_log", ControlLog, self._log.append)
 
@@ -174,24 +184,124 @@ class Simulation:
             self.app.run(left, self._timeline)
         if interrupt.is_set():
             raise KeyboardInterrupt
+        self._refuse_stopped()
+
+    def _refuse_stopped(self) -> None:
+        """Raise an error if a controller was stopped by an error."""
         failed = [f"controller {item.name} was stopped, {item.error}" for item in self.app.manager.list() if item.error]
         if failed:
             raise FailureError(f"experiment {self.definition.name}: {'; '.join(failed)}")
 
-    def reset(self, *, seed: int | None = None, **overrides: Any) -> None:
+    def advance(self, cycles: int) -> None:
+        """Run some cycles, without a progress bar, signal handlers, or the messages at the end of `run`.
+
+        Args:
+            cycles: number of cycles, 1 or more.
+
+        Raises:
+            HricError: the robot failed, or a controller was stopped by an error.
+        """
+        if cycles < 1:
+            raise HricError(f"the number of cycles must be at least 1; got {cycles}")
+        app, timeline, stop = self.app, self._timeline, self.app.hw.stop
+        last = app.cycles + cycles
+
+        def cycle(time: float, period: float, reset_controllers: bool) -> bool:
+            timeline(time)
+            going_on = app.on_cycle(time, period, reset_controllers)
+            if app.cycles >= last:
+                stop()
+            return going_on
+
+        app.manager.loop_running = True
+        try:
+            with failing():
+                app.hw.run(cycle)
+        finally:
+            app.manager.loop_running = False
+        self._refuse_stopped()
+
+    def command(self, controller: str, command: "Command") -> None:
+        """Send a command to a controller, which checks it as one from its topic.
+
+        Args:
+            controller: name of the controller.
+            command: numbers for its topic `command` (Float64MultiArray), or an equilibrium pose in the robot's base for
+                its topic `equilibrium_pose`.
+
+        Raises:
+            HricError: nothing subscribes to this topic, or the controller refuses the command.
+        """
+        self._commands.send(controller, command)
+
+    def observe(self) -> "SimulationState":
+        """Return the present state of arm and person, contacts and distance, as arrays.
+
+        Raises:
+            DescriptionError: a link of the robot has no capsule, so that its distance from a person is not known.
+        """
+        if self._observer is None:
+            # Imported only for callers that observe.
+            from hric_run.observation import Observer
+
+            self._observer = Observer(self.node, stepping.simulated(self.app))
+        return self._observer.observe()
+
+    def reset(
+        self,
+        *,
+        seed: int | None = None,
+        in_place: bool = False,
+        q_start: Sequence[float] | None = None,
+        **overrides: Any,
+    ) -> None:
         """Return to the beginning of the experiment, with robot and controllers constructed again.
 
         Args:
             seed: new seed; None: the seed is not changed.
-            overrides: further overrides, in addition to the earlier ones.
+            in_place: True to keep robot, plant and controllers, and return them to their start. The following run has
+                the same bits, and the reset takes a tenth of the time or less.
+            q_start: new start position of the robot, n floats [rad or m]; None: it is not changed.
+            overrides: further overrides, in addition to the earlier ones; not with `in_place`.
 
         Raises:
-            HricError: the experiment cannot run; the simulation is then closed.
+            HricError: the experiment cannot run, and the simulation is then closed; or it cannot be reset in place.
         """
+        if in_place:
+            self._return_to_start(self.seed if seed is None else seed, q_start, overrides)
+            return
+        if q_start is not None:
+            overrides |= {"robot.q_start": [float(value) for value in q_start]}
         self.close()
         self.seed = self.seed if seed is None else seed
         self._overrides = self._overrides | overrides
         self._open()
+
+    def _return_to_start(self, seed: int, q_start: Sequence[float] | None, overrides: Mapping[str, Any]) -> None:
+        if overrides:
+            raise HricError(f"{', '.join(overrides)} cannot be changed by a reset in place; valid: seed, q_start")
+        if self._timeline.steppers:
+            raise HricError(
+                f"{self.definition.name} has motion capture, sensors or a supervisor, which have no reset in place; "
+                "valid: reset(), or an experiment without them"
+            )
+        if q_start is not None:
+            stepping.set_start(self.app, self.node, q_start)
+        self.seed = seed
+        stepping.return_to_start(self.app, self.node, self.definition, seed)
+        self._flush_log()
+        self._log.clear()
+        if self._observer is not None:
+            self._observer.restart()
+        starts = [] if self.definition.human is None else [parameters.HUMAN_START]
+        self._timeline.close()
+        self._timeline = Timeline(self.node, self.definition.setpoints, [], starts)
+
+    def _flush_log(self) -> None:
+        """Complete the control log, of which `advance` leaves the last rows."""
+        if self.app.log is not None:
+            self.app.log.complete()
+            self.app.log.flush()
 
     # -- results -------------------------------------------------------------------------------------------------------
 
@@ -202,6 +312,7 @@ class Simulation:
         Raises:
             HricError: there is no cycle yet, or the robot has no control log.
         """
+        self._flush_log()
         return stitch(self._log)
 
     @property
@@ -297,6 +408,7 @@ class Timeline:
 
     Attributes:
         bar: progress bar over robot time; None: no bar.
+        steppers: as in Args.
     """
 
     def __init__(
@@ -307,7 +419,7 @@ class Timeline:
         self._publishers = {
             p.controller: node.advertise(f"{p.controller}/command", Float64MultiArray) for p in setpoints
         }
-        self._shown, self._started, self._steppers = 0.0, False, steppers
+        self._shown, self._started, self.steppers = 0.0, False, steppers
         self.bar: Any = None
 
     def __call__(self, now: float) -> None:
@@ -320,11 +432,16 @@ class Timeline:
         while self._waiting and now >= self._waiting[0].time - 1e-9:
             setpoint = self._waiting.pop(0)
             self._publishers[setpoint.controller].publish(Float64MultiArray(data=list(setpoint.positions)))
-        for stepper in self._steppers:
+        for stepper in self.steppers:
             stepper.advance(now)
         if self.bar is not None and now - self._shown >= PROGRESS_PERIOD:
             self.bar.update(round(now - self._shown, 3))
             self._shown = now
+
+    def close(self) -> None:
+        """Stop advertising the topics of the setpoints."""
+        for publisher in self._publishers.values():
+            publisher.unregister()
 
 
 @contextlib.contextmanager

@@ -162,7 +162,8 @@ class ControlBox(ConfiguredBox):
         state.q[:], state.q_d[:] = q, q
         state.tick += 1
         self._external.reset()
-        self._gravity_torque, self._fresh = None, True
+        self._gravity_torque = self._friction_torque = None
+        self._fresh = True
 
     def _clear_errors(self) -> None:
         state = self.state

@@ -85,6 +85,7 @@ class LocalCore:
         self.taps: list[Tap] = []
         self.clock: Callable[[], float] = lambda: 0.0
         self.goals = 0
+        self.raises = False
 
     def topic(self, name: str, message_type: type) -> LocalTopic:
         """Return the topic with this absolute name; the first call creates it.

@@ -83,6 +83,15 @@ class LocalNode(Namespaced):
     def clock(self, clock: Callable[[], float]) -> None:
         self._core.clock = clock
 
+    @property
+    def raises(self) -> bool:
+        """True: a HricError of a subscriber is raised in the publisher; shared like `clock`."""
+        return self._core.raises
+
+    @raises.setter
+    def raises(self, value: bool) -> None:
+        self._core.raises = value
+
     def child(self, name: str) -> "LocalNode":
         """Return a node for the child namespace `name`, with the same parameters, topics and clock."""
         node = object.__new__(LocalNode)
@@ -123,8 +132,8 @@ class LocalNode(Namespaced):
     ) -> Undoable:
         """Subscribe to a topic: `publish` of any node of the process calls `callback(message)`.
 
-        A HricError of the callback is logged, as on RosNode, at most one per second of robot time; any other error is
-        raised in the publisher."""
+        A HricError of the callback is logged, as on RosNode, at most one per second of robot time, unless `raises` is
+        True; any other error is raised in the publisher."""
         entry = self._core.topic(self.resolve(topic), message_type)
         refused = LogThrottle(self.log_error, lambda: self._core.clock())
 
@@ -132,6 +141,8 @@ class LocalNode(Namespaced):
             try:
                 callback(message)
             except HricError as error:
+                if self._core.raises:
+                    raise
                 refused(f"{entry.name}: {error}")
 
         entry.callbacks.append(deliver)

@@ -6,7 +6,7 @@ No physics engine is used: equal states and an equal seed give bitwise equal tor
 import math
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclass, replacees import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -193,10 +193,12 @@ class HumanControl:
             cycle,
         )
         self._settings, self._new_controller, self._parameters = settings, controller, parameters
-        self.restart()
+        self.restart(seed)
 
-    def restart(self) -> None:
-        """Reset to the state before the first `update`, with a new controller for the same person."""
+    def restart(self, seed: int) -> None:
+        """Reset to the state before the first `update`, with a new controller for the same person and this seed."""
+        if seed != self.person.seed:
+            self.person = replace(self.person, seed=seed, solved={})
         person, senses = self.person, self._settings.senses
         count = len(person.joints)
         self._senses = _Delayed(senses, count, self._hand, person.seed, person.cycle)

@@ -70,14 +70,11 @@ class Human(Participant):
         with self._naming("watches"):
             if settings.watches:
                 plant.link_state(settings.watches)
-        namespace = f"{node.beside('hric')}/{name}"
-        calls: dict[str, Callable[[], object]] = {"start": self._start}
+        where, calls = f"{node.beside('hric')}/{name}", dict[str, Callable[[], object]](start=self._start)
         for grip in self._grips:
             calls[f"grips/{grip.name}/close"] = grip.close
             calls[f"grips/{grip.name}/open"] = partial(grip.open, "the service to open it was called")
-        self._services = [
-            node.service(f"{namespace}/{path}", Trigger, self._served(act)) for path, act in calls.items()
-        ]
+        self._services = [node.service(f"{where}/{path}", Trigger, self._served(act)) for path, act in calls.items()]
         self._begin()
 
     def _new_control(self) -> HumanControl:
@@ -118,9 +115,10 @@ class Human(Participant):
     # -- the loop ------------------------------------------------------------------------------------------------------
 
     def reset(self) -> None:
-        """Reset the person to the initial state and wait for the service `start`."""
-        if self._cycles:  # otherwise the person has not acted yet
-            self._control.restart()
+        """Reset the person to the initial state, with the present parameter `seed`, and wait for the service `start`."""
+        seed = self._node.param(f"participants/{self._name}/seed", self._settings.seed)
+        if self._cycles or seed != self._control.person.seed:  # otherwise the person has not acted yet
+            self._control.restart(seed)
         for grip in self._grips:
             grip.restart()
         if self._muscles is not None:
@@ -145,8 +143,7 @@ class Human(Participant):
             self._serve(*self._requests.popleft())
         if self._called:
             self._begin_motion(time)
-        plant, q, dq = self._plant, self._q, self._dq
-        since = max(time - self._zero, 0.0)
+        plant, q, dq, since = self._plant, self._q, self._dq, max(time - self._zero, 0.0)
         if since >= self._end:
             self._end = math.inf
             self._happened("ended", self._name, 0.0, f"the motion has ended, {since:.3f} s after its start")
@@ -182,8 +179,7 @@ class Human(Participant):
             self._plant.read_joints(self._name, self._q, self._dq)
             return
         self._plant.read_joints(self._name, self._all_q, self._all_dq)
-        n = len(self._q)
-        self._q[:], self._dq[:] = self._all_q[-n:], self._all_dq[-n:]
+        self._q[:], self._dq[:] = self._all_q[-len(self._q) :], self._all_dq[-len(self._q) :]
 
     def _begin_motion(self, time: float) -> None:
         self._called, self._zero = False, time

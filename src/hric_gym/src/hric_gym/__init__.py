@@ -1,0 +1,1 @@
+"""Gymnasium and PettingZoo environments of collaborations of the arm with a person; `hric_gym.envs` registers them."""

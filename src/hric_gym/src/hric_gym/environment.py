@@ -1,0 +1,293 @@
+"""Gymnasium environment of a collaboration: the unmodified simulation, with a policy in place of the setpoints."""
+
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from franka_hw_interface.model import FrankaFrame
+from franka_sim.franka_hw_sim import FrankaHWSim
+from hric_core.errors import HricError, check_known
+from hric_core.geometry import FloatArray
+from hric_gym.actions import MODES, ActionMode
+from hric_gym.goals import DrawnGoal, Goal, HandGoal, SetpointGoal
+from hric_gym.guided import TARGETS
+from hric_gym.judge import Costs, Judge
+from hric_gym.picture import Renderer, prepare
+from hric_gym.spaces import Box, Env, Values, arm_values, as_values, dict_space, person_values, unit_box
+from hric_gym.tasks import DRAWN, DRAWS, HAND, TASKS, PersonChoice, drawn_body, scene
+from hric_human.control.inverse_kinematics import OutOfReachError
+from hric_human.participant.settings import HumanSettings
+from hric_run.definition.parameters import HUMAN, overlay
+from hric_run.simulation import Simulation
+
+STEP = 0.04
+"""Default time between two actions [s] (project default)."""
+START = 0.05
+"""Largest deviation of a joint from the start position of the experiment [rad] (project default)."""
+HAND_SPEED = 1.0
+"""Velocity of the target of a guided hand for an action of 1 [m/s] (project default)."""
+HAND_LEAD = 0.15
+"""Largest distance of that target from the hand, per axis [m] (project default)."""
+LARGEST = 10.0
+"""Bound of a cost's share in reward and observation [1]."""
+WEIGHTS = {"force": 0.1, "effort": 0.1}
+"""Default weights of the costs' shares in the reward."""
+
+# Reflexes are in `info`; without a handler, Python would print each of them.
+logging.getLogger("hric").addHandler(logging.NullHandler())
+
+
+class CollaborationEnv(Env):
+    """Environment of one task: arm, control box and person, with one action per step.
+
+    Each step is a number of cycles of 1 ms: the action goes to a controller, the controller's command through the
+    emulated control box. A reflex of the box ends the episode; `info["reflex"]` has its names.
+
+    The reward is -distance from the goal [m], minus weighted shares of the costs. `info` has `distance`, `costs` (share
+    of the limit by name), `violations`, `not_known`, `findings`, and `cost`: the number of violated constraints.
+
+    Args:
+        task: name of a task, one of `tasks.TASKS`.
+        action: name of an action mode, one of `actions.MODES`.
+        person, trial, population, drive: see `tasks.PersonChoice`.
+        step: time between two actions, a multiple of 1 ms [s].
+        weights: weights of the costs' shares in the reward, by name; None: WEIGHTS.
+        changes: overrides of the experiment, `key:=value`.
+        render_mode: "rgb_array", or None.
+
+    Raises:
+        HricError: a name does not exist, or the task cannot run so.
+    """
+
+    period: float
+    """Time between two actions [s]."""
+    metadata: Mapping[str, Any] = {"render_modes": ["rgb_array"], "render_fps": round(1.0 / STEP)}
+
+    def __init__(
+        self,
+        task: str = "Reach",
+        action: str = "joint_velocity",
+        *,
+        person: str = "scripted",
+        trial: str = "",
+        population: str = "",
+        drive: str = "torque",
+        step: float = STEP,
+        weights: Mapping[str, float] | None = None,
+        changes: Sequence[str] = (),
+        render_mode: str | None = None,
+    ) -> None:
+        check_known("task", [task], TASKS)
+        check_known("action", [action], MODES)
+        check_known("render_mode", [] if render_mode is None else [render_mode], self.metadata["render_modes"])
+        self.task, self._choice = TASKS[task], PersonChoice(person, trial, population, drive)
+        self._weights, self.render_mode = WEIGHTS if weights is None else dict(weights), render_mode
+        check_known("cost", self._weights, ("force", "separation", "posture", "effort"))
+        self._mode_class, self.period, self._cycles = MODES[action], step, round(step / 1e-3)
+        if self._cycles < 1 or abs(self._cycles * 1e-3 - step) > 1e-9:
+            raise HricError(f"step is {step} s; valid: a multiple of 0.001 s")
+        if render_mode is not None:
+            prepare()
+        self._scene = scene(self.task, self._choice, tuple(changes))
+        self._definition = self._with_controller()
+        self._renderer: Renderer | None = None
+        self._simulation: Simulation | None = None
+        self._open(Simulation(self._definition))
+        observation = self.simulation.observe()
+        self._mode.start(observation)
+        self._restart_goals(np.random.default_rng(0), 0)
+        self._observation, self._ended = observation, True
+        self.action_space = self._mode.space
+        self.observation_space = dict_space(self._values(Costs()))
+
+    def _with_controller(self) -> Any:
+        """Return the experiment with the controller of the action mode."""
+        definition, mode = self._scene.definition, self._mode_class
+        parameters = overlay(definition.parameters.get(mode.controller, {}), mode.parameters)
+        shown = [name for name in definition.controllers if name.endswith("_state_controller")]
+        return replace(definition, controllers=(*shown, mode.controller), parameters={mode.controller: parameters})
+
+    def _open(self, simulation: Simulation) -> None:
+        """Use a new simulation."""
+        self.close()
+        self._simulation, hw = simulation, simulation.app.hw
+        if not isinstance(hw, FrankaHWSim):
+            raise HricError(f"{simulation.app.name} is no simulated Franka arm; valid: franka_sim/FrankaHWSim")
+        if not np.array_equal(hw.plant.link_state(f"{hw.arm_id}_link0")[0], np.eye(4)):
+            raise HricError(
+                "the base of the arm must be at the world's origin; valid: robot.description without xyz, rpy"
+            )
+        self._hw, self._q_start = hw, np.array(hw.q_start)
+        human = simulation.definition.human
+        self._judge = None if human is None else Judge(hw, HumanSettings.of(human, HUMAN), self.period)
+        self._mode: ActionMode = self._mode_class(simulation, self.period)
+        self._intended = None if self._scene.intention is None else HandGoal(self._scene.intention, hw.period)
+        self.goal = self._goal(hw)
+
+    def _goal(self, hw: FrankaHWSim) -> Goal:
+        if self.task.goal == DRAWN:
+            return DrawnGoal()
+        if self.task.goal == HAND:
+            assert self._intended is not None, "a scene without it is refused"
+            return self._intended
+        return SetpointGoal(self._scene.setpoints, lambda q: hw.model.pose(FrankaFrame.END_EFFECTOR, q)[:3, 3])
+
+    @property
+    def simulation(self) -> Simulation:
+        """The simulation."""
+        if self._simulation is None:
+            raise HricError("the environment is closed")
+        return self._simulation
+
+    def hand_goal(self) -> FloatArray:
+        """Return the position at which the person wants their hand to be, shape (3,) [m]."""
+        if self._intended is None:
+            raise HricError(f"the intention of the person is not known with person {self._choice.kind!r}")
+        return self._intended.at(self._observation.time)
+
+    @property
+    def person_space(self) -> Box:
+        """Space of the action of a guided person: velocity of the target of the hand, world axes."""
+        return unit_box(3)
+
+    # -- episodes ------------------------------------------------------------------------------------------------------
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Values, dict[str, Any]]:
+        """Begin an episode; return the observation and `info`.
+
+        Args:
+            seed: seed of all random numbers of this and the following episodes; None: they go on.
+            options: none.
+
+        Raises:
+            HricError: an option, or no body of the population can reach the points of the task.
+        """
+        super().reset(seed=seed)
+        if options:
+            raise HricError(f"options {', '.join(options)} are not known; valid: none")
+        random = self.np_random
+        if self._choice.population:
+            self._draw(random)
+        chosen, deviation = int(random.integers(2**31)), random.uniform(-START, START, 7)
+        self._mode.prepare()
+        self.simulation.reset(in_place=True, seed=chosen, q_start=(self._q_start + deviation).tolist())
+        self._restart_goals(random, chosen)
+        if self._judge is not None:
+            self._judge.restart()
+        self._observation, self._ended = self.simulation.observe(), False
+        self._mode.start(self._observation)
+        costs = Costs()
+        return self._values(costs), self._info(costs)
+
+    def _restart_goals(self, random: np.random.Generator, seed: int) -> None:
+        self.goal.restart(random, seed)
+        if self._intended is not None:
+            self._intended.restart(random, seed)
+
+    def _draw(self, random: np.random.Generator) -> None:
+        """Simulate a person of the population who can reach the points of the task."""
+        for _ in range(DRAWS):
+            try:
+                self._open(Simulation(drawn_body(self._definition, self._choice.population, random)))
+                return
+            except OutOfReachError:
+                continue
+        raise HricError(
+            f"{DRAWS} bodies of {self._choice.population} cannot reach the points of the task; valid: nearer points "
+            "(human.position)"
+        )
+
+    def step(self, action: Any) -> tuple[Values, float, bool, bool, dict[str, Any]]:
+        """Execute an action; return observation, reward, whether the episode has ended, False, and `info`.
+
+        Args:
+            action: numbers from -1 to 1, of the shape of `action_space`; larger ones are cut.
+
+        Raises:
+            HricError: the episode has ended, a number is not finite, or the simulation failed.
+        """
+        return self.step_with(action, None)
+
+    def step_with(self, action: Any, hand: Any) -> tuple[Values, float, bool, bool, dict[str, Any]]:
+        """Execute an action of the robot and one of a guided person; see `step`.
+
+        Args:
+            action: numbers from -1 to 1 of the robot.
+            hand: 3 numbers from -1 to 1 that move the target of the person's hand; None: it stays.
+        """
+        if self._ended:
+            raise HricError("the episode has ended, or none has begun; valid: reset()")
+        self._mode.apply(_checked(action, self.action_space), self._observation)
+        if hand is not None:
+            self._guide(_checked(hand, self.person_space))
+        self.simulation.advance(self._cycles)
+        self._observation = self.simulation.observe()
+        costs = Costs() if self._judge is None else self._judge.costs(self._observation)
+        info = self._info(costs)
+        reward = -info["distance"] - sum(
+            weight * min(costs.shares.get(name, 0.0), LARGEST) for name, weight in self._weights.items()
+        )
+        self._ended = bool(self._hw.error) or info["success"]
+        return self._values(costs), float(reward), self._ended, False, info
+
+    def _guide(self, hand: FloatArray) -> None:
+        """Move the target of the guided hand for one step, at most HAND_LEAD from the hand."""
+        channel, person = self._scene.channel, self._observation.person
+        if not channel or person is None:
+            raise HricError(f"the person is {self._choice.kind!r} and cannot be guided; valid: person='policy'")
+        present = person.T_world_hand[:3, 3]
+        target = TARGETS[channel] + HAND_SPEED * self.period * hand
+        TARGETS[channel] = np.clip(target, present - HAND_LEAD, present + HAND_LEAD)
+
+    def _values(self, costs: Costs) -> Values:
+        observation = self._observation
+        numbers = {"goal": self.goal.at(observation.time), "command": self._mode.command}
+        if observation.person is not None:
+            numbers["force_share"] = np.array([min(costs.shares.get("force", 0.0), LARGEST)])
+        return arm_values(observation) | person_values(observation) | as_values(numbers)
+
+    def _info(self, costs: Costs) -> dict[str, Any]:
+        distance = self.goal.distance(self._observation)
+        reflex = sorted(self._hw.robot_state.last_motion_errors) if self._hw.error else []
+        return {
+            "distance": distance,
+            "success": distance < self.goal.near,
+            "reflex": ", ".join(reflex) or self._hw.error,
+            "costs": dict(costs.shares),
+            "violations": costs.violations,
+            "not_known": costs.not_known,
+            "findings": costs.findings,
+            "cost": float(len(set(costs.violations) & set(self.task.constraints))),
+        }
+
+    def render(self) -> Any:
+        """Return a picture of the scene, shape (480, 640, 3); None without a render mode.
+
+        Raises:
+            HricError: there is no OpenGL.
+        """
+        if self.render_mode is None:
+            return None
+        if self._renderer is None:
+            self._renderer = Renderer(self._hw, self.simulation.definition)
+        return self._renderer.picture(self._observation)
+
+    def close(self) -> None:
+        """Release simulation and renderer; may be called again."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
+        if self._simulation is not None:
+            self._simulation.close()
+            self._simulation = None
+
+
+def _checked(action: Any, space: Box) -> FloatArray:
+    """Return an action within its space. Raises HricError for a wrong shape and numbers that are not finite."""
+    values = np.asarray(action, np.float64)
+    if values.shape != space.shape or not np.isfinite(values).all():
+        raise HricError(f"the action is {action}; valid: {space.shape[0]} finite numbers from -1 to 1")
+    return values.clip(-1.0, 1.0)

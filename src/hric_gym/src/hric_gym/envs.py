@@ -1,0 +1,17 @@
+"""Registration of the environments with Gymnasium: `import hric_gym.envs`, then `gymnasium.make("hric/Reach-v0")`."""
+
+from hric_gym.environment import STEP, CollaborationEnv
+from hric_gym.spaces import register
+from hric_gym.tasks import TASKS
+
+__all__ = ["IDS", "CollaborationEnv"]
+IDS = {f"hric/{name}-v0": name for name in TASKS}
+"""Names of the tasks by id of the environment."""
+
+for identity, name in IDS.items():
+    register(
+        identity,
+        entry_point="hric_gym.environment:CollaborationEnv",
+        max_episode_steps=round(TASKS[name].seconds / STEP),
+        kwargs={"task": name},
+    )

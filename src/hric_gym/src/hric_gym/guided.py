@@ -1,0 +1,88 @@
+"""Person whose hand another program guides during the run: a policy, or a person at a device.
+
+The environment writes the target of the hand into a channel of this process; the controller `hric_gym/GuidedArm` reads
+it. The reference of the hand moves towards the target at a limited speed, and stays where the arm cannot follow.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hric_core.geometry import FloatArray, Pose, Vector, compose
+from hric_core.geometry.poses import inverse
+from hric_core.parameters import number, numbers, text
+from hric_human.control.controller import Person
+from hric_human.control.impedance import ImpedanceArm, ImpedanceArmSettings
+from hric_human.control.inverse_kinematics import HandSolver, OutOfReachError
+from hric_human.control.references import KNOT, AngleRows, Joints, Reference
+
+TARGETS: dict[str, FloatArray] = {}
+"""Target of each guided hand in the world, shape (3,) [m], by name of its channel."""
+
+
+@dataclass(frozen=True)
+class GuidedArmSettings(ImpedanceArmSettings):
+    """Parameters of GuidedArm; `reference` has no effect."""
+
+    channel: str = text(empty=False, text="name of the channel with the hand's target")
+    start: Vector = numbers(3, unit="m", text="position of the hand at the start, world")
+    speed: float = number(
+        1.0, above=0.0, maximum=5.0, unit="m/s", text="largest speed of the hand's reference (project default)"
+    )
+
+
+class GuidedReference(Reference):
+    """Joint angles for a hand that moves towards the target of a channel.
+
+    Args:
+        person: person whose hand moves.
+        settings: channel, start position and speed.
+
+    Raises:
+        OutOfReachError: the hand cannot reach the start position.
+    """
+
+    def __init__(self, person: Person, settings: GuidedArmSettings) -> None:
+        self._channel, self._step = settings.channel, settings.speed * KNOT
+        self._solver = HandSolver(person.hand, person.lower, person.upper, person.rest)
+        self._T_root_world, self._p = inverse(person.T_world_root), np.array(settings.start)
+        TARGETS[self._channel] = self._p.copy()
+        self._last = self._solver.first(self._pose(self._p))
+        self._rows = AngleRows(KNOT, [self._last], self._next)
+
+    def start(self, time: float) -> None:
+        """Start to follow the target."""
+        self._rows.start(time)
+
+    def at(self, time: float) -> tuple[Joints, Joints]:
+        """Return the positions and velocities of the joints."""
+        return self._rows.at(time)
+
+    def _pose(self, p: FloatArray) -> Pose:
+        x, y, z = p.tolist()
+        return compose(self._T_root_world, Pose((x, y, z)))
+
+    def _next(self) -> Joints:
+        offset = TARGETS[self._channel] - self._p
+        distance = float(np.linalg.norm(offset))
+        if distance > 0.0:
+            p = self._p + offset * min(1.0, self._step / distance)
+            try:
+                self._last = self._solver.next(self._pose(p), self._last)
+            except OutOfReachError:
+                return self._last
+            self._p = p
+        return self._last
+
+
+class GuidedArm(ImpedanceArm):
+    """Joint impedance of `hric_human/ImpedanceArm` about the reference of a guided hand."""
+
+    settings = GuidedArmSettings
+
+    def init(self, person: Person, settings: Any) -> None:
+        """Set the impedance, and put the hand at its start."""
+        super().init(person, settings)
+        self._reference = GuidedReference(person, settings)
+        self.end = self._reference.end

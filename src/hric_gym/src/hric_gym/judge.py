@@ -1,0 +1,171 @@
+"""Costs of a step by the judge of hric_assessment: force, separation, posture and effort, as shares of limits."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from hric_assessment.contact.assess import ContactSite, assess
+from hric_assessment.contact.episodes import PENALTY, episodes
+from hric_assessment.contact.limits import Limits
+from hric_assessment.ergonomics.posture import NOTHING_KNOWN, of_joints
+from hric_assessment.ergonomics.rula import Rula
+from hric_assessment.findings import Finding, Outcome
+from hric_control.sim.simulated_robot import SimulatedRobot
+from hric_core.geometry import FloatArray
+from hric_gym.tasks import EFFORT, FORCE, POSTURE, SEPARATION
+from hric_human.contact import ContactSeries, RegionContact, RegionContacts
+from hric_human.participant.settings import HUMAN, HumanSettings
+from hric_run.observation import SimulationState
+from hric_supervisor.arm import InForce
+from hric_supervisor.separation import Protective, StoppingModel, nearness
+from hric_supervisor.settings import SupervisorSettings
+
+TINY = 1e-9
+"""Replacement for a distance of zero or less, which would be a divisor [m]."""
+
+
+@dataclass(frozen=True)
+class Costs:
+    """Costs of one step.
+
+    Attributes:
+        shares: each known cost as share of its limit [1]; above 1 it violates the limit.
+        violations: names of the costs that are above their limits, or not proven to be within them.
+        not_known: names of the costs that are not known, such as the posture of a body without a trunk.
+        findings: sentences of the judge about contacts that are not within limits.
+    """
+
+    shares: dict[str, float] = field(default_factory=dict)
+    violations: tuple[str, ...] = ()
+    not_known: tuple[str, ...] = ()
+    findings: tuple[str, ...] = ()
+
+
+class ContactWatch:
+    """Recorder of the contacts of the person in each cycle, as the judge needs them.
+
+    Args:
+        hw: the simulated robot.
+        settings: settings of the person.
+    """
+
+    def __init__(self, hw: SimulatedRobot, settings: HumanSettings) -> None:
+        self._hw, self._area, self._body = hw, settings.contact_area, settings.body()
+        self._limits = Limits.named()
+        self.restart()
+        hw.loop.after_cycle.append(self._record)
+
+    def restart(self) -> None:
+        """Forget all contacts; to be called after each reset."""
+        self._contacts = RegionContacts(self._body, HUMAN)
+        self._rows: dict[int, tuple[RegionContact, list[tuple[float, ...]]]] = {}
+        self._touched: set[int] = set()
+
+    def _record(self, time: float) -> None:
+        contacts = self._hw.plant.contacts()
+        if not (contacts or self._contacts.present):
+            return
+        now = time + self._hw.loop.time_step
+        self._contacts.update(now, contacts)
+        for contact in self._contacts.present.values():
+            key = id(contact)
+            force, peak, peak_time = (
+                math.nan if value is None else value for value in (contact.force, contact.peak, contact.peak_time)
+            )
+            row = (now, force, peak, peak_time, now - contact.begin, *(contact.point or ()), *(contact.normal or ()))
+            self._rows.setdefault(key, (contact, []))[1].append(row)
+            self._touched.add(key)
+
+    def findings(self) -> list[Finding]:
+        """Return the judge's findings about the contacts since the last call, from the begin of each until now."""
+        touched, self._touched = self._touched, set()
+        groups: dict[tuple[tuple[str, ...], str, str], list[RegionContact]] = {}
+        for key in touched:
+            contact, rows = self._rows[key]
+            columns = np.array(rows)
+            time, force, reached, reached_time, since = columns[:, :5].T
+            series = ContactSeries(time, force, reached, reached_time, since, columns[:, 5:8], columns[:, 8:11])
+            groups.setdefault((contact.regions, contact.side, contact.kind), []).append(
+                replace(contact, series=series, ended=True)
+            )
+        return [finding for contacts in groups.values() for finding in self._judged(contacts)]
+
+    def _judged(self, contacts: list[RegionContact]) -> Iterable[Finding]:
+        first, until = contacts[0], self._hw.loop.time
+        site = ContactSite(first.regions, first.other, first.kind, None, first.dominant, self._area)
+        if first.kind != PENALTY:
+            return [assess(None, site, self._limits)]
+        return [assess(part, site, self._limits) for part in episodes(contacts, self._hw.loop.time_step, until)]
+
+
+class Judge:
+    """Judge of the steps of an environment.
+
+    Args:
+        hw: the simulated robot.
+        settings: settings of the person beside it.
+        period: robot time of a step [s].
+    """
+
+    def __init__(self, hw: SimulatedRobot, settings: HumanSettings, period: float) -> None:
+        self._period, self._watch = period, ContactWatch(hw, settings)
+        supervision = SupervisorSettings()
+        self._stopping = StoppingModel(supervision)
+        self._protective = Protective(supervision, self._stopping)
+        self._before: FloatArray | None = None
+
+    def restart(self) -> None:
+        """Forget the episode; to be called after each reset."""
+        self._watch.restart()
+        self._before = None
+
+    def costs(self, observation: SimulationState) -> Costs:
+        """Return the costs of the step that ended with an observation."""
+        person = observation.person
+        assert person is not None, "the judge has a person"
+        findings = self._watch.findings()
+        poor = [finding for finding in findings if finding.outcome != Outcome.WITHIN]
+        shares = {FORCE: max((math.inf if item.share is None else item.share for item in findings), default=0.0)}
+        shares[SEPARATION] = self._separation(observation)
+        effort = float(np.nanmax(person.strength_share, initial=-math.inf))
+        if math.isfinite(effort):
+            shares[EFFORT] = effort
+        if "trunk_flex" in person.joints:
+            shares[POSTURE] = self._posture(person.joints, person.q)
+        over = {name for name, share in shares.items() if share > 1.0} | ({FORCE} if poor else set())
+        known = (FORCE, SEPARATION, POSTURE, EFFORT)
+        return Costs(
+            shares,
+            tuple(name for name in known if name in over),
+            tuple(name for name in known if name not in shares),
+            tuple(f"{finding.subject}: {finding.outcome}: {finding.reason}" for finding in poor),
+        )
+
+    def _separation(self, observation: SimulationState) -> float:
+        """Return the largest ratio of protective separation distance to distance; infinite if they overlap."""
+        person = observation.person
+        assert person is not None
+        ends = person.capsules.ends
+        before, self._before = self._before, ends
+        velocities = np.zeros_like(ends) if before is None else (ends - before) / self._period
+        near = nearness(observation.arm.capsules, person.capsules, velocities)
+        speed = float(np.linalg.norm(observation.arm.capsules.velocities, axis=2).max())
+        braking = self._stopping.left(observation.time, observation.time, InForce(), speed)
+        _, terms = self._protective.measured(near, braking)
+        shares = terms.total / np.maximum(near.distance, TINY)
+        return float(np.where(near.distance > 0.0, shares, math.inf).max())
+
+    @staticmethod
+    def _posture(joints: tuple[str, ...], q: FloatArray) -> float:
+        """Return the RULA score of the worse arm divided by the highest one that is no violation.
+
+        What the simulation does not know, such as loads and repetitions, counts as favourable: a lower bound.
+        """
+        method = Rula()
+        scores = [
+            int(method.highest(of_joints(joints, q[None], side), NOTHING_KNOWN, "", {})[0])
+            for side in ("right", "left")
+        ]
+        return max(scores) / method.table().warning.value

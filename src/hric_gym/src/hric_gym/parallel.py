@@ -1,0 +1,87 @@
+"""PettingZoo environment in which the robot and the person are two agents."""
+
+from typing import Any, ClassVar
+
+import numpy as np
+
+from hric_core.errors import HricError
+from hric_gym.environment import CollaborationEnv
+from hric_gym.spaces import Values, as_values, dict_space
+from hric_gym.tasks import TASKS
+
+try:
+    from pettingzoo import ParallelEnv
+except ImportError:
+    raise HricError("two agents need PettingZoo, which is not installed:  scripts/setup --with learning") from None
+
+ROBOT, PERSON = "robot", "person"
+SHOWN = ("person_q", "person_dq", "person_root", "hand_position", "separation", "ee_position", "goal", "force_share")
+"""Fields of the robot's observation that the person's observation has, too."""
+
+
+class CollaborationParallelEnv(ParallelEnv):
+    """Environment of one task with the agents `robot` and `person`, who act at the same time.
+
+    The robot acts as in `CollaborationEnv`. The person moves the target of their hand; their observation has
+    `hand_goal`, the position at which they want their hand to be. The robot's reward is that of the task; the person's
+    is -distance of their hand from `hand_goal` [m], minus a tenth of their effort.
+
+    Args:
+        task: name of a task.
+        settings: further arguments of `CollaborationEnv`, but for `person` and `trial`.
+
+    Raises:
+        HricError: a name does not exist, or the task cannot run so.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {"name": "hric_collaboration_v0", "render_modes": ["rgb_array"]}
+
+    def __init__(self, task: str = "HandGuidance", **settings: Any) -> None:
+        self._env = CollaborationEnv(task, **settings, person="policy")
+        self._steps, self._step = round(TASKS[task].seconds / self._env.period), 0
+        self.render_mode = self._env.render_mode
+        self.possible_agents = [ROBOT, PERSON]
+        self.agents: list[str] = []
+        values, _ = self._env.reset(seed=0)
+        self.observation_spaces = {agent: dict_space(value) for agent, value in self._values(values).items()}
+        self.action_spaces = {ROBOT: self._env.action_space, PERSON: self._env.person_space}
+
+    def observation_space(self, agent: str) -> Any:
+        """Return the space of an agent's observations."""
+        return self.observation_spaces[agent]
+
+    def action_space(self, agent: str) -> Any:
+        """Return the space of an agent's actions."""
+        return self.action_spaces[agent]
+
+    def _values(self, values: Values) -> dict[str, Values]:
+        hand_goal = as_values({"hand_goal": self._env.hand_goal()})
+        return {ROBOT: values, PERSON: {name: values[name] for name in SHOWN} | hand_goal}
+
+    def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, Any]:
+        """Begin an episode; return observations and infos by agent; seed: see `CollaborationEnv`, options: ignored."""
+        values, info = self._env.reset(seed=seed)
+        self.agents, self._step = list(self.possible_agents), 0
+        return self._values(values), dict.fromkeys(self.agents, info)
+
+    def step(self, actions: dict[str, Any]) -> tuple[Any, Any, Any, Any, Any]:
+        """Execute an action of each agent; return observations, rewards, ends, time limits and infos by agent."""
+        values, reward, ended, _, info = self._env.step_with(actions[ROBOT], actions[PERSON])
+        observations, agents = self._values(values), self.agents
+        self._step += 1
+        late = self._step >= self._steps and not ended
+        away = observations[PERSON]["hand_position"] - observations[PERSON]["hand_goal"]
+        own = -float(np.linalg.norm(away)) - 0.1 * info["costs"].get("effort", 0.0)
+        rewards = {ROBOT: reward, PERSON: own}
+        ends, limits, infos = (dict.fromkeys(agents, value) for value in (ended, late, info))
+        if ended or late:
+            self.agents = []
+        return observations, rewards, ends, limits, infos
+
+    def render(self) -> Any:
+        """Return a picture, see `CollaborationEnv.render`."""
+        return self._env.render()
+
+    def close(self) -> None:
+        """Release the simulation."""
+        self._env.close()

@@ -1,0 +1,57 @@
+"""Pictures of a simulation, drawn by MuJoCo without a display."""
+
+import os
+
+from hric_control.sim.simulated_robot import SimulatedRobot
+from hric_core.errors import HricError
+from hric_human.participant.settings import HUMAN, HumanSettings
+from hric_run.definition.experiment import Experiment
+from hric_run.observation import SimulationState
+
+VIEW = {"width": 640, "height": 480, "xyz": [2.6, -1.6, 1.1], "rpy": [0.0, 0.3, 2.5]}
+"""Size of the pictures [pixels] and pose of the camera in the world [m], [rad]."""
+
+
+def prepare() -> None:
+    """Choose rendering without a display; before MuJoCo is loaded. MUJOCO_GL=osmesa: without graphics drivers."""
+    os.environ.setdefault("MUJOCO_GL", "egl")
+
+
+class Renderer:
+    """Camera at a fixed place that draws arm, person and objects.
+
+    Args:
+        hw: the simulated robot.
+        definition: experiment with the world file and the person.
+
+    Raises:
+        HricError: there is no OpenGL, or MuJoCo was loaded before `prepare` was called.
+    """
+
+    def __init__(self, hw: SimulatedRobot, definition: Experiment) -> None:
+        # Imported here, since this chooses MuJoCo's way to render.
+        from mujoco_ros_control.pictures import Camera, CameraSettings
+
+        self._plant, self._names = hw.plant, hw.states.names
+        person = None if definition.human is None else HumanSettings.of(definition.human, HUMAN)
+        settings = CameraSettings.of(VIEW, "camera")
+        try:
+            self._camera = Camera(hw.description, str(definition.robot.plant.get("world", "")), settings, person)
+        except HricError as error:
+            raise HricError(
+                f"{error}; the variable MUJOCO_GL (egl or osmesa) must be set when MuJoCo is loaded"
+            ) from error
+
+    def picture(self, observation: SimulationState) -> object:
+        """Return the picture of an observation, shape (480, 640, 3)."""
+        plant, person = self._plant, observation.person
+        poses = {name: plant.link_state(f"{name}::{plant.base_link(name)}")[0] for name in plant.model_names()}
+        if person is not None:
+            poses[HUMAN] = person.T_world_root
+        joints = {} if person is None else dict(zip(person.joints, person.q.tolist(), strict=True))
+        robot = dict(zip(self._names, observation.arm.q.tolist(), strict=True))
+        return self._camera.take(robot, poses, joints, depth=False)[0]
+
+    def close(self) -> None:
+        """Release the OpenGL context."""
+        self._camera.close()

@@ -1,0 +1,110 @@
+"""Spaces of Gymnasium for actions and observations, and the fields of observations with their units."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from hric_core.errors import HricError
+from hric_core.geometry import FloatArray, quaternion_from_rotation
+from hric_run.observation import SimulationState
+
+try:
+    from gymnasium import Env, register
+    from gymnasium.spaces import Box, Dict
+except ImportError:
+    raise HricError("hric_gym needs Gymnasium, which is not installed:  scripts/setup --with learning") from None
+
+__all__ = [
+    "FIELDS",
+    "Box",
+    "Dict",
+    "Env",
+    "Field",
+    "Values",
+    "arm_values",
+    "as_values",
+    "dict_space",
+    "person_values",
+    "register",
+    "unit_box",
+]
+Values = dict[str, npt.NDArray[np.float32]]
+"""Values of an observation by name of the field."""
+
+
+@dataclass(frozen=True)
+class Field:
+    """Field of an observation.
+
+    Attributes:
+        shape: shape, as text for the table; n: joints of the person, m: their muscles.
+        unit: unit of the values.
+        text: what the values are.
+    """
+
+    shape: str
+    unit: str
+    text: str
+
+
+FIELDS = {
+    "q": Field("7", "rad", "joint positions of the arm"),
+    "dq": Field("7", "rad/s", "joint velocities"),
+    "tau": Field("7", "N m", "measured joint torques"),
+    "ee_position": Field("3", "m", "position of the end effector (O_T_EE), world"),
+    "ee_orientation": Field("4", "1", "orientation of the end effector, quaternion x, y, z, w with w at least 0"),
+    "wrench": Field("6", "N, N m", "external force and moment, estimated by the control box (O_F_ext_hat_K)"),
+    "goal": Field("3", "m", "goal of the end effector, or of the person's hand, world; see the table of tasks"),
+    "command": Field("k", "as the action", "present command: setpoint of the joints, equilibrium pose, or torques"),
+    "person_q": Field("n", "rad", "joint positions of the person"),
+    "person_dq": Field("n", "rad/s", "joint velocities of the person"),
+    "person_root": Field("3", "m", "position of the person's root link, world"),
+    "hand_position": Field("3", "m", "position of the link of the person's hand, world"),
+    "separation": Field("1", "m", "smallest distance of arm and person; negative: overlap"),
+    "activation": Field("m", "1", "activation of each muscle; only with `drive` muscle"),
+    "force_share": Field("1", "1", "largest share of a contact limit in the step; 10 or more: 10"),
+}
+"""Fields of observations; those of the person are absent if there is none."""
+
+
+def unit_box(count: int) -> Box:
+    """Return the space of `count` numbers from -1 to 1."""
+    return Box(-1.0, 1.0, (count,), np.float32)
+
+
+def dict_space(values: Values) -> Dict:
+    """Return the space of observations like `values`."""
+    return Dict({name: Box(-np.inf, np.inf, value.shape, np.float32) for name, value in values.items()})
+
+
+def as_values(numbers: dict[str, FloatArray]) -> Values:
+    """Return an observation with the element type of Gymnasium's spaces."""
+    return {name: np.asarray(value, np.float32) for name, value in numbers.items()}
+
+
+def arm_values(observation: SimulationState) -> Values:
+    """Return the fields of the arm."""
+    arm = observation.arm
+    assert arm.T_base_ee is not None and arm.wrench_base is not None, "the environment has refused other robots"
+    x, y, z, w = quaternion_from_rotation(arm.T_base_ee[:3, :3])
+    orientation = np.array([x, y, z, w]) * (1.0 if w >= 0.0 else -1.0)
+    return as_values(
+        {"q": arm.q, "dq": arm.dq, "tau": arm.tau, "ee_position": arm.T_base_ee[:3, 3], "ee_orientation": orientation}
+        | {"wrench": arm.wrench_base}
+    )
+
+
+def person_values(observation: SimulationState) -> Values:
+    """Return the fields of the person; empty if there is none."""
+    person = observation.person
+    if person is None:
+        return {}
+    values = {
+        "person_q": person.q,
+        "person_dq": person.dq,
+        "person_root": person.T_world_root[:3, 3],
+        "hand_position": person.T_world_hand[:3, 3],
+        "separation": np.array([observation.separation]),
+    }
+    return as_values(values if person.activations is None else values | {"activation": person.activations})

@@ -1,0 +1,220 @@
+"""Tasks of the environments: experiment, goal, duration and constraints of each; and the choice of the person."""
+
+import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.special import ndtr
+
+from hric_core.errors import HricError, check_known
+from hric_run.definition import experiment
+from hric_run.definition.experiment import Experiment
+from hric_sweep import populations
+
+REACH = Path(__file__).resolve().parents[2] / "config" / "reach.yaml"
+DRAWN, SETPOINTS, HAND = "drawn", "setpoints", "hand"
+"""Goals: a point drawn from a box, the end effector's position at the setpoints, the person's intention."""
+FORCE, SEPARATION, POSTURE, EFFORT = "force", "separation", "posture", "effort"
+"""Costs by the judge of hric_assessment, each as share of its limit."""
+RATE = 25.0
+"""Rate of the person's messages [Hz]: one in each step of an environment, from which it knows their torques."""
+CORRELATION = 0.4
+"""Correlation of the normal scores of mass and height in a population (project default, unconfirmed)."""
+DRAWS = 20
+"""Largest number of bodies drawn until one can reach the points of the task (project default)."""
+_channels = itertools.count()
+
+
+@dataclass(frozen=True)
+class TaskDefinition:
+    """Definition of a task.
+
+    Attributes:
+        experiment: name or path of the experiment.
+        goal: kind of goal, see DRAWN.
+        seconds: robot time of an episode [s].
+        constraints: costs that have to stay at or below 1.
+        changes: overrides of the experiment.
+        text: description for the table of tasks.
+    """
+
+    experiment: str
+    goal: str
+    seconds: float
+    constraints: tuple[str, ...]
+    changes: tuple[str, ...]
+    text: str
+
+
+_VARIED = "human.control.parameters.reference.variation:={position: 0.01, time: 0.05}"
+_AREA = "human.contact_area:=1.0e-4"
+"""Contact area as in the experiment contact: the edge of the robot's hand, assumed."""
+TASKS = {
+    "Reach": TaskDefinition(
+        str(REACH),
+        DRAWN,
+        4.0,
+        (FORCE, SEPARATION),
+        (_VARIED, _AREA),
+        "reach for a random point beside a person who reaches into the workspace",
+    ),
+    "HandGuidance": TaskDefinition(
+        "hand_guidance",
+        HAND,
+        7.0,
+        (FORCE, EFFORT),
+        (_VARIED, _AREA),
+        "follow the person who leads the robot's hand",
+    ),
+    "CoTransport": TaskDefinition(
+        "co_transport",
+        HAND,
+        8.0,
+        (FORCE, EFFORT),
+        (_VARIED, _AREA),
+        "carry one end of a board whose other end the person carries and leads",
+    ),
+    "Handover": TaskDefinition(
+        "handover",
+        HAND,
+        4.5,
+        (FORCE, EFFORT),
+        (_VARIED, _AREA),
+        "hold out a baton which the person takes and pulls",
+    ),
+    "Contact": TaskDefinition(
+        "contact",
+        SETPOINTS,
+        3.0,
+        (FORCE,),
+        (),
+        "move to a setpoint through the person's forearm",
+    ),
+    "SharedWorkspace": TaskDefinition(
+        "shared_workspace",
+        SETPOINTS,
+        16.0,
+        (FORCE, SEPARATION),
+        (_VARIED, _AREA),
+        "move from side to side while a person walks up and reaches into the workspace",
+    ),
+}
+"""Tasks by name; the id of an environment is hric/NAME-v0."""
+
+
+@dataclass(frozen=True)
+class PersonChoice:
+    """Choice of the person in an environment.
+
+    Attributes:
+        kind: "scripted", the motion of the experiment; "reactive", a hand that takes an object over from the resting
+            arm and draws back from a near one; "trial", the motion of a recorded trial; "policy", a hand that an agent
+            guides; "none", nobody.
+        trial: path of a c3d, .trc or .mot file; only with "trial".
+        population: name of a population from which each episode draws mass, height and sex; empty: the experiment's.
+        drive: "torque" or "muscle".
+    """
+
+    kind: str = "scripted"
+    trial: str = ""
+    population: str = ""
+    drive: str = "torque"
+
+    def __post_init__(self) -> None:
+        check_known("person", [self.kind], ("scripted", "reactive", "trial", "policy", "none"))
+        check_known("drive", [self.drive], ("torque", "muscle"))
+        if bool(self.trial) != (self.kind == "trial"):
+            raise HricError(
+                f"trial is {self.trial!r} with person {self.kind!r}; valid: a path, with person 'trial' only"
+            )
+        if self.population:
+            check_known("population", [self.population], populations.names())
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Experiment of an environment with the chosen person.
+
+    Attributes:
+        definition: the experiment, without setpoints and supervisor.
+        intention: content of the motion program of the person's hand; None: unknown, or there is nobody.
+        channel: channel of the guided hand; empty: it is not guided.
+        setpoints: (time [s], joint positions [rad]) of the experiment.
+    """
+
+    definition: Experiment
+    intention: Mapping[str, Any] | None
+    channel: str
+    setpoints: tuple[tuple[float, tuple[float, ...]], ...]
+
+
+def scene(task: TaskDefinition, choice: PersonChoice, changes: tuple[str, ...]) -> Scene:
+    """Return the experiment of a task with the chosen person.
+
+    Raises:
+        HricError: the task needs a person, or a change or a file has a mistake.
+    """
+    common = ("simulator:=mujoco", "robot.parameters.control_log:=false", f"human.rate:={RATE}")
+    definition = experiment.load(task.experiment, [*common, *task.changes, *changes])
+    human = dict(definition.human or {})
+    reference = dict(human["control"]["parameters"]["reference"])
+    channel = ""
+    if choice.kind == "none":
+        human = {}
+    else:
+        human["drive"] = choice.drive
+        channel = _choose(human, reference, choice)
+    shown = {key: value for key, value in reference.items() if key != "oriented"}
+    intention = shown if human and choice.kind in ("scripted", "policy") else None
+    if task.goal == HAND and intention is None:
+        raise HricError(
+            f"{definition.name} has the person's intention as goal, which is not known with person {choice.kind!r}; "
+            "valid: scripted, policy"
+        )
+    setpoints = tuple((item.time, item.positions) for item in definition.setpoints)
+    definition = replace(definition, human=human or None, supervisor=None, setpoints=())
+    return Scene(definition, intention, channel, setpoints)
+
+
+def _choose(human: dict[str, Any], reference: Mapping[str, Any], choice: PersonChoice) -> str:
+    """Change the control of a person to the choice; return the channel of a guided hand, or an empty text."""
+    control = human["control"]
+    parameters = dict(control["parameters"])
+    first = [float(value) for value in reference["points"][0][1:4]]
+    if choice.kind == "reactive":
+        parameters["reference"] = {"program": "reactive", "rest": first}
+        human["watches"] = "panda_hand"
+    elif choice.kind == "trial":
+        parameters["reference"] = {"program": Path(choice.trial).suffix.lstrip("."), "path": choice.trial}
+    elif choice.kind == "policy":
+        del parameters["reference"]
+        channel = f"channel{next(_channels)}"
+        parameters |= {"channel": channel, "start": first}
+        human["control"] = control | {"type": "hric_gym/GuidedArm", "parameters": parameters}
+        return channel
+    human["control"] = control | {"parameters": parameters}
+    return ""
+
+
+def drawn_body(definition: Experiment, population: str, random: np.random.Generator) -> Experiment:
+    """Return an experiment whose person has a mass, height and sex drawn from a population.
+
+    Args:
+        definition: experiment with a person.
+        population: name of the population.
+        random: generator of all random numbers.
+    """
+    a, b = random.standard_normal(2)
+    scores = a, CORRELATION * a + (1.0 - CORRELATION**2) ** 0.5 * b
+    part = population
+    if population == "adult_mixed":
+        part = str(random.choice(["adult_female", "adult_male"]))
+    mass, height = (
+        float(populations.quantity(part, name).ppf(np.array([ndtr(score)]))[0])
+        for name, score in zip(("mass", "height"), scores, strict=True)
+    )
+    subject = {"code": "S0", "mass": mass, "height": height, "sex": part.removeprefix("adult_")}
+    return replace(definition, human={**(definition.human or {}), "subject": subject})

@@ -1,0 +1,199 @@
+"""Environments of Gymnasium and PettingZoo: checkers, bits, reflexes, costs, persons."""
+
+import hashlib
+import json
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hric_core.errors import HricError
+
+gymnasium = pytest.importorskip("gymnasium", reason="scripts/setup --with learning")
+envs = pytest.importorskip("hric_gym.envs")
+
+from gymnasium.utils.env_checker import check_env  # noqa: E402
+
+from hric_gym.actions import MODES  # noqa: E402
+from hric_gym.environment import CollaborationEnv  # noqa: E402
+
+
+def bits(values: dict[str, Any]) -> bytes:
+    return b"".join(name.encode() + np.ascontiguousarray(value).tobytes() for name, value in sorted(values.items()))
+
+
+def played(env: Any, seed: int, steps: int = 12) -> str:
+    """Return a hash of all observations and rewards of random actions."""
+    random, digest = np.random.default_rng(seed), hashlib.sha256()
+    values, _ = env.reset(seed=seed)
+    digest.update(bits(values))
+    for _ in range(steps):
+        values, reward, ended, _, info = env.step(random.uniform(-0.5, 0.5, env.action_space.shape))
+        digest.update(bits(values) + repr((reward, ended, info["costs"], info["reflex"])).encode())
+        if ended:
+            break
+    return digest.hexdigest()
+
+
+@pytest.mark.parametrize("identity", list(envs.IDS))
+def test_gymnasiums_checker_passes(identity: str) -> None:
+    env = gymnasium.make(identity).unwrapped
+    with warnings.catch_warnings():
+        warnings.filterwarnings("error")
+        warnings.filterwarnings("ignore", message=".*(minimum|maximum) value is (-)?infinity.*")
+        warnings.filterwarnings("ignore", message=".*not having a max_episode_steps.*")
+        check_env(env, skip_render_check=True)
+    env.close()
+
+
+@pytest.mark.parametrize("identity", list(envs.IDS))
+def test_the_checker_of_stable_baselines3_passes(identity: str) -> None:
+    checker = pytest.importorskip("stable_baselines3.common.env_checker")
+    env = gymnasium.make(identity)
+    checker.check_env(env, warn=False)
+    env.close()
+
+
+@pytest.mark.parametrize("task", ["Reach", "HandGuidance"])
+def test_pettingzoos_test_passes(task: str) -> None:
+    testing = pytest.importorskip("pettingzoo.test")
+    from hric_gym.parallel import CollaborationParallelEnv
+
+    env = CollaborationParallelEnv(task)
+    testing.parallel_api_test(env, num_cycles=60)
+    env.close()
+
+
+SCRIPT = """
+import json, sys
+sys.path.insert(0, {folder!r})
+from test_environments import played
+from hric_gym.environment import CollaborationEnv
+env = CollaborationEnv(**json.loads(sys.argv[1]))
+print(*(played(env, seed) for seed in (3, 5)))
+"""
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"task": "Reach", "action": "joint_velocity"},
+        {"task": "Reach", "action": "torque", "person": "none"},
+        {"task": "Contact", "action": "joint_position"},
+        {"task": "HandGuidance", "action": "impedance", "drive": "muscle"},
+        {"task": "Handover", "action": "end_effector"},
+        {"task": "Reach", "population": "adult_mixed"},
+        {"task": "Reach", "person": "policy"},
+    ],
+    ids=lambda settings: "-".join(settings.values()),
+)
+def test_a_seed_gives_the_same_bits_in_another_process_and_after_other_episodes(settings: dict[str, str]) -> None:
+    folder = str(Path(__file__).parent)
+    command = [sys.executable, "-c", SCRIPT.format(folder=folder), json.dumps(settings)]
+    other = subprocess.run(command, capture_output=True, text=True, timeout=300, check=True).stdout.split()
+    env = CollaborationEnv(**settings)
+    assert [played(env, seed) for seed in (9, 3, 5, 3)][1:] == [*other, other[0]]
+    assert other[0] != other[1]
+    env.close()
+
+
+def test_processes_of_gymnasium_give_the_bits_of_one() -> None:
+    made = [lambda: gymnasium.make("hric_gym.envs:hric/Reach-v0", person="none") for _ in range(2)]
+    vector = gymnasium.vector.AsyncVectorEnv(made, context="spawn")
+    values, _ = vector.reset(seed=[3, 4])
+    actions = np.full((2, 7), 0.1)
+    for _ in range(5):
+        values, *_ = vector.step(actions)
+    vector.close()
+    env = CollaborationEnv("Reach", person="none")
+    for index, seed in enumerate((3, 4)):
+        env.reset(seed=seed)
+        for _ in range(5):
+            alone, *_ = env.step(actions[index])
+        for name, value in alone.items():
+            np.testing.assert_array_equal(value, values[name][index])
+    env.close()
+
+
+@pytest.mark.parametrize("action", list(MODES))
+def test_an_action_moves_the_arm_in_its_direction(action: str) -> None:
+    env = CollaborationEnv("Reach", action, person="none")
+    before, _ = env.reset(seed=1)
+    command = np.zeros(env.action_space.shape)
+    command[0] = 0.5
+    if action == "joint_position":
+        q, low, high = before["q"], env._mode._low, env._mode._high
+        command = np.clip(2.0 * (q - low) / (high - low) - 1.0, -1.0, 1.0)
+        command[0] = 0.3
+    for _ in range(15):
+        after, _, ended, _, info = env.step(command)
+        assert not ended, info["reflex"]
+    change = (
+        after["ee_position"][0] - before["ee_position"][0]
+        if "e" in action[0:1] or action == "impedance"
+        else (after["q"][0] - before["q"][0])
+    )
+    assert change > 0.01
+    env.close()
+
+
+def test_a_reflex_ends_the_episode_and_is_named() -> None:
+    env = CollaborationEnv("Contact", "joint_velocity")
+    env.reset(seed=1)
+    command, ended, info = np.array([1.0, 0, 0, 0, 0, 0, 0]), False, {}
+    costs = []
+    for _ in range(50):
+        if not ended:
+            _, _, ended, _, info = env.step(command)
+            costs.append(info["costs"]["force"])
+    assert ended and "cartesian_reflex" in info["reflex"] and max(costs) > 0.1
+    with pytest.raises(HricError, match="the episode has ended"):
+        env.step(command)
+    _, info = env.reset()
+    assert info["reflex"] == ""
+    env.close()
+
+
+def test_the_page_has_the_fields_of_observations_and_the_ids() -> None:
+    from hric_gym.spaces import FIELDS
+
+    page = (Path(__file__).resolve().parents[1] / "INTERFACE.md").read_text()
+    for name, field in FIELDS.items():
+        assert f"| `{name}` | {field.shape} | {field.unit} | {field.text} |" in page
+    assert all(f"| `{identity}` |" in page for identity in envs.IDS)
+    env = CollaborationEnv("Reach", drive="muscle")
+    assert set(env.observation_space.spaces) == set(FIELDS)
+    env.close()
+
+
+def test_what_does_not_fit_is_refused_with_the_valid_choices() -> None:
+    for settings, match in (
+        ({"task": "Reaching"}, "CoTransport, Contact, HandGuidance"),
+        ({"action": "joints"}, "joint_velocity"),
+        ({"person": "actor"}, "none, policy, reactive, scripted, trial"),
+        ({"person": "trial"}, "valid: a path, with person 'trial' only"),
+        ({"task": "Handover", "person": "none"}, "valid: scripted, policy"),
+        ({"population": "children"}, "adult_female"),
+        ({"step": 0.0015}, "a multiple of 0.001 s"),
+        ({"weights": {"speed": 1.0}}, "effort, force, posture, separation"),
+    ):
+        with pytest.raises(HricError, match=match):
+            CollaborationEnv(**settings)
+    env = CollaborationEnv("Reach", person="none")
+    env.reset(seed=0)
+    for action in (np.full(7, np.nan), np.zeros(6)):
+        with pytest.raises(HricError, match="valid: 7 finite numbers"):
+            env.step(action)
+    with pytest.raises(HricError, match="cannot be guided"):
+        env.step_with(np.zeros(7), np.zeros(3))
+    env.close()
+
+
+def test_without_gymnasium_the_error_names_the_command_that_installs_it() -> None:
+    lines = "import sys; sys.modules['gymnasium'] = None; import hric_gym.envs"
+    done = subprocess.run([sys.executable, "-c", lines], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 1 and "scripts/setup --with learning" in done.stderr.splitlines()[-1]

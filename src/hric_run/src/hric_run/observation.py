@@ -1,0 +1,163 @@
+"""Observations of a simulation at one instant, as arrays: arm, person, contacts and distance, without messages."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hric_assessment.separation.capsules import distances
+from hric_control.plant import Articulated, Contact
+from hric_control.sim.simulated_robot import SimulatedRobot
+from hric_core.geometry import FloatArray, pose_of_transform
+from hric_core.node import Node
+from hric_human.control.human_control import hand_side
+from hric_human.control.kinematics import HandChain
+from hric_human.participant.settings import HUMAN, MUSCLE, HumanSettings
+from hric_msgs.msg import JointTorque, MuscleActivation
+from hric_supervisor.arm import ArmShape, ArmState, PlacedCapsules
+from hric_supervisor.person import BodyShape, Observation
+
+
+@dataclass(frozen=True)
+class ArmObservation:
+    """State of the robot at the measuring instant.
+
+    Attributes:
+        q, dq, tau: joint positions, velocities and measured torques, shape (n,) each [rad], [rad/s], [N m].
+        T_base_ee: pose of the end effector in the base, shape (4, 4); None: the robot has no Franka state.
+        wrench_base: external wrench that the control box estimates at the stiffness frame, forces then moments, axes of
+            the base, shape (6,) [N], [N m]; None likewise.
+        capsules: capsules of the links in the world, with their velocities.
+    """
+
+    q: FloatArray
+    dq: FloatArray
+    tau: FloatArray
+    T_base_ee: FloatArray | None
+    wrench_base: FloatArray | None
+    capsules: PlacedCapsules
+
+
+@dataclass(frozen=True)
+class PersonObservation:
+    """State of the simulated person after the last step of the plant.
+
+    Attributes:
+        joints: names of the joints.
+        q, dq: joint positions and velocities, shape (n,) each [rad], [rad/s].
+        T_world_root: pose of the root link in the world, shape (4, 4).
+        T_world_hand: pose of the hand that tracks references, at the point that does so, in the world, shape (4, 4).
+        tau, strength_share: joint torques [N m], and their share of the strength [1], shape (n,), as the person last
+            reported them (`human.rate`); NaN before the first report.
+        activations: activation of each muscle [1], likewise; None: joint torques drive the person.
+        capsules: capsules of the body in the world.
+    """
+
+    joints: tuple[str, ...]
+    q: FloatArray
+    dq: FloatArray
+    T_world_root: FloatArray
+    T_world_hand: FloatArray
+    tau: FloatArray
+    strength_share: FloatArray
+    activations: FloatArray | None
+    capsules: Observation
+
+
+@dataclass(frozen=True)
+class SimulationState:
+    """State of a simulation at one instant.
+
+    Attributes:
+        time: robot time [s].
+        arm: state of the robot.
+        person: state of the person; None: there is none.
+        contacts: contact points of the last step.
+        separation: smallest distance of arm and person [m], negative if their capsules overlap; None: no person.
+    """
+
+    time: float
+    arm: ArmObservation
+    person: PersonObservation | None
+    contacts: tuple[Contact, ...]
+    separation: float | None
+
+
+class Observer:
+    """Reader of the state of a simulated robot and of the person beside it.
+
+    Args:
+        node: node of the robot's namespace.
+        hw: the simulated robot.
+
+    Attributes:
+        settings: settings of the person; None: there is none.
+
+    Raises:
+        DescriptionError: a link of the robot has no capsule, as a mesh is its only collision shape.
+    """
+
+    def __init__(self, node: Node, hw: SimulatedRobot) -> None:
+        self._hw, self._state = hw, getattr(hw, "robot_state", None)
+        self._shape = ArmShape(hw.description, hw.states.names)
+        self.settings = HumanSettings.beside_robot(node)
+        if self.settings is None:
+            return
+        body = self._body = self.settings.body()
+        self._joints = tuple(body.joints)
+        self._body_shape = BodyShape(body, self.settings.root(body))
+        side = hand_side(body, (self.settings.control or {}).get("side", "dominant"), "")
+        self._hand = HandChain(body, side)
+        count = len(self._joints)
+        walked = 0 if self.settings.walk is None else 2
+        self._q, self._dq = [0.0] * (count + walked), [0.0] * (count + walked)
+        self.restart()
+        node.subscribe(f"hric/{HUMAN}/joint_torque", JointTorque, self._on_torque)
+        if self.settings.drive == MUSCLE:
+            node.subscribe(f"hric/{HUMAN}/activation", MuscleActivation, self._on_activation)
+
+    def restart(self) -> None:
+        """Forget what the person reported before a reset."""
+        if self.settings is not None:
+            self._tau = self._share = np.full(len(self._joints), np.nan)
+            self._activations = np.empty(0) if self.settings.drive == MUSCLE else None
+
+    def _on_torque(self, message: Any) -> None:
+        self._tau, self._share = np.array(message.torque), np.array(message.strength_share)
+
+    def _on_activation(self, message: Any) -> None:
+        self._activations = np.array(message.activation)
+
+    def observe(self) -> SimulationState:
+        """Return the present state."""
+        hw, state = self._hw, self._state
+        q, dq, tau = (np.array(values) for values in (hw.states.position, hw.states.velocity, hw.states.effort))
+        arm = ArmObservation(
+            q,
+            dq,
+            tau,
+            None if state is None else np.array(state.O_T_EE).reshape(4, 4).T,
+            None if state is None else np.array(state.O_F_ext_hat_K),
+            self._shape.at(ArmState(hw.loop.time, q, dq)),
+        )
+        contacts = tuple(hw.plant.contacts())
+        if self.settings is None:
+            return SimulationState(hw.loop.time, arm, None, contacts, None)
+        person = self._person()
+        near, body = arm.capsules, person.capsules
+        separation = float(distances(near.ends[None], near.radii, body.ends[None], body.radii).min())
+        return SimulationState(hw.loop.time, arm, person, contacts, separation)
+
+    def _person(self) -> PersonObservation:
+        plant, count = self._hw.plant, len(self._joints)
+        assert isinstance(plant, Articulated), "a person is refused by other plants"
+        plant.read_joints(HUMAN, self._q, self._dq)
+        q, dq = self._q[-count:], self._dq[-count:]
+        root, _ = plant.link_state(f"{HUMAN}::{plant.base_link(HUMAN)}")
+        hand = root @ self._hand.pose(q).transform()
+        placed = self._body_shape.seen(
+            self._hw.loop.time, "world", dict(zip(self._joints, q, strict=True)), pose_of_transform(root)
+        )
+        return PersonObservation(
+            self._joints, np.array(q), np.array(dq), root, hand, self._tau, self._share, self._activations, placed
+        )
