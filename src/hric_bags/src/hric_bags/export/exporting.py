@@ -1,6 +1,7 @@
 """Export of a bag in several formats into a folder; files that exist already are not written again."""
 
 import json
+import tempfile
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -10,7 +11,7 @@ from pathlib import Path
 from tqdm import tqdm
 
 from hric_bags import files
-from hric_bags.export import anonymous, frames, loads, opensim_formats, recording, unbatched
+from hric_bags.export import anonymous, frames, loads, opensim_formats, recording, ros2_bag, unbatched
 from hric_bags.export.anonymous import Anonymiser
 from hric_bags.export.output import ExportFolder
 from hric_bags.export.recording import ExportSource
@@ -21,7 +22,9 @@ from hric_core.errors import HricError, ParameterError, UnknownNameError
 from hric_core.parameters import number
 
 PLAIN = ("npz", "csv", "parquet")
-FORMATS = (*PLAIN, "trc", "mot", "sto", "external_loads", *trial_formats.KINDS, "bag")
+BAGS = ("bag", "mcap", "ros2")
+"""Formats that are written message by message, and need no tables."""
+FORMATS = (*PLAIN, "trc", "mot", "sto", "external_loads", *trial_formats.KINDS, *BAGS)
 NEEDED: dict[str, tuple[str, ...]] = {
     **opensim_formats.NEEDED,
     "external_loads": loads.NEEDED,
@@ -70,7 +73,7 @@ class ExportResult:
 
     Attributes:
         files: files of each format, written now or before.
-        seconds: time to write each format [s], for "bag" with reading the bag; absent: the format existed already.
+        seconds: time to write each format [s], for BAGS with reading the bag; absent: the format existed already.
         reading: time to read the bag into tables [s].
         notes: sentences on how a format was made, or why there was nothing to write.
         failures: reason why a format could not be written, by format.
@@ -151,8 +154,8 @@ def export(
 def _tables(
     source: ExportSource, request: ExportRequest, missing: Sequence[str], anonymiser: Anonymiser | None, progress: bool
 ) -> tuple[dict[str, TopicTable], float]:
-    """Return the tables from which missing formats are written, and the time to read them [s]; "bag" needs none."""
-    kinds, begin = [kind for kind in missing if kind != "bag"], time.perf_counter()
+    """Return the tables from which missing formats are written, and the time to read them [s]; bags need none."""
+    kinds, begin = [kind for kind in missing if kind not in BAGS], time.perf_counter()
     if not kinds:
         return {}, 0.0
     types = () if set(kinds) - set(NEEDED) else tuple(name for kind in kinds for name in NEEDED[kind])
@@ -212,6 +215,8 @@ class _Job:
         match kind:
             case "bag":
                 self.output.write(kind, f"{self._stem}_samples.bag", self._write_bag)
+            case "mcap" | "ros2":
+                self._write_ros2(kind)
             case "sto":
                 what = "joint states, a control log, chunks of samples, synchronised samples or wrenches"
                 self._write_each(kind, self._need(kind, what, opensim_formats.is_signal), opensim_formats.write_signals)
@@ -268,6 +273,14 @@ class _Job:
 
     def _write_bag(self, path: Path) -> None:
         unbatched.write(self.source, path, self.request.topics, progress=self.progress, anonymous=self.anonymiser)
+
+    def _write_ros2(self, kind: str) -> None:
+        files.make_folder(self.output.folder)
+        with tempfile.TemporaryDirectory(prefix=".", dir=self.output.folder) as temporary:
+            folder, topics = Path(temporary) / self._stem, self.request.topics
+            ros2_bag.write(self.source, folder, kind, topics, progress=self.progress, anonymous=self.anonymiser)
+            for path in sorted(folder.iterdir()):
+                self.output.write(kind, path.name, path.replace)
 
     def _write_markers(self, table: TopicTable, path: Path) -> None:
         markers = trial_formats.with_own_labels(opensim_formats.markers_of(table, self._frames), self.source.run)

@@ -8,6 +8,7 @@ from typing import Any
 
 from rosbags.interfaces import Connection
 
+from hric_bags import foreign
 from hric_bags import parts as bag_parts
 from hric_bags import reader as bag_reader
 from hric_bags.export import batches, units
@@ -66,7 +67,8 @@ def find(name: str, root: Path | None = None) -> ExportSource:
         if bag.name.endswith(ACTIVE):
             raise ExportError(f"{bag.name} was not closed; if its recorder was killed: hric health --salvage {name}")
     urdf = folder.urdf_path.read_text() if folder is not None and folder.urdf_path.is_file() else ""
-    return ExportSource(tuple(bag_parts.parts(bags[0])), folder, {} if folder is None else folder.read(), urdf)
+    paths = bags if foreign.is_ros2(bags[0]) else bag_parts.parts(bags[0])
+    return ExportSource(tuple(paths), folder, {} if folder is None else folder.read(), urdf)
 
 
 @contextlib.contextmanager
