@@ -62,7 +62,9 @@ def by_topic(items: list[tuple[str, str, int, Any]]) -> dict[str, list[Any]]:
     return topics
 
 
-@pytest.mark.parametrize(("kind", "name"), [("mcap", ""), ("ros2", ""), ("mcap", "made_up.mcap"), ("ros2", "made_up.db3")])
+@pytest.mark.parametrize(
+    ("kind", "name"), [("mcap", ""), ("ros2", ""), ("mcap", "made_up.mcap"), ("ros2", "made_up.db3")]
+)
 def test_every_message_reads_back_equal(truth: Truth, exported: Path, kind: str, name: str) -> None:
     assert by_topic(contents(exported / kind / name)) == by_topic(contents(truth.bag))
 
@@ -113,7 +115,9 @@ def test_an_anonymised_bag_has_no_topic_that_may_identify_a_person(truth: Truth,
 def test_a_bag_of_ros_2_is_exported_as_the_bag_that_it_came_from(truth: Truth, exported: Path, tmp_path: Path) -> None:
     for bag, name in ((truth.bag, "ros1"), (exported / "mcap", "ros2")):
         exporting.export(recording.find(str(bag)), ExportRequest(("csv",)), tmp_path / name)
-    ours, theirs = ({path.name: path.read_text() for path in (tmp_path / name / "csv").iterdir()} for name in ("ros1", "ros2"))
+    ours, theirs = (
+        {path.name: path.read_text() for path in (tmp_path / name / "csv").iterdir()} for name in ("ros1", "ros2")
+    )
     assert len(ours) > 5 and theirs == ours
 
 

@@ -15,11 +15,12 @@ from hric_bags.indexed import BagError
 
 HEADER = "std_msgs/msg/Header"
 FRANKA = "franka_msgs/msg/FrankaState"
-_UPPER = """tau_J dtau_J tau_J_d K_F_ext_hat_K O_F_ext_hat_K O_dP_EE_d O_ddP_O O_dP_EE_c O_ddP_EE_c F_x_Cee I_ee F_x_Cload
-I_load F_x_Ctotal I_total O_T_EE O_T_EE_d O_T_EE_c F_T_EE F_T_NE NE_T_EE EE_T_K""".split()
+_UPPER = ["tau_J", "dtau_J", "tau_J_d", "K_F_ext_hat_K", "O_F_ext_hat_K", "O_dP_EE_d", "O_ddP_O", "O_dP_EE_c", "O_ddP_EE_c", "F_x_Cee", "I_ee", "F_x_Cload", "I_load", "F_x_Ctotal", "I_total", "O_T_EE", "O_T_EE_d", "O_T_EE_c", "F_T_EE", "F_T_NE", "NE_T_EE", "EE_T_K"]
 NAMES_IN_ROS1 = {name.lower(): name for name in _UPPER}
-"""Field of FrankaState in ROS 2 -> in ROS 1. ROS 2 permits lower case only; the names are those of franka_ros2's message
-(github.com/frankaemika/franka_ros2, franka_msgs/msg/FrankaState.msg)."""
+"""Field of FrankaState in ROS 2 -> in ROS 1; ROS 2 permits lower case only.
+
+The names are those of franka_ros2's message: github.com/frankaemika/franka_ros2, franka_msgs/msg/FrankaState.msg.
+"""
 _NAMES_IN_ROS2 = {name: lower for lower, name in NAMES_IN_ROS1.items()}
 STORAGES = {"mcap": StoragePlugin.MCAP, "ros2": StoragePlugin.SQLITE3}
 """Name of an export format -> storage of the ROS 2 bag."""
@@ -50,6 +51,7 @@ class Ros2Reader(AnyReader):
     def __init__(self, path: Path) -> None:
         super().__init__([path])
         self._path = path
+        self.connections: list[Connection] = []
         self._stored: dict[int, Connection] = {}
 
     def _open(self) -> None:

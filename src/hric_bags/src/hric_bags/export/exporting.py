@@ -13,21 +13,27 @@ from tqdm import tqdm
 from hric_bags import files
 from hric_bags.export import anonymous, frames, loads, opensim_formats, recording, ros2_bag, unbatched
 from hric_bags.export.anonymous import Anonymiser
+from hric_bags.export.lerobot import episode
 from hric_bags.export.output import ExportFolder
 from hric_bags.export.recording import ExportSource
 from hric_bags.export.table import ExportError, TopicTable
 from hric_bags.export.trial import c3d_trial, trial_formats
 from hric_core import plugins
 from hric_core.errors import HricError, ParameterError, UnknownNameError
-from hric_core.parameters import number
+from hric_core.parameters import number, whole
 
 PLAIN = ("npz", "csv", "parquet")
 BAGS = ("bag", "mcap", "ros2")
 """Formats that are written message by message, and need no tables."""
-FORMATS = (*PLAIN, "trc", "mot", "sto", "external_loads", *trial_formats.KINDS, *BAGS)
+RATE = 100
+"""Frames per second of a LeRobot data set, if not chosen otherwise [Hz]; project default, unconfirmed."""
+LEROBOT = "lerobot"
+"""Format with all runs of an export in one data set."""
+FORMATS = (*PLAIN, "trc", "mot", "sto", "external_loads", *trial_formats.KINDS, LEROBOT, *BAGS)
 NEEDED: dict[str, tuple[str, ...]] = {
     **opensim_formats.NEEDED,
     "external_loads": loads.NEEDED,
+    LEROBOT: episode.NEEDED,
     **dict.fromkeys(trial_formats.KINDS, c3d_trial.NEEDED),
 }
 """Format -> message types that it is made from; other formats need all types."""
@@ -48,6 +54,7 @@ class ExportRequest:
         load_body: body of a model on which the plates' loads act; empty: no set-up file has them.
         surface: height of the plates' surface above their electrical origin [m].
         anonymise: further words that identify the person, for an anonymised export; None: not anonymised.
+        rate: frames per second of a LeRobot data set, a whole number [Hz].
     """
 
     formats: Sequence[str]
@@ -55,6 +62,7 @@ class ExportRequest:
     load_body: str = ""
     surface: float = 0.0
     anonymise: tuple[str, ...] | None = None
+    rate: int = RATE
 
     def __post_init__(self) -> None:
         for kind in self.formats:
@@ -65,6 +73,9 @@ class ExportRequest:
             raise ParameterError("--surface has no effect; valid: with --format external_loads, c3d or xdf")
         if self.load_body and "external_loads" not in self.formats:
             raise ParameterError("--load-body has no effect; valid: with --format external_loads")
+        if self.rate != RATE and LEROBOT not in self.formats:
+            raise ParameterError("--rate has no effect; valid: with --format lerobot")
+        whole(minimum=1, unit="Hz").checked(self.rate, "--rate")
 
 
 @dataclass
@@ -109,6 +120,7 @@ def export(
     source: ExportSource,
     request: ExportRequest,
     folder: Path | None = None,
+    others: Sequence[ExportSource] = (),
     *,
     again: bool = False,
     progress: bool = False,
@@ -119,21 +131,26 @@ def export(
         source: bag to be exported, from `recording.find`.
         request: formats and settings.
         folder: output folder; None: that of `default_folder`.
+        others: bags of further episodes of a LeRobot data set, not anonymised.
         again: True: write existing files again.
         progress: True to draw progress bars.
 
     Raises:
         HricError: the bag is damaged, or does not have a requested topic.
     """
+    if others and (request.anonymise is not None or set(request.formats) != {LEROBOT}):
+        raise ParameterError("several runs: valid with --format lerobot alone, without --anonymise")
     settings = {"topics": sorted(request.topics), "load_body": request.load_body, "surface": request.surface}
+    settings |= {"rate": request.rate} if LEROBOT in request.formats else {}
     anonymiser = None if request.anonymise is None else _anonymiser(source, request.anonymise)
     if anonymiser is not None:
         source = replace(source, run=anonymiser.run, urdf=anonymiser.urdf(source.urdf))
-    output = ExportFolder(folder or default_folder(source, request), source.bags, settings, again, request.anonymise)
+    bags = [bag for each in (source, *others) for bag in each.bags]
+    output = ExportFolder(folder or default_folder(source, request), bags, settings, again, request.anonymise)
     result = ExportResult()
     missing = [kind for kind in request.formats if output.done(kind) is None]
     tables, result.reading = _tables(source, request, missing, anonymiser, progress)
-    job = _Job(source, request, output, tables, result.notes, progress, anonymiser)
+    job = _Job(source, request, output, tables, result.notes, progress, anonymiser, others)
     for kind in request.formats:
         begin = time.perf_counter()
         try:
@@ -209,6 +226,7 @@ class _Job:
     notes: list[str]
     progress: bool
     anonymiser: Anonymiser | None
+    others: Sequence[ExportSource]
 
     def write(self, kind: str) -> bool:
         """Write a format; return False if there is nothing to write."""
@@ -217,6 +235,8 @@ class _Job:
                 self.output.write(kind, f"{self._stem}_samples.bag", self._write_bag)
             case "mcap" | "ros2":
                 self._write_ros2(kind)
+            case "lerobot":
+                self._write_episodes(kind)
             case "sto":
                 what = "joint states, a control log, chunks of samples, synchronised samples or wrenches"
                 self._write_each(kind, self._need(kind, what, opensim_formats.is_signal), opensim_formats.write_signals)
@@ -281,6 +301,17 @@ class _Job:
             ros2_bag.write(self.source, folder, kind, topics, progress=self.progress, anonymous=self.anonymiser)
             for path in sorted(folder.iterdir()):
                 self.output.write(kind, path.name, path.replace)
+
+    def _write_episodes(self, kind: str) -> None:
+        from hric_bags.export.lerobot import dataset
+
+        episodes = [episode.of_run(self.tables, self.source.run, self.request.rate)]
+        for other in self.others:
+            tables = recording.read(other, progress=self.progress, types=episode.NEEDED)
+            episodes.append(episode.of_run(tables, other.run, self.request.rate))
+        for name, writer in dataset.files(episodes, self.request.rate).items():
+            self.output.write(kind, name, writer)
+        self.notes.extend(f"lerobot: {note}" for note in dataset.notes(episodes))
 
     def _write_markers(self, table: TopicTable, path: Path) -> None:
         markers = trial_formats.with_own_labels(opensim_formats.markers_of(table, self._frames), self.source.run)
