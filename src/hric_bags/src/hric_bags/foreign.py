@@ -62,7 +62,8 @@ def describe(path: Path) -> str:
 def _of_ros2(path: Path) -> str:
     """Return a text on a bag of ROS 2 that was passed as one of ROS 1."""
     if is_ros2(path):
-        return f"{path} is a bag of ROS 2; valid: a bag of ROS 1, which `rosbags-convert --src {path} --dst NAME.bag` makes of it"
+        how = f"rosbags-convert --src {path} --dst NAME.bag"
+        return f"{path} is a bag of ROS 2; valid: a bag of ROS 1, which `{how}` makes of it"
     return f"{path} is a bag of ROS 2; rename it to .db3 (SQLite) or .mcap, or `rosbags-convert` it to ROS 1"
 
 

@@ -15,7 +15,21 @@ from hric_bags.indexed import BagError
 
 HEADER = "std_msgs/msg/Header"
 FRANKA = "franka_msgs/msg/FrankaState"
-_UPPER = ["tau_J", "dtau_J", "tau_J_d", "K_F_ext_hat_K", "O_F_ext_hat_K", "O_dP_EE_d", "O_ddP_O", "O_dP_EE_c", "O_ddP_EE_c", "F_x_Cee", "I_ee", "F_x_Cload", "I_load", "F_x_Ctotal", "I_total", "O_T_EE", "O_T_EE_d", "O_T_EE_c", "F_T_EE", "F_T_NE", "NE_T_EE", "EE_T_K"]
+_UPPER = (
+    *(
+        "tau_J",
+        "dtau_J",
+        "tau_J_d",
+        "K_F_ext_hat_K",
+        "O_F_ext_hat_K",
+        "O_dP_EE_d",
+        "O_ddP_O",
+        "O_dP_EE_c",
+        "O_ddP_EE_c",
+    ),
+    *("F_x_Cee", "I_ee", "F_x_Cload", "I_load", "F_x_Ctotal", "I_total"),
+    *("O_T_EE", "O_T_EE_d", "O_T_EE_c", "F_T_EE", "F_T_NE", "NE_T_EE", "EE_T_K"),
+)
 NAMES_IN_ROS1 = {name.lower(): name for name in _UPPER}
 """Field of FrankaState in ROS 2 -> in ROS 1; ROS 2 permits lower case only.
 
