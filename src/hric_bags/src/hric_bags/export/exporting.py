@@ -145,6 +145,8 @@ def export(
     anonymiser = None if request.anonymise is None else _anonymiser(source, request.anonymise)
     if anonymiser is not None:
         source = replace(source, run=anonymiser.run, urdf=anonymiser.urdf(source.urdf))
+    if anonymiser is None and (notes := [str(note) for each in (source, *others) for note in recording.notes(each)]):
+        settings["notes"] = notes
     bags = [bag for each in (source, *others) for bag in each.bags]
     output = ExportFolder(folder or default_folder(source, request), bags, settings, again, request.anonymise)
     result = ExportResult()

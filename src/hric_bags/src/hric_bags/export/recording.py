@@ -8,7 +8,7 @@ from typing import Any
 
 from rosbags.interfaces import Connection
 
-from hric_bags import foreign
+from hric_bags import foreign, run_notes
 from hric_bags import parts as bag_parts
 from hric_bags import reader as bag_reader
 from hric_bags.export import batches, units
@@ -20,6 +20,7 @@ from hric_bags.health.salvage import ACTIVE
 from hric_bags.parts import PartsReader
 from hric_bags.run_file import RunFile
 from hric_bags.run_folder import RunFolder
+from hric_bags.run_notes import AddedNote
 from hric_core.errors import UnknownNameError
 
 RUN_CLOCK, BAG_CLOCK = "the start of the run", "the first recording of the bag"
@@ -93,7 +94,7 @@ def read(
     types: Collection[str] = (),
     anonymous: Anonymiser | None = None,
 ) -> dict[str, TopicTable]:
-    """Read topics of a bag, and return their tables by topic.
+    """Read topics of a bag, and return their tables by topic; notes on the run are a table, too, if all are read.
 
     Args:
         source: bag to be read.
@@ -113,7 +114,15 @@ def read(
         for connection, stamp, raw in reader.chosen(gathering.takes, "reading" if progress else ""):
             gathering.add(connection, stamp, raw)
         begin = reader.start_time if reader.message_count else 0
-        return gathering.tables(begin if anonymous is None else anonymous.time(begin))
+        tables = gathering.tables(begin if anonymous is None else anonymous.time(begin))
+    if anonymous is None and not topics and (added := notes(source)):
+        tables[run_notes.TOPIC] = run_notes.table(added)
+    return tables
+
+
+def notes(source: ExportSource) -> list[AddedNote]:
+    """Return the notes that were added to the run afterwards; empty: there are none, or no run folder."""
+    return [] if source.folder is None else run_notes.read(source.folder.path)
 
 
 class _Gathering:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hric_bags import run_notes
 from hric_bags.export import batches
 from hric_bags.export.resampling import ALMOST, SampledTopic
 from hric_bags.export.table import ExportError, FloatArray, TopicTable
@@ -99,7 +100,8 @@ def of_run(tables: Mapping[str, TopicTable], run: RunFile, rate: float) -> Episo
     missing = (
         [] if "observation.wrench" in features else ["no observation.wrench: the bag has no franka_msgs/FrankaState"]
     )
-    notes = (*(topic.how(times) for topic in topics.values()), *logs[0].notes, *missing)
+    added = [f"note: {note}" for note in run_notes.of_table(tables)]
+    notes = (*(topic.how(times) for topic in topics.values()), *logs[0].notes, *missing, *added)
     return Episode(task, str(robot.get("arm_id") or "unknown"), features, notes)
 
 
