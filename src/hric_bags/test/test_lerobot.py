@@ -11,7 +11,7 @@ import pandas
 import pyarrow.parquet
 import pytest
 import synthetic
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import Image, JointState
 
 from franka_msgs.msg import FrankaState
 from hric_bags.run_folder import RunFolder
@@ -154,6 +154,12 @@ def test_several_runs_are_refused_for_other_formats(tmp_path: Path, capsys: pyte
     run = str(made(tmp_path).path)
     assert main(["export", run, run, "--format", "lerobot", "csv"]) == 2
     assert "several runs: valid with --format lerobot alone" in capsys.readouterr().err
+
+
+def test_pictures_are_left_out_with_a_word(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run = synthetic.write_run(tmp_path, CYCLES, extra=[("/camera/image_raw", Image(), 0.1)])
+    assert main(["export", str(run.path), "--format", "lerobot"]) == 0
+    assert "lerobot: pictures of /camera/image_raw are left out" in capsys.readouterr().out
 
 
 def test_lost_cycles_are_noted_in_the_data_set(tmp_path: Path) -> None:

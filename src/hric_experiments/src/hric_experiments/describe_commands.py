@@ -78,7 +78,8 @@ class DescribeCommand(Command):
             Argument(
                 "what",
                 complete=_words,
-                help=f"a description (URDF, MJCF), or parameters (YAML): {', '.join(WORDS)}, or a node of a sensor, e.g. emg",
+                help=f"a description (URDF or MJCF), or parameters (YAML): {', '.join(WORDS)}, or a node of a sensor, "
+                "e.g. emg",
             ),
             *experiment_arguments(
                 f"one of: {', '.join(experiment.names())}; none: the bring-up without experiment; or the path of a "

@@ -313,7 +313,9 @@ class _Job:
             episodes.append(episode.of_run(tables, other.run, self.request.rate))
         for name, writer in dataset.files(episodes, self.request.rate).items():
             self.output.write(kind, name, writer)
-        self.notes.extend(f"lerobot: {note}" for note in dataset.notes(episodes))
+        pictures = {topic for each in (self.source, *self.others) for topic in recording.pictures(each)}
+        notes = [*dataset.notes(episodes), *(f"pictures of {topic} are left out" for topic in sorted(pictures))]
+        self.notes.extend(f"lerobot: {note}" for note in notes)
 
     def _write_markers(self, table: TopicTable, path: Path) -> None:
         markers = trial_formats.with_own_labels(opensim_formats.markers_of(table, self._frames), self.source.run)

@@ -23,6 +23,8 @@ from hric_bags.run_folder import RunFolder
 from hric_bags.run_notes import AddedNote
 from hric_core.errors import UnknownNameError
 
+PICTURES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
+"""Message types of pictures."""
 RUN_CLOCK, BAG_CLOCK = "the start of the run", "the first recording of the bag"
 
 
@@ -123,6 +125,12 @@ def read(
 def notes(source: ExportSource) -> list[AddedNote]:
     """Return the notes that were added to the run afterwards; empty: there are none, or no run folder."""
     return [] if source.folder is None else run_notes.read(source.folder.path)
+
+
+def pictures(source: ExportSource) -> list[str]:
+    """Return the topics of a bag with pictures of cameras."""
+    with open_reader(source) as reader:
+        return [c.topic for c in reader.connections if c.msgtype in PICTURES]
 
 
 class _Gathering:
