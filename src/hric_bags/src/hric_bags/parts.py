@@ -15,6 +15,7 @@ from tqdm import tqdm
 
 from hric_bags import foreign
 from hric_bags.indexed import BagError, IndexedReader, damaged
+from hric_bags.ros2 import Ros2Reader
 from hric_core.errors import HricError
 
 MARGIN = 2_000_000_000
@@ -116,7 +117,7 @@ class PartsReader(AnyReader):
     These repetitions are left out of the later part.
 
     Args:
-        bag: path of the bag, or of its first part.
+        bag: path of the bag, or of its first part; or path of a bag of ROS 2, a folder or file.
 
     Attributes:
         bag: path of the bag, as passed in.
@@ -127,14 +128,15 @@ class PartsReader(AnyReader):
 
     def __init__(self, bag: Path) -> None:
         self.bag = bag
-        paths = parts(bag)
-        if kind := next(filter(None, map(foreign.describe, paths)), ""):
+        ros2 = foreign.is_ros2(bag)
+        paths = [bag] if ros2 else parts(bag)
+        if not ros2 and (kind := next(filter(None, map(foreign.describe, paths)), "")):
             raise BagError(kind)
         try:
             super().__init__(paths)
         except AnyReaderError as error:  # the file name has no bag extension
             raise damaged(bag, error) from error
-        self.readers: list[Any] = [IndexedReader(path) for path in paths]
+        self.readers: list[Any] = [Ros2Reader(bag)] if ros2 else [IndexedReader(path) for path in paths]
         self._repeated: list[dict[Stream, int]] | None = None
 
     def _open(self) -> None:

@@ -138,6 +138,8 @@ def opened(bag: Path | Bag) -> Iterator[Bag]:
 
 
 def _check_file(path: Path) -> None:
+    if foreign.is_ros2(path):
+        return
     if path.is_dir() and (kind := foreign.describe(path)):
         raise BagError(kind)
     if not path.is_file():

@@ -10,7 +10,7 @@ import yaml
 
 from hric_core import plugins
 from hric_core.command import Argument, Command
-from hric_core.errors import check_known
+from hric_core.errors import HricError, check_known
 from hric_core.parameters import Settings, json_schema, read_yaml
 from hric_experiments.cli import experiment_arguments, log_to_terminal, sort_words
 from hric_run.definition import experiment, overrides
@@ -24,7 +24,19 @@ DESCRIBED = {
     "human_muscles": "human_muscles",
 }
 """Choices of `describe` that are printed as YAML, with the name of the function in `parameters` that returns them."""
-WORDS = ("urdf", "human_urdf", *DESCRIBED, "natnet_client", "emulated_human", "synchronizer", "person", "supervisor")
+ENGINE = "simulator:=mujoco"
+"""Override that chooses the engine whose scene is described as MJCF."""
+WORDS = (
+    "urdf",
+    "human_urdf",
+    "mjcf",
+    *DESCRIBED,
+    "natnet_client",
+    "emulated_human",
+    "synchronizer",
+    "person",
+    "supervisor",
+)
 """Choices of `describe` apart from the nodes of sensors, whose packages are slow to import; the last five are nodes."""
 
 
@@ -66,7 +78,8 @@ class DescribeCommand(Command):
             Argument(
                 "what",
                 complete=_words,
-                help=f"a description (URDF), or parameters (YAML): {', '.join(WORDS)}, or a node of a sensor, e.g. emg",
+                help=f"a description (URDF or MJCF), or parameters (YAML): {', '.join(WORDS)}, or a node of a sensor, "
+                "e.g. emg",
             ),
             *experiment_arguments(
                 f"one of: {', '.join(experiment.names())}; none: the bring-up without experiment; or the path of a "
@@ -88,6 +101,9 @@ class DescribeCommand(Command):
             check_known("description", [arguments.what], _words())
         sort_words(arguments)
         log_to_terminal(quiet=False)
+        if arguments.what == "mjcf":
+            print(_mjcf(arguments.experiment, arguments.overrides), end="")
+            return
         definition = experiment.load(arguments.experiment, arguments.overrides)
         from hric_run.definition import parameters
 
@@ -101,6 +117,18 @@ class DescribeCommand(Command):
             else:
                 values = parameters.other_nodes(definition).get(arguments.what, {})
             print(yaml.safe_dump({**values, **_also(arguments.also_file, arguments.also)}, sort_keys=False), end="")
+
+
+def _mjcf(name: str, changes: Sequence[str]) -> str:
+    """Return the scene of an experiment at its start as MJCF. Raises HricError if its engine has no MJCF."""
+    from hric_run.simulation import Simulation
+
+    chosen = any(change.startswith("simulator:=") for change in changes)
+    with Simulation(experiment.load(name, changes if chosen else [*changes, ENGINE])) as simulation:
+        plant = simulation.app.hw.plant
+        if not hasattr(plant, "mjcf"):
+            raise HricError(f"{type(plant).__name__} has no MJCF; valid: {ENGINE}")
+        return str(plant.mjcf())
 
 
 def _words() -> list[str]:

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from hric_bags import text
+from hric_bags import foreign, text
 from hric_bags.arguments import RUNS, run_arguments, run_names
 from hric_bags.run_folder import RunFolder
 from hric_bags.text import Steps
@@ -38,7 +38,7 @@ class ReportCommand(Command):
     def run(self, arguments: argparse.Namespace) -> None:
         """Rewrite metrics, figures and report of a run, or print the verdict on a bag or c3d file."""
         path = Path(arguments.run).expanduser()
-        if path.suffix.lower() in (".bag", ".c3d") and not path.is_dir():
+        if foreign.is_ros2(path) or (path.suffix.lower() in (".bag", ".c3d") and not path.is_dir()):
             _report_recording(path, arguments.html)
         else:
             _report_run(RunFolder.open(arguments.run, arguments.runs), arguments)

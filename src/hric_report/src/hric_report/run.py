@@ -6,7 +6,7 @@ from pathlib import Path
 from hric_analysis.human import SimulatedPerson
 from hric_analysis.values import Values
 from hric_assessment.typed_json import JsonObject
-from hric_bags import files
+from hric_bags import files, run_notes
 from hric_bags import reader as bag_reader
 from hric_bags.reader import RunMessages, RunRecord
 from hric_bags.run_file import RunFile, robot_parameters
@@ -57,7 +57,7 @@ def analyse(
         result = values.all()
         person = values.person
         files.write_json(folder.metrics_path, to_json(result))
-        report = report_text.render(run, result)
+        report = report_text.render(run, result) + run_notes.text(folder.path)
         files.write_text(folder.path / "summary.txt", report)
         _export(folder, run, record, person)
         if figures:

@@ -65,6 +65,18 @@ class MujocoPlant(EnginePlant, ReactingPlant):
         self.world.wrenches.count_step()
         self.world.act()
 
+    def mjcf(self) -> str:
+        """Return the scene as MuJoCo's own writer writes it (MJCF), with its present state as keyframe `start`.
+
+        Numbers have six digits. What acts from outside the compiled scene is not in it: the control box, motors,
+        penalty contact, laws of mimic joints, inertia tensors of no rigid body (a sphere's instead), persons' muscles.
+        """
+        scene = self.world.scene
+        spec = scene.built.spec.copy()
+        spec.add_key(name="start", qpos=scene.d.qpos)
+        spec.compile()
+        return str(spec.to_xml())
+
     def _set_load(self, load: tuple[str, MassProperties] | None) -> None:
         self.world.set_load(load)
 

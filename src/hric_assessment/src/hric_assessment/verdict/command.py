@@ -9,8 +9,9 @@ from hric_assessment.verdict import AssessmentChoices, Verdict, assess, opened
 from hric_assessment.verdict.choices import AREA_OPTION, choice_arguments, chosen
 from hric_assessment.verdict.comparing import compared
 from hric_assessment.verdict.conclusions import CONTACT, GROUPS, QUESTIONS
+from hric_assessment.verdict.inputs import AssessmentInput
 from hric_assessment.verdict.moment import picture
-from hric_bags import files
+from hric_bags import files, run_notes
 from hric_bags.arguments import run_arguments
 from hric_core.command import Argument, Command, perform
 from hric_core.errors import NOT_GOOD, NOT_KNOWN, HricError, check_known
@@ -62,12 +63,15 @@ class AssessCommand(Command):
         if (shown := arguments.picture) is not None and (shown.suffix != ".svg" or not shown.parent.is_dir()):
             raise HricError(f"--picture is {shown}; valid: a file name .svg in an existing folder")
         choices = chosen(arguments)
-        verdicts = [_assessed(name, arguments.runs, choices) for name in (arguments.run, *arguments.compare)]
+        sources = [opened(name, arguments.runs) for name in (arguments.run, *arguments.compare)]
+        verdicts = [_assessed(source, choices) for source in sources]
         only = [question for part in arguments.only for question in part]
         if arguments.compare:
             print(compared(verdicts, only))
         else:
             print(verdicts[0].render(only, full=arguments.all), end="")
+            for note in run_notes.read(sources[0].folder) if sources[0].kind == "run" else ():
+                print(f"note {note}")
         if arguments.picture is not None:
             _draw(verdicts[0], arguments.picture)
         return max((verdict.exit_code(only) for verdict in verdicts), key=SEVERITY.index)
@@ -82,9 +86,8 @@ def main(words: Sequence[str]) -> int:
     return perform(["assess", *words])
 
 
-def _assessed(name: str, root: Path, choices: AssessmentChoices) -> Verdict:
+def _assessed(source: AssessmentInput, choices: AssessmentChoices) -> Verdict:
     """Return the verdict of a recording, and write it next to the recording."""
-    source = opened(name, root)
     verdict = assess(source, choices)
     if choices.contact_area is not None:
         regions = {region for item in verdict.findings if item.group == GROUPS[CONTACT] for region in item.regions}

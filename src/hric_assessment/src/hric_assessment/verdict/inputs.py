@@ -5,6 +5,7 @@ from pathlib import Path
 
 from hric_assessment.typed_json import Content
 from hric_assessment.verdict.markers import FRAMES, of_frames, of_trial
+from hric_bags import foreign
 from hric_bags.records import recording
 from hric_bags.records.recording import Recording
 from hric_bags.run_file import RunFile
@@ -58,7 +59,7 @@ def opened(name: str, root: Path | None = None) -> AssessmentInput:
     path = Path(name).expanduser()
     if path.suffix.lower() in FORMATS or is_handover(path):
         return AssessmentInput(path.stem, "c3d", path.parent, of_trial(path))
-    if path.suffix == ".bag" and not (path / "run.yaml").is_file():
+    if foreign.is_bag(path):
         signals = recording.read(path)
         return _with_markers(AssessmentInput(path.stem, "bag", path.parent, signals, {}, signals.description), path)
     folder = RunFolder.open(name, root)

@@ -4,9 +4,9 @@ import argparse
 import sys
 from pathlib import Path
 
-from hric_bags.arguments import run_arguments
+from hric_bags.arguments import run_arguments, run_names
 from hric_bags.export import recording
-from hric_bags.export.exporting import ExportRequest, default_folder, export, formats
+from hric_bags.export.exporting import RATE, ExportRequest, default_folder, export, formats
 from hric_core.command import Argument, Command
 from hric_core.errors import FAILURE
 
@@ -21,6 +21,16 @@ class ExportCommand(Command):
         """Return the command-line arguments of the command."""
         return [
             *_run_arguments("export/ of the run, anonymised/ with --anonymise, or <bag>_export/ beside a bag"),
+            Argument(
+                "others",
+                nargs="*",
+                metavar="RUN",
+                help="further runs for --format lerobot: each run is an episode of the data set",
+                complete=run_names,
+            ),
+            Argument(
+                "--rate", type=int, default=RATE, metavar="HZ", help=f"lerobot: frames per second (default: {RATE})"
+            ),
             Argument(
                 "--format",
                 nargs="+",
@@ -61,11 +71,13 @@ class ExportCommand(Command):
         """Export a bag, and print what was written; return FAILURE if a format could not be written."""
         names = None if arguments.anonymise is None else tuple(arguments.anonymise)
         kinds = tuple(dict.fromkeys(arguments.formats))
-        request = ExportRequest(kinds, tuple(arguments.topics), arguments.load_body, arguments.surface, names)
-        source = recording.find(arguments.run, arguments.runs)
+        request = ExportRequest(
+            kinds, tuple(arguments.topics), arguments.load_body, arguments.surface, names, arguments.rate
+        )
+        source, *others = (recording.find(name, arguments.runs) for name in (arguments.run, *arguments.others))
         folder = default_folder(source, request) if arguments.output is None else arguments.output
         progress = not arguments.quiet and sys.stderr.isatty()
-        result = export(source, request, folder, again=arguments.again, progress=progress)
+        result = export(source, request, folder, others, again=arguments.again, progress=progress)
         if result.reading:
             print(f"bag read in {result.reading:.1f} s")
         for kind, paths in result.files.items():

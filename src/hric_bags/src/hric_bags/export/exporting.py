@@ -1,6 +1,7 @@
 """Export of a bag in several formats into a folder; files that exist already are not written again."""
 
 import json
+import tempfile
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -10,21 +11,29 @@ from pathlib import Path
 from tqdm import tqdm
 
 from hric_bags import files
-from hric_bags.export import anonymous, frames, loads, opensim_formats, recording, unbatched
+from hric_bags.export import anonymous, frames, loads, opensim_formats, recording, ros2_bag, unbatched
 from hric_bags.export.anonymous import Anonymiser
+from hric_bags.export.lerobot import episode
 from hric_bags.export.output import ExportFolder
 from hric_bags.export.recording import ExportSource
 from hric_bags.export.table import ExportError, TopicTable
 from hric_bags.export.trial import c3d_trial, trial_formats
 from hric_core import plugins
 from hric_core.errors import HricError, ParameterError, UnknownNameError
-from hric_core.parameters import number
+from hric_core.parameters import number, whole
 
 PLAIN = ("npz", "csv", "parquet")
-FORMATS = (*PLAIN, "trc", "mot", "sto", "external_loads", *trial_formats.KINDS, "bag")
+BAGS = ("bag", "mcap", "ros2")
+"""Formats that are written message by message, and need no tables."""
+RATE = 100
+"""Frames per second of a LeRobot data set, if not chosen otherwise [Hz]; project default, unconfirmed."""
+LEROBOT = "lerobot"
+"""Format with all runs of an export in one data set."""
+FORMATS = (*PLAIN, "trc", "mot", "sto", "external_loads", *trial_formats.KINDS, LEROBOT, *BAGS)
 NEEDED: dict[str, tuple[str, ...]] = {
     **opensim_formats.NEEDED,
     "external_loads": loads.NEEDED,
+    LEROBOT: episode.NEEDED,
     **dict.fromkeys(trial_formats.KINDS, c3d_trial.NEEDED),
 }
 """Format -> message types that it is made from; other formats need all types."""
@@ -45,6 +54,7 @@ class ExportRequest:
         load_body: body of a model on which the plates' loads act; empty: no set-up file has them.
         surface: height of the plates' surface above their electrical origin [m].
         anonymise: further words that identify the person, for an anonymised export; None: not anonymised.
+        rate: frames per second of a LeRobot data set, a whole number [Hz].
     """
 
     formats: Sequence[str]
@@ -52,6 +62,7 @@ class ExportRequest:
     load_body: str = ""
     surface: float = 0.0
     anonymise: tuple[str, ...] | None = None
+    rate: int = RATE
 
     def __post_init__(self) -> None:
         for kind in self.formats:
@@ -62,6 +73,9 @@ class ExportRequest:
             raise ParameterError("--surface has no effect; valid: with --format external_loads, c3d or xdf")
         if self.load_body and "external_loads" not in self.formats:
             raise ParameterError("--load-body has no effect; valid: with --format external_loads")
+        if self.rate != RATE and LEROBOT not in self.formats:
+            raise ParameterError("--rate has no effect; valid: with --format lerobot")
+        whole(minimum=1, unit="Hz").checked(self.rate, "--rate")
 
 
 @dataclass
@@ -70,7 +84,7 @@ class ExportResult:
 
     Attributes:
         files: files of each format, written now or before.
-        seconds: time to write each format [s], for "bag" with reading the bag; absent: the format existed already.
+        seconds: time to write each format [s], for BAGS with reading the bag; absent: the format existed already.
         reading: time to read the bag into tables [s].
         notes: sentences on how a format was made, or why there was nothing to write.
         failures: reason why a format could not be written, by format.
@@ -106,6 +120,7 @@ def export(
     source: ExportSource,
     request: ExportRequest,
     folder: Path | None = None,
+    others: Sequence[ExportSource] = (),
     *,
     again: bool = False,
     progress: bool = False,
@@ -116,21 +131,28 @@ def export(
         source: bag to be exported, from `recording.find`.
         request: formats and settings.
         folder: output folder; None: that of `default_folder`.
+        others: bags of further episodes of a LeRobot data set, not anonymised.
         again: True: write existing files again.
         progress: True to draw progress bars.
 
     Raises:
         HricError: the bag is damaged, or does not have a requested topic.
     """
+    if others and (request.anonymise is not None or set(request.formats) != {LEROBOT}):
+        raise ParameterError("several runs: valid with --format lerobot alone, without --anonymise")
     settings = {"topics": sorted(request.topics), "load_body": request.load_body, "surface": request.surface}
+    settings |= {"rate": request.rate} if LEROBOT in request.formats else {}
     anonymiser = None if request.anonymise is None else _anonymiser(source, request.anonymise)
     if anonymiser is not None:
         source = replace(source, run=anonymiser.run, urdf=anonymiser.urdf(source.urdf))
-    output = ExportFolder(folder or default_folder(source, request), source.bags, settings, again, request.anonymise)
+    if anonymiser is None and (notes := [str(note) for each in (source, *others) for note in recording.notes(each)]):
+        settings["notes"] = notes
+    bags = [bag for each in (source, *others) for bag in each.bags]
+    output = ExportFolder(folder or default_folder(source, request), bags, settings, again, request.anonymise)
     result = ExportResult()
     missing = [kind for kind in request.formats if output.done(kind) is None]
     tables, result.reading = _tables(source, request, missing, anonymiser, progress)
-    job = _Job(source, request, output, tables, result.notes, progress, anonymiser)
+    job = _Job(source, request, output, tables, result.notes, progress, anonymiser, others)
     for kind in request.formats:
         begin = time.perf_counter()
         try:
@@ -151,8 +173,8 @@ def export(
 def _tables(
     source: ExportSource, request: ExportRequest, missing: Sequence[str], anonymiser: Anonymiser | None, progress: bool
 ) -> tuple[dict[str, TopicTable], float]:
-    """Return the tables from which missing formats are written, and the time to read them [s]; "bag" needs none."""
-    kinds, begin = [kind for kind in missing if kind != "bag"], time.perf_counter()
+    """Return the tables from which missing formats are written, and the time to read them [s]; bags need none."""
+    kinds, begin = [kind for kind in missing if kind not in BAGS], time.perf_counter()
     if not kinds:
         return {}, 0.0
     types = () if set(kinds) - set(NEEDED) else tuple(name for kind in kinds for name in NEEDED[kind])
@@ -206,12 +228,17 @@ class _Job:
     notes: list[str]
     progress: bool
     anonymiser: Anonymiser | None
+    others: Sequence[ExportSource]
 
     def write(self, kind: str) -> bool:
         """Write a format; return False if there is nothing to write."""
         match kind:
             case "bag":
                 self.output.write(kind, f"{self._stem}_samples.bag", self._write_bag)
+            case "mcap" | "ros2":
+                self._write_ros2(kind)
+            case "lerobot":
+                self._write_episodes(kind)
             case "sto":
                 what = "joint states, a control log, chunks of samples, synchronised samples or wrenches"
                 self._write_each(kind, self._need(kind, what, opensim_formats.is_signal), opensim_formats.write_signals)
@@ -268,6 +295,27 @@ class _Job:
 
     def _write_bag(self, path: Path) -> None:
         unbatched.write(self.source, path, self.request.topics, progress=self.progress, anonymous=self.anonymiser)
+
+    def _write_ros2(self, kind: str) -> None:
+        files.make_folder(self.output.folder)
+        with tempfile.TemporaryDirectory(prefix=".", dir=self.output.folder) as temporary:
+            folder, topics = Path(temporary) / self._stem, self.request.topics
+            ros2_bag.write(self.source, folder, kind, topics, progress=self.progress, anonymous=self.anonymiser)
+            for path in sorted(folder.iterdir()):
+                self.output.write(kind, path.name, path.replace)
+
+    def _write_episodes(self, kind: str) -> None:
+        from hric_bags.export.lerobot import dataset
+
+        episodes = [episode.of_run(self.tables, self.source.run, self.request.rate)]
+        for other in self.others:
+            tables = recording.read(other, progress=self.progress, types=episode.NEEDED)
+            episodes.append(episode.of_run(tables, other.run, self.request.rate))
+        for name, writer in dataset.files(episodes, self.request.rate).items():
+            self.output.write(kind, name, writer)
+        pictures = {topic for each in (self.source, *self.others) for topic in recording.pictures(each)}
+        notes = [*dataset.notes(episodes), *(f"pictures of {topic} are left out" for topic in sorted(pictures))]
+        self.notes.extend(f"lerobot: {note}" for note in notes)
 
     def _write_markers(self, table: TopicTable, path: Path) -> None:
         markers = trial_formats.with_own_labels(opensim_formats.markers_of(table, self._frames), self.source.run)

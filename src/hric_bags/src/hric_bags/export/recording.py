@@ -8,6 +8,7 @@ from typing import Any
 
 from rosbags.interfaces import Connection
 
+from hric_bags import foreign, run_notes
 from hric_bags import parts as bag_parts
 from hric_bags import reader as bag_reader
 from hric_bags.export import batches, units
@@ -19,8 +20,11 @@ from hric_bags.health.salvage import ACTIVE
 from hric_bags.parts import PartsReader
 from hric_bags.run_file import RunFile
 from hric_bags.run_folder import RunFolder
+from hric_bags.run_notes import AddedNote
 from hric_core.errors import UnknownNameError
 
+PICTURES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
+"""Message types of pictures."""
 RUN_CLOCK, BAG_CLOCK = "the start of the run", "the first recording of the bag"
 
 
@@ -66,7 +70,8 @@ def find(name: str, root: Path | None = None) -> ExportSource:
         if bag.name.endswith(ACTIVE):
             raise ExportError(f"{bag.name} was not closed; if its recorder was killed: hric health --salvage {name}")
     urdf = folder.urdf_path.read_text() if folder is not None and folder.urdf_path.is_file() else ""
-    return ExportSource(tuple(bag_parts.parts(bags[0])), folder, {} if folder is None else folder.read(), urdf)
+    paths = bags if foreign.is_ros2(bags[0]) else bag_parts.parts(bags[0])
+    return ExportSource(tuple(paths), folder, {} if folder is None else folder.read(), urdf)
 
 
 @contextlib.contextmanager
@@ -91,7 +96,7 @@ def read(
     types: Collection[str] = (),
     anonymous: Anonymiser | None = None,
 ) -> dict[str, TopicTable]:
-    """Read topics of a bag, and return their tables by topic.
+    """Read topics of a bag, and return their tables by topic; notes on the run are a table, too, if all are read.
 
     Args:
         source: bag to be read.
@@ -111,7 +116,21 @@ def read(
         for connection, stamp, raw in reader.chosen(gathering.takes, "reading" if progress else ""):
             gathering.add(connection, stamp, raw)
         begin = reader.start_time if reader.message_count else 0
-        return gathering.tables(begin if anonymous is None else anonymous.time(begin))
+        tables = gathering.tables(begin if anonymous is None else anonymous.time(begin))
+    if anonymous is None and not topics and (added := notes(source)):
+        tables[run_notes.TOPIC] = run_notes.table(added)
+    return tables
+
+
+def notes(source: ExportSource) -> list[AddedNote]:
+    """Return the notes that were added to the run afterwards; empty: there are none, or no run folder."""
+    return [] if source.folder is None else run_notes.read(source.folder.path)
+
+
+def pictures(source: ExportSource) -> list[str]:
+    """Return the topics of a bag with pictures of cameras."""
+    with open_reader(source) as reader:
+        return [c.topic for c in reader.connections if c.msgtype in PICTURES]
 
 
 class _Gathering:

@@ -64,7 +64,7 @@ def find(name: str, root: Path | None = None) -> tuple[list[Path], RunFolder | N
         HricError: there is no such bag or run.
     """
     path = Path(name).expanduser()
-    if path.is_file():
+    if path.is_file() or foreign.is_ros2(path):
         return _parts(path), None
     if not (path / "run.yaml").is_file() and (path.name.endswith((".bag", ACTIVE))):
         raise HealthError(foreign.describe(path) or f"no bag {path}")
@@ -104,6 +104,8 @@ def examine(path: Path, *, progress: bool = False, doubtful: Sequence[str] = ())
     Raises:
         HricError: the file is not a bag, or cannot be read.
     """
+    if foreign.is_ros2(path):
+        raise HealthError(foreign.describe(path))
     scan = BagScan(path)
     gatherer = StreamGatherer()
     unknown = 0

@@ -22,6 +22,8 @@ from hric_core.trial.plates import METRES, Group, PlateReader, TrialPlate, first
 
 PROGRAMS = ("c3d", "trc", "mot")
 """Values of the parameter `program` that replay a file: "c3d" for emulated sensors, all for a simulated human."""
+TRAJECTORY = "trajectory_file"
+"""Key of a file with joint positions that a robot replays."""
 VOLTS = {"v": 1.0, "volts": 1.0, "mv": 1e-3, "uv": 1e-6, "µv": 1e-6, "μv": 1e-6}
 """Factors to volts, by the unit of an analog channel in a c3d file (parameter ANALOG:UNITS), in lower case."""
 MEASURES = (
@@ -149,13 +151,18 @@ def resolve(address: str) -> Path:
 
 
 def located(tree: Any, folder: Path) -> Any:
-    """Return settings with absolute `path`s wherever a `program` replays a file; `folder`: base of relative paths."""
+    """Return settings with absolute paths of replayed files; `folder`: base of relative paths.
+
+    These are `trajectory_file`, and `path` next to a `program` that replays a file.
+    """
     if not isinstance(tree, Mapping):
         return tree
     absolute = {key: located(value, folder) for key, value in tree.items()}
     path = absolute.get("path")
     if absolute.get("program") in PROGRAMS and isinstance(path, str) and path and not path.startswith(PACKAGE):
         absolute["path"] = str((folder / Path(path).expanduser()).absolute())
+    if isinstance(file := absolute.get(TRAJECTORY), str) and file:
+        absolute[TRAJECTORY] = str((folder / Path(file).expanduser()).absolute())
     return absolute
 
 

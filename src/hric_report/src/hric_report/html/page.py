@@ -83,6 +83,7 @@ def render_page(page: Page) -> str:
         contact_table=tables.contact_table,
         flat=tables.flat,
         known=tables.known,
+        notes_table=tables.notes_table,
         overview=tables.overview,
         setpoint_table=tables.setpoint_table,
         sync_tables=tables.sync_tables,

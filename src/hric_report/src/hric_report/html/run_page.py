@@ -4,6 +4,7 @@ from markupsafe import Markup
 
 from hric_analysis import stability
 from hric_analysis.recordings import RunEvent
+from hric_bags import run_notes
 from hric_bags.run_folder import COMPLETED
 from hric_report import figures, headline
 from hric_report.figures import FigureData
@@ -79,7 +80,7 @@ def verdicts(data: RunData) -> list[tuple[str, str]]:
 
 
 def events(data: RunData) -> list[RunEvent]:
-    """Return all events of a run in the order of time: recorded ones, setpoints, reflexes, supervisor events."""
+    """Return all events of a run in the order of time: recorded ones, setpoints, reflexes, supervisor events, notes."""
     listed = list(data.recorded.events)
     listed += [
         RunEvent(s.time, "setpoint", s.controller, ", ".join(number(float(q)) for q in s.positions) + " rad")
@@ -88,4 +89,6 @@ def events(data: RunData) -> list[RunEvent]:
     listed += [RunEvent(time, "reflex", "arm", ", ".join(names)) for time, names in data.record.reflexes]
     if data.safety is not None:
         listed += [RunEvent(event.time, event.kind, "supervisor", event.text) for event in data.safety.events]
+    notes = run_notes.read(data.folder.path)
+    listed += [RunEvent(note.at, "note", note.signature, note.text) for note in notes if note.at is not None]
     return sorted(listed, key=lambda event: event.time)

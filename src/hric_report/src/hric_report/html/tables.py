@@ -9,9 +9,11 @@ import numpy as np
 from hric_analysis.metrics import SetpointMetrics
 from hric_analysis.recordings import Recordings
 from hric_assessment.typed_json import Content
+from hric_bags import run_notes
 from hric_bags.records import contact_record
 from hric_bags.records.contact_record import PairForce
 from hric_bags.run_file import RunFile
+from hric_bags.run_folder import RunFolder
 from hric_core.json_values import from_json
 from hric_report.html.table import PageTable, number
 from hric_report.text import setpoint_cells
@@ -63,6 +65,13 @@ def overview(run: RunFile, metrics: Content) -> PageTable:
     if run.get("arm_error"):
         rows.append(("arm error at the end", str(run["arm_error"])))
     return PageTable("Overview of the run", ("entry", "value"), tuple(rows))
+
+
+def notes_table(folder: RunFolder) -> PageTable | None:
+    """Return the table of the notes that were added to a run afterwards; None: there are none."""
+    notes = run_notes.read(folder.path)
+    rows = tuple(("-" if note.at is None else f"{note.at:.3f}", note.text, note.by, note.written) for note in notes)
+    return PageTable("Notes added after the run", ("time [s]", "note", "by", "written"), rows) if rows else None
 
 
 def setpoint_table(move: Content) -> PageTable:

@@ -8,6 +8,7 @@ from hric_assessment.typed_json import Content
 from hric_assessment.verdict.command import FILE
 from hric_assessment.verdict.conclusions import Conclusion, Reply
 from hric_assessment.verdict.moment import Moment, picture
+from hric_bags import run_notes
 from hric_bags.run_file import RunFile
 from hric_bags.run_folder import COMPLETED, RunFolder
 from hric_report import html as report_html
@@ -37,10 +38,11 @@ def part_of(folder: RunFolder) -> DossierPart:
         {finding["group"] for finding in findings},
         {region for finding in findings for region in finding["regions"]},
         {verdict["limits"]["title"]} if verdict else (),
-        present(folder.path, "run.yaml", FILE, "metrics.json", "robot.urdf"),
+        present(folder.path, "run.yaml", FILE, "metrics.json", "robot.urdf", run_notes.FILE),
         present(folder.path, folder.bag_of(run).name),
         [
             tables.overview(run, metrics),
+            *filter(None, [tables.notes_table(folder)]),
             listed("Definition of the experiment", run.get("definition") or {}),
             listed("Versions and platform", {key: run.get(key) or {} for key in ("versions", "platform")}),
         ],

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hric_bags import run_notes
 from hric_bags.export import batches, opensim_formats, resampling
 from hric_bags.export.frames import STATIC, FixedFrames
 from hric_bags.export.opensim_text import GROUND, marker_name
@@ -249,11 +250,14 @@ def _differ(labels: Sequence[str], taken: Sequence[str] = ()) -> list[str]:
 
 
 def _events(tables: Mapping[str, TopicTable], grid: _Grid, replayed: ReplayedTrial | None) -> tuple[TrialEvent, ...]:
-    """Return the events in the file: triggers, and those of the replayed trial or phases of the emulated human."""
+    """Return the events in the file: triggers, notes, and those of the replayed trial or phases of the human."""
     events = [] if replayed is None else replayed.events(tables)
     for table in tables.values():
         if table.type_name == TRIGGER_TYPE and table.topic.endswith(TRIGGER):
             events += [TrialEvent(time, "trigger") for time in table.time.tolist()]
+        elif table.type_name == run_notes.TYPE:
+            words = (map(str, table.named()[name].values) for name in ("text", "by"))
+            events += map(TrialEvent, table.time.tolist(), *words)
         elif (
             replayed is None
             and table.type_name == PHASE_TYPE

@@ -1,0 +1,138 @@
+"""Episode of a LeRobot data set: signals of one run at an even rate."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from hric_bags import run_notes
+from hric_bags.export import batches
+from hric_bags.export.resampling import ALMOST, SampledTopic
+from hric_bags.export.table import ExportError, FloatArray, TopicTable
+from hric_bags.reader import FRANKA_TYPE
+from hric_bags.records.one_publisher import JOINTS
+from hric_bags.records.recording import STATES_TYPE
+from hric_bags.run_file import RunFile
+
+NEEDED = (batches.CONTROL_LOG, FRANKA_TYPE, STATES_TYPE)
+"""Message types from which an episode is made."""
+OF_LOG = {
+    "observation.state": "position",
+    "observation.velocity": "velocity",
+    "observation.effort": "effort",
+    "action": "command",
+}
+"""Name of a feature -> columns of the control log."""
+WRENCH = tuple(f"O_F_ext_hat_K.{k}" for k in range(6))
+"""Columns of FrankaState with the feature observation.wrench."""
+WRENCH_NAMES, WRENCH_UNITS = ("fx", "fy", "fz", "tx", "ty", "tz"), ("N", "N", "N", "N m", "N m", "N m")
+UNKNOWN = "task not known"
+"""Task of a run without description and experiment."""
+
+
+@dataclass(frozen=True)
+class Feature:
+    """Signals of an episode over its n frames.
+
+    Attributes:
+        names: names of the k signals.
+        units: units of the signals.
+        values: values, shape (n, k).
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    values: FloatArray
+
+
+@dataclass(frozen=True)
+class Episode:
+    """Signals of one run.
+
+    Attributes:
+        task: description of the experiment.
+        robot: name of the robot.
+        features: signals by the name of the feature, all with the same number of frames.
+        notes: how the values were obtained, one sentence each.
+    """
+
+    task: str
+    robot: str
+    features: Mapping[str, Feature]
+    notes: tuple[str, ...]
+
+    @property
+    def length(self) -> int:
+        """Number of frames."""
+        return len(self.features["action"].values)
+
+
+def of_run(tables: Mapping[str, TopicTable], run: RunFile, rate: float) -> Episode:
+    """Return the episode of a run; frames begin at a control cycle, and end where any of the signals ends.
+
+    Args:
+        tables: tables of the run by topic.
+        run: contents of run.yaml; may be empty.
+        rate: frames per second, a whole part of the rate of the control log [Hz].
+
+    Raises:
+        ExportError: there is no control log, or `rate` is not a whole part of its rate.
+    """
+    logs = [table for table in tables.values() if table.type_name == batches.CONTROL_LOG]
+    if len(logs) != 1 or len(logs[0].time) < 2:
+        raise ExportError(f"format lerobot needs the control log of one arm; the bag has {len(logs)}")
+    sources = {name: (logs[0], of_log) for name, of_log in _columns_of_log(logs[0]).items()}
+    for table in tables.values():
+        columns = [column.name for column in table.columns]
+        if table.type_name == FRANKA_TYPE and set(WRENCH) <= set(columns) and len(table.time) > 1:
+            sources["observation.wrench"] = table, list(WRENCH)
+        joints = [name for name in columns if name.startswith("position.")]
+        if table.type_name == STATES_TYPE and JOINTS & {name.partition(".")[2] for name in joints}:
+            sources[_name_of_person(table.topic)] = table, joints
+    topics = {table.topic: SampledTopic(table) for table, _ in sources.values()}
+    times = _grid(list(topics.values()), topics[logs[0].topic], rate)
+    features = {
+        name: _feature(table, columns, topics[table.topic].values(columns, times))
+        for name, (table, columns) in sources.items()
+    }
+    task = str(run.get("description") or run.get("experiment") or UNKNOWN)
+    robot = (run.get("definition") or {}).get("robot") or {}
+    missing = (
+        [] if "observation.wrench" in features else ["no observation.wrench: the bag has no franka_msgs/FrankaState"]
+    )
+    added = [f"note: {note}" for note in run_notes.of_table(tables)]
+    notes = (*(topic.how(times) for topic in topics.values()), *logs[0].notes, *missing, *added)
+    return Episode(task, str(robot.get("arm_id") or "unknown"), features, notes)
+
+
+def _columns_of_log(log: TopicTable) -> dict[str, list[str]]:
+    joints = list(log.below("position"))
+    return {name: [f"{field}.{joint}" for joint in joints] for name, field in OF_LOG.items()}
+
+
+def _name_of_person(topic: str) -> str:
+    """Return the name of the feature with the joint positions of a person, e.g. "observation.human"."""
+    return f"observation.{topic.strip('/').removeprefix('hric/').rpartition('/')[0].replace('/', '.') or 'person'}"
+
+
+def _feature(table: TopicTable, columns: list[str], values: FloatArray) -> Feature:
+    if tuple(columns) == WRENCH:
+        return Feature(WRENCH_NAMES, WRENCH_UNITS, values)
+    units = {column.name: column.unit for column in table.columns}
+    names = [column.partition(".")[2] for column in columns]
+    return Feature(tuple(names), tuple(units[column] for column in columns), values)
+
+
+def _grid(topics: list[SampledTopic], log: SampledTopic, rate: float) -> FloatArray:
+    """Return the times of the frames, shape (n,) [s]."""
+    step = log.rate / rate
+    if abs(step - round(step)) > ALMOST or round(step) < 1:
+        whole = [log.rate / k for k in (1, 2, 4, 5, 10, 20, 50, 100)]
+        valid = ", ".join(f"{value:g}" for value in whole if abs(value - round(value)) < ALMOST)
+        raise ExportError(f"--rate {rate:g}: valid: a whole part of the {log.rate:g} Hz of the control log, as {valid}")
+    begin = log.time[np.searchsorted(log.time, max(topic.time[0] for topic in topics) - ALMOST / log.rate)]
+    end = min(topic.time[-1] for topic in topics)
+    count = int(np.floor((end - begin) * rate + ALMOST)) + 1
+    if count < 2:
+        raise ExportError(f"the signals have {max(end - begin, 0.0):.3f} s in common; valid: at least two frames")
+    return np.asarray(begin + np.arange(count) / rate)

@@ -1,0 +1,137 @@
+"""Bags of ROS 2 (SQLite or MCAP): reader that yields ROS 1 messages, and writer of the messages of a ROS 1 bag."""
+
+from collections.abc import Collection, Generator
+from pathlib import Path
+from typing import Any
+
+from rosbags.convert.converter import LATCH
+from rosbags.highlevel import AnyReader
+from rosbags.interfaces import Connection, ConnectionExtRosbag1, MessageDefinition, MessageDefinitionFormat
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys.store import Typestore
+
+from hric_bags.indexed import BagError
+
+HEADER = "std_msgs/msg/Header"
+FRANKA = "franka_msgs/msg/FrankaState"
+_UPPER = (
+    *(
+        "tau_J",
+        "dtau_J",
+        "tau_J_d",
+        "K_F_ext_hat_K",
+        "O_F_ext_hat_K",
+        "O_dP_EE_d",
+        "O_ddP_O",
+        "O_dP_EE_c",
+        "O_ddP_EE_c",
+    ),
+    *("F_x_Cee", "I_ee", "F_x_Cload", "I_load", "F_x_Ctotal", "I_total"),
+    *("O_T_EE", "O_T_EE_d", "O_T_EE_c", "F_T_EE", "F_T_NE", "NE_T_EE", "EE_T_K"),
+)
+NAMES_IN_ROS1 = {name.lower(): name for name in _UPPER}
+"""Field of FrankaState in ROS 2 -> in ROS 1; ROS 2 permits lower case only.
+
+The names are those of franka_ros2's message: github.com/frankaemika/franka_ros2, franka_msgs/msg/FrankaState.msg.
+"""
+_NAMES_IN_ROS2 = {name: lower for lower, name in NAMES_IN_ROS1.items()}
+STORAGES = {"mcap": StoragePlugin.MCAP, "ros2": StoragePlugin.SQLITE3}
+"""Name of an export format -> storage of the ROS 2 bag."""
+VERSION = 8
+"""Version of the metadata of written bags."""
+
+
+def typestore(types: Typestore, *, ros1: bool) -> Typestore:
+    """Return message types of one ROS as those of the other: its header, and its names of the fields of FrankaState."""
+    names = NAMES_IN_ROS1 if ros1 else _NAMES_IN_ROS2
+    standard = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE).fielddefs
+    fields = {**standard, **types.fielddefs, HEADER: standard[HEADER]}
+    if FRANKA in fields:
+        constants, members = fields[FRANKA]
+        fields[FRANKA] = constants, [(names.get(name, name), kind) for name, kind in members]
+    converted = get_typestore(Stores.EMPTY)
+    converted.register(fields)
+    return converted
+
+
+class Ros2Reader(AnyReader):
+    """Reader of a bag of ROS 2, whose connections and messages are converted to ROS 1.
+
+    Args:
+        path: folder with metadata.yaml, or a file of SQLite (.db3) or MCAP.
+    """
+
+    def __init__(self, path: Path) -> None:
+        super().__init__([path])
+        self._path = path
+        self.connections: list[Connection] = []
+        self._stored: dict[int, Connection] = {}
+
+    def _open(self) -> None:
+        try:
+            super()._open()
+            self._stored = {connection.id: connection for connection in self.connections}
+            types = typestore(self.typestore, ros1=True)
+            self.connections = [self._converted(connection, types) for connection in self.connections]
+        except Exception as error:  # a damaged file may raise any error
+            raise self._unreadable(error) from error
+
+    def _unreadable(self, error: Exception) -> BagError:
+        reason = " ".join(str(error).split()) or type(error).__name__
+        return BagError(f"cannot read {self._path.name}, a bag of ROS 2: {reason}")
+
+    def _converted(self, connection: Connection, types: Typestore) -> Connection:
+        text, checksum = types.generate_msgdef(connection.msgtype)
+        latching = any(qos.durability.value == 1 for qos in connection.ext.offered_qos_profiles)
+        return connection._replace(
+            msgdef=MessageDefinition(MessageDefinitionFormat.MSG, text),
+            digest=checksum,
+            ext=ConnectionExtRosbag1(None, int(latching)),
+            owner=self,
+        )
+
+    def messages(
+        self, connections: Collection[Connection] = (), start: int | None = None, stop: int | None = None
+    ) -> Generator[Any, None, None]:
+        """Yield (connection, recording time [ns], message serialised as in ROS 1) in the order of time.
+
+        Raises:
+            BagError: the bag is damaged.
+        """
+        by_id = {connection.id: connection for connection in connections or self.connections}
+        items = super().messages([self._stored[number] for number in by_id], start, stop)
+        while True:
+            try:
+                stored, time, raw = next(items)
+                message = bytes(self.typestore.cdr_to_ros1(raw, stored.msgtype))
+            except StopIteration:
+                return
+            except Exception as error:  # a damaged file may raise any error
+                raise self._unreadable(error) from error
+            yield by_id[stored.id], time, message
+
+
+class Ros2Writer(Writer):
+    """Writer of a ROS 2 bag from messages that are serialised as in ROS 1; MCAP is compressed by zstd.
+
+    Args:
+        folder: folder of the bag, which must not exist.
+        kind: one of STORAGES.
+        types: message types as in ROS 1.
+    """
+
+    def __init__(self, folder: Path, kind: str, types: Typestore) -> None:
+        super().__init__(folder, version=VERSION, storage_plugin=STORAGES[kind])
+        if kind == "mcap":
+            self.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+        self._types = typestore(types, ros1=False)
+
+    def add_topic(self, topic: str, kind: str, *, latching: bool) -> Connection:
+        """Add a topic; kind: message type; latching: True if new subscribers receive the last message."""
+        qos = LATCH if latching else []
+        return self.add_connection(topic, kind, typestore=self._types, offered_qos_profiles=qos)
+
+    def write_ros1(self, connection: Connection, time: int, raw: bytes) -> None:
+        """Write a message that is serialised as in ROS 1; time: recording time [ns]."""
+        self.write(connection, time, self._types.ros1_to_cdr(raw, connection.msgtype))

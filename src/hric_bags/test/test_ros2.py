@@ -1,0 +1,147 @@
+"""Bags of ROS 2: export as MCAP and SQLite, opened by a reader of another project, and read again."""
+
+from dataclasses import MISSING, fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import export_bags
+import numpy as np
+import pytest
+from export_bags import Truth
+
+from hric_bags import foreign, ros2
+from hric_bags.export import exporting, recording
+from hric_bags.export.exporting import ExportRequest
+from hric_bags.parts import PartsReader
+from hric_bags.run_folder import workspace
+from hric_core.command import main
+
+MESSAGES = workspace() / "src"
+
+
+@pytest.fixture(scope="module")
+def truth(tmp_path_factory: pytest.TempPathFactory) -> Truth:
+    return export_bags.write(tmp_path_factory.mktemp("bag") / "made_up.bag")
+
+
+@pytest.fixture(scope="module")
+def exported(truth: Truth, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("export")
+    assert not export(truth.bag, folder).failures
+    return folder
+
+
+def export(bag: Path, folder: Path, **request: Any) -> exporting.ExportResult:
+    return exporting.export(recording.find(str(bag)), ExportRequest(("mcap", "ros2"), **request), folder)
+
+
+def contents(bag: Path) -> list[tuple[str, str, int, Any]]:
+    """Return (topic, type, recording time, message without `seq`, which ROS 2 does not have) of all messages."""
+    with PartsReader(bag) as reader:
+        return [
+            (c.topic, c.msgtype, time, plain(reader.deserialize(raw, c.msgtype))) for c, time, raw in reader.messages()
+        ]
+
+
+def plain(value: Any) -> Any:
+    """Return a message of any library as nested lists, without `seq` of headers and without names of fields."""
+    names = getattr(value, "__slots__", None)
+    if is_dataclass(value):  # a field with a default is a constant
+        names = [field.name for field in fields(value) if field.default is MISSING]
+    if names is not None:
+        return [plain(getattr(value, name)) for name in names if name not in ("seq", "__msgtype__")]
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    return [plain(item) for item in value] if isinstance(value, (list, tuple)) else value
+
+
+def by_topic(items: list[tuple[str, str, int, Any]]) -> dict[str, list[Any]]:
+    topics: dict[str, list[Any]] = {}
+    for topic, *item in items:
+        topics.setdefault(topic, []).append(item)
+    return topics
+
+
+@pytest.mark.parametrize(
+    ("kind", "name"), [("mcap", ""), ("ros2", ""), ("mcap", "made_up.mcap"), ("ros2", "made_up.db3")]
+)
+def test_every_message_reads_back_equal(truth: Truth, exported: Path, kind: str, name: str) -> None:
+    assert by_topic(contents(exported / kind / name)) == by_topic(contents(truth.bag))
+
+
+def test_a_reader_of_another_project_finds_every_value(truth: Truth, exported: Path) -> None:
+    reader = pytest.importorskip("mcap.reader")
+    factory = pytest.importorskip("mcap_ros2.decoder").DecoderFactory()
+    with (exported / "mcap" / "made_up.mcap").open("rb") as file:
+        found = [
+            (channel.topic, schema.name, message.log_time, plain(decoded))
+            for schema, channel, message, decoded in reader.make_reader(
+                file, decoder_factories=[factory]
+            ).iter_decoded_messages()
+        ]
+    assert by_topic(found) == by_topic(contents(truth.bag))
+
+
+def test_fields_in_upper_case_have_the_names_of_franka_ros2() -> None:
+    fields = [
+        line.split("#")[0].split()[1]
+        for line in (MESSAGES / "franka_msgs/msg/FrankaState.msg").read_text().splitlines()
+        if line.strip() and not line.startswith("#") and "=" not in line.split("#")[0]
+    ]
+    assert {name for name in fields if not name.islower()} == set(ros2.NAMES_IN_ROS1.values())
+
+
+@pytest.mark.parametrize("file", sorted(MESSAGES.glob("*_msgs/msg/*.msg")), ids=lambda path: path.stem)
+def test_all_other_fields_are_permitted_by_ros_2(file: Path) -> None:
+    for line in file.read_text().splitlines():
+        words = line.split("#")[0].split()
+        if len(words) >= 2 and "=" not in line.split("#")[0] and file.stem != "FrankaState":
+            name = words[1]
+            assert name == name.lower() and "__" not in name and not name.endswith("_"), (file, name)
+
+
+def test_only_requested_topics_are_written(truth: Truth, tmp_path: Path) -> None:
+    assert not export(truth.bag, tmp_path, topics=("/joint_states",)).failures
+    assert {topic for topic, *_ in contents(tmp_path / "mcap")} == {"/joint_states"}
+
+
+def test_an_anonymised_bag_has_no_topic_that_may_identify_a_person(truth: Truth, tmp_path: Path) -> None:
+    result = export(truth.bag, tmp_path, anonymise=())
+    topics = {topic for topic, *_ in contents(tmp_path / "mcap")}
+    assert not result.failures and "/joint_states" in topics and not {"/note", "/rosout"} & topics
+    assert b"with a comma" not in (tmp_path / "ros2" / "recording.db3").read_bytes()
+
+
+def test_a_bag_of_ros_2_is_exported_as_the_bag_that_it_came_from(truth: Truth, exported: Path, tmp_path: Path) -> None:
+    for bag, name in ((truth.bag, "ros1"), (exported / "mcap", "ros2")):
+        exporting.export(recording.find(str(bag)), ExportRequest(("csv",)), tmp_path / name)
+    ours, theirs = (
+        {path.name: path.read_text() for path in (tmp_path / name / "csv").iterdir()} for name in ("ros1", "ros2")
+    )
+    assert len(ours) > 5 and theirs == ours
+
+
+@pytest.mark.parametrize("size", [10, 400, 20_000])
+@pytest.mark.parametrize("file", ["mcap/made_up.mcap", "ros2/made_up.db3"])
+def test_a_file_that_ends_too_early_is_refused_in_one_sentence(
+    exported: Path, tmp_path: Path, size: int, file: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / Path(file).name
+    path.write_bytes((exported / file).read_bytes()[:size])
+    assert main(["export", str(path), "--format", "csv"]) in (1, 2)
+    message = capsys.readouterr().err
+    assert path.name in message and message.count("\n") == 1 and "Traceback" not in message
+
+
+def test_health_of_a_bag_of_ros_2_is_refused_with_the_way_to_convert_it(
+    exported: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["health", str(exported / "mcap")]) == 2
+    assert "rosbags-convert" in capsys.readouterr().err
+
+
+def test_a_run_folder_is_no_bag(tmp_path: Path) -> None:
+    (tmp_path / "metadata.yaml").write_text("")
+    assert foreign.is_ros2(tmp_path)
+    (tmp_path / "run.yaml").write_text("")
+    assert not foreign.is_ros2(tmp_path)

@@ -1,0 +1,1 @@
+"""Motions of an arm from data sets of others, replayed as experiments."""

@@ -1,0 +1,139 @@
+"""Reader of the joint positions of an episode in a LeRobot data set, version 2 or 3."""
+
+import json
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.compute
+import pyarrow.parquet
+
+from hric_core.errors import HricError
+from hric_experiments.episode.replay import JointPositions
+
+STATE = "observation.state"
+"""Feature with the measured state of the robot."""
+ARM = 7
+"""Number of joints of a Panda."""
+LARGEST = 2.0 * np.pi
+"""Largest absolute joint position [rad]; larger ones are in degrees, or no joint positions (project default)."""
+_JOINT = re.compile(r"(?:^|[^a-z])(?:joint|j|q)_?(\d)(?:\.pos(?:ition)?)?$")
+"""Name of a joint's position: ends with joint, j or q and a number."""
+
+
+@dataclass(frozen=True)
+class Episode:
+    """Episode of a data set.
+
+    Attributes:
+        task: description of the task; "": not known.
+        motion: joint positions of the arm.
+        rate: frames per second [Hz].
+    """
+
+    task: str
+    motion: JointPositions
+    rate: float
+
+
+def read(
+    dataset: Path, number: int, joints: Sequence[str], feature: str = STATE, signals: Sequence[str] = ()
+) -> Episode:
+    """Read an episode.
+
+    Args:
+        dataset: folder of the data set, with meta/info.json.
+        number: number of the episode.
+        joints: names of the robot's joints.
+        feature: feature with the joint positions [rad].
+        signals: names or indices of the signals in the feature, one per joint; empty: those named as joints.
+
+    Raises:
+        HricError: there is no such data set, episode or feature, or its values cannot be joint positions.
+    """
+    try:
+        info = json.loads((dataset / "meta" / "info.json").read_text())
+        file, fps, about = _file(dataset, info, number), float(info["fps"]), info["features"]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise HricError(
+            f"{dataset} is no LeRobot data set of version 2 or 3: {type(error).__name__}: {error}"
+        ) from error
+    numeric = sorted(name for name in about if about[name].get("dtype", "").startswith("float"))
+    if feature not in numeric:
+        raise HricError(f"no feature {feature!r} in {dataset.name}; valid: {', '.join(numeric)}")
+    columns = _columns(_flat(about[feature]), about[feature]["shape"], signals, len(joints), feature)
+    table = _table(dataset / file, number, feature)
+    values = np.array(table[feature].to_pylist(), dtype=float).reshape(table.num_rows, -1)[:, columns]
+    if len(values) < 2 or not np.isfinite(values).all():
+        raise HricError(f"episode {number} of {dataset.name} has {len(values)} frames; valid: at least 2, all finite")
+    if np.abs(values).max() > LARGEST:
+        raise HricError(
+            f"{feature} reaches {np.abs(values).max():.4g}; valid: joint positions in rad, from {-LARGEST:.4g} to "
+            f"{LARGEST:.4g}; are these degrees, or no joint positions?"
+        )
+    time = np.arange(len(values)) / fps
+    return Episode(_task(dataset, table), JointPositions(tuple(joints), time, values), fps)
+
+
+def _file(dataset: Path, info: dict[str, Any], number: int) -> str:
+    """Return the path of the frames of an episode; the layout of version 3 names it in meta/episodes."""
+    count = int(info["total_episodes"])
+    if not 0 <= number < count:
+        raise HricError(f"no episode {number} in {dataset.name}; valid: 0 to {count - 1}")
+    keys = {"episode_index": number, "episode_chunk": number // int(info["chunks_size"])}
+    for path in sorted((dataset / "meta" / "episodes").rglob("*.parquet")):
+        rows = pyarrow.parquet.read_table(path, columns=["episode_index", "data/chunk_index", "data/file_index"])
+        for row in rows.to_pylist():
+            if row["episode_index"] == number:
+                keys |= {"chunk_index": row["data/chunk_index"], "file_index": row["data/file_index"]}
+    return str(info["data_path"]).format(**keys)
+
+
+def _table(path: Path, number: int, feature: str) -> Any:
+    try:
+        table = pyarrow.parquet.read_table(path, columns=[feature, "episode_index", "frame_index", "task_index"])
+    except (OSError, ValueError) as error:
+        raise HricError(f"cannot read {path}: {error}") from error
+    return table.filter(pyarrow.compute.equal(table["episode_index"], number)).sort_by("frame_index")
+
+
+def _flat(about: dict[str, Any]) -> list[str]:
+    """Return the names of the signals of a feature, which older data sets group; empty: there are none."""
+    names = about.get("names")
+    if isinstance(names, dict):
+        names = [name for group in names.values() for name in group]
+    return [str(name) for name in names or ()]
+
+
+def _columns(names: list[str], shape: Sequence[int], signals: Sequence[str], count: int, feature: str) -> list[int]:
+    """Return the indices of the signals that are the joint positions."""
+    width = int(np.prod(shape))
+    listed = ", ".join(names) or f"{width} signals without names"
+    if not signals:
+        found = {int(match[1]): k for k, name in enumerate(names) if (match := _JOINT.search(name.lower()))}
+        chosen = [found[key] for key in sorted(found)]
+        if len(chosen) != count or len(found) != sum(bool(_JOINT.search(name.lower())) for name in names):
+            raise HricError(f"{feature} has {listed}; not {count} joints by name; name them by --signals, in order")
+        return chosen
+    if len(signals) != count:
+        raise HricError(f"--signals has {len(signals)} signals; valid: {count}, one per joint")
+    for signal in signals:
+        if signal not in names and not (signal.isdigit() and int(signal) < width):
+            raise HricError(f"no signal {signal!r} in {feature}; valid: {listed}, or an index below {width}")
+    return [names.index(signal) if signal in names else int(signal) for signal in signals]
+
+
+def _task(dataset: Path, table: Any) -> str:
+    """Return the text of the episode's task; "": not known."""
+    index, path = table["task_index"][0].as_py(), dataset / "meta" / "tasks.parquet"
+    if path.is_file():
+        import pandas
+
+        tasks = pandas.read_parquet(path)
+        return next((str(text) for text, row in tasks.iterrows() if row["task_index"] == index), "")
+    lines = path.with_suffix(".jsonl")
+    entries = map(json.loads, lines.read_text().splitlines()) if lines.is_file() else ()
+    return next((str(entry["task"]) for entry in entries if entry["task_index"] == index), "")

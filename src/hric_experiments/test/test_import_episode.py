@@ -1,0 +1,208 @@
+"""Import of an episode of a LeRobot data set as an experiment, and its replay through the emulated control box."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas
+import pytest
+import yaml
+
+from hric_bags import reader
+from hric_bags.run_folder import RunFolder
+from hric_core.command import main
+from hric_run.definition import experiment
+
+FPS, FRAMES = 50, 151
+READY = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
+JOINTS = [f"panda_joint{k}" for k in range(1, 8)]
+
+
+WORLD = """
+objects:
+  - {name: block, shape: box, size: [0.2, 0.2, 0.6], pose: {xyz: [0.35, 0.27, 0.5]}}
+"""
+
+
+def motion(amplitude: float) -> np.ndarray:
+    """Return joint positions that leave READY and come back, shape (FRAMES, 7) [rad]."""
+    phase = 2 * np.pi * np.arange(FRAMES) / (FRAMES - 1)
+    return READY + amplitude * (1.0 - np.cos(phase))[:, None] * np.array([1, 0.5, -0.5, 1, 0.5, -1, 1]) / 2
+
+
+def version_3(folder: Path, values: np.ndarray, names: list[str] | None, width: int = 7) -> Path:
+    """Write a data set of two episodes in the layout of version 3; the second has these values."""
+    still = np.tile(values[0], (10, 1))
+    rows = np.concatenate([still, values]).astype(np.float32)
+    episodes = [0] * len(still) + [1] * len(values)
+    frames = [*range(len(still)), *range(len(values))]
+    write(folder, "v3.0", "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet", names, width)
+    table(folder / "data/chunk-000/file-001.parquet", rows, frames, episodes)
+    (folder / "meta/episodes/chunk-000").mkdir(parents=True)
+    about = {"episode_index": [0, 1], "data/chunk_index": [0, 0], "data/file_index": [1, 1]}
+    pandas.DataFrame(about).to_parquet(folder / "meta/episodes/chunk-000/file-000.parquet")
+    pandas.DataFrame({"task_index": [0, 1]}, index=["none", "wave"]).to_parquet(folder / "meta/tasks.parquet")
+    return folder
+
+
+def version_2(folder: Path, values: np.ndarray, names: list[str] | None, width: int = 7) -> Path:
+    """Write a data set in the layout of version 2, with a file per episode."""
+    pattern = "data/chunk-{episode_chunk:03d}/episode_{episode_index:06d}.parquet"
+    write(folder, "v2.1", pattern, names, width)
+    table(
+        folder / "data/chunk-000/episode_000001.parquet",
+        values.astype(np.float32),
+        range(len(values)),
+        [1] * len(values),
+    )
+    (folder / "meta/tasks.jsonl").write_text('{"task_index": 0, "task": "none"}\n{"task_index": 1, "task": "wave"}\n')
+    return folder
+
+
+def write(folder: Path, version: str, pattern: str, names: list[str] | None, width: int) -> None:
+    (folder / "meta").mkdir(parents=True)
+    feature = {"dtype": "float32", "shape": [width], "names": names}
+    info = {"codebase_version": version, "robot_type": "panda", "total_episodes": 2, "chunks_size": 1000, "fps": FPS}
+    info |= {
+        "data_path": pattern,
+        "features": {"observation.state": feature, "index": {"dtype": "int64", "shape": [1]}},
+    }
+    (folder / "meta/info.json").write_text(json.dumps(info))
+
+
+def table(path: Path, rows: np.ndarray, frames: Any, episodes: list[int]) -> None:
+    path.parent.mkdir(parents=True)
+    columns = {
+        "observation.state": list(rows),
+        "frame_index": frames,
+        "episode_index": episodes,
+        "task_index": episodes,
+    }
+    pandas.DataFrame(columns).to_parquet(path)
+
+
+def imported(dataset: Path, *options: str) -> Path:
+    path = dataset.parent / "wave.yaml"
+    assert main(["import", str(dataset), "--episode", "1", "-o", str(path), *options]) == 0
+    return path
+
+
+@pytest.mark.parametrize("make", [version_2, version_3])
+@pytest.mark.parametrize("names", [JOINTS, [f"joint_{k}.pos" for k in range(7)]])
+def test_positions_and_task_of_an_episode_are_read(tmp_path: Path, make: Any, names: list[str]) -> None:
+    values = motion(0.4)
+    path = imported(make(tmp_path / "data", values, names))
+    rows = np.loadtxt(path.with_suffix(".csv"), delimiter=",", skiprows=1)
+    np.testing.assert_allclose(rows[:, 0], np.arange(FRAMES) / FPS, atol=1e-9)
+    np.testing.assert_allclose(rows[:, 1:], values, atol=1e-6)
+    made = experiment.load(str(path))
+    assert made.description == "episode 1 of data: wave"
+    np.testing.assert_allclose(made.robot.q_start, values[0], atol=1e-6)
+
+
+def test_signals_are_chosen_by_name_or_index(tmp_path: Path) -> None:
+    values = np.column_stack([motion(0.4)[:, ::-1], np.full(FRAMES, 0.04)])
+    dataset = version_3(tmp_path / "data", values, None, width=8)
+    rows = np.loadtxt(imported(dataset, "--signals", *"6543210").with_suffix(".csv"), delimiter=",", skiprows=1)
+    np.testing.assert_allclose(rows[:, 1:], motion(0.4), atol=1e-6)
+
+
+def replayed(path: Path, runs: Path, *changes: str) -> tuple[Any, str]:
+    main(["run", str(path), *changes, "--runs", str(runs), "--no-figures", "--quiet"])
+    folder = RunFolder.open("latest", runs)
+    return reader.read(folder.bag_of(folder.read())), (folder.path / "summary.txt").read_text()
+
+
+def test_the_arm_moves_as_in_the_episode(tmp_path: Path) -> None:
+    values = motion(0.4)
+    record, summary = replayed(imported(version_3(tmp_path / "data", values, JOINTS)), tmp_path / "runs")
+    begin = 500 + 1  # sent at 0.5 s, followed from the next cycle on
+    positions = record.log.position[begin : begin + 20 * FRAMES : 20][:FRAMES]
+    assert record.reflexes == [] and "PROTECTED ITSELF" not in summary
+    assert np.abs(positions - values).max() < 0.02
+    assert np.ptp(positions, axis=0).min() > 0.19
+
+
+def test_an_arm_that_hits_something_names_the_reflex(tmp_path: Path) -> None:
+    path = imported(version_3(tmp_path / "data", motion(0.4), JOINTS))
+    (tmp_path / "world.yaml").write_text(WORLD)
+    record, summary = replayed(path, tmp_path / "runs", f"world:={tmp_path / 'world.yaml'}")
+    time, names = record.reflexes[0]
+    assert 0.5 < time < 2.5 and any("reflex" in name for name in names)
+    assert f"THE ARM PROTECTED ITSELF at {time:.3f} s: {', '.join(names)}" in summary
+
+
+def test_a_motion_that_is_too_fast_is_limited_and_the_report_says_so(tmp_path: Path) -> None:
+    path = imported(version_3(tmp_path / "data", motion(0.4), JOINTS))
+    rows = np.loadtxt(path.with_suffix(".csv"), delimiter=",", skiprows=1)
+    rows[:, 0] /= 20.0
+    np.savetxt(path.with_suffix(".csv"), rows, delimiter=",", header=",".join(["time", *JOINTS]), comments="")
+    record, summary = replayed(path, tmp_path / "runs")
+    assert record.limit_counts.velocity[0] > 0 and "limits acted" in summary
+
+
+@pytest.mark.parametrize(
+    ("values", "names", "options", "reason"),
+    [
+        (np.degrees(motion(0.4)), JOINTS, [], "observation.state reaches 135; valid: joint positions in rad"),
+        (motion(0.4), ["x", "y", "z", "a", "b", "c", "grip"], [], "not 7 joints by name; name them by --signals"),
+        (motion(0.4), JOINTS, ["--episode", "2"], "no episode 2 in data; valid: 0 to 1"),
+        (motion(0.4), JOINTS, ["--feature", "action"], "no feature 'action' in data; valid: observation.state"),
+        (motion(0.4), JOINTS, ["--signals", "0", "1"], "--signals has 2 signals; valid: 7"),
+        (motion(0.4), JOINTS, ["--signals", *"0123459"], "no signal '9' in observation.state; valid: panda_joint1, "),
+        (np.full((FRAMES, 7), np.nan), JOINTS, [], "valid: at least 2, all finite"),
+        (motion(0.4), JOINTS, ["-o", "a.txt"], "--output is a.txt; valid: a file name .yaml"),
+    ],
+)
+def test_what_cannot_be_replayed_is_refused(
+    tmp_path: Path,
+    values: np.ndarray,
+    names: list[str],
+    options: list[str],
+    reason: str,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    dataset = version_3(tmp_path / "data", values, names)
+    assert main(["import", str(dataset), "--episode", "1", *options]) == 2
+    message = capsys.readouterr().err
+    assert reason in message and message.count("\n") == 1
+    assert not list(tmp_path.glob("*.yaml"))
+
+
+def test_a_folder_without_data_set_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["import", str(tmp_path)]) == 2
+    assert "is no LeRobot data set of version 2 or 3" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        ("time,a\n0,1\n", "at least two times that rise from 0"),
+        ("time,a\n0,1\n0,2\n", "at least two times that rise from 0"),
+        ("time,a\n0,1\n1,nan\n", "finite values"),
+        ("a,b\n0,1\n1,2\n", "valid: time and the name of each joint"),
+        ("time,a\n0,x\n", "trajectory file"),
+        (None, "No such file"),
+    ],
+)
+def test_a_file_that_is_no_trajectory_is_refused_before_the_run(
+    tmp_path: Path, content: str | None, reason: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = imported(version_3(tmp_path / "data", motion(0.4), JOINTS))
+    path.with_suffix(".csv").unlink()
+    if content is not None:
+        path.with_suffix(".csv").write_text(content)
+    assert main(["run", str(path), "--runs", str(tmp_path / "runs")]) == 2
+    assert reason in capsys.readouterr().err and not (tmp_path / "runs").exists()
+
+
+def test_a_controller_that_is_not_started_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = imported(version_3(tmp_path / "data", motion(0.4), JOINTS))
+    content = yaml.safe_load(path.read_text())
+    content["replay"]["controller"] = "effort_joint_trajectory_controller"
+    path.write_text(yaml.safe_dump(content))
+    assert main(["run", str(path), "--runs", str(tmp_path / "runs"), "--quiet"]) != 0
+    assert "no controller 'effort_joint_trajectory_controller' in replay.controller; valid: " in capsys.readouterr().err
