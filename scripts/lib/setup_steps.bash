@@ -245,6 +245,7 @@ about_part() {
     search) echo " for the search of worst cases (40 MB)" ;;
     cluster) echo " for sweeps on a cluster (45 MB)" ;;
     mutation) echo " for scripts/mutate (45 MB)" ;;
+    wheel) echo " for scripts/wheel (2 MB)" ;;
   esac
 }
 

@@ -90,7 +90,7 @@ def versions() -> dict[str, str]:
     """Return the versions of the software on which results depend, by name; packages not installed are left out."""
     import rospkg
 
-    result, pack = {"python": platform.python_version()}, rospkg.RosPack()
+    result, pack = {"python": platform.python_version()}, rospkg.RosPack(plugins.packages_path().split(os.pathsep))
     engines = plugins.engines()
     for name in (*DISTRIBUTIONS, *engines):
         with contextlib.suppress(metadata.PackageNotFoundError):
