@@ -8,6 +8,7 @@ import threading
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
 
@@ -156,6 +157,7 @@ def _import(info: PluginInfo, module_name: str) -> ModuleType:
     except Exception as error:
         raise HricError(
             f"plugin {info.name}: cannot import module {module_name} of package {info.package}: {_reason(error)}"
+            + (f"; installed engines: {', '.join(filter(find_spec, engines()))}" if info.base == PLANT else "")
         ) from error
 
 
