@@ -14,8 +14,7 @@ from franka_sim.box.config import BoxConfig, CollisionBehavior
 from franka_sim.box.internal_impedance import JointImpedanceLaw, defaults
 from franka_sim.realism import IDEAL, Realism, parse
 from hric_control.limits import ENFORCE_LIMITS
-from hric_control.plant import DEFAULT_PLANT
-from hric_control.plants import GRAVITY, rotor_inertia
+from hric_control.plants import DEFAULT_PLANT, GRAVITY, rotor_inertia
 from hric_control.sim.sim_loop import REAL_TIME_FACTOR
 from hric_core.errors import CommandError, DescriptionError, ParameterError, UnknownNameError
 from hric_core.node import Node

@@ -3,6 +3,7 @@
 Import all names from here, except those of `faces` (contact areas of two shapes).
 """
 
+from hric_control.plant import DEFAULT_PLANT
 from hric_control.plants.bushings import BushingLaw, Bushings, LinkMotion
 from hric_control.plants.config import GRAVITY, PlantConfig, WindowlessConfig, rotor_inertia
 from hric_control.plants.contact_law import ContactLaw
@@ -30,6 +31,7 @@ from hric_control.plants.wrenches import Wrenches
 
 __all__ = [
     "BREAKAWAY",
+    "DEFAULT_PLANT",
     "GRAVITY",
     "PHI",
     "PLAIN_LINK",
