@@ -142,7 +142,10 @@ TOOLS = [
     ("franka_sim control_box --realism clean", r"no preset 'clean' in --realism; valid: ideal, measured"),
     ("franka_sim control_box --plant nope/X", r"'nope/X' .*valid: mujoco\w+/MujocoPlant, opensim"),
     ("franka_real check_workstation --repair", r"\[--fix\] \[robot_ip\]\n.*unrecognized arguments: --repair"),
-    ("mocap_natnet emulated_motive --transport tcp", r"invalid choice: 'tcp' \(choose from '?unicast'?, '?multicast'?\)"),
+    (
+        "mocap_natnet emulated_motive --transport tcp",
+        r"invalid choice: 'tcp' \(choose from '?unicast'?, '?multicast'?\)",
+    ),
     ("mocap_natnet emulated_motive --rate 0", r"rate is 0\.0; valid: a finite number from 0\.001 to 10000 \[Hz\]"),
     ("mocap_natnet emulated_motive --scene scene.yaml", r"'bodys' in scene\.yaml; valid: bodies, plates"),
     ("mocap_natnet emulated_motive --occlude 1:2:head", r"--occlude names the body 'head'; valid: marker"),
