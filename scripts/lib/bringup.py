@@ -19,7 +19,7 @@ import roslaunch.parent
 import roslaunch.pmon
 from bringup_end import end_nodes
 from bringup_master import DEFAULT, MasterError, call, choose
-from bringup_ready import PERIOD, arm, block, namespace
+from bringup_ready import PERIOD, arm, block, engine, namespace
 
 from hric_bags.run_folder import RunFolder
 from hric_core import yaml_text
@@ -103,7 +103,7 @@ def announce(arguments: Mapping[str, str], master: str, running: bool) -> None:
     """Print the environment, experiment or controller, devices and ROS master that are about to start."""
     experiment, controller = arguments["experiment"], arguments["controller"]
     task = f"experiment {experiment}" if experiment != "none" else f"controller {controller}"
-    what = arm(arguments) if arguments["env"] == "real" else arguments["simulator"]
+    what = arm(arguments) if arguments["env"] == "real" else engine(arguments)
     capture = "".join(f"   {name}: {arguments[name]}" for name in given.DEVICES if arguments[name] != "none")
     print(f"starting   env: {arguments['env']} ({what})   {task}{capture}   rviz: {arguments['rviz']}")
     print(f"ROS master: {master} ({'already running' if running else 'started here'})", flush=True)

@@ -494,7 +494,7 @@ def valid_words(name: str, known: Choices) -> tuple[str, ...]:
     words = {
         "controller": (*(word for word in known.controllers if word not in BROADCASTERS), "none"),
         "experiment": (*known.experiments, "none"),
-        "simulator": known.engines,
+        "simulator": (*known.engines, "auto"),
     }
     return words.get(name) or WORDS.get(name, ())
 

@@ -1,10 +1,14 @@
 """Message printed when a bring-up is ready: what runs, how to move the arm, where data is recorded, how to end."""
 
+import re
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
-from bringup_arguments import EMULATED, WORKSPACE
+from bringup_arguments import EMULATED, EXPERIMENTS, WORKSPACE
 from bringup_master import DEFAULT
+
+from hric_control.plant import DEFAULT_PLANT
 
 PERIOD = 0.2
 """Period of the check whether all nodes are ready [s]."""
@@ -59,8 +63,19 @@ def namespace(arguments: Mapping[str, str]) -> str:
 def arm(arguments: Mapping[str, str]) -> str:
     """Return a description of the arm at `robot_ip`."""
     if arguments["robot_ip"] == EMULATED:
-        return f"emulated {arguments['robot']} ({arguments['simulator']})"
+        return f"emulated {arguments['robot']} ({engine(arguments)})"
     return f"{arguments['robot']} at {arguments['robot_ip']}"
+
+
+def engine(arguments: Mapping[str, str]) -> str:
+    """Return the name of the physics engine; auto is the one of the experiment file, or the default."""
+    if arguments["simulator"] != "auto":
+        return arguments["simulator"]
+    name = arguments["experiment"]
+    path = Path(name) if name.endswith((".yaml", ".yml")) else EXPERIMENTS / f"{name}.yaml"
+    text = path.read_text() if name != "none" else ""
+    selected = re.search(r"^ +plant_type: (\w+)_ros_control/", text, re.MULTILINE)
+    return selected[1] if selected else DEFAULT_PLANT.partition("_ros_control/")[0]
 
 
 def _records_at_once(arguments: Mapping[str, str]) -> bool:
@@ -72,7 +87,7 @@ def _robot(arguments: Mapping[str, str]) -> str:
         return arm(arguments)
     factor = float(arguments["real_time_factor"])
     pace = "as fast as possible" if factor == 0.0 else "real time" if factor == 1.0 else f"{factor:g} times real time"
-    return f"simulated Panda ({arguments['simulator']}, {pace})"
+    return f"simulated Panda ({engine(arguments)}, {pace})"
 
 
 def _move(arguments: Mapping[str, str], space: str) -> str:

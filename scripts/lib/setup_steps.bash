@@ -107,13 +107,13 @@ share_make() { # the configuration by cmake counts one quarter
     END { print made ? int(25 + made * 0.75) : (seen > 24 ? 24 : seen + 0) }' "$1"
 }
 
-# Packages of ROS 1 with these names and versions exist for Debian 12 only.
+# The Debian versions that have packages of ROS 1 with these names.
 refuse_other_systems() {
   local os_release=${HRIC_OS_RELEASE:-/etc/os-release} name codename
   name=$(. "$os_release" && echo "${PRETTY_NAME:-unknown}")
   codename=$(. "$os_release" && echo "${DEBIAN_CODENAME:-${VERSION_CODENAME:-}}")
-  [ "$codename" != bookworm ] || return 0
-  fail "this machine runs $name. ROS 1 comes from the packages of Debian 12 (bookworm); nothing was changed." \
+  case $codename in bookworm | trixie) return ;; esac
+  fail "this machine runs $name. ROS 1 comes from the packages of Debian 12 (bookworm) or 13 (trixie); nothing was changed." \
     "Ubuntu 20.04 with ROS Noetic is not supported: its Python 3.8 is too old for the pinned packages." \
     "On any Linux with Docker:  docker compose -f docker/compose.yaml up --build"
 }
@@ -214,6 +214,7 @@ install_python() {
       --disable-pip-version-check --progress-bar off --no-deps --require-hashes "${index[@]}" -r "$(locked_of "$part")"
     if [ "$part" = run ]; then
       check_python
+      if ! .venv/bin/python3 -c 'import pybullet_data' 2>/dev/null; then install_meshes; fi
       # Remove unused files: models that are part of PyBullet, except for the Panda's meshes and those used by tests; headers of the rigid-body library.
       as_user find .venv/lib/python3*/site-packages/pybullet_data -mindepth 1 -maxdepth 1 ! -name __init__.py ! -name franka_panda \
         ! -name racecar ! -name kuka_iiwa ! -name 'duck*' -exec rm -rf {} +
@@ -222,6 +223,18 @@ install_python() {
     stamp "python-$part" "$(python_key "$part")"
   done
   stamp doing nothing
+}
+
+# The Panda's meshes are part of PyBullet. If PyBullet has no wheel for this Python, unpack them from the wheel for Python 3.11, which has the same files.
+install_meshes() {
+  local wheel=build/pybullet
+  as_user mkdir -p build
+  sed -n '/^pybullet==/,/[^\\]$/p' "$(locked_of run)" | sed 's/ ;[^\\]*//' | as_user tee build/pybullet.txt >/dev/null
+  step "Installing the Panda's meshes; PyBullet has no package for this Python, so MuJoCo is the default engine" meshes none 20 as_user env PATH=$plain_path \
+    .venv/bin/python3 -m pip install --disable-pip-version-check --progress-bar off --no-deps --require-hashes --upgrade -r build/pybullet.txt \
+    --target $wheel --only-binary=:all: --python-version 3.11 --platform "manylinux2014_$(uname -m)"
+  as_user cp -r $wheel/pybullet_data .venv/lib/python3*/site-packages/
+  as_user rm -rf $wheel build/pybullet.txt
 }
 
 share_none() { echo 0; }
@@ -235,6 +248,7 @@ about_part() {
     cluster) echo " for sweeps on a cluster (45 MB)" ;;
     mutation) echo " for scripts/mutate (45 MB)" ;;
     learning) echo " for learning (1.2 GB)" ;;
+    wheel) echo " for scripts/wheel (2 MB)" ;;
   esac
 }
 

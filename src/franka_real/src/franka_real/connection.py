@@ -83,7 +83,7 @@ def _backend(robot: str) -> Callable[[FrankaRealSettings], Backend]:
     except ImportError as error:
         raise FailureError(
             f"libfranka's binding for robot {robot!r} cannot be imported ({error}); {wheel} is installed by "
-            "scripts/setup"
+            "scripts/setup" + (" on Debian 12 only; valid on Debian 13: robot:=panda" if robot == "fr3" else "")
         ) from error
 
 

@@ -14,7 +14,7 @@ from franka_sim.box.config import BoxConfig, CollisionBehavior
 from franka_sim.box.internal_impedance import JointImpedanceLaw, defaults
 from franka_sim.realism import IDEAL, Realism, parse
 from hric_control.limits import ENFORCE_LIMITS
-from hric_control.plants import GRAVITY, rotor_inertia
+from hric_control.plants import DEFAULT_PLANT, GRAVITY, rotor_inertia
 from hric_control.sim.sim_loop import REAL_TIME_FACTOR
 from hric_core.errors import CommandError, DescriptionError, ParameterError, UnknownNameError
 from hric_core.node import Node
@@ -44,7 +44,7 @@ class BoxSettings(Settings):
     """Parameters of plant and control box that the simulated arm and the node emulated_arm share."""
 
     arm_id: str = ARM_ID
-    plant_type: str = text("pybullet_ros_control/PyBulletPlant", text="plugin of base `hric_control::Plant`")
+    plant_type: str = text(DEFAULT_PLANT, text="plugin of base `hric_control::Plant`")
     plant: Mapping[str, object] = mapping(
         default={},
         text="handed to the plant; `friction: identified` gets panda_description's values; `gravity` is also that of "

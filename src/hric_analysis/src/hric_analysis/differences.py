@@ -7,6 +7,7 @@ from typing import Any
 from hric_analysis.metrics import MotionMetrics
 from hric_assessment.typed_json import Content
 from hric_bags.run_file import NodeParameters, RobotDefinition
+from hric_control.plant import DEFAULT_PLANT
 from hric_core.parameters import read_yaml
 from hric_run.definition.experiment import config_path
 
@@ -76,7 +77,7 @@ def _engine(setup: Setup) -> Difference:
     return Difference(
         "physics engine",
         setup.reference["engine"],
-        setup.robot.get("plant_type") or "pybullet_ros_control/PyBulletPlant",
+        setup.robot.get("plant_type") or DEFAULT_PLANT,
         "the reference integrates by a first-order method, this plant only with integrator: semi_implicit; "
         "contacts and joint stops are solved differently",
     )

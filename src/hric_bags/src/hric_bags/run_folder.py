@@ -31,8 +31,9 @@ def runs_root(folder: str | None = None) -> Path:
 
 
 def workspace() -> Path:
-    """Return the workspace folder: $HRIC_WS, else the one that contains this source file."""
-    return Path(os.environ.get("HRIC_WS") or Path(__file__).resolve().parents[4])
+    """Return the workspace folder: $HRIC_WS, else the one of this source file; the working directory for a wheel."""
+    source = Path(__file__).resolve().parents[4]
+    return Path(os.environ.get("HRIC_WS") or (source if (source / "scripts").is_dir() else Path.cwd()))
 
 
 def iso_now() -> str:

@@ -2,6 +2,7 @@
 
 Engines are plugins, which are found by name at start-up; this module imports none of them."""
 
+import importlib.util
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
@@ -15,6 +16,11 @@ import numpy.typing as npt
 from hric_core.errors import HricError
 
 FloatArray = npt.NDArray[np.float64]
+
+REPLACEMENT = "" if importlib.util.find_spec("pybullet") else "mujoco_ros_control/MujocoPlant"
+"""Plugin of the default plant where PyBullet is not installed (Debian 13); empty where it is."""
+DEFAULT_PLANT = REPLACEMENT or "pybullet_ros_control/PyBulletPlant"
+"""Plugin of the default plant."""
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ import threading
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
 
@@ -78,7 +79,7 @@ def names(base: str, search_path: str = "") -> dict[str, PluginInfo]:
         search_path: folders to search for packages, separated by colons; ROS_PACKAGE_PATH by default.
     """
     check_known("plugin base", [base], _BASES)
-    return dict(_index(search_path or _search_path()).plugins[base])
+    return dict(_index(search_path or packages_path()).plugins[base])
 
 
 def engines(search_path: str = "") -> dict[str, PluginInfo]:
@@ -158,24 +159,27 @@ def _import(info: PluginInfo, module_name: str) -> ModuleType:
     except Exception as error:
         raise HricError(
             f"plugin {info.name}: cannot import module {module_name} of package {info.package}: {_reason(error)}"
+            + (f"; installed engines: {', '.join(filter(find_spec, engines()))}" if info.base == PLANT else "")
         ) from error
 
 
 def _reason(error: Exception) -> str:
+    if isinstance(error, ModuleNotFoundError):
+        return f"the Python package {error.name} is not installed"
     return f"{type(error).__name__}: {error}"
 
 
 def _not_found(base: str, name: str) -> UnknownNameError:
-    index = _index(_search_path())
+    index = _index(packages_path())
     where = "the packages that export hric_control plugins"
     if index.problems:
         where += f" (could not be read: {'; '.join(index.problems)})"
     return UnknownNameError(base, name, index.plugins[base], where)
 
 
-def _search_path() -> str:
+def packages_path() -> str:
+    """Return the folders with ROS packages, separated by colons: ROS_PACKAGE_PATH, else the one of this package."""
     path = os.environ.get("ROS_PACKAGE_PATH", "")
-    # Without a sourced workspace: the src folder that contains this package.
     return path if path else str(Path(__file__).resolve().parents[3])
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from urllib.parse import unquote, urlparse
 from xml.etree import ElementTree
 
+from hric_core import plugins
 from hric_core.errors import DescriptionError, HricError, check_known
 from hric_core.urdf.elements import parse
 
@@ -30,7 +31,7 @@ def package_path(name: str) -> Path:
     Raises:
         UnknownNameError: no such package.
     """
-    packages = _packages(os.environ.get("ROS_PACKAGE_PATH", ""))
+    packages = _packages(plugins.packages_path())
     check_known("package", [name], packages, "ROS_PACKAGE_PATH")
     return packages[name]
 

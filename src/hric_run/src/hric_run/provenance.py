@@ -90,7 +90,9 @@ def versions() -> dict[str, str]:
     """Return the versions of the software on which results depend, by name; packages not installed are left out."""
     import rospkg
 
-    result, pack = {"python": platform.python_version()}, rospkg.RosPack()
+    result = {"python": platform.python_version()}
+    folders = dict.fromkeys([*plugins.packages_path().split(os.pathsep), *rospkg.get_ros_paths()])
+    pack = rospkg.RosPack(list(folders))
     engines = plugins.engines()
     for name in (*DISTRIBUTIONS, *engines):
         with contextlib.suppress(metadata.PackageNotFoundError):

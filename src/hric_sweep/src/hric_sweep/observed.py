@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
-import roslib.message
+import genpy.message
 
 from hric_analysis import collaboration, contacts
 from hric_analysis.values import MOTION, Values
@@ -80,7 +80,7 @@ class Observed:
 
         for topic, name in node.topics().items():
             if self._wants(name.replace("/", "/msg/")):
-                listen(topic, roslib.message.get_message_class(name))
+                listen(topic, genpy.message.get_message_class(name))
         begun = True  # latched messages are in `simulation.early` already
 
     def _wants(self, kind: str) -> bool:

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from hric_control.plants import ContactLaw, Springs
 from hric_core.geometry import FloatArray
+from hric_core.summation import total
 
 RETURN = 0.2
 """Fraction of an overlap corrected per step, as in common engines [1] (project default, unconfirmed)."""
@@ -307,7 +308,7 @@ def _sweeps(
             row, old = A[i], f[i]
             if row[i] <= 1e-12:
                 continue  # neither body can yield
-            new = old + (speed - free[i] - sum(map(float.__mul__, row, f))) / row[i]
+            new = old + (speed - free[i] - total(map(float.__mul__, row, f))) / row[i]
             f[i] = new = max(new, 0.0)
             change, largest = max(change, abs(new - old)), max(largest, new)
             if mu > 0.0:
@@ -324,7 +325,7 @@ def _rub(A: list[list[float]], free: list[float], f: list[float], i: int, bound:
     before = f[i + 1], f[i + 2]
     for j in (i + 1, i + 2):
         if A[j][j] > 1e-12:
-            f[j] -= (free[j] + sum(map(float.__mul__, A[j], f))) / A[j][j]
+            f[j] -= (free[j] + total(map(float.__mul__, A[j], f))) / A[j][j]
     size = math.hypot(f[i + 1], f[i + 2])
     if size > bound:
         f[i + 1], f[i + 2] = f[i + 1] * bound / size, f[i + 2] * bound / size

@@ -6,11 +6,11 @@ from typing import Any
 from franka_sim.fci.robots import MAX_LOST_PACKETS, ROBOTS
 from franka_sim.realism import IDEAL
 from franka_sim.settings import Q_START
+from hric_control.plant import DEFAULT_PLANT
 from hric_core import yaml_text
 from hric_core.command import Argument
 from hric_core.errors import ParameterError
 
-DEFAULT_PLANT = "pybullet_ros_control/PyBulletPlant"
 PHYSICS = "physics"
 NETWORK = "faults of the network, in each direction"
 CARE = "protection, operation, measurement"

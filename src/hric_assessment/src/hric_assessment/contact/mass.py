@@ -23,6 +23,7 @@ from hric_assessment.contact.speed import half_mass
 from hric_core import urdf
 from hric_core.geometry import FloatArray, MassProperties
 from hric_core.geometry.transforms import inverse
+from hric_core.summation import total
 from hric_dynamics.tree import Tree
 
 LARGEST, REFLECTED, STANDARD, LOCKED = ROBOT_MASSES = ("largest", "reflected", "standard", "locked")
@@ -137,7 +138,7 @@ def moving_masses(tree: urdf.Robot, joints: Sequence[str]) -> tuple[float, float
     ordered = [joint for name, joint in tree.joints.items() if name in joints]
 
     def mass(links: Sequence[str]) -> float:
-        return sum(body.mass for link in links if (body := tree.links[link].mass) is not None)
+        return total(body.mass for link in links if (body := tree.links[link].mass) is not None)
 
     first, last = (_beyond(tree, joint.child) for joint in (ordered[0], ordered[-1]))
     return mass(first), mass(last[1:])

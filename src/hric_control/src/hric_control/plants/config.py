@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from hric_control.plant import DEFAULT_PLANT as DEFAULT_PLANT
 from hric_control.plants.surfaces import SurfaceRule
 from hric_core.geometry import Vector
 from hric_core.parameters import (

@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hric_core.geometry.transforms import FloatArray, cross
+from hric_core.summation import total
 
 KINDS = ("sphere", "capsule", "cylinder", "box", "plane", "hull")
 _ROUND = 12
@@ -210,7 +211,7 @@ class _Heights:
 
     def __init__(self, points: Sequence[Point], heights: Sequence[float]) -> None:
         n = len(points)
-        x0, y0, h0 = sum(x for x, _ in points) / n, sum(y for _, y in points) / n, sum(heights) / n
+        x0, y0, h0 = total(x for x, _ in points) / n, total(y for _, y in points) / n, total(heights) / n
         xx = xy = yy = xh = yh = 0.0
         for (x, y), h in zip(points, heights, strict=True):
             dx, dy, dh = x - x0, y - y0, h - h0
@@ -277,7 +278,7 @@ def _shares(shape: list[Point]) -> list[float]:
     """Return for each corner of a polygon half the length of its two edges, relative to the length of the outline."""
     n = len(shape)
     edges = [math.dist(shape[k], shape[(k + 1) % n]) + _TINY for k in range(n)]
-    return [0.5 * (edges[k - 1] + edges[k]) / sum(edges) for k in range(n)]
+    return [0.5 * (edges[k - 1] + edges[k]) / total(edges) for k in range(n)]
 
 
 def mean_normal(near: Sequence[tuple[float, FloatArray]]) -> FloatArray:
@@ -287,9 +288,9 @@ def mean_normal(near: Sequence[tuple[float, FloatArray]]) -> FloatArray:
     overlapping = [(depth, normal) for depth, normal in near if depth > 0.0]
     if len(overlapping) < 2:
         return max(near, key=lambda point: point[0])[1]
-    total = sum((depth * normal for depth, normal in overlapping), np.zeros(3))
-    size = float(np.linalg.norm(total))
-    return total / size if size > 0.0 else overlapping[0][1]
+    weighted = sum((depth * normal for depth, normal in overlapping), np.zeros(3))
+    size = float(np.linalg.norm(weighted))
+    return weighted / size if size > 0.0 else overlapping[0][1]
 
 
 def centre(corners: Sequence[Corner], deepening: Sequence[float] = (), ahead: float = 0.0) -> tuple[FloatArray, float]:
@@ -313,6 +314,6 @@ def centre(corners: Sequence[Corner], deepening: Sequence[float] = (), ahead: fl
         return corners[0].position, depths[0]
     deepest = max(depths)
     weights = [corner.share * math.exp((d - deepest) / SOFTNESS) for corner, d in zip(corners, depths, strict=True)]
-    total = sum(weights)
-    position = sum((w * corner.position for w, corner in zip(weights, corners, strict=True)), np.zeros(3)) / total
-    return position, deepest + SOFTNESS * math.log(total)
+    weight = total(weights)
+    position = sum((w * corner.position for w, corner in zip(weights, corners, strict=True)), np.zeros(3)) / weight
+    return position, deepest + SOFTNESS * math.log(weight)

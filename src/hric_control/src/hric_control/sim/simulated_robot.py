@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 
 from hric_control.hardware_interface import JointStates
-from hric_control.plant import Plant
+from hric_control.plant import DEFAULT_PLANT, Plant
 from hric_control.plants import rotor_inertia
 from hric_control.robot_hw import OnCycle, RobotHW
 from hric_control.sim.participants import Participants
@@ -14,8 +14,6 @@ from hric_core import plugins
 from hric_core.errors import CommandError
 from hric_core.node import Node
 from hric_core.urdf import read
-
-DEFAULT_PLANT = "pybullet_ros_control/PyBulletPlant"
 
 
 class SimulatedRobot(RobotHW):

@@ -83,9 +83,9 @@ def from_elements(*R: float) -> Quaternion:
         (r21 - r12, r02 - r20, r10 - r01, diagonal[3]),
     )
     row = rows[diagonal.index(max(diagonal))]
-    norm = math.sqrt(sum(value * value for value in row))
-    x, y, z, w = (value / norm for value in row)
-    return x, y, z, w
+    x, y, z, w = row
+    norm = math.sqrt(x * x + y * y + z * z + w * w)
+    return x / norm, y / norm, z / norm, w / norm
 
 
 def canonical(q: Quaternion) -> Quaternion:

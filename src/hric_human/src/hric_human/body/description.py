@@ -10,6 +10,7 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 
 from hric_core.geometry import FloatArray, MassProperties, homogeneous
+from hric_core.summation import total
 from hric_core.urdf import Shape, write_inertial, write_origin, write_shape
 from hric_human.body.joints import BodyJoint, joints
 from hric_human.body.markers import AttachedMarker, markers
@@ -74,7 +75,7 @@ class Body:
     @property
     def total_mass(self) -> float:
         """Sum of the masses of the modelled segments [kg]."""
-        return sum(segment.mass.mass for segment in self.segments.values())
+        return total(segment.mass.mass for segment in self.segments.values())
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 from hric_core.geometry import Vector
+from hric_core.summation import total
 from hric_human.body import Body, Subject
 from hric_human.control.controller import Person
 
@@ -100,7 +101,7 @@ def hand_force(person: Person, q: Sequence[float], direction: Vector, joints: Co
     weight, largest = person.own_weight(q), math.inf
     columns = chain.velocities(chain.point(person.hand.p_link_hand))
     for index, column in zip(person.hand.joints, columns, strict=True):
-        arm = sum(a * b for a, b in zip(column, direction, strict=True))
+        arm = total(a * b for a, b in zip(column, direction, strict=True))
         if arm and (not joints or person.joints[index] in joints):
             limit = person.strongest[index] if arm > 0.0 else person.weakest[index]
             largest = min(largest, (limit - weight[index]) / arm)

@@ -11,6 +11,7 @@ from textwrap import indent
 from typing import TYPE_CHECKING, Any, cast
 
 from hric_bags.run_file import Definition, NodeParameters
+from hric_control.plant import REPLACEMENT
 from hric_core import plugins, resources
 from hric_core.errors import HricError, ParameterError, UnknownNameError, message_about
 from hric_core.geometry import ORIGIN, Vector
@@ -150,7 +151,7 @@ class RobotSpec(Settings):
     q_start: tuple[float, ...] | Mapping[str, float] | None = either(
         mapping(ANGLE), ANGLES, default=None, text="start position by joint, or in joint order; none: the robot's own"
     )
-    plant_type: str = text("", text="plugin type of the plant; empty: the robot's default")
+    plant_type: str = text(REPLACEMENT, text="plugin type of the plant; empty: the robot's default")
     plant: NodeParameters = mapping(default={}, text="parameters of the plant")
     parameters: NodeParameters = mapping(default={}, text="further private parameters of the RobotHW")
     load: LoadSpec = section(LoadSpec)
