@@ -6,7 +6,7 @@ No physics engine is used: equal states and an equal seed give bitwise equal tor
 import math
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclass, replacees import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
