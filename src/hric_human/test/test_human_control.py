@@ -460,7 +460,8 @@ def test_wrong_parameters_are_refused_in_one_block_with_what_is_valid(user_packa
     assert len(lines) == 5
     assert refusals({"side": "left"}) == ["human.control.side is 'left'; valid: dominant or right"]
     assert refusals({"type": "my_humans/Held"}) == [
-        "no human controller 'my_humans/Held' in human.control.type; valid: hric_human/ImpedanceArm, my_humans/Hold "
+        "no human controller 'my_humans/Held' in human.control.type; valid: hric_gym/GuidedArm, "
+        "hric_human/ImpedanceArm, my_humans/Hold "
         "(did you mean my_humans/Hold?)"
     ]
 

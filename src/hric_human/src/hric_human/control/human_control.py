@@ -195,9 +195,9 @@ class HumanControl:
         self._settings, self._new_controller, self._parameters = settings, controller, parameters
         self.restart(seed)
 
-    def restart(self, seed: int) -> None:
-        """Reset to the state before the first `update`, with a new controller for the same person and this seed."""
-        if seed != self.person.seed:
+    def restart(self, seed: int | None = None) -> None:
+        """Reset to the state before the first `update`, with a new controller for the same person; seed: a new one."""
+        if seed not in (None, self.person.seed):
             self.person = replace(self.person, seed=seed, solved={})
         person, senses = self.person, self._settings.senses
         count = len(person.joints)

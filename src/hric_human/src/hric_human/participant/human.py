@@ -115,7 +115,7 @@ class Human(Participant):
     # -- the loop ------------------------------------------------------------------------------------------------------
 
     def reset(self) -> None:
-        """Reset the person to the initial state, with the present parameter `seed`, and wait for the service `start`."""
+        """Reset the person to the initial state, with the parameter `seed` as it is now, and wait for `start`."""
         seed = self._node.param(f"participants/{self._name}/seed", self._settings.seed)
         if self._cycles or seed != self._control.person.seed:  # otherwise the person has not acted yet
             self._control.restart(seed)
