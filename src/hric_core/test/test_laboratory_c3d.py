@@ -214,6 +214,13 @@ def test_a_subjects_measures_are_read(tmp_path: Path, group: str, parameters: di
     assert trial.subject == pytest.approx({"height": 1.758, "mass": 72.5}, rel=1e-6) and trial.left_out == ()
 
 
+def test_widths_of_joints_are_read_and_0_was_not_measured(tmp_path: Path) -> None:
+    trial = with_subject(tmp_path, "PROCESSING", {"LKneeWidth": [105.0], "RElbowWidth": [8.0], "LAnkleWidth": [0.0]})
+    assert trial.subject == pytest.approx({"left_knee_width": 0.105, "right_elbow_width": 0.08}, rel=1e-6)
+    assert trial.left_out == ()
+    assert "left_knee_width" in with_subject(tmp_path, "PROCESSING", {"LKneeWidth": [1.05]}).left_out[0]
+
+
 @pytest.mark.parametrize(
     ("parameters", "reasons"),
     [

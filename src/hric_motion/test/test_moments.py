@@ -9,6 +9,7 @@ from standing_person import JOINTS, RATE, standing, supporting, without
 
 from hric_core.errors import HricError
 from hric_human.body.segments import link_name
+from hric_human.control.whole_body import WholeBody
 from hric_motion.moments import JointMoments, joint_force, joint_moments, lifted
 
 MOTION = standing()
@@ -18,6 +19,7 @@ CUTOFF = 45.0
 EDGES = 11
 """Number of instants at both ends of a motion whose moments are not known."""
 RESULT = joint_moments(MOTION, RATE, {3: PLATE}, cutoff=CUTOFF)
+FOOT, OTHER_FOOT = (WholeBody(MOTION.body).index[link_name("foot", side)] for side in ("right", "left"))
 
 
 def known(names: list[str], result: JointMoments = RESULT) -> list[bool]:
@@ -26,8 +28,26 @@ def known(names: list[str], result: JointMoments = RESULT) -> list[bool]:
 
 
 def test_a_plate_carries_the_whole_person() -> None:
-    assert RESULT.residual_share < 0.01 and RESULT.standing[link_name("foot", "left")] == (3,)
-    assert all(known(JOINTS)) and RESULT.notes == ()
+    assert RESULT.standing[link_name("foot", "left")] == (3,) and all(known(JOINTS)) and RESULT.notes == ()
+
+
+def test_the_residual_counts_where_all_that_may_carry_the_person_is_on_a_plate() -> None:
+    assert np.isnan(RESULT.residual_share)  # the slow right foot, which is on no plate, may rest on something
+    below = PLATE.T_lab_plate.copy()
+    below[:3, 3] += RESULT.needed.position[150, FOOT] - RESULT.needed.position[150, OTHER_FOOT]
+    empty = replace(PLATE, T_lab_plate=below, load=0.0 * PLATE.load)
+    plates = {3: PLATE, 4: replace(empty, size=(1.0, 1.0))}
+    result = joint_moments(MOTION, RATE, plates, cutoff=CUTOFF)
+    assert result.residual_share < 0.01 and result.supported[EDGES:-EDGES].all()
+    small = plates | {4: replace(empty, size=(0.05, 0.05))}
+    assert not joint_moments(MOTION, RATE, small, cutoff=CUTOFF).supported.any()
+
+
+def test_an_instant_with_a_large_residual_counts() -> None:
+    """A plate measures a fifth too little: the residual is a fifth, although the moments of the legs are not known."""
+    weak = replace(PLATE, size=(3.0, 3.0), load=0.8 * PLATE.load)
+    result = joint_moments(MOTION, RATE, {3: weak}, cutoff=CUTOFF)
+    assert result.residual_share == pytest.approx(0.2, abs=0.01) and not known(["left_knee_flex"], result)[0]
 
 
 def test_a_free_leg_needs_only_its_own_weight() -> None:

@@ -14,7 +14,7 @@ def test_offset_and_varying_part_are_told_apart() -> None:
     q[:5] = np.nan
     theirs = np.degrees(np.column_stack([0.9 * knee, knee, knee]))
     theirs[95:] = np.nan
-    hip_row, knee_row = compared(JOINTS, q, {"RKneeAngles": theirs, "RHipAngles": theirs})
+    hip_row, knee_row = compared(dict(zip(JOINTS, q.T, strict=True)), {"RKneeAngles": theirs, "RHipAngles": theirs})
     assert (knee_row.joint, knee_row.theirs, knee_row.frames) == ("right_knee_flex", "RKneeAngles", 90)
     assert knee_row.offset == pytest.approx(0.1 * knee[5:95].mean())
     assert knee_row.rms == pytest.approx(np.hypot(knee_row.offset, knee_row.varying))
@@ -23,4 +23,4 @@ def test_offset_and_varying_part_are_told_apart() -> None:
 
 
 def test_angles_that_the_file_lacks_are_not_compared() -> None:
-    assert compared(JOINTS, np.zeros((3, 3)), {}) == []
+    assert compared(dict.fromkeys(JOINTS, np.zeros(3)), {}) == []

@@ -25,6 +25,7 @@ from hric_human.body import Body, Subject, describe
 from hric_human.body.markers import ExtraMarker, markers
 from hric_human.body.segments import ROOT, SIDES, Builder, segments
 from hric_human.control.marker_model import ROOT_MOTIONS
+from hric_motion.pelvis import PelvisPrior, pelvis_prior
 from hric_motion.postures import BodyPostures, Geometry, MarkerPostures
 
 NOISE = 0.001
@@ -165,6 +166,8 @@ class BodyFit:
         offsets = np.repeat(np.where(loose, LOOSE_SPREAD, BONE_SPREAD), 3)
         relative = [TRUNK_SPREAD if name == "lower_trunk" else LENGTH_SPREAD for name in self._table]
         self._shared_spread = np.array([SIZE_SPREAD, *relative, WAIST_SPREAD, *offsets])
+        self._scaled, self._on_pelvis = np.ones(len(self._table)), np.full((len(names), 3), np.nan)
+        self._take(pelvis_prior(names, positions))
         self._shared, self.noise = np.zeros(len(self._shared_spread)), NOISE
         self._covariance = np.diag(self._shared_spread**2)
         self._set(self._shared)
@@ -172,6 +175,18 @@ class BodyFit:
         self._posture_spread = np.sqrt(len(positions)) * self.prior_spread
         self._fit(positions)
         self._posture_spread = self.prior_spread
+
+    def _take(self, pelvis: PelvisPrior | None) -> None:
+        """Take the prior of the hips by the markers on a pelvis in place of the table's; its lengths do not scale."""
+        if pelvis is None or abs(np.log(pelvis.hip_width / self._table["hip_width"])) > FARTHEST * SIZE_SPREAD:
+            return  # the second: no pelvis of a person
+        at = list(self._table).index("hip_width")
+        self._table["hip_width"], self._scaled[at] = pelvis.hip_width, 0.0
+        self._shared_spread[1 + at] = pelvis.width_spread
+        spreads = self._shared_spread[-3 * len(self.names) :].reshape(-1, 3)
+        for name, position in pelvis.positions.items():
+            row = self.names.index(name)
+            self._on_pelvis[row], spreads[row] = position, pelvis.spread
 
     @cached_property
     def body(self) -> Body:
@@ -202,14 +217,15 @@ class BodyFit:
     # -- shared unknowns -----------------------------------------------------------------------------------------------
 
     def _subject_of(self, shared: FloatArray) -> Subject:
-        factors = np.exp(shared[0] + shared[1 : 1 + len(self._table)])
+        factors = np.exp(shared[0] * self._scaled + shared[1 : 1 + len(self._table)])
         lengths = (np.array(list(self._table.values())) * factors).tolist()
         waist = float(shared[1 + len(self._table)])
         return replace(self._subject, lengths=dict(zip(self._table, lengths, strict=True)), waist_forward=waist)
 
     def _geometry_of(self, shared: FloatArray) -> Geometry:
         geometry = self._model.geometry_of(segments(self._subject_of(shared)))
-        return geometry._replace(markers=geometry.markers + shared[-3 * len(self.names) :].reshape(-1, 3))
+        prior = np.where(np.isnan(self._on_pelvis), geometry.markers, self._on_pelvis)
+        return geometry._replace(markers=prior + shared[-3 * len(self.names) :].reshape(-1, 3))
 
     def _set(self, shared: FloatArray) -> None:
         """Take over values of the shared unknowns, and the derivatives of the geometry by size and lengths."""

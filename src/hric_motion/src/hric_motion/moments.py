@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from scipy.ndimage import binary_dilation
 from scipy.signal import butter, sosfiltfilt
 
 from hric_core.errors import HricError, check_known
@@ -39,6 +40,9 @@ SLIGHT = 0.05
 """Largest vertical force by the body weight up to which a load on a plate counts as noise, if it stays there [1]."""
 REACH = 0.12
 """Largest mean distance of the centre of pressure from the axis of the foot on the plate [m]."""
+SWING = 0.5
+"""Speed from which on heel and toe of a foot do not touch the ground [m/s], of Ghoussayni et al. 2004 in table 1 of
+Bonci et al. 2022 (doi:10.3389/fbioe.2022.868928)."""
 LIGHT = 0.02
 """Share of the body's mass beyond a joint, up to which an unknown angle is held at its middle [1]: foot, hand."""
 EDGE = 0.1
@@ -54,6 +58,8 @@ LENGTH_DEVIATION = 0.02
 NO_PLATES: Mapping[int, TrialPlate] = MappingProxyType({})
 
 Mask = npt.NDArray[np.bool_]
+FootEnds = Mapping[str, tuple[FloatArray, FloatArray]]
+"""Positions of heel and toe, by the link of the foot, shape (n, 3) each [m]."""
 
 
 @dataclass(frozen=True)
@@ -70,6 +76,8 @@ class JointMoments:
             axes of the laboratory, shape (n, 6).
         loads: loads on the links.
         standing: plates under each foot, by its link.
+        supported: True where heels and toes that may touch the ground are on plates, and are so for EDGE before and
+            after, shape (n,).
         notes: what was not used or not known, and why.
         deviation: standard deviations of the joint angles, shape (n, j) [rad].
         mass_deviation: standard deviation of the body's mass, by the mass [1].
@@ -84,6 +92,7 @@ class JointMoments:
     residual: FloatArray
     loads: tuple[ExternalLoad, ...]
     standing: Mapping[str, tuple[int, ...]]
+    supported: Mask
     notes: tuple[str, ...]
     deviation: FloatArray
     mass_deviation: float
@@ -91,10 +100,11 @@ class JointMoments:
 
     @property
     def residual_share(self) -> float:
-        """RMS of the residual force by the body weight [1], where the moments of the legs are known; NaN: nowhere."""
-        legs = [index for index, name in enumerate(self.body.joints) if "knee" in name]
-        known = np.isfinite(self.moment[:, legs]).all(axis=1) if legs else np.zeros(len(self.moment), bool)
-        squares = (self.residual[known, :3] ** 2).sum(axis=1)
+        """RMS of the residual force by the body weight [1], where all support is measured (`supported`); NaN: nowhere.
+
+        It does not depend on the residual which instants count.
+        """
+        squares = (self.residual[self.supported, :3] ** 2).sum(axis=1)
         return float(np.sqrt(squares.mean()) / weight(self.body)) if len(squares) else float("nan")
 
 
@@ -146,7 +156,8 @@ def joint_moments(
     posture = np.hstack([_filled(motion, rows), _continuous(motion.root[rows])])
     smooth, root = of_root_too(smoothed(time, posture, cutoff), motion.q.shape[1])
     free = whole.inverse_dynamics(smooth.q, smooth.dq, smooth.ddq, root)
-    support = _support(whole, free, smooth.time, plates, cutoff)
+    feet = _foot_ends(whole, free)
+    support = _support(feet, weight(motion.body), smooth.time, plates, cutoff)
     needed = whole.inverse_dynamics(smooth.q, smooth.dq, smooth.ddq, root, [*support.loads, *loads])
     residual = _residual(whole, needed, root)
     lost = support.unclear | (np.linalg.norm(residual[:, :3], axis=1) > LOST * weight(motion.body))
@@ -156,7 +167,8 @@ def joint_moments(
     if lost.any():
         notes.append(f"the load under the feet is not known in {lost.mean():.0%} of the time")
     moment, remarks = np.where(unknown, np.nan, needed.torque), (*notes[len(time) == len(motion.q) :], *support.notes)
-    acting = (*support.loads, *loads), support.standing, remarks
+    supported = ~(ends | _doubtful(feet, smooth.time, plates, support.unclear))
+    acting = (*support.loads, *loads), support.standing, supported, remarks
     deviations = motion.spread[rows][nearest], mass_deviation, np.zeros_like(moment)
     result = JointMoments(motion.body, smooth, root, moment, needed, residual, *acting, *deviations)
     return replace(result, half_width=half_width_of(result, lambda varied: varied.moment))
@@ -316,24 +328,48 @@ def _towards_root(whole: WholeBody, name: str) -> Iterator[int]:
             yield link.joint
 
 
+def _foot_ends(whole: WholeBody, free: Needed) -> FootEnds:
+    """Return the positions of heel and toe of each foot; free: positions of the links."""
+    ends = {}
+    for segment in whole.body.segments.values():
+        if segment.kind == "foot":
+            at = whole.index[segment.link]
+            heel, toe = (free.position[:, at] + free.rotation[:, at] @ end for end in (segment.start, segment.end))
+            ends[segment.link] = heel, toe
+    return ends
+
+
+def _doubtful(feet: FootEnds, time: FloatArray, plates: Mapping[int, TrialPlate], unclear: Mask) -> Mask:
+    """Return True within EDGE of instants at which something that no plate measures may carry the person, shape (n,).
+
+    That is a heel or toe that is slow and not on a plate, or a plate whose foot is not clear.
+    """
+    ends = [end for both in feet.values() for end in both]
+    if not ends:
+        return np.ones(len(time), bool)
+    doubtful = unclear.copy()
+    for end in ends:
+        slow = np.linalg.norm(np.gradient(end, time, axis=0), axis=1) < SWING
+        on = np.zeros(len(time), bool)
+        for plate in plates.values():
+            p_plate = (end - plate.T_lab_plate[:3, 3]) @ plate.T_lab_plate[:3, :3]
+            on |= (np.abs(p_plate[:, :2]) <= 0.5 * np.array(plate.size)).all(axis=1)
+        doubtful |= slow & ~on
+    return np.asarray(binary_dilation(doubtful, iterations=round(EDGE / (time[1] - time[0]))))
+
+
 def _support(
-    whole: WholeBody, free: Needed, time: FloatArray, plates: Mapping[int, TrialPlate], cutoff: float
+    feet: FootEnds, body_weight: float, time: FloatArray, plates: Mapping[int, TrialPlate], cutoff: float
 ) -> _Support:
-    """Return the loads on the feet; free: positions of the links, time: instants of the trial, shape (n,) [s]."""
-    feet = {segment.link: segment for segment in whole.body.segments.values() if segment.kind == "foot"}
-    axes = {}
-    for link, segment in feet.items():
-        at = whole.index[link]
-        ends = (free.position[:, at] + free.rotation[:, at] @ end for end in (segment.start, segment.end))
-        axes[link] = tuple(ends)
+    """Return the loads on the feet; body_weight: in N, time: instants of the trial, shape (n,) [s]."""
     support = _Support([], {link: () for link in feet}, np.zeros(len(time), bool), [])
     for number, plate in plates.items():
         load = plate.loads(time)
         carried: dict[str, Mask] = {}
         for rows in intervals(-load[:, 2] > LOADED):
-            if -load[rows, 2].min() < SLIGHT * weight(whole.body):
+            if -load[rows, 2].min() < SLIGHT * body_weight:
                 continue
-            foot = _foot(axes, rows, _pressure(plate, load))
+            foot = _foot(feet, rows, _pressure(plate, load))
             if foot is None:
                 support.unclear[rows] = True
                 span = f"from {time[rows.start]:.2f} s to {time[rows.stop - 1]:.2f} s"
@@ -361,13 +397,13 @@ def _pressure(plate: TrialPlate, load: FloatArray) -> FloatArray:
     return np.asarray(p_plate @ plate.T_lab_plate[:3, :3].T + plate.T_lab_plate[:3, 3])
 
 
-def _foot(axes: Mapping[str, tuple[FloatArray, ...]], rows: slice, pressure: FloatArray) -> str | None:
+def _foot(feet: FootEnds, rows: slice, pressure: FloatArray) -> str | None:
     """Return the foot under which the pressure is; None: none, or both.
 
-    axes: heel and toe of each foot, shape (n, 3) [m]; pressure: centre of pressure, shape (n, 3) [m].
+    pressure: centre of pressure, shape (n, 3) [m].
     """
     near = []
-    for link, (heel, toe) in axes.items():
+    for link, (heel, toe) in feet.items():
         along, to = toe[rows] - heel[rows], pressure[rows] - heel[rows]
         share = np.clip((along * to).sum(axis=1) / (along**2).sum(axis=1), 0.0, 1.0)
         if np.linalg.norm(to - share[:, None] * along, axis=1).mean() < REACH:

@@ -4,7 +4,7 @@ The angles of Plug-in Gait are those of its own axes, which it builds from singl
 both is one of definitions, and is shown apart.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -43,12 +43,11 @@ class AngleDifference(NamedTuple):
     varying: float
 
 
-def compared(joints: Sequence[str], q: FloatArray, angles: Mapping[str, FloatArray]) -> list[AngleDifference]:
+def compared(q: Mapping[str, FloatArray], angles: Mapping[str, FloatArray]) -> list[AngleDifference]:
     """Return the differences of the joints of which both angles are known.
 
     Args:
-        joints: names of the joints.
-        q: joint positions, shape (n, j) [rad]; NaN: not known.
+        q: angles by joint, shape (n,) each [rad]; NaN: not known.
         angles: angles of the file by name, shape (n, 3) each [deg].
     """
     rows = [TRUNK] + [
@@ -58,9 +57,9 @@ def compared(joints: Sequence[str], q: FloatArray, angles: Mapping[str, FloatArr
     ]
     found = []
     for joint, name, column, sign in rows:
-        if joint not in joints or name not in angles:
+        if joint not in q or name not in angles:
             continue
-        off = q[:, joints.index(joint)] - sign * np.radians(angles[name][:, column])
+        off = q[joint] - sign * np.radians(angles[name][:, column])
         off = (off + np.pi) % (2.0 * np.pi) - np.pi
         if len(off := off[np.isfinite(off)]):
             rms, offset = float(np.sqrt(np.mean(off**2))), float(off.mean())

@@ -26,9 +26,16 @@ TRAJECTORY = "trajectory_file"
 """Key of a file with joint positions that a robot replays."""
 VOLTS = {"v": 1.0, "volts": 1.0, "mv": 1e-3, "uv": 1e-6, "µv": 1e-6, "μv": 1e-6}
 """Factors to volts, by the unit of an analog channel in a c3d file (parameter ANALOG:UNITS), in lower case."""
+WIDTH = "_width"
+"""Ending of the keys of measured widths of joints."""
 MEASURES = (
     ("height", ("height",), (1.2, 2.2), (1e-3, 1e-2, 1.0), "m"),
     ("mass", ("bodymass", "mass", "weight"), (30.0, 200.0), (1.0,), "kg"),
+    *(
+        (f"{side}_{joint}{WIDTH}", (f"{side[0]}{joint}width",), (0.025, 0.2), (1e-3, 1e-2, 1.0), "m")
+        for side in ("right", "left")
+        for joint in ("knee", "ankle", "elbow", "wrist")
+    ),
 )
 """Measures of the subject: key, names of the parameter in lower case, range, factors that are tried, unit.
 
@@ -61,7 +68,8 @@ class Trial:
         plates: force plates by number in the file, from 1 on.
         up: axis that points up in the file, "y" or "z".
         up_known: True if `up` is stated by the file or was given; False: z was assumed.
-        subject: height [m] and mass [kg] of the subject, where the file has them.
+        subject: height [m] and mass [kg] of the subject, and widths of joints such as `right_knee_width` [m], where the
+            file has them.
         reasons: sentences about parts of the file that are left out, by part: the number of a force plate, or a name.
         start: for a file exported from a run of HRIC, robot time of the first frame [s]; 0 for other files.
         angles: joint angles that the laboratory's software computed, by name without prefix, shape (frames, 3) each
@@ -285,10 +293,10 @@ def _stated_up(point: Group) -> str:
 
 
 def _subject(parameters: Mapping[str, Group], reasons: dict[int | str, str]) -> dict[str, float]:
-    """Return height [m] and mass [kg] of the subject; add to `reasons` what is not in the range of a person.
+    """Return the measures of the subject [m], [kg]; add to `reasons` what is not in the range of a person.
 
-    A height may be in mm, as Nexus writes it, in cm or in m: the ranges of a person's height in these units do not
-    overlap."""
+    A height or width may be in mm, as Nexus writes it, in cm or in m: the ranges of a person in these units do not
+    overlap. A width of 0 was not measured."""
     subject = dict[str, float]()
     for key, names, (low, high), factors, unit in MEASURES:
         found = [
@@ -297,6 +305,7 @@ def _subject(parameters: Mapping[str, Group], reasons: dict[int | str, str]) -> 
             for name in parameters.get(group, {})
             if name.lower() in names
         ]
+        found = [array for array in found if array.any() or not key.endswith(WIDTH)]
         values = [float(value) for array in found if array.size == 1 for value in array.ravel()]
         valid = [factor * value for value in values for factor in factors if low <= factor * value <= high]
         if valid:

@@ -20,6 +20,7 @@ from hric_core.geometry import FloatArray
 from hric_core.trial.opensim_text import read_storage
 from hric_motion.measured import bridged
 from hric_motion.moments import JointMoments, longest_known
+from hric_motion.plug_in_gait import defined_angles
 from hric_motion.trial import TrialMotion
 from hric_motion.vendor import compared
 from hric_report.trial.opensim_files import (
@@ -34,6 +35,7 @@ from hric_report.trial.opensim_files import (
 )
 
 KINEMATICS, DYNAMICS, VENDOR = "OpenSim inverse kinematics", "OpenSim inverse dynamics", "laboratory's software"
+DEFINED = f"{VENDOR}, angles by its definitions"
 MARKED, SEEN, SOLVED = "human_with_markers.osim", "markers.trc", "inverse_kinematics.mot"
 
 
@@ -66,10 +68,12 @@ def differences(result: TrialMotion, moments: JointMoments | None, folder: Path)
         HricError: OpenSim's tools fail, or the pose of the person is known in too few frames.
     """
     joints, q = list(result.motion.body.joints), result.motion.q
+    defined = defined_angles(result.motion, result.trial.subject)
     found = [
-        OpenSimDifference(VENDOR, one.joint, "deg", one.frames, *map(float, np.degrees([one.rms, one.varying, peak])))
-        for one in compared(joints, q, result.trial.angles)
-        for peak in [np.nanmax(np.abs(q[:, joints.index(one.joint)]))]
+        OpenSimDifference(program, one.joint, "deg", one.frames, *map(float, np.degrees([one.rms, one.varying, peak])))
+        for program, own in ((VENDOR, dict(zip(joints, q.T, strict=True))), (DEFINED, defined))
+        for one in compared(own, result.trial.angles)
+        for peak in [np.nanmax(np.abs(own[one.joint]))]
     ]
     write_model(folder, result.motion.body)
     rows = longest_known(result.motion)

@@ -138,7 +138,7 @@ def content(result: TrialMotion, moments: JointMoments | None = None) -> dict[st
         "vendor": {
             one.joint: {"angle": one.theirs, "frames": one.frames}
             | {key: float(np.degrees(getattr(one, key))) for key in ("rms", "offset", "varying")}
-            for one in compared(list(motion.body.joints), motion.q, result.trial.angles)
+            for one in compared(dict(zip(motion.body.joints, motion.q.T, strict=True)), result.trial.angles)
         },
         "moments": None if moments is None else moment_values(moments),
         "lumbar": None if moments is None else lumbar_values(moments),
@@ -199,6 +199,8 @@ def moment_line(values: Mapping[str, Any]) -> str:
             f"the residual force is {100.0 * moments['residual']:.1f} % of the body weight (root mean square; "
             f"recommended: up to {100.0 * RECOMMENDED:.0f} %, {HICKS})"
         )
+    elif any(moments["plates"].values()):
+        parts.append("the residual force is not known, as heel or toe of a resting foot is always off the plates")
     return "; ".join(parts) + "."
 
 
