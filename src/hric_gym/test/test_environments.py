@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from hric_assessment.contact.limits import Limits
 from hric_core.errors import HricError
 
 gymnasium = pytest.importorskip("gymnasium", reason="scripts/setup --with learning")
@@ -197,3 +198,111 @@ def test_without_gymnasium_the_error_names_the_command_that_installs_it() -> Non
     lines = "import sys; sys.modules['gymnasium'] = None; import hric_gym.envs"
     done = subprocess.run([sys.executable, "-c", lines], capture_output=True, text=True, timeout=120)
     assert done.returncode == 1 and "scripts/setup --with learning" in done.stderr.splitlines()[-1]
+
+
+def test_a_guided_hand_goes_where_the_agent_sends_it_and_stays_where_the_arm_ends() -> None:
+    env = CollaborationEnv("Reach", person="policy")
+    before, _ = env.reset(seed=2)
+    for _ in range(20):
+        after, *_ = env.step_with(np.zeros(7), np.array([0.0, 0.5, 0.5]))
+    moved = after["hand_position"] - before["hand_position"]
+    assert moved[1] > 0.05 and moved[2] > 0.05
+    for _ in range(60):
+        far, _, ended, _, _ = env.step_with(np.zeros(7), np.array([0.0, 1.0, 0.0]))
+        assert not ended
+    assert np.isfinite(far["hand_position"]).all() and far["hand_position"][1] < before["hand_position"][1] + 0.7
+    env.close()
+
+
+def test_a_reactive_hand_approaches_the_resting_arm() -> None:
+    env = CollaborationEnv("Reach", "end_effector", person="reactive")
+    values, _ = env.reset(seed=2)
+    distances = []
+    for _ in range(60):
+        distances.append(np.linalg.norm(values["hand_position"] - values["ee_position"]))
+        values, _, ended, _, _ = env.step(np.zeros(6))
+        if ended:  # the hand has touched the arm
+            break
+    assert min(distances) < distances[0] - 0.1
+    env.close()
+
+
+def test_a_recorded_trial_moves_the_person(tmp_path: Path) -> None:
+    trial = tmp_path / "elbow.mot"
+    rows = "".join(f"{0.01 * k}\t{80.0 + 20.0 * np.sin(0.02 * k)}\n" for k in range(300))
+    head = "elbow\nversion=1\nnRows=300\nnColumns=2\ninDegrees=yes\nendheader\ntime\tright_el_flex\n"
+    trial.write_text(head + rows)
+    env = CollaborationEnv("Reach", person="trial", trial=str(trial))
+    values, _ = env.reset(seed=0)
+    person = env.simulation.observe().person
+    assert person is not None
+    elbow = person.joints.index("right_el_flex")
+    for _ in range(30):
+        values, *_ = env.step(np.zeros(7))
+    assert abs(np.degrees(values["person_q"][elbow]) - 80.0 - 20.0 * np.sin(0.02 * 120)) < 8.0
+    env.close()
+
+
+def test_each_episode_has_another_body_of_the_population() -> None:
+    env = CollaborationEnv("Reach", population="adult_mixed")
+    bodies = []
+    for seed in (1, 2, 1):
+        env.reset(seed=seed)
+        human = env.simulation.definition.human
+        assert human is not None
+        bodies.append(human["subject"])
+    assert bodies[0] == bodies[2] != bodies[1]
+    env.close()
+
+
+def test_the_force_share_is_that_of_the_contact_limit() -> None:
+    """A free contact of the judge: its share is the largest of force and mean pressure, each over its limit."""
+    env = CollaborationEnv("Contact", "joint_velocity", changes=["robot.parameters.reflexes:=false"])
+    env.reset(seed=1)
+    peak, share, largest = 0.0, 0.0, 0.0
+    for _ in range(40):
+        _, _, ended, _, info = env.step([0.8, 0, 0, 0, 0, 0, 0])
+        assert not ended
+        share = max(share, info["costs"]["force"])
+        for contact, _ in env._judge._watch._rows.values():
+            peak = max(peak, contact.peak or 0.0)
+            limit = Limits.named().at(contact.regions, None, contact.dominant)
+            assert limit is not None and limit.pressure is not None
+            ratios = peak / limit.force.transient, peak / 1e-4 / limit.pressure.transient
+            largest = max(largest, *ratios)
+    assert peak > 5.0 and share == pytest.approx(largest, rel=1e-9)
+    env.close()
+
+
+def test_a_picture_is_drawn_without_a_display() -> None:
+    lines = (
+        "import numpy as np\nfrom hric_gym.environment import CollaborationEnv\n"
+        "env = CollaborationEnv('HandGuidance', 'end_effector', render_mode='rgb_array')\n"
+        "env.reset(seed=1)\npicture = env.render()\nenv.step(np.zeros(6))\n"
+        "print(picture.shape, picture.dtype, picture.std() > 5, env.render().shape)\nenv.close()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", lines], capture_output=True, text=True, timeout=300)
+    assert done.stdout.strip() == "(480, 640, 3) uint8 True (480, 640, 3)", done.stderr
+
+
+@pytest.mark.slow  # 500 episodes, a few minutes
+@pytest.mark.parametrize("settings", [{"person": "none"}, {}], ids=["arm", "person"])
+def test_the_memory_of_500_episodes_does_not_grow(settings: dict[str, str]) -> None:
+    lines = (
+        "import json, sys\nimport numpy as np\nfrom hric_gym.environment import CollaborationEnv\n"
+        "def memory():\n    return int(open('/proc/self/statm').read().split()[1]) * 4096 / 1e6\n"
+        "env = CollaborationEnv('Reach', **json.loads(sys.argv[1]))\n"
+        "random, sizes = np.random.default_rng(1), []\n"
+        "for episode in range(500):\n"
+        "    env.reset(seed=episode)\n"
+        "    for _ in range(10):\n"
+        "        if env.step(random.uniform(-1, 1, 7))[2]:\n"
+        "            break\n"
+        "    sizes.append(memory())\n"
+        "print(sizes[50], sizes[-1])\n"
+    )
+    command = [sys.executable, "-c", lines, json.dumps(settings)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=1800, check=True)
+    early, late = map(float, done.stdout.split())
+    print(f"memory after 50 episodes {early:.1f} MB, after 500 {late:.1f} MB")
+    assert late < 1.1 * early

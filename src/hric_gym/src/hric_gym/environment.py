@@ -25,8 +25,6 @@ from hric_run.simulation import Simulation
 
 STEP = 0.04
 """Default time between two actions [s] (project default)."""
-START = 0.05
-"""Largest deviation of a joint from the start position of the experiment [rad] (project default)."""
 HAND_SPEED = 1.0
 """Velocity of the target of a guided hand for an action of 1 [m/s] (project default)."""
 HAND_LEAD = 0.15
@@ -163,18 +161,13 @@ class CollaborationEnv(Env):
             options: none.
 
         Raises:
-            HricError: an option, or no body of the population can reach the points of the task.
+            HricError: an option, or in DRAWS draws no person can reach the points of the task.
         """
         super().reset(seed=seed)
         if options:
             raise HricError(f"options {', '.join(options)} are not known; valid: none")
         random = self.np_random
-        if self._choice.population:
-            self._draw(random)
-        chosen, deviation = int(random.integers(2**31)), random.uniform(-START, START, 7)
-        self._mode.prepare()
-        self.simulation.reset(in_place=True, seed=chosen, q_start=(self._q_start + deviation).tolist())
-        self._restart_goals(random, chosen)
+        self._restart_goals(random, self._begin(random))
         if self._judge is not None:
             self._judge.restart()
         self._observation, self._ended = self.simulation.observe(), False
@@ -187,18 +180,19 @@ class CollaborationEnv(Env):
         if self._intended is not None:
             self._intended.restart(random, seed)
 
-    def _draw(self, random: np.random.Generator) -> None:
-        """Simulate a person of the population who can reach the points of the task."""
+    def _begin(self, random: np.random.Generator) -> int:
+        """Begin an episode in which the person can reach the points of the task; return its seed."""
         for _ in range(DRAWS):
+            seed, deviation = int(random.integers(2**31)), random.uniform(-1.0, 1.0, 7) * self.task.deviation
             try:
-                self._open(Simulation(drawn_body(self._definition, self._choice.population, random)))
-                return
+                if self._choice.population:
+                    self._open(Simulation(drawn_body(self._definition, self._choice.population, random)))
+                self._mode.prepare()
+                self.simulation.reset(in_place=True, seed=seed, q_start=(self._q_start + deviation).tolist())
             except OutOfReachError:
                 continue
-        raise HricError(
-            f"{DRAWS} bodies of {self._choice.population} cannot reach the points of the task; valid: nearer points "
-            "(human.position)"
-        )
+            return seed
+        raise HricError(f"in {DRAWS} draws the person cannot reach the points of the task; valid: nearer points")
 
     def step(self, action: Any) -> tuple[Values, float, bool, bool, dict[str, Any]]:
         """Execute an action; return observation, reward, whether the episode has ended, False, and `info`.

@@ -1,4 +1,4 @@
-"""Person whose hand another program guides during the run: a policy, or a person at a device.
+"""Person whose hand is guided during the run: by a policy through a channel, or by the reactions of hric_human.
 
 The environment writes the target of the hand into a channel of this process; the controller `hric_gym/GuidedArm` reads
 it. The reference of the hand moves towards the target at a limited speed, and stays where the arm cannot follow.
@@ -16,6 +16,8 @@ from hric_human.control.controller import Person
 from hric_human.control.impedance import ImpedanceArm, ImpedanceArmSettings
 from hric_human.control.inverse_kinematics import HandSolver, OutOfReachError
 from hric_human.control.references import KNOT, AngleRows, Joints, Reference
+from hric_human.hand import Hand
+from hric_human.hand.reactive import Reaction, Reactive
 
 TARGETS: dict[str, FloatArray] = {}
 """Target of each guided hand in the world, shape (3,) [m], by name of its channel."""
@@ -25,7 +27,7 @@ TARGETS: dict[str, FloatArray] = {}
 class GuidedArmSettings(ImpedanceArmSettings):
     """Parameters of GuidedArm; `reference` has no effect."""
 
-    channel: str = text(empty=False, text="name of the channel with the hand's target")
+    channel: str = text("", text="name of the channel with the hand's target; empty: the hand reacts to the robot")
     start: Vector = numbers(3, unit="m", text="position of the hand at the start, world")
     speed: float = number(
         1.0, above=0.0, maximum=5.0, unit="m/s", text="largest speed of the hand's reference (project default)"
@@ -33,7 +35,7 @@ class GuidedArmSettings(ImpedanceArmSettings):
 
 
 class GuidedReference(Reference):
-    """Joint angles for a hand that moves towards the target of a channel.
+    """Joint angles for a hand that moves towards the target of a channel, or of its own reactions.
 
     Args:
         person: person whose hand moves.
@@ -48,12 +50,23 @@ class GuidedReference(Reference):
         self._solver = HandSolver(person.hand, person.lower, person.upper, person.rest)
         self._T_root_world, self._p = inverse(person.T_world_root), np.array(settings.start)
         TARGETS[self._channel] = self._p.copy()
+        self._program, self._knots = Reactive(Reaction(rest=settings.start), np.random.default_rng(person.seed)), 0
+        self._hand = Hand(self._program)
         self._last = self._solver.first(self._pose(self._p))
         self._rows = AngleRows(KNOT, [self._last], self._next)
 
     def start(self, time: float) -> None:
         """Start to follow the target."""
         self._rows.start(time)
+        self._hand.start(time)
+
+    def see(self, time: float, position: Vector) -> None:
+        """Pass the position [m] of the robot's end effector to the reactions."""
+        self._hand.see(time, position)
+
+    def feel(self, time: float, force: Vector) -> None:
+        """Pass the force [N] on the hand to the reactions."""
+        self._hand.feel(time, force)
 
     def at(self, time: float) -> tuple[Joints, Joints]:
         """Return the positions and velocities of the joints."""
@@ -64,6 +77,9 @@ class GuidedReference(Reference):
         return compose(self._T_root_world, Pose((x, y, z)))
 
     def _next(self) -> Joints:
+        self._knots += 1
+        if not self._channel:
+            TARGETS[self._channel] = np.array(self._program.pose(self._knots * KNOT).position)
         offset = TARGETS[self._channel] - self._p
         distance = float(np.linalg.norm(offset))
         if distance > 0.0:

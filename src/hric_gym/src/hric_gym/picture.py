@@ -8,7 +8,7 @@ from hric_human.participant.settings import HUMAN, HumanSettings
 from hric_run.definition.experiment import Experiment
 from hric_run.observation import SimulationState
 
-VIEW = {"width": 640, "height": 480, "xyz": [2.6, -1.6, 1.1], "rpy": [0.0, 0.3, 2.5]}
+VIEW = {"width": 640, "height": 480, "xyz": [0.7, -3.2, 1.1], "rpy": [0.0, 0.25, 1.5708]}
 """Size of the pictures [pixels] and pose of the camera in the world [m], [rad]."""
 
 

@@ -19,12 +19,14 @@ DRAWN, SETPOINTS, HAND = "drawn", "setpoints", "hand"
 """Goals: a point drawn from a box, the end effector's position at the setpoints, the person's intention."""
 FORCE, SEPARATION, POSTURE, EFFORT = "force", "separation", "posture", "effort"
 """Costs by the judge of hric_assessment, each as share of its limit."""
+START = 0.05
+"""Deviation of a joint at the start of an episode [rad] (project default)."""
 RATE = 25.0
 """Rate of the person's messages [Hz]: one in each step of an environment, from which it knows their torques."""
 CORRELATION = 0.4
 """Correlation of the normal scores of mass and height in a population (project default, unconfirmed)."""
 DRAWS = 20
-"""Largest number of bodies drawn until one can reach the points of the task (project default)."""
+"""Largest number of draws of body and motion until the person can reach the points of the task (project default)."""
 _channels = itertools.count()
 
 
@@ -39,6 +41,8 @@ class TaskDefinition:
         constraints: costs that have to stay at or below 1.
         changes: overrides of the experiment.
         text: description for the table of tasks.
+        deviation: largest random deviation of a joint from the start position [rad] (project default); 0 where the arm
+            holds an object or a grip at the start.
     """
 
     experiment: str
@@ -47,6 +51,7 @@ class TaskDefinition:
     constraints: tuple[str, ...]
     changes: tuple[str, ...]
     text: str
+    deviation: float = 0.0
 
 
 _VARIED = "human.control.parameters.reference.variation:={position: 0.01, time: 0.05}"
@@ -60,6 +65,7 @@ TASKS = {
         (FORCE, SEPARATION),
         (_VARIED, _AREA),
         "reach for a random point beside a person who reaches into the workspace",
+        START,
     ),
     "HandGuidance": TaskDefinition(
         "hand_guidance",
@@ -92,6 +98,7 @@ TASKS = {
         (FORCE,),
         (),
         "move to a setpoint through the person's forearm",
+        START,
     ),
     "SharedWorkspace": TaskDefinition(
         "shared_workspace",
@@ -100,6 +107,7 @@ TASKS = {
         (FORCE, SEPARATION),
         (_VARIED, _AREA),
         "move from side to side while a person walks up and reaches into the workspace",
+        START,
     ),
 }
 """Tasks by name; the id of an environment is hric/NAME-v0."""
@@ -184,19 +192,17 @@ def _choose(human: dict[str, Any], reference: Mapping[str, Any], choice: PersonC
     control = human["control"]
     parameters = dict(control["parameters"])
     first = [float(value) for value in reference["points"][0][1:4]]
-    if choice.kind == "reactive":
-        parameters["reference"] = {"program": "reactive", "rest": first}
-        human["watches"] = "panda_hand"
-    elif choice.kind == "trial":
+    channel = f"channel{next(_channels)}" if choice.kind == "policy" else ""
+    if choice.kind == "trial":
         parameters["reference"] = {"program": Path(choice.trial).suffix.lstrip("."), "path": choice.trial}
-    elif choice.kind == "policy":
+    elif choice.kind in ("reactive", "policy"):
+        if human.get("walk"):
+            raise HricError(f"person {choice.kind!r} cannot walk, as the task demands; valid: scripted, trial, none")
         del parameters["reference"]
-        channel = f"channel{next(_channels)}"
         parameters |= {"channel": channel, "start": first}
-        human["control"] = control | {"type": "hric_gym/GuidedArm", "parameters": parameters}
-        return channel
+        control, human["watches"] = control | {"type": "hric_gym/GuidedArm"}, "panda_hand"
     human["control"] = control | {"parameters": parameters}
-    return ""
+    return channel
 
 
 def drawn_body(definition: Experiment, population: str, random: np.random.Generator) -> Experiment:
