@@ -23,7 +23,7 @@ from bringup_arguments import (  # noqa: E402
     split,
 )
 from bringup_master import MasterError, call, choose, free_port  # noqa: E402
-from bringup_ready import arm  # noqa: E402
+from bringup_ready import arm, engine  # noqa: E402
 
 NAMES = (
     "env",
@@ -268,6 +268,15 @@ def test_what_stands_at_an_address_is_said() -> None:
     assert arm({**shown, "robot_ip": "emulated"}) == "emulated fr3 (mujoco)"
 
 
+def test_the_engine_is_that_of_the_argument_the_experiment_or_the_default(tmp_path: Path) -> None:
+    assert engine({"simulator": "opensim", "experiment": "try_contact"}) == "opensim"
+    assert engine({"simulator": "auto", "experiment": "try_contact"}) == "mujoco"
+    assert [engine({"simulator": "auto", "experiment": name}) for name in ("none", "pd_step")] == ["pybullet"] * 2
+    own = tmp_path / "own.yaml"
+    own.write_text("robot:\n  plant_type: toy_ros_control/ToyPlant\n")
+    assert engine({"simulator": "auto", "experiment": str(own)}) == "toy"
+
+
 def test_an_address_without_arm_is_refused() -> None:
     port = free_port()
     # No program listens at this address; on loopback a connection is refused at once.
@@ -312,7 +321,7 @@ def test_help_needs_no_set_up(tmp_path: Path, script: str, texts: tuple[str, ...
 def test_the_shell_completes_names_and_values() -> None:
     assert completed("real") == ["realism:=", "real_time_factor:="]
     assert completed("controller:") == ["controller:="]
-    assert completed("simulator:=") == ["simulator:=mujoco", "simulator:=opensim", "simulator:=pybullet"]
+    assert completed("simulator:=") == [f"simulator:={name}" for name in ("mujoco", "opensim", "pybullet", "auto")]
     assert "controller:=effort_joint_trajectory_controller" in completed("controller:=eff")
     assert completed("experiment:=pd") == ["experiment:=pd_step"] and completed("kp:=") == completed("colour:=") == []
 

@@ -49,13 +49,19 @@ def test_another_system_is_sent_to_docker(tmp_path: Path, system: str) -> None:
     release.write_text(system)
     result = setup(HRIC_OS_RELEASE=str(release))
     assert result.returncode == 1
-    assert "Debian 12" in result.stderr
+    assert "Debian 12 (bookworm) or 13 (trixie)" in result.stderr
     assert "docker compose -f docker/compose.yaml up" in result.stderr
 
 
 def test_a_derivative_of_debian_12_is_accepted(tmp_path: Path) -> None:
     release = tmp_path / "os-release"
     release.write_text('PRETTY_NAME="LMDE 6 (faye)"\nID=linuxmint\nVERSION_CODENAME=faye\nDEBIAN_CODENAME=bookworm\n')
+    assert setup("--check", HRIC_OS_RELEASE=str(release)).returncode == 0
+
+
+def test_debian_13_is_accepted(tmp_path: Path) -> None:
+    release = tmp_path / "os-release"
+    release.write_text('PRETTY_NAME="Debian GNU/Linux 13 (trixie)"\nID=debian\nVERSION_CODENAME=trixie\n')
     assert setup("--check", HRIC_OS_RELEASE=str(release)).returncode == 0
 
 
@@ -159,6 +165,15 @@ def test_every_requirement_is_pinned_exactly() -> None:
         if line.strip() and not line.startswith("#")
     ]
     assert len(files) > 2 and all(line.count("==") == 1 for line in lines)
+
+
+def test_packages_without_a_wheel_for_debian_13_are_pinned_for_debian_12_alone() -> None:
+    locked = (ROOT / "scripts/locked/run.txt").read_text().splitlines()
+    marked = [line.partition(" ;") for line in locked if " ;" in line]
+    assert {(name.partition("==")[0], marker.strip(" \\")) for name, _, marker in marked} == {
+        ("pybullet", "python_full_version < '3.13'"),
+        ("pylibfranka", "python_full_version < '3.13'"),
+    }
 
 
 @pytest.mark.parametrize(
