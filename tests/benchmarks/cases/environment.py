@@ -14,7 +14,8 @@ from std_srvs.srv import TriggerRequest
 
 from cases import Block
 from cases.arms import SETPOINT, timed
-from hric_assessment.ergonomics import posture, rula
+from hric_assessment.ergonomics.instant import InstantScore
+from hric_assessment.ergonomics.rula import Rula
 from hric_assessment.separation.capsules import distances
 from hric_core import plugins
 from hric_core.geometry import Pose, stamped
@@ -91,6 +92,7 @@ class Environment:
             self._joints = tuple(body.joints)
             self._q, self._dq = [0.0] * len(body.joints), [0.0] * len(body.joints)
             self._arm = ArmShape(hw.description, hw.states.names)
+            self._rula = InstantScore(Rula(), body.joints, "right")
             self._body = BodyShape(body, settings.root(body))
 
     def step(self) -> tuple[Any, float]:
@@ -119,8 +121,7 @@ class Environment:
         return float(distances(ends, self._arm.capsules.radii, seen.ends[None], seen.radii).min())
 
     def _score(self) -> float:
-        known = posture.of_joints(self._joints, np.array([self._q]), "right")
-        return float(rula.score(known).score[0])
+        return float(self._rula(self._q))
 
     def reset(self) -> None:
         """Put arm and person to their start."""

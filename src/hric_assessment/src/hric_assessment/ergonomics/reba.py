@@ -21,6 +21,7 @@ class Reba(PostureMethod):
     task_fields = ("load", "shock", "held", "repeats", "rest_held", "rest_repeats", "rapid")
     parts = "whole_body"
     supplements = True
+    by_table = True
     legs = "REBA, which counts bent knees"
 
     def total(self, scorer: Scorer, task: Task, version: str) -> IntArray:

@@ -24,6 +24,7 @@ class Rula(PostureMethod):
     table = staticmethod(rula_table)
     task_fields = ("load", "static", "shock", "held", "repeats", "rest_held", "rest_repeats")
     versions = VERSIONS
+    by_table = True
     legs = "the balance of RULA"
 
     def name(self, version: str) -> str:

@@ -130,7 +130,7 @@ class Scorer:
         self.table = table
         self.steps: list[Step] = []
         self.parts: dict[str, IntArray] = {}
-        self._chosen = {name: max(0.0, threshold.value + shift) for name, threshold in table.chosen.items()}
+        self._shift = shift
 
     def part(self, name: str) -> IntArray:
         """Score a part of the body and return its score, at least 1, shape (n,)."""
@@ -170,7 +170,7 @@ class Scorer:
 
     def _band(self, label: str, band: Band) -> Step:
         angle, spread = self.known[band.angle], self._spread(band.angle)
-        bounds = [self._bound(bound) for bound in band.bounds]
+        bounds = [self.table.degrees(bound, self._shift) for bound in band.bounds]
         case, scores = _case(band, bounds, angle), np.array(band.scores, np.int8)
         if self._end and np.any(spread):
             first, last = _case(band, bounds, angle - spread), _case(band, bounds, angle + spread)
@@ -197,17 +197,12 @@ class Scorer:
             return self.known[condition.flag]
         name = str(condition.angle)
         angle = self.known[name] if condition.above is not None else np.abs(self.known[name])
-        threshold = math.radians(self._chosen[str(condition.above or condition.beyond)])
+        threshold = math.radians(self.table.degrees(str(condition.above or condition.beyond), self._shift))
         return angle + (self._end * self._spread(name) if self._end else 0.0) > threshold
 
     def _spread(self, name: str) -> Spread:
         """Return the uncertainty of an angle, half-width of an interval, one value or shape (n,) [rad]."""
         return self.known.spread.get(name, 0.0)
-
-    def _bound(self, bound: float | str) -> float:
-        if isinstance(bound, str):
-            return (-1.0 if bound.startswith("-") else 1.0) * self._chosen[bound.lstrip("-")] + 0.0  # no -0
-        return bound
 
 
 def scored(table: PostureTable, method: str, known: Known, total: Total) -> Scores:
@@ -289,6 +284,7 @@ class PostureMethod:
         parts: smallest value of `human.parts` that has all joints of the method.
         supplements: True if findings of other methods are to be reported even if this method's score is unknown.
         legs: phrase about what joints of the legs add to the method's score; empty: nothing.
+        by_table: True if angles affect the score only through the parts of the table, so that it may be looked up.
     """
 
     table: Callable[[], PostureTable]
@@ -297,6 +293,7 @@ class PostureMethod:
     parts = "upper_body"
     supplements = False
     legs = ""
+    by_table = False
 
     def total(self, scorer: Scorer, task: Task, version: str) -> IntArray:
         """Score the parts with `scorer` and return the total score, shape (n,); called several times per recording."""

@@ -135,6 +135,16 @@ class PostureTable(TableFile):
                 if threshold not in self.chosen:
                     raise unknown("threshold", threshold, self.chosen, f"{where}parts.{name}")
 
+    def degrees(self, bound: float | str, shift: float = 0.0) -> float:
+        """Return a bound [deg], or the threshold in `chosen` with this name, negative with a minus in front.
+
+        shift: change of all thresholds in `chosen`, which remain 0 or above [deg].
+        """
+        if not isinstance(bound, str):
+            return bound
+        value = max(0.0, self.chosen[bound.lstrip("-")].value + shift)
+        return (-1.0 if bound.startswith("-") else 1.0) * value + 0.0  # no -0
+
     def level(self, score: int) -> str:
         """Return the name of a score's level, such as "acceptable"."""
         return next(name for highest, name in self.levels.items() if score <= int(highest))

@@ -13,14 +13,13 @@ from hric_control.controller import Controller, SettingsClasses
 from hric_control.hardware_interface import EffortJointInterface
 from hric_control.robot_hw import RobotHW
 from hric_control.speed_scale import SpeedScale, SpeedScaleInterface
-from hric_controllers.cartesian.law import CartesianArmState, CartesianLaw, Compliance
+from hric_controllers.cartesian.law import CartesianArmState, CartesianLaw, Compliance, limited
 from hric_controllers.cartesian.settings import CartesianImpedanceSettings, ComplianceSettings
 from hric_controllers.cartesian.workspace import JumpSettings, check_equilibrium
 from hric_controllers.dynamics import added_gravity, rotor_inertia
 from hric_core import realtime
 from hric_core.errors import CommandError
 from hric_core.geometry import Pose, stamped
-from hric_core.native import vectors
 from hric_core.node import Node, ParameterValues
 
 
@@ -137,7 +136,7 @@ class CartesianImpedanceController(Controller):
             CartesianArmState(robot.q, robot.dq, model.zero_jacobian(FrankaFrame.END_EFFECTOR), mass, model.coriolis()),
         )
         if self._gravity is not None:
-            tau = vectors.add(tau, self._gravity(self._group.positions()))
+            tau = [a + b for a, b in zip(tau, self._gravity(self._group.positions()), strict=True)]
         self._command(tau, period)
         if self._state_time.due(time):
             self._publish(measured)
@@ -152,11 +151,8 @@ class CartesianImpedanceController(Controller):
 
     def _command(self, tau: list[float], period: float) -> None:
         """Limit the rate of the torques (7 floats [N m]) and command them; `period`: time since the last ones [s]."""
-        step = self._max_rate * period
-        if step > 0.0 and not vectors.near(tau, self._last, [step] * len(tau)):
-            tau = [min(max(value, last - step), last + step) for value, last in zip(tau, self._last, strict=True)]
-        self._last = tau
-        self._group.set_command(tau)
+        self._last = limited(tau, self._last, self._max_rate * period)
+        self._group.set_command(self._last)
 
     def _publish(self, measured: Pose) -> None:
         stamp, desired, wrench = self._node.now(), self._law.pose, self._law.wrench

@@ -24,7 +24,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hric_core.geometry import poses
-from hric_core.native import load
+from hric_core.native import load, vectors
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -166,6 +166,13 @@ class CartesianLaw:
             *map(np.ascontiguousarray, arm[2:]),
         )
         return tau
+
+
+def limited(tau: list[float], last: list[float], step: float) -> list[float]:
+    """Return torques that differ from the last ones by at most `step`, if it is above 0 [N m]."""
+    if step <= 0.0 or vectors.near(tau, last, [step] * len(tau)):
+        return tau
+    return [min(max(value, before - step), before + step) for value, before in zip(tau, last, strict=True)]
 
 
 def null_space(J: FloatArray, mass: FloatArray, tau_0: FloatArray) -> FloatArray:
