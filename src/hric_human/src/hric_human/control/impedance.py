@@ -6,12 +6,14 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from hric_core.geometry import Vector
+from hric_core.native import load
 from hric_core.parameters import Settings, number, per_joint, refused, variant
 from hric_human.control.controller import HumanController, Person, Senses
 from hric_human.control.kinematics import own_weight
 from hric_human.control.recorded import RECORDED
 from hric_human.control.references import REFERENCES, Reference, ReferenceSettings
 
+_compiled = load("hric_human_impedance")
 DAMPING = 0.05
 """Ratio of damping to stiffness [s] (PMC2784227, which gives it for each muscle)."""
 
@@ -131,8 +133,8 @@ class ImpedanceArm(HumanController):
         published = settings.stiffness is None
         stiffness = [row.relaxed for row in rows] if published else settings.stiffness
         growth = settings.growth or [row.growth if published else 0.0 for row in rows]
-        self._lead = DAMPING if settings.damping is None else 0.0
-        self._impedance = list(zip(stiffness, growth, settings.damping or [0.0] * len(rows), strict=True))
+        self._lead = DAMPING if settings.damping is None else 0.0  # damping per stiffness [s]
+        self._impedance = list(stiffness), list(growth), list(settings.damping or [0.0] * len(rows))
         self._couplings = couplings(person.joints) if published else []
         self._reflex, self._weight = settings.reflex, person.own_weight
         if settings.load > 0.0:
@@ -174,17 +176,11 @@ class ImpedanceArm(HumanController):
         """Return the joint torque of the impedance law, n floats [N m]."""
         self._reference.feel(time, senses.force)
         q_ref, dq_ref = self._reference.at(time)
-        q, dq = senses.muscles
-        reflex, lead = self._reflex, self._lead  # lead: damping per stiffness [s]; d below: damping set separately
-        q = [now + reflex * (late - now) for now, late in zip(q, senses.q, strict=True)]
-        dq = [now + reflex * (late - now) for now, late in zip(dq, senses.dq, strict=True)]
         weight = self._weight(senses.q)
-        stiffness = [k + s * abs(g) for (k, s, _), g in zip(self._impedance, weight, strict=True)]
-        behind = [a - b + lead * (v - w) for a, b, v, w in zip(q_ref, q, dq_ref, dq, strict=True)]
-        tau = [
-            k * e + d * (v - w) + g
-            for k, e, (_, _, d), v, w, g in zip(stiffness, behind, self._impedance, dq_ref, dq, weight, strict=True)
-        ]
+        tau: list[float]
+        tau, stiffness, behind = _compiled.torque(
+            *self._impedance, q_ref, dq_ref, *senses.muscles, senses.q, senses.dq, weight, self._reflex, self._lead
+        )
         for arm in self._couplings:
             own = min(stiffness[arm.flexion], stiffness[arm.abduction]) * stiffness[arm.elbow]
             cross = min(CROSS.relaxed + CROSS.growth * abs(weight[arm.elbow]), CROSS_LIMIT * math.sqrt(own))

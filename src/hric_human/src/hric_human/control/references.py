@@ -8,6 +8,7 @@ from itertools import pairwise
 from hric_core.errors import ParameterError
 from hric_core.geometry import Pose, Vector, compose
 from hric_core.geometry.poses import inverse
+from hric_core.native import load
 from hric_core.parameters import Mistakes, Settings, flag, listing, mapping, number, refused, unknown
 from hric_human.control.controller import Person
 from hric_human.control.inverse_kinematics import HandSolver, OutOfReachError
@@ -15,6 +16,7 @@ from hric_human.hand import Hand, Motion, program_of
 from hric_human.hand.programs import with_programs
 from hric_human.signals import RestToRest
 
+_cubic: Callable[..., tuple[list[float], list[float]]] = load("hric_human_impedance").cubic
 KNOT = 0.02
 """Time between two hand poses for which joint angles are computed [s] (project default, unconfirmed)."""
 Joints = list[float]
@@ -143,7 +145,7 @@ class AngleRows(Reference):
     def __init__(self, interval: float, rows: list[Joints], more: Callable[[], Joints] | None = None) -> None:
         self._interval, self._rows, self._more = interval, rows, more
         self._still, self._piece = [0.0] * len(rows[0]), -1
-        self._cubics: list[tuple[float, float, float, float]] = []
+        self._cubics: list[tuple[float, ...]] = []
         self._zero = math.inf
         self.end = math.inf if more else (len(rows) - 1) * interval
 
@@ -166,12 +168,8 @@ class AngleRows(Reference):
                 self._rows.append(self._more())
             if piece >= len(self._rows) - 1:
                 return self._rows[-1], self._still
-            self._piece, self._cubics = piece, _cubics(self._rows, piece)
-        u, rate = steps - piece, 1.0 / self._interval
-        return (
-            [a + u * (b + u * (c + u * d)) for a, b, c, d in self._cubics],
-            [rate * (b + u * (2.0 * c + 3.0 * u * d)) for _, b, c, d in self._cubics],
-        )
+            self._piece, self._cubics = piece, list(zip(*_cubics(self._rows, piece), strict=True))
+        return _cubic(*self._cubics, steps - piece, 1.0 / self._interval)
 
 
 def _cubics(rows: Sequence[Joints], piece: int) -> list[tuple[float, float, float, float]]:
