@@ -1,4 +1,4 @@
-"""Measure the processor time to export a bag per format, as a ratio to reading its messages without decoding.
+"""Measure processor time and size of exports per format; times are ratios to reading the bag without decoding it.
 
     python tests/benchmarks/export_cost.py RUN|BAG
 
@@ -15,8 +15,8 @@ from pathlib import Path
 from rosbags.highlevel import AnyReader
 
 from hric_bags.export import exporting, plain_formats, recording  # noqa: F401  (imports are not part of the cost)
-from hric_bags.export.exporting import FORMATS, ExportRequest
 from hric_bags.export.recording import ExportSource
+from hric_bags.export.request import FORMATS, ExportRequest
 
 ROUNDS = 3
 
@@ -35,12 +35,14 @@ def spent(what: Callable[[], object]) -> float:
     return time.process_time() - begin
 
 
-def measure(source: ExportSource, formats: tuple[str, ...] = FORMATS) -> tuple[float, dict[str, float]]:
-    """Return the processor time of reading without decoding [s], and the ratio of each format to it.
+def measure(
+    source: ExportSource, formats: tuple[str, ...] = FORMATS
+) -> tuple[float, dict[str, float], dict[str, float]]:
+    """Return the processor time of reading without decoding [s], the ratio of each format to it, and sizes [MB].
 
     Formats for which the bag has no data are left out.
     """
-    raw, costs = [], {kind: [] for kind in formats}
+    raw, costs, sizes = [], {kind: [] for kind in formats}, {}
     for _ in range(ROUNDS):
         raw.append(spent(lambda: read_raw(source)))
         for kind in list(costs):
@@ -48,23 +50,24 @@ def measure(source: ExportSource, formats: tuple[str, ...] = FORMATS) -> tuple[f
                 begin = time.process_time()
                 result = exporting.export(source, ExportRequest((kind,)), Path(folder))
                 cost = time.process_time() - begin
+                sizes[kind] = sum(path.stat().st_size for paths in result.files.values() for path in paths) / 1e6
             if result.files:
                 costs[kind].append(cost)
             else:
                 del costs[kind]
-    return min(raw), {kind: min(values) / min(raw) for kind, values in costs.items()}
+    return min(raw), {kind: min(values) / min(raw) for kind, values in costs.items()}, sizes
 
 
 def main() -> None:
     """Measure and print the table."""
     source = recording.find(sys.argv[1] if len(sys.argv) > 1 else "latest")
-    raw, ratios = measure(source)
+    raw, ratios, sizes = measure(source)
     print(
         f"{source.bag.name}, {source.bag.stat().st_size / 1e6:.1f} MB: read raw in {raw:.2f} s of CPU "
-        "time\nformat          ratio"
+        "time\nformat          ratio     MB"
     )
     for kind, ratio in ratios.items():
-        print(f"{kind:<14} {ratio:6.1f}")
+        print(f"{kind:<14} {ratio:6.1f} {sizes[kind]:6.2f}")
 
 
 if __name__ == "__main__":

@@ -125,7 +125,7 @@ def _mjcf(name: str, changes: Sequence[str]) -> str:
 
     chosen = any(change.startswith("simulator:=") for change in changes)
     with Simulation(experiment.load(name, changes if chosen else [*changes, ENGINE])) as simulation:
-        plant = simulation.app.hw.plant
+        plant: Any = simulation.app.hw.plant
         if not hasattr(plant, "mjcf"):
             raise HricError(f"{type(plant).__name__} has no MJCF; valid: {ENGINE}")
         return str(plant.mjcf())

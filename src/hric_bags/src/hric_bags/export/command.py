@@ -6,9 +6,15 @@ from pathlib import Path
 
 from hric_bags.arguments import run_arguments, run_names
 from hric_bags.export import recording
-from hric_bags.export.exporting import RATE, ExportRequest, default_folder, export, formats
+from hric_bags.export.exporting import default_folder, export
+from hric_bags.export.request import RATE, ExportRequest, formats
 from hric_core.command import Argument, Command
 from hric_core.errors import FAILURE
+
+_OPTIONS = (
+    Argument("--again", action="store_true", help="write existing files again"),
+    Argument("--quiet", action="store_true", help="show no progress bar"),
+)
 
 
 class ExportCommand(Command):
@@ -63,8 +69,7 @@ class ExportCommand(Command):
                 "round mass and height; also write run.yaml, metrics.json and a list of the changes. NAME: words that "
                 "identify the person, although this project uses them, too",
             ),
-            Argument("--again", action="store_true", help="write existing files again"),
-            Argument("--quiet", action="store_true", help="show no progress bar"),
+            *_OPTIONS,
         ]
 
     def run(self, arguments: argparse.Namespace) -> int:

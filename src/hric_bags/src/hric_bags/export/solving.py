@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from hric_bags import files
-from hric_bags.export.exporting import ExportRequest, export
+from hric_bags.export.exporting import export
 from hric_bags.export.recording import ExportSource
+from hric_bags.export.request import ExportRequest
 from hric_bags.export.table import ExportError, TopicTable
 from hric_core.errors import HricError, failing
 
