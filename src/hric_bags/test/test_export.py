@@ -19,7 +19,7 @@ from sensor_msgs.msg import JointState
 
 from hric_bags import reader as bag_reader
 from hric_bags.export import exporting, output, recording
-from hric_bags.export.exporting import ExportRequest
+from hric_bags.export.request import FORMATS, ExportRequest
 from hric_bags.files import FileError
 from hric_bags.health.examine import examine
 from hric_bags.run_folder import RunFolder
@@ -214,7 +214,7 @@ def test_a_disk_that_refuses_leaves_no_half_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "reason"),
     [
-        (["--format", "xls"], "no format 'xls'; valid: bag, bids, c3d, csv, external_loads, mcap, mot, npz, parquet, "),
+        (["--format", "xls"], "no format 'xls'; valid: bag, bids, c3d, csv, external_loads, lerobot, mcap, mot, npz, parquet, "),
         (["--format", "npz", "--topics", "/nothing"], "no topic '/nothing' in the bag; valid: /control_log, "),
     ],
 )
@@ -289,7 +289,7 @@ def test_export_and_health_load_nothing_of_ros(truth: Truth, tmp_path: Path) -> 
     program = (
         "import sys; from hric_core.command import main\n"
         f"assert main(['export', {str(truth.bag)!r}, '--output', {str(tmp_path)!r}, '--format', "
-        f"*{exporting.FORMATS!r}]) == 0\n"
+        f"*{FORMATS!r}]) == 0\n"
         f"assert main(['health', {str(truth.bag)!r}, '--quiet']) == 0\n"
         "print(sorted({'rospy', 'rosbag', 'genpy', 'roslib', 'std_msgs'} & set(sys.modules)))"
     )

@@ -12,6 +12,14 @@ from hric_core.command import Argument, Command
 from hric_core.errors import FAILURE
 
 _OPTIONS = (
+    Argument(
+        "--anonymise",
+        nargs="*",
+        metavar="NAME",
+        help="leave out everything that may identify the person (notes, texts, paths, dates, sex, strength), "
+        "round mass and height; also write run.yaml, metrics.json and a list of the changes. NAME: words that "
+        "identify the person, although this project uses them, too",
+    ),
     Argument("--again", action="store_true", help="write existing files again"),
     Argument("--quiet", action="store_true", help="show no progress bar"),
 )
@@ -60,14 +68,6 @@ class ExportCommand(Command):
                 metavar="METRES",
                 help="external_loads, c3d: height of the plates' surface above their electrical origin (default: 0; "
                 "c3d: as in the run)",
-            ),
-            Argument(
-                "--anonymise",
-                nargs="*",
-                metavar="NAME",
-                help="leave out everything that may identify the person (notes, texts, paths, dates, sex, strength), "
-                "round mass and height; also write run.yaml, metrics.json and a list of the changes. NAME: words that "
-                "identify the person, although this project uses them, too",
             ),
             *_OPTIONS,
         ]

@@ -11,13 +11,11 @@ from tqdm import tqdm
 from hric_bags import files
 from hric_bags.export import anonymous, frames, loads, opensim_formats, recording, ros2_bag, unbatched
 from hric_bags.export.anonymous import Anonymiser
-from hric_bags.export.lerobot import episode
 from hric_bags.export.output import ExportFolder
 from hric_bags.export.recording import ExportSource
 from hric_bags.export.request import ExportRequest
 from hric_bags.export.table import ExportError, TopicTable
 from hric_bags.export.trial import c3d_trial, trial_formats
-from hric_core import plugins
 
 
 @dataclass(frozen=True)
@@ -61,8 +59,7 @@ class ExportJob:
             case _:
                 from hric_bags.export import plain_formats
 
-                writer = plain_formats.WRITERS.get(kind) or plugins.find(plugins.EXPORT, kind)().write
-                self._write_each(kind, list(self.tables.values()), writer)
+                self._write_each(kind, list(self.tables.values()), plain_formats.writer(kind))
         return True
 
     @property
@@ -113,10 +110,7 @@ class ExportJob:
     def _write_episodes(self, kind: str) -> None:
         from hric_bags.export.lerobot import dataset
 
-        episodes = [episode.of_run(self.tables, self.source.run, self.request.rate)]
-        for other in self.others:
-            tables = recording.read(other, progress=self.progress, types=episode.NEEDED)
-            episodes.append(episode.of_run(tables, other.run, self.request.rate))
+        episodes = dataset.read(self.tables, self.source.run, self.others, self.request.rate)
         for name, writer in dataset.files(episodes, self.request.rate).items():
             self.output.write(kind, name, writer)
         pictures = {topic for each in (self.source, *self.others) for topic in recording.pictures(each)}

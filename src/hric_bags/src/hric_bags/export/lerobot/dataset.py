@@ -1,7 +1,7 @@
 """Files of a LeRobot data set, version 3.0 (github.com/huggingface/lerobot): frames, episodes, tasks and statistics."""
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,8 +12,11 @@ import pandas
 import pyarrow as pa
 import pyarrow.parquet
 
-from hric_bags.export.lerobot.episode import Episode
-from hric_bags.export.table import ExportError
+from hric_bags.export import recording
+from hric_bags.export.lerobot.episode import NEEDED, Episode, of_run
+from hric_bags.export.recording import ExportSource
+from hric_bags.export.table import ExportError, TopicTable
+from hric_bags.run_file import RunFile
 
 VERSION = "v3.0"
 FILE = "chunk-{chunk_index:03d}/file-{file_index:03d}"
@@ -30,6 +33,11 @@ INDEX = {
 }
 """Columns that each data set has -> their data type."""
 Array = npt.NDArray[Any]
+
+
+def read(tables: Mapping[str, TopicTable], run: RunFile, others: Sequence[ExportSource], rate: float) -> list[Episode]:
+    """Return the episodes of a run, given by its tables and run.yaml, and of other runs, which are read here."""
+    return [of_run(tables, run, rate), *(of_run(recording.read(o, types=NEEDED), o.run, rate) for o in others)]
 
 
 def files(episodes: Sequence[Episode], rate: float) -> dict[str, Callable[[Path], object]]:
