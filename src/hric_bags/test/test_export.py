@@ -214,7 +214,10 @@ def test_a_disk_that_refuses_leaves_no_half_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "reason"),
     [
-        (["--format", "xls"], "no format 'xls'; valid: bag, bids, c3d, csv, external_loads, lerobot, mcap, mot, npz, parquet, "),
+        (
+            ["--format", "xls"],
+            "no format 'xls'; valid: bag, bids, c3d, csv, external_loads, lerobot, mcap, mot, npz, parquet, ",
+        ),
         (["--format", "npz", "--topics", "/nothing"], "no topic '/nothing' in the bag; valid: /control_log, "),
     ],
 )

@@ -9,13 +9,12 @@ from pathlib import Path
 from tqdm import tqdm
 
 from hric_bags import files
-from hric_bags.export import anonymous, frames, loads, opensim_formats, recording, ros2_bag, unbatched
-from hric_bags.export.anonymous import Anonymiser
+from hric_bags.export import anonymous, frames, loads, opensim_formats, recording, unbatched
 from hric_bags.export.output import ExportFolder
-from hric_bags.export.recording import ExportSource
 from hric_bags.export.request import ExportRequest
 from hric_bags.export.table import ExportError, TopicTable
 from hric_bags.export.trial import c3d_trial, trial_formats
+from hric_core import plugins
 
 
 @dataclass(frozen=True)
@@ -25,14 +24,14 @@ class ExportJob:
     notes: list to which sentences for the user are added; others: bags of further episodes of a LeRobot data set.
     """
 
-    source: ExportSource
+    source: recording.ExportSource
     request: ExportRequest
     output: ExportFolder
     tables: dict[str, TopicTable]
     notes: list[str]
     progress: bool
-    anonymiser: Anonymiser | None
-    others: Sequence[ExportSource]
+    anonymiser: anonymous.Anonymiser | None
+    others: Sequence[recording.ExportSource]
 
     def write(self, kind: str) -> bool:
         """Write a format; return False if there is nothing to write."""
@@ -59,7 +58,8 @@ class ExportJob:
             case _:
                 from hric_bags.export import plain_formats
 
-                self._write_each(kind, list(self.tables.values()), plain_formats.writer(kind))
+                writer = plain_formats.WRITERS.get(kind) or plugins.find(plugins.EXPORT, kind)().write
+                self._write_each(kind, list(self.tables.values()), writer)
         return True
 
     @property
@@ -103,7 +103,7 @@ class ExportJob:
         files.make_folder(self.output.folder)
         with tempfile.TemporaryDirectory(prefix=".", dir=self.output.folder) as temporary:
             folder, topics = Path(temporary) / self._stem, self.request.topics
-            ros2_bag.write(self.source, folder, kind, topics, progress=self.progress, anonymous=self.anonymiser)
+            unbatched.write_ros2(self.source, folder, kind, topics, progress=self.progress, anonymous=self.anonymiser)
             for path in sorted(folder.iterdir()):
                 self.output.write(kind, path.name, path.replace)
 

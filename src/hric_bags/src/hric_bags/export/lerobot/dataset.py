@@ -7,14 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pandas
 import pyarrow as pa
 import pyarrow.parquet
 
 from hric_bags.export import recording
 from hric_bags.export.lerobot.episode import NEEDED, Episode, of_run
-from hric_bags.export.recording import ExportSource
 from hric_bags.export.table import ExportError, TopicTable
 from hric_bags.run_file import RunFile
 
@@ -32,10 +30,12 @@ INDEX = {
     "task_index": "int64",
 }
 """Columns that each data set has -> their data type."""
-Array = npt.NDArray[Any]
+Array = np.ndarray[Any, np.dtype[Any]]
 
 
-def read(tables: Mapping[str, TopicTable], run: RunFile, others: Sequence[ExportSource], rate: float) -> list[Episode]:
+def read(
+    tables: Mapping[str, TopicTable], run: RunFile, others: Sequence[recording.ExportSource], rate: float
+) -> list[Episode]:
     """Return the episodes of a run, given by its tables and run.yaml, and of other runs, which are read here."""
     return [of_run(tables, run, rate), *(of_run(recording.read(o, types=NEEDED), o.run, rate) for o in others)]
 
