@@ -29,7 +29,7 @@ _JOINT = re.compile(r"(?:^|[^a-z])(?:joint|j|q)_?(\d)(?:\.pos(?:ition)?)?$")
 
 
 @dataclass(frozen=True)
-class Episode:
+class DatasetEpisode:
     """Episode of a data set.
 
     Attributes:
@@ -64,7 +64,7 @@ class Episode:
 
 def read(
     dataset: Path, number: int, joints: Sequence[str], feature: str = STATE, signals: Sequence[str] = ()
-) -> Episode:
+) -> DatasetEpisode:
     """Read an episode.
 
     Args:
@@ -98,7 +98,7 @@ def read(
             f"{LARGEST:.4g}; are these degrees, or no joint positions?"
         )
     time = np.arange(len(values)) / fps
-    return Episode(_task(dataset, table), JointPositions(tuple(joints), time, values), fps)
+    return DatasetEpisode(_task(dataset, table), JointPositions(tuple(joints), time, values), fps)
 
 
 def _file(dataset: Path, info: dict[str, Any], number: int) -> str:

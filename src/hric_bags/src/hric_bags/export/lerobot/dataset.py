@@ -12,7 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet
 
 from hric_bags.export import recording
-from hric_bags.export.lerobot.episode import NEEDED, Episode, of_run
+from hric_bags.export.lerobot.episode import NEEDED, RunEpisode, of_run
 from hric_bags.export.table import ExportError, TopicTable
 from hric_bags.run_file import RunFile
 
@@ -35,12 +35,12 @@ Array = np.ndarray[Any, np.dtype[Any]]
 
 def read(
     tables: Mapping[str, TopicTable], run: RunFile, others: Sequence[recording.ExportSource], rate: float
-) -> list[Episode]:
+) -> list[RunEpisode]:
     """Return the episodes of a run, given by its tables and run.yaml, and of other runs, which are read here."""
     return [of_run(tables, run, rate), *(of_run(recording.read(o, types=NEEDED), o.run, rate) for o in others)]
 
 
-def files(episodes: Sequence[Episode], rate: float) -> dict[str, Callable[[Path], object]]:
+def files(episodes: Sequence[RunEpisode], rate: float) -> dict[str, Callable[[Path], object]]:
     """Return the writers of the files of a data set, by path below its folder.
 
     Args:
@@ -65,12 +65,12 @@ def files(episodes: Sequence[Episode], rate: float) -> dict[str, Callable[[Path]
     }
 
 
-def notes(episodes: Sequence[Episode]) -> list[str]:
+def notes(episodes: Sequence[RunEpisode]) -> list[str]:
     """Return the sentences on how the values of the episodes were obtained, each once."""
     return list(dict.fromkeys(note for episode in episodes for note in episode.notes))
 
 
-def _check(episodes: Sequence[Episode]) -> None:
+def _check(episodes: Sequence[RunEpisode]) -> None:
     first = {name: (feature.names, feature.units) for name, feature in episodes[0].features.items()}
     for number, episode in enumerate(episodes[1:], start=2):
         other = {name: (feature.names, feature.units) for name, feature in episode.features.items()}
@@ -81,7 +81,7 @@ def _check(episodes: Sequence[Episode]) -> None:
             )
 
 
-def _columns(episode: Episode, number: int, start: int, task: int, rate: float) -> dict[str, Array]:
+def _columns(episode: RunEpisode, number: int, start: int, task: int, rate: float) -> dict[str, Array]:
     frames = np.arange(episode.length)
     index = (frames / rate, frames, np.full(len(frames), number), start + frames, np.full(len(frames), task))
     columns = {name: feature.values.astype(np.float32) for name, feature in episode.features.items()}
@@ -101,7 +101,7 @@ def _statistics(values: Array) -> dict[str, list[float]]:
     return {name: result.tolist() for name, result in named.items()} | {"count": [len(rows)]}
 
 
-def _episode_table(episodes: Sequence[Episode], columns: Sequence[dict[str, Array]], starts: Array) -> pa.Table:
+def _episode_table(episodes: Sequence[RunEpisode], columns: Sequence[dict[str, Array]], starts: Array) -> pa.Table:
     rows = []
     for number, (episode, values) in enumerate(zip(episodes, columns, strict=True)):
         row: dict[str, Any] = {"episode_index": number, "tasks": [episode.task], "length": episode.length}
@@ -113,7 +113,7 @@ def _episode_table(episodes: Sequence[Episode], columns: Sequence[dict[str, Arra
     return pa.Table.from_pylist(rows)
 
 
-def _info(episodes: Sequence[Episode], rate: float, tasks: int) -> dict[str, Any]:
+def _info(episodes: Sequence[RunEpisode], rate: float, tasks: int) -> dict[str, Any]:
     features: dict[str, Any] = {
         name: {
             "dtype": "float32",
