@@ -19,7 +19,7 @@ from sensor_msgs.msg import JointState
 
 from hric_bags import reader as bag_reader
 from hric_bags.export import exporting, output, recording
-from hric_bags.export.request import FORMATS, ExportRequest
+from hric_bags.export.job import FORMATS, ExportRequest
 from hric_bags.files import FileError
 from hric_bags.health.examine import examine
 from hric_bags.run_folder import RunFolder

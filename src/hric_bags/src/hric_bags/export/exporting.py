@@ -10,9 +10,8 @@ from pathlib import Path
 from hric_bags import files
 from hric_bags.export import recording
 from hric_bags.export.anonymous import Anonymiser
-from hric_bags.export.job import ExportJob
+from hric_bags.export.job import BAGS, LEROBOT, NEEDED, ExportJob, ExportRequest
 from hric_bags.export.output import ExportFolder
-from hric_bags.export.request import BAGS, LEROBOT, NEEDED, ExportRequest
 from hric_bags.export.table import ExportError, TopicTable
 from hric_core.errors import HricError, ParameterError
 

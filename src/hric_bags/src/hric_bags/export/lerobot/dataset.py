@@ -7,12 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas
-import pyarrow as pa
-import pyarrow.parquet
 
 from hric_bags.export import recording
-from hric_bags.export.lerobot.episode import NEEDED, RunEpisode, of_run
+from hric_bags.export.lerobot.episode import NEEDED as NEEDED
+from hric_bags.export.lerobot.episode import RunEpisode, of_run
 from hric_bags.export.table import ExportError, TopicTable
 from hric_bags.run_file import RunFile
 
@@ -57,9 +55,9 @@ def files(episodes: Sequence[RunEpisode], rate: float) -> dict[str, Callable[[Pa
     joined = {name: np.concatenate([part[name] for part in columns]) for name in columns[0]}
     first = FILE.format(chunk_index=0, file_index=0)
     return {
-        f"data/{first}.parquet": partial(_write_table, pa.table({k: _arrow(v) for k, v in joined.items()})),
-        f"meta/episodes/{first}.parquet": partial(_write_table, _episode_table(episodes, columns, starts)),
-        "meta/tasks.parquet": pandas.DataFrame({"task_index": range(len(tasks))}, index=tasks).to_parquet,
+        f"data/{first}.parquet": partial(_write_columns, joined),
+        f"meta/episodes/{first}.parquet": partial(_write_rows, _episode_rows(episodes, columns, starts)),
+        "meta/tasks.parquet": partial(_write_tasks, tasks),
         "meta/stats.json": partial(_write_json, {name: _statistics(values) for name, values in joined.items()}),
         "meta/info.json": partial(_write_json, _info(episodes, rate, len(tasks))),
     }
@@ -88,12 +86,6 @@ def _columns(episode: RunEpisode, number: int, start: int, task: int, rate: floa
     return columns | {name: column.astype(kind) for (name, kind), column in zip(INDEX.items(), index, strict=True)}
 
 
-def _arrow(values: Array) -> pa.Array:
-    if values.ndim == 1:
-        return pa.array(values)
-    return pa.FixedSizeListArray.from_arrays(pa.array(values.ravel()), values.shape[1])
-
-
 def _statistics(values: Array) -> dict[str, list[float]]:
     rows = values.reshape(len(values), -1).astype(float)
     named = {"min": rows.min(0), "max": rows.max(0), "mean": rows.mean(0), "std": rows.std(0)}
@@ -101,7 +93,9 @@ def _statistics(values: Array) -> dict[str, list[float]]:
     return {name: result.tolist() for name, result in named.items()} | {"count": [len(rows)]}
 
 
-def _episode_table(episodes: Sequence[RunEpisode], columns: Sequence[dict[str, Array]], starts: Array) -> pa.Table:
+def _episode_rows(
+    episodes: Sequence[RunEpisode], columns: Sequence[dict[str, Array]], starts: Array
+) -> list[dict[str, Any]]:
     rows = []
     for number, (episode, values) in enumerate(zip(episodes, columns, strict=True)):
         row: dict[str, Any] = {"episode_index": number, "tasks": [episode.task], "length": episode.length}
@@ -110,7 +104,7 @@ def _episode_table(episodes: Sequence[RunEpisode], columns: Sequence[dict[str, A
         for name, column in values.items():
             row |= {f"stats/{name}/{key}": value for key, value in _statistics(column).items()}
         rows.append(row | {"meta/episodes/chunk_index": 0, "meta/episodes/file_index": 0})
-    return pa.Table.from_pylist(rows)
+    return rows
 
 
 def _info(episodes: Sequence[RunEpisode], rate: float, tasks: int) -> dict[str, Any]:
@@ -141,8 +135,29 @@ def _info(episodes: Sequence[RunEpisode], rate: float, tasks: int) -> dict[str, 
     }
 
 
-def _write_table(table: pa.Table, path: Path) -> None:
-    pyarrow.parquet.write_table(table, path)
+def _write_columns(columns: dict[str, Array], path: Path) -> None:
+    import pyarrow as pa  # here and below: slow to import
+    import pyarrow.parquet
+
+    arrays = {
+        name: pa.array(values)
+        if values.ndim == 1
+        else pa.FixedSizeListArray.from_arrays(pa.array(values.ravel()), values.shape[1])
+        for name, values in columns.items()
+    }
+    pyarrow.parquet.write_table(pa.table(arrays), path)
+
+
+def _write_rows(rows: list[dict[str, Any]], path: Path) -> None:
+    import pyarrow.parquet
+
+    pyarrow.parquet.write_table(pyarrow.Table.from_pylist(rows), path)
+
+
+def _write_tasks(tasks: list[str], path: Path) -> None:
+    import pandas
+
+    pandas.DataFrame({"task_index": range(len(tasks))}, index=tasks).to_parquet(path)
 
 
 def _write_json(content: dict[str, Any], path: Path) -> None:
