@@ -104,7 +104,10 @@ TOOLS = [
     ("hric_experiments report nowhere", r"no run folder 'nowhere' .*newest in .*/runs: none"),
     ("hric_experiments health notes.txt", r"notes\.txt is not a bag of version 2\.0"),
     ("hric_experiments health open", r"no bag in .*/open: neither open\.bag nor open\.bag\.active"),
-    ("hric_experiments export notes.txt", r"--format\s+\{npz,csv,.*c3d,bids,xdf,bag\}.*\n.*required: --format"),
+    (
+        "hric_experiments export notes.txt",
+        r"--format\s+\{npz,csv,.*c3d,bids,xdf,lerobot,bag,mcap,ros2\}.*\n.*required: --format",
+    ),
     ("hric_experiments export notes.txt --format xls", r"no format 'xls'; valid: bag, bids, c3d, csv"),
     ("hric_experiments export notes.txt --format csv", r"cannot read notes\.txt: .*health --salvage"),
     ("hric_experiments compare open nowhere", r"no run folder 'nowhere'"),

@@ -15,8 +15,8 @@ from pathlib import Path
 from rosbags.highlevel import AnyReader
 
 from hric_bags.export import exporting, plain_formats, recording  # noqa: F401  (imports are not part of the cost)
+from hric_bags.export.job import FORMATS, ExportRequest
 from hric_bags.export.recording import ExportSource
-from hric_bags.export.request import FORMATS, ExportRequest
 
 ROUNDS = 3
 

@@ -24,8 +24,8 @@ from std_msgs.msg import String
 
 from hric_bags.export import exporting, recording
 from hric_bags.export.anonymous import STAYS, Anonymiser
+from hric_bags.export.job import FORMATS, ExportRequest
 from hric_bags.export.recording import ExportSource
-from hric_bags.export.request import FORMATS, ExportRequest
 from hric_bags.memory import FIRST
 from hric_bags.run_folder import RunFolder
 from hric_core.command import perform

@@ -17,7 +17,7 @@ from test_anonymous import contents
 
 from hric_bags.export import exporting, recording
 from hric_bags.export.anonymous import privacy
-from hric_bags.export.exporting import FORMATS, ExportRequest
+from hric_bags.export.job import FORMATS, ExportRequest
 from hric_bags.run_folder import RunFolder
 from hric_core.parameters import read_yaml
 from hric_msgs.msg import ControlLog

@@ -19,7 +19,7 @@ from sensor_msgs.msg import JointState
 
 from hric_bags import reader as bag_reader
 from hric_bags.export import exporting, output, recording
-from hric_bags.export.request import FORMATS, ExportRequest
+from hric_bags.export.job import FORMATS, ExportRequest
 from hric_bags.files import FileError
 from hric_bags.health.examine import examine
 from hric_bags.run_folder import RunFolder
@@ -214,7 +214,10 @@ def test_a_disk_that_refuses_leaves_no_half_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "reason"),
     [
-        (["--format", "xls"], "no format 'xls'; valid: bag, bids, c3d, csv, external_loads, lerobot, mcap, mot, npz, parquet, "),
+        (
+            ["--format", "xls"],
+            "no format 'xls'; valid: bag, bids, c3d, csv, external_loads, lerobot, mcap, mot, npz, parquet, ",
+        ),
         (["--format", "npz", "--topics", "/nothing"], "no topic '/nothing' in the bag; valid: /control_log, "),
     ],
 )

@@ -2,7 +2,6 @@
 
 from collections.abc import Collection, Generator
 from pathlib import Path
-from typing import Any
 
 from rosbags.convert.converter import LATCH
 from rosbags.highlevel import AnyReader
@@ -93,7 +92,7 @@ class Ros2Reader(AnyReader):
 
     def messages(
         self, connections: Collection[Connection] = (), start: int | None = None, stop: int | None = None
-    ) -> Generator[Any, None, None]:
+    ) -> Generator[tuple[Connection, int, bytes], None, None]:
         """Yield (connection, recording time [ns], message serialised as in ROS 1) in the order of time.
 
         Raises:

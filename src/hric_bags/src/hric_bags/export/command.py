@@ -5,9 +5,8 @@ import sys
 from pathlib import Path
 
 from hric_bags.arguments import run_arguments, run_names
-from hric_bags.export import recording
-from hric_bags.export.exporting import default_folder, export
-from hric_bags.export.request import RATE, ExportRequest, formats
+from hric_bags.export import exporting, recording
+from hric_bags.export.job import RATE, ExportRequest, formats
 from hric_core.command import Argument, Command
 from hric_core.errors import FAILURE
 
@@ -80,9 +79,9 @@ class ExportCommand(Command):
             kinds, tuple(arguments.topics), arguments.load_body, arguments.surface, names, arguments.rate
         )
         source, *others = (recording.find(name, arguments.runs) for name in (arguments.run, *arguments.others))
-        folder = default_folder(source, request) if arguments.output is None else arguments.output
+        folder = exporting.default_folder(source, request) if arguments.output is None else arguments.output
         progress = not arguments.quiet and sys.stderr.isatty()
-        result = export(source, request, folder, others, again=arguments.again, progress=progress)
+        result = exporting.export(source, request, folder, others, again=arguments.again, progress=progress)
         if result.reading:
             print(f"bag read in {result.reading:.1f} s")
         for kind, paths in result.files.items():

@@ -10,10 +10,8 @@ from pathlib import Path
 from hric_bags import files
 from hric_bags.export import recording
 from hric_bags.export.anonymous import Anonymiser
-from hric_bags.export.job import ExportJob
+from hric_bags.export.job import BAGS, LEROBOT, NEEDED, ExportJob, ExportRequest
 from hric_bags.export.output import ExportFolder
-from hric_bags.export.recording import ExportSource
-from hric_bags.export.request import BAGS, LEROBOT, NEEDED, ExportRequest
 from hric_bags.export.table import ExportError, TopicTable
 from hric_core.errors import HricError, ParameterError
 
@@ -41,7 +39,7 @@ ABOUT = "about"
 """Subfolder of an anonymised export with run.yaml, metrics.json and the list of what was changed."""
 
 
-def default_folder(source: ExportSource, request: ExportRequest) -> Path:
+def default_folder(source: recording.ExportSource, request: ExportRequest) -> Path:
     """Return the default folder of an export.
 
     Raises:
@@ -57,10 +55,10 @@ def default_folder(source: ExportSource, request: ExportRequest) -> Path:
 
 
 def export(
-    source: ExportSource,
+    source: recording.ExportSource,
     request: ExportRequest,
     folder: Path | None = None,
-    others: Sequence[ExportSource] = (),
+    others: Sequence[recording.ExportSource] = (),
     *,
     again: bool = False,
     progress: bool = False,
@@ -103,7 +101,9 @@ def export(
     return result
 
 
-def _output(sources: Sequence[ExportSource], request: ExportRequest, folder: Path | None, again: bool) -> ExportFolder:
+def _output(
+    sources: Sequence[recording.ExportSource], request: ExportRequest, folder: Path | None, again: bool
+) -> ExportFolder:
     """Return the folder of an export with its list of files; notes on a run are among the settings."""
     if len(sources) > 1 and (request.anonymise is not None or set(request.formats) != {LEROBOT}):
         raise ParameterError("several runs: valid with --format lerobot alone, without --anonymise")
@@ -116,7 +116,11 @@ def _output(sources: Sequence[ExportSource], request: ExportRequest, folder: Pat
 
 
 def _tables(
-    source: ExportSource, request: ExportRequest, missing: Sequence[str], anonymiser: Anonymiser | None, progress: bool
+    source: recording.ExportSource,
+    request: ExportRequest,
+    missing: Sequence[str],
+    anonymiser: Anonymiser | None,
+    progress: bool,
 ) -> tuple[dict[str, TopicTable], float]:
     """Return the tables from which missing formats are written, and the time to read them [s]; bags need none."""
     kinds, begin = [kind for kind in missing if kind not in BAGS], time.perf_counter()
@@ -127,7 +131,7 @@ def _tables(
     return tables, time.perf_counter() - begin
 
 
-def _anonymiser(source: ExportSource, names: Sequence[str]) -> Anonymiser:
+def _anonymiser(source: recording.ExportSource, names: Sequence[str]) -> Anonymiser:
     metrics: dict[str, object] = {}
     if source.folder is not None and source.folder.metrics_path.is_file():
         metrics = _json(source.folder.metrics_path)
@@ -146,7 +150,7 @@ def _json(path: Path) -> dict[str, object]:
     return content
 
 
-def _write_about(output: ExportFolder, anonymiser: Anonymiser, source: ExportSource) -> None:
+def _write_about(output: ExportFolder, anonymiser: Anonymiser, source: recording.ExportSource) -> None:
     """Write the anonymised run.yaml and metrics.json, and the list of what was changed."""
     path = output.folder / ABOUT / "anonymised.txt"  # keeps the lines of formats that existed already
     before = [] if output.done(ABOUT) is None else path.read_text().splitlines()

@@ -1,6 +1,5 @@
-"""Writers of the formats of one export."""
+"""Formats of an export, its settings, and the writer of the formats."""
 
-import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -8,14 +7,69 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from hric_bags import files
-from hric_bags.export import anonymous, frames, loads, opensim_formats, recording, ros2_bag, unbatched
-from hric_bags.export.anonymous import Anonymiser
+from hric_bags.export import anonymous, frames, loads, opensim_formats, recording, unbatched
+from hric_bags.export.lerobot import dataset
 from hric_bags.export.output import ExportFolder
-from hric_bags.export.recording import ExportSource
-from hric_bags.export.request import ExportRequest
 from hric_bags.export.table import ExportError, TopicTable
 from hric_bags.export.trial import c3d_trial, trial_formats
+from hric_core import plugins
+from hric_core.errors import ParameterError, UnknownNameError
+from hric_core.parameters import number, whole
+
+PLAIN = ("npz", "csv", "parquet")
+BAGS = ("bag", "mcap", "ros2")
+"""Formats that are written message by message, and need no tables."""
+RATE = 100
+"""Frames per second of a LeRobot data set, if not chosen otherwise [Hz]; project default, unconfirmed."""
+LEROBOT = "lerobot"
+"""Format with all runs of an export in one data set."""
+FORMATS = (*PLAIN, "trc", "mot", "sto", "external_loads", *trial_formats.KINDS, LEROBOT, *BAGS)
+NEEDED: dict[str, tuple[str, ...]] = {
+    **opensim_formats.NEEDED,
+    "external_loads": loads.NEEDED,
+    LEROBOT: dataset.NEEDED,
+    **dict.fromkeys(trial_formats.KINDS, c3d_trial.NEEDED),
+}
+"""Format -> message types that it is made from; other formats need all types."""
+
+
+def formats() -> tuple[str, ...]:
+    """Return the names of all formats, those of other packages last."""
+    return tuple(dict.fromkeys((*FORMATS, *plugins.names(plugins.EXPORT))))
+
+
+@dataclass(frozen=True)
+class ExportRequest:
+    """Settings of an export.
+
+    Attributes:
+        formats: names of formats, each one of `formats()`.
+        topics: topic names; empty: all.
+        load_body: body of a model on which the plates' loads act; empty: no set-up file has them.
+        surface: height of the plates' surface above their electrical origin [m].
+        anonymise: further words that identify the person, for an anonymised export; None: not anonymised.
+        rate: frames per second of a LeRobot data set, a whole number [Hz].
+    """
+
+    formats: Sequence[str]
+    topics: tuple[str, ...] = ()
+    load_body: str = ""
+    surface: float = 0.0
+    anonymise: tuple[str, ...] | None = None
+    rate: int = RATE
+
+    def __post_init__(self) -> None:
+        for kind in self.formats:
+            if kind not in formats():
+                raise UnknownNameError("format", kind, formats())
+        number(minimum=-0.5, maximum=0.5, unit="m").checked(self.surface, "--surface")
+        if self.surface and not {"external_loads", "c3d", "xdf"} & set(self.formats):
+            raise ParameterError("--surface has no effect; valid: with --format external_loads, c3d or xdf")
+        if self.load_body and "external_loads" not in self.formats:
+            raise ParameterError("--load-body has no effect; valid: with --format external_loads")
+        if self.rate != RATE and LEROBOT not in self.formats:
+            raise ParameterError("--rate has no effect; valid: with --format lerobot")
+        whole(minimum=1, unit="Hz").checked(self.rate, "--rate")
 
 
 @dataclass(frozen=True)
@@ -25,14 +79,14 @@ class ExportJob:
     notes: list to which sentences for the user are added; others: bags of further episodes of a LeRobot data set.
     """
 
-    source: ExportSource
+    source: recording.ExportSource
     request: ExportRequest
     output: ExportFolder
     tables: dict[str, TopicTable]
     notes: list[str]
     progress: bool
-    anonymiser: Anonymiser | None
-    others: Sequence[ExportSource]
+    anonymiser: anonymous.Anonymiser | None
+    others: Sequence[recording.ExportSource]
 
     def write(self, kind: str) -> bool:
         """Write a format; return False if there is nothing to write."""
@@ -59,7 +113,8 @@ class ExportJob:
             case _:
                 from hric_bags.export import plain_formats
 
-                self._write_each(kind, list(self.tables.values()), plain_formats.writer(kind))
+                writer = plain_formats.WRITERS.get(kind) or plugins.find(plugins.EXPORT, kind)().write
+                self._write_each(kind, list(self.tables.values()), writer)
         return True
 
     @property
@@ -100,16 +155,13 @@ class ExportJob:
         unbatched.write(self.source, path, self.request.topics, progress=self.progress, anonymous=self.anonymiser)
 
     def _write_ros2(self, kind: str) -> None:
-        files.make_folder(self.output.folder)
-        with tempfile.TemporaryDirectory(prefix=".", dir=self.output.folder) as temporary:
-            folder, topics = Path(temporary) / self._stem, self.request.topics
-            ros2_bag.write(self.source, folder, kind, topics, progress=self.progress, anonymous=self.anonymiser)
-            for path in sorted(folder.iterdir()):
-                self.output.write(kind, path.name, path.replace)
+        def write(folder: Path) -> None:
+            topics = self.request.topics
+            unbatched.write_ros2(self.source, folder, kind, topics, progress=self.progress, anonymous=self.anonymiser)
+
+        self.output.write_all(kind, self._stem, write)
 
     def _write_episodes(self, kind: str) -> None:
-        from hric_bags.export.lerobot import dataset
-
         episodes = dataset.read(self.tables, self.source.run, self.others, self.request.rate)
         for name, writer in dataset.files(episodes, self.request.rate).items():
             self.output.write(kind, name, writer)

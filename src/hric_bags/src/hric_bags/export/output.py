@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, TypedDict
@@ -91,6 +92,14 @@ class ExportFolder:
         if relative not in entry["files"]:
             entry["files"].append(relative)
         self._note()
+
+    def write_all(self, kind: str, name: str, writer: Callable[[Path], object]) -> None:
+        """Write the files of a format that `writer` puts into a new folder with this name."""
+        files.make_folder(self.folder)
+        with tempfile.TemporaryDirectory(prefix=".", dir=self.folder) as temporary:
+            writer(Path(temporary) / name)
+            for path in sorted((Path(temporary) / name).iterdir()):
+                self.write(kind, path.name, path.replace)
 
     def finish(self, kind: str) -> None:
         """Mark a format as complete in the list."""

@@ -20,7 +20,6 @@ from hric_bags.health.salvage import ACTIVE
 from hric_bags.parts import PartsReader
 from hric_bags.run_file import RunFile
 from hric_bags.run_folder import RunFolder
-from hric_bags.run_notes import AddedNote
 from hric_core.errors import UnknownNameError
 
 PICTURES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
@@ -122,7 +121,7 @@ def read(
     return tables
 
 
-def notes(source: ExportSource) -> list[AddedNote]:
+def notes(source: ExportSource) -> list[run_notes.AddedNote]:
     """Return the notes that were added to the run afterwards; empty: there are none, or no run folder."""
     return [] if source.folder is None else run_notes.read(source.folder.path)
 

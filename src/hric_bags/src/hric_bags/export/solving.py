@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from hric_bags import files
-from hric_bags.export.exporting import export
+from hric_bags.export import exporting, job
 from hric_bags.export.recording import ExportSource
-from hric_bags.export.request import ExportRequest
 from hric_bags.export.table import ExportError, TopicTable
 from hric_core.errors import HricError, failing
 
@@ -44,7 +43,7 @@ def exported(source: ExportSource, kind: str, topic: str) -> Path:
         ExportError: the file cannot be written.
     """
     name = topic.strip("/").replace("/", ".")
-    result = export(source, ExportRequest((kind,)))
+    result = exporting.export(source, job.ExportRequest((kind,)))
     if kind in result.failures:
         with failing():
             raise ExportError(result.failures[kind])

@@ -1,19 +1,11 @@
 """Command `import`: an episode of a data set as an experiment."""
 
 import argparse
-import re
 from pathlib import Path
-from typing import Any
 
 from hric_bags import files
 from hric_core.command import Argument, Command
 from hric_core.errors import HricError
-
-SETTLING = 1.0
-"""Time of an experiment after the end of the trajectory [s]; project default, unconfirmed."""
-START = 0.5
-"""Robot time at which the trajectory starts [s]; project default, unconfirmed."""
-CONTROLLER = "position_joint_trajectory_controller"
 
 
 class ImportCommand(Command):
@@ -57,29 +49,13 @@ class ImportCommand(Command):
         joints = [f"panda_joint{k}" for k in range(1, lerobot.ARM + 1)]
         number, dataset = arguments.episode, arguments.dataset
         episode = lerobot.read(dataset, number, joints, arguments.feature, arguments.signals)
-        stem = re.sub(r"\W+", "_", dataset.absolute().name)
-        path: Path = arguments.output or Path(f"{stem}_{number}.yaml")
+        path: Path = arguments.output or Path(f"{dataset.absolute().name}_{number}.yaml")
         if path.suffix not in (".yaml", ".yml"):
             raise HricError(f"--output is {path}; valid: a file name .yaml")
         files.make_folder(path.parent)
         trajectory = path.with_suffix(".csv")
         with files.atomic(trajectory) as new:
             episode.motion.write(new)
-        files.write_yaml(path, _experiment(episode, f"episode {number} of {dataset.absolute().name}", trajectory.name))
+        files.write_yaml(path, episode.experiment(f"episode {number} of {dataset.absolute().name}", trajectory.name))
         frames = len(episode.motion.time)
         print(f"{frames} frames at {episode.rate:g} Hz: {episode.task or 'task not known'}\n{trajectory}\n{path}")
-
-
-def _experiment(episode: Any, name: str, trajectory: str) -> dict[str, Any]:
-    """Return the contents of the experiment file; trajectory: name of the file next to it."""
-    return {
-        "description": f"{name}: {episode.task}".rstrip(": "),
-        "robot": {
-            "hw": "franka_sim/FrankaHWSim",
-            "arm_id": "panda",
-            "q_start": [float(q) for q in episode.motion.positions[0]],
-        },
-        "controllers": ["joint_state_controller", "franka_state_controller", CONTROLLER],
-        "replay": {"trajectory_file": trajectory, "controller": CONTROLLER, "at": START},
-        "duration": round(START + float(episode.motion.time[-1]) + SETTLING, 3),
-    }

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow.compute
 import pyarrow.parquet
 
 from hric_core.errors import HricError
@@ -20,12 +19,17 @@ ARM = 7
 """Number of joints of a Panda."""
 LARGEST = 2.0 * np.pi
 """Largest absolute joint position [rad]; larger ones are in degrees, or no joint positions (project default)."""
+SETTLING = 1.0
+"""Time of an experiment after the end of the trajectory [s]; project default, unconfirmed."""
+START = 0.5
+"""Robot time at which the trajectory starts [s]; project default, unconfirmed."""
+CONTROLLER = "position_joint_trajectory_controller"
 _JOINT = re.compile(r"(?:^|[^a-z])(?:joint|j|q)_?(\d)(?:\.pos(?:ition)?)?$")
 """Name of a joint's position: ends with joint, j or q and a number."""
 
 
 @dataclass(frozen=True)
-class Episode:
+class DatasetEpisode:
     """Episode of a data set.
 
     Attributes:
@@ -38,10 +42,29 @@ class Episode:
     motion: JointPositions
     rate: float
 
+    def experiment(self, name: str, trajectory: str) -> dict[str, object]:
+        """Return the contents of an experiment file that replays the episode.
+
+        Args:
+            name: name of the episode.
+            trajectory: name of the file next to it with the joint positions.
+        """
+        return {
+            "description": f"{name}: {self.task}".rstrip(": "),
+            "robot": {
+                "hw": "franka_sim/FrankaHWSim",
+                "arm_id": "panda",
+                "q_start": [float(q) for q in self.motion.positions[0]],
+            },
+            "controllers": ["joint_state_controller", "franka_state_controller", CONTROLLER],
+            "replay": {"trajectory_file": trajectory, "controller": CONTROLLER, "at": START},
+            "duration": round(START + float(self.motion.time[-1]) + SETTLING, 3),
+        }
+
 
 def read(
     dataset: Path, number: int, joints: Sequence[str], feature: str = STATE, signals: Sequence[str] = ()
-) -> Episode:
+) -> DatasetEpisode:
     """Read an episode.
 
     Args:
@@ -75,7 +98,7 @@ def read(
             f"{LARGEST:.4g}; are these degrees, or no joint positions?"
         )
     time = np.arange(len(values)) / fps
-    return Episode(_task(dataset, table), JointPositions(tuple(joints), time, values), fps)
+    return DatasetEpisode(_task(dataset, table), JointPositions(tuple(joints), time, values), fps)
 
 
 def _file(dataset: Path, info: dict[str, Any], number: int) -> str:
@@ -93,11 +116,11 @@ def _file(dataset: Path, info: dict[str, Any], number: int) -> str:
 
 
 def _table(path: Path, number: int, feature: str) -> Any:
+    columns, chosen = [feature, "episode_index", "frame_index", "task_index"], [("episode_index", "=", number)]
     try:
-        table = pyarrow.parquet.read_table(path, columns=[feature, "episode_index", "frame_index", "task_index"])
+        return pyarrow.parquet.read_table(path, columns=columns, filters=chosen).sort_by("frame_index")
     except (OSError, ValueError) as error:
         raise HricError(f"cannot read {path}: {error}") from error
-    return table.filter(pyarrow.compute.equal(table["episode_index"], number)).sort_by("frame_index")
 
 
 def _flat(about: dict[str, Any]) -> list[str]:

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -15,7 +14,7 @@ from hric_core.parameters import number, text
 from hric_core.robot_time.stamps import to_duration
 from hric_run.definition.sections import ExperimentSection
 
-FloatArray = npt.NDArray[np.float64]
+FloatArray = np.ndarray[Any, np.dtype[np.float64]]
 TIME = "time"
 """Name of the first column of a trajectory file."""
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,6 @@ from hric_bags import run_notes
 from hric_bags.records import contact_record
 from hric_bags.records.contact_record import PairForce
 from hric_bags.run_file import RunFile
-from hric_bags.run_folder import RunFolder
 from hric_core.json_values import from_json
 from hric_report.html.table import PageTable, number
 from hric_report.text import setpoint_cells
@@ -67,9 +67,9 @@ def overview(run: RunFile, metrics: Content) -> PageTable:
     return PageTable("Overview of the run", ("entry", "value"), tuple(rows))
 
 
-def notes_table(folder: RunFolder) -> PageTable | None:
+def notes_table(folder: Path) -> PageTable | None:
     """Return the table of the notes that were added to a run afterwards; None: there are none."""
-    notes = run_notes.read(folder.path)
+    notes = run_notes.read(folder)
     rows = tuple(("-" if note.at is None else f"{note.at:.3f}", note.text, note.by, note.written) for note in notes)
     return PageTable("Notes added after the run", ("time [s]", "note", "by", "written"), rows) if rows else None
 

@@ -42,7 +42,7 @@ def part_of(folder: RunFolder) -> DossierPart:
         present(folder.path, folder.bag_of(run).name),
         [
             tables.overview(run, metrics),
-            *filter(None, [tables.notes_table(folder)]),
+            *filter(None, [tables.notes_table(folder.path)]),
             listed("Definition of the experiment", run.get("definition") or {}),
             listed("Versions and platform", {key: run.get(key) or {} for key in ("versions", "platform")}),
         ],

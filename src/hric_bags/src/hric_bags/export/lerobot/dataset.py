@@ -7,14 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
-import pandas
-import pyarrow as pa
-import pyarrow.parquet
 
 from hric_bags.export import recording
-from hric_bags.export.lerobot.episode import NEEDED, Episode, of_run
-from hric_bags.export.recording import ExportSource
+from hric_bags.export.lerobot.episode import NEEDED as NEEDED
+from hric_bags.export.lerobot.episode import RunEpisode, of_run
 from hric_bags.export.table import ExportError, TopicTable
 from hric_bags.run_file import RunFile
 
@@ -32,15 +28,17 @@ INDEX = {
     "task_index": "int64",
 }
 """Columns that each data set has -> their data type."""
-Array = npt.NDArray[Any]
+Array = np.ndarray[Any, np.dtype[Any]]
 
 
-def read(tables: Mapping[str, TopicTable], run: RunFile, others: Sequence[ExportSource], rate: float) -> list[Episode]:
+def read(
+    tables: Mapping[str, TopicTable], run: RunFile, others: Sequence[recording.ExportSource], rate: float
+) -> list[RunEpisode]:
     """Return the episodes of a run, given by its tables and run.yaml, and of other runs, which are read here."""
     return [of_run(tables, run, rate), *(of_run(recording.read(o, types=NEEDED), o.run, rate) for o in others)]
 
 
-def files(episodes: Sequence[Episode], rate: float) -> dict[str, Callable[[Path], object]]:
+def files(episodes: Sequence[RunEpisode], rate: float) -> dict[str, Callable[[Path], object]]:
     """Return the writers of the files of a data set, by path below its folder.
 
     Args:
@@ -57,20 +55,20 @@ def files(episodes: Sequence[Episode], rate: float) -> dict[str, Callable[[Path]
     joined = {name: np.concatenate([part[name] for part in columns]) for name in columns[0]}
     first = FILE.format(chunk_index=0, file_index=0)
     return {
-        f"data/{first}.parquet": partial(_write_table, pa.table({k: _arrow(v) for k, v in joined.items()})),
-        f"meta/episodes/{first}.parquet": partial(_write_table, _episode_table(episodes, columns, starts)),
-        "meta/tasks.parquet": pandas.DataFrame({"task_index": range(len(tasks))}, index=tasks).to_parquet,
+        f"data/{first}.parquet": partial(_write_columns, joined),
+        f"meta/episodes/{first}.parquet": partial(_write_rows, _episode_rows(episodes, columns, starts)),
+        "meta/tasks.parquet": partial(_write_tasks, tasks),
         "meta/stats.json": partial(_write_json, {name: _statistics(values) for name, values in joined.items()}),
         "meta/info.json": partial(_write_json, _info(episodes, rate, len(tasks))),
     }
 
 
-def notes(episodes: Sequence[Episode]) -> list[str]:
+def notes(episodes: Sequence[RunEpisode]) -> list[str]:
     """Return the sentences on how the values of the episodes were obtained, each once."""
     return list(dict.fromkeys(note for episode in episodes for note in episode.notes))
 
 
-def _check(episodes: Sequence[Episode]) -> None:
+def _check(episodes: Sequence[RunEpisode]) -> None:
     first = {name: (feature.names, feature.units) for name, feature in episodes[0].features.items()}
     for number, episode in enumerate(episodes[1:], start=2):
         other = {name: (feature.names, feature.units) for name, feature in episode.features.items()}
@@ -81,17 +79,11 @@ def _check(episodes: Sequence[Episode]) -> None:
             )
 
 
-def _columns(episode: Episode, number: int, start: int, task: int, rate: float) -> dict[str, Array]:
+def _columns(episode: RunEpisode, number: int, start: int, task: int, rate: float) -> dict[str, Array]:
     frames = np.arange(episode.length)
     index = (frames / rate, frames, np.full(len(frames), number), start + frames, np.full(len(frames), task))
     columns = {name: feature.values.astype(np.float32) for name, feature in episode.features.items()}
     return columns | {name: column.astype(kind) for (name, kind), column in zip(INDEX.items(), index, strict=True)}
-
-
-def _arrow(values: Array) -> pa.Array:
-    if values.ndim == 1:
-        return pa.array(values)
-    return pa.FixedSizeListArray.from_arrays(pa.array(values.ravel()), values.shape[1])
 
 
 def _statistics(values: Array) -> dict[str, list[float]]:
@@ -101,7 +93,9 @@ def _statistics(values: Array) -> dict[str, list[float]]:
     return {name: result.tolist() for name, result in named.items()} | {"count": [len(rows)]}
 
 
-def _episode_table(episodes: Sequence[Episode], columns: Sequence[dict[str, Array]], starts: Array) -> pa.Table:
+def _episode_rows(
+    episodes: Sequence[RunEpisode], columns: Sequence[dict[str, Array]], starts: Array
+) -> list[dict[str, Any]]:
     rows = []
     for number, (episode, values) in enumerate(zip(episodes, columns, strict=True)):
         row: dict[str, Any] = {"episode_index": number, "tasks": [episode.task], "length": episode.length}
@@ -110,10 +104,10 @@ def _episode_table(episodes: Sequence[Episode], columns: Sequence[dict[str, Arra
         for name, column in values.items():
             row |= {f"stats/{name}/{key}": value for key, value in _statistics(column).items()}
         rows.append(row | {"meta/episodes/chunk_index": 0, "meta/episodes/file_index": 0})
-    return pa.Table.from_pylist(rows)
+    return rows
 
 
-def _info(episodes: Sequence[Episode], rate: float, tasks: int) -> dict[str, Any]:
+def _info(episodes: Sequence[RunEpisode], rate: float, tasks: int) -> dict[str, Any]:
     features: dict[str, Any] = {
         name: {
             "dtype": "float32",
@@ -141,8 +135,29 @@ def _info(episodes: Sequence[Episode], rate: float, tasks: int) -> dict[str, Any
     }
 
 
-def _write_table(table: pa.Table, path: Path) -> None:
-    pyarrow.parquet.write_table(table, path)
+def _write_columns(columns: dict[str, Array], path: Path) -> None:
+    import pyarrow as pa  # here and below: slow to import
+    import pyarrow.parquet
+
+    arrays = {
+        name: pa.array(values)
+        if values.ndim == 1
+        else pa.FixedSizeListArray.from_arrays(pa.array(values.ravel()), values.shape[1])
+        for name, values in columns.items()
+    }
+    pyarrow.parquet.write_table(pa.table(arrays), path)
+
+
+def _write_rows(rows: list[dict[str, Any]], path: Path) -> None:
+    import pyarrow.parquet
+
+    pyarrow.parquet.write_table(pyarrow.Table.from_pylist(rows), path)
+
+
+def _write_tasks(tasks: list[str], path: Path) -> None:
+    import pandas
+
+    pandas.DataFrame({"task_index": range(len(tasks))}, index=tasks).to_parquet(path)
 
 
 def _write_json(content: dict[str, Any], path: Path) -> None:

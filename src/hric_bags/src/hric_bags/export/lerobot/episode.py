@@ -46,7 +46,7 @@ class Feature:
 
 
 @dataclass(frozen=True)
-class Episode:
+class RunEpisode:
     """Signals of one run.
 
     Attributes:
@@ -67,7 +67,7 @@ class Episode:
         return len(self.features["action"].values)
 
 
-def of_run(tables: Mapping[str, TopicTable], run: RunFile, rate: float) -> Episode:
+def of_run(tables: Mapping[str, TopicTable], run: RunFile, rate: float) -> RunEpisode:
     """Return the episode of a run; frames begin at a control cycle, and end where any of the signals ends.
 
     Args:
@@ -102,7 +102,7 @@ def of_run(tables: Mapping[str, TopicTable], run: RunFile, rate: float) -> Episo
     )
     added = [f"note: {note}" for note in run_notes.of_table(tables)]
     notes = (*(topic.how(times) for topic in topics.values()), *logs[0].notes, *missing, *added)
-    return Episode(task, str(robot.get("arm_id") or "unknown"), features, notes)
+    return RunEpisode(task, str(robot.get("arm_id") or "unknown"), features, notes)
 
 
 def _columns_of_log(log: TopicTable) -> dict[str, list[str]]:
