@@ -1,7 +1,9 @@
 """Arm models chosen by a user: their fit compared with OpenSim, matching of their joints, and refused models."""
 
 import logging
+import re
 import shutil
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -225,6 +227,55 @@ def test_a_file_without_an_arm_is_refused_with_its_parameter_and_what_is_valid(t
     with pytest.raises(ParameterError) as error:
         find(str(path), WHERE)
     assert WHERE in str(error.value) and expected in str(error.value) and "alid: delft" in str(error.value)
+
+
+def of_all(text: str, tag: str, value: str, count: int = 0) -> str:
+    """Return the text of a model with another value of a property, in all muscles or in the first `count` of them."""
+    return re.sub(rf"<{tag}>[^<]*</{tag}>", f"<{tag}>{value}</{tag}>", text, count=count)
+
+
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        (lambda text: of_all(text, "max_isometric_force", "0"), "6 of the 6 muscles of the arm cannot be used; "),
+        (lambda text: of_all(text, "max_isometric_force", "-1"), "the first is TRIlong: its strength is -0.978"),
+        (lambda text: of_all(text, "max_isometric_force", "0", 3), "3 of the 6 muscles of the arm cannot be used"),
+        (lambda text: of_all(text, "tendon_slack_length", "nan"), "its tendon nan m; valid: strength and fibres above"),
+        (lambda text: of_all(text, "optimal_fiber_length", "inf"), "its fibres are inf m long"),
+        (
+            lambda text: of_all(text, "optimal_fiber_length", "0"),
+            "must be greater than zero). In Component '/forceset/",
+        ),
+        (lambda text: of_all(text, "max_contraction_velocity", "0"), "its max_contraction_velocity is 0; valid"),
+        (
+            lambda text: on_humerus(text),
+            "none of its 6 muscles changes its length when sh_flex, el_flex move; its first",
+        ),
+    ],
+)
+def test_a_model_without_usable_muscles_is_refused_before_it_is_sampled(
+    tmp_path: Path, change: Callable[[str], str], expected: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = tmp_path / "x.osim"
+    path.write_text(change(FILE.read_text()))
+    with caplog.at_level(logging.INFO, "hric"), pytest.raises(ParameterError) as error:
+        find(str(path), WHERE)
+    assert expected in str(error.value) and "\n" not in str(error.value) and "poses sampled" not in caplog.text
+
+
+def on_humerus(text: str) -> str:
+    """Return the text of a model whose muscles begin and end on the humerus, without wrapping."""
+    start, end = text.index("<ForceSet "), text.index("</ForceSet>")
+    forces = re.sub(r"/bodyset/\w+(?=</socket_parent_frame>)", "/bodyset/r_humerus", text[start:end])
+    forces = re.sub(r"(?s)<PathWrapSet\b.*?</PathWrapSet>", "", forces)
+    return text[:start] + forces + text[end:]
+
+
+def test_one_muscle_that_cannot_be_used_is_left_out(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    path = tmp_path / "x.osim"
+    path.write_text(of_all(FILE.read_text(), "max_isometric_force", "0", 1))
+    assert set(any_arm.fit(OpenSimArm(path), "x").muscles) == {*arm26_anatomy().muscles} - {"TRIlong"}
+    assert "muscle TRIlong is left out: its strength is 0 N" in caplog.text
 
 
 def without(text: str, element: str) -> str:

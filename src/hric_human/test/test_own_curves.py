@@ -101,7 +101,7 @@ def test_a_muscle_without_velocity_is_refused_before_sampling(tmp_path: Path, mo
     assert tag in text
     parts = text.split(tag)
     path.write_text(tag.join([parts[0], *("0" + part[part.index("</") :] for part in parts[1:])]))
-    monkeypatch.setattr(any_arm, "poses", lambda *_: pytest.fail("the poses are sampled"))
+    monkeypatch.setattr(any_arm, "_sampled", lambda *_: pytest.fail("the poses are sampled"))
     with pytest.raises(HricError, match="TRIlong: its max_contraction_velocity is 0; valid: above 0"):
         any_arm.fit(OpenSimArm(path), path.name)
 

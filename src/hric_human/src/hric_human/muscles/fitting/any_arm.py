@@ -41,6 +41,8 @@ FIBRES = (0.4, 1.6)
 """Usual range of fibre length per optimal length [1]; muscles that leave it are logged; project default."""
 SHARE = SAMPLES // UNSEEN
 """Number of poses used for the fit per pose used to test it."""
+PROBES, STILL = 8, 1e-7
+"""Number of poses before all others, and change of length between them below which no joint moves a muscle [m]."""
 EARLY = 64
 """Number of poses after which a model is refused that reaches fewer than a quarter of them; project default."""
 _REPORTS = 10
@@ -60,7 +62,7 @@ def fit(model: ArmModel, source: str, terms: str = "") -> Anatomy:
     placing = Placing(model)
     lower, upper = _range(placing)
     count = min(MAX_SAMPLES, FEWEST_SAMPLES * 2 ** (len(lower) - 1))
-    curves = _curves(model)
+    curves = _curves(model, _acting(placing, model, poses(lower, upper, PROBES)))
     samples = _sampled(placing, model, poses(lower, upper, count + count // SHARE))
     strengths, paths = model.strengths(), placing.muscle_paths()
     credits = f"Fitted from {source}, whose licence applies here. Its credits: {model.credits or 'none in the file'}"
@@ -91,13 +93,40 @@ def fit(model: ArmModel, source: str, terms: str = "") -> Anatomy:
     )
 
 
-def _curves(model: ArmModel) -> Sequence[SampledCurves | str | None]:
-    """Return the model's curves. Raises HricError: half of the muscles or more have none that can be used."""
-    curves = model.curves()
-    unusable = [f"{name}: {of}" for name, of in zip(model.muscles, curves, strict=True) if isinstance(of, str)]
-    if 2 * len(unusable) >= len(curves):
+def _acting(placing: Placing, model: ArmModel, requested: FloatArray) -> list[bool]:
+    """Return True for muscles whose length changes between poses. Raises HricError: the arm moves no muscle."""
+    lengths = list[FloatArray]()
+    for pose in requested:
+        placing.put(pose)  # a pose that is reached in part moves the arm, too
+        lengths.append(model.lengths())
+    acting = [bool(moved) for moved in ~(np.ptp(lengths, axis=0) < STILL)]  # True: a length is not finite
+    if not any(acting):
         raise HricError(
-            f"{model.name}: {len(unusable)} of {len(curves)} muscles cannot be used; the first is {unusable[0]}"
+            f"{model.name} has no muscle of the right arm: none of its {len(acting)} muscles changes its length when "
+            f"{', '.join(placing.joints)} move; its first muscles: {', '.join(model.muscles[:_REPORTS])}"
+        )
+    return acting
+
+
+def _curves(model: ArmModel, acting: Sequence[bool]) -> Sequence[SampledCurves | str | None]:
+    """Return the curves of the muscles, or the reason why one cannot be used.
+
+    Raises:
+        HricError: half or more of the muscles that act on the arm cannot be used.
+    """
+    curves = list[SampledCurves | str | None](model.curves())
+    for k, values in enumerate(zip(*model.strengths(), strict=True)):
+        if not (min(values[:2]) > 0.0 and values[2] >= 0.0 and np.isfinite(values).all()):
+            curves[k] = (
+                f"its strength is {values[0]:g} N, its fibres are {values[1]:g} m long, its tendon {values[2]:g} m; "
+                "valid: strength and fibres above 0, tendon 0 or more"
+            )
+    named = zip(model.muscles, curves, acting, strict=True)
+    unusable = [f"{name}: {reason}" for name, reason, acts in named if acts and isinstance(reason, str)]
+    if 2 * len(unusable) >= sum(acting):
+        raise HricError(
+            f"{model.name}: {len(unusable)} of the {sum(acting)} muscles of the arm cannot be used; the first is "
+            f"{unusable[0]}"
         )
     return curves
 
@@ -170,8 +199,6 @@ def _fitted(
     numbers: maximum isometric force [N], optimal fibre length [m], tendon slack length [m].
     """
     force, optimal, slack = numbers
-    if not (force > 0.0 and optimal > 0.0 and slack >= 0.0):
-        return f"its strength is {force:g} N, its fibres are {optimal:g} m long, its tendon {slack:g} m"
     usable = np.isfinite(samples.length[:, k]) & np.isfinite(samples.arms[:, k]).all(axis=1)
     usable &= np.abs(np.nan_to_num(samples.arms[:, k])).max(axis=1) < LONGEST_ARM
     if 1.0 - usable.mean() > MAX_JUMPS:

@@ -63,7 +63,7 @@ class CurveBench:
                 _rounded(np.ones(len(LENGTHS)) if old else LENGTHS / np.hypot(LENGTHS * along, math.sin(alpha))),
                 _rounded(at_speed / self._active(muscle, unit, 1.0, 0.0)),
             )
-        except (RuntimeError, ValueError) as error:
+        except (RuntimeError, ValueError, ArithmeticError) as error:
             return f"OpenSim cannot evaluate its curves ({kind}): {str(error).strip().splitlines()[0]}"
 
     def _put(self, muscle: Any, unit: float, length: float, velocity: float) -> None:

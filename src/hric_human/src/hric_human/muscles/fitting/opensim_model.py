@@ -1,6 +1,7 @@
 """OpenSim arm model for the fit of muscles."""
 
 import logging
+import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,10 @@ _TRANSLATION = 2
 """OpenSim's motion type of translational coordinates."""
 _UNSAID = opensim.Model().getCredits(), opensim.Model().getPublications()
 """OpenSim's default texts for a file without credits and publications."""
+
+
+_NOISE = re.compile(r"^std::exception in '.*?': |^\s*Thrown at.*$", re.MULTILINE)
+"""Parts of OpenSim's messages that name its source code."""
 
 
 class _Coupler:
@@ -51,14 +56,15 @@ class OpenSimArm(Paths, ArmModel):
 
     def __init__(self, path: Path) -> None:
         opensim.Logger.removeFileSink()
-        opensim.Logger.setLevelString("error")
+        opensim.Logger.setLevelString("off")
         try:
             model = opensim.Model(str(path))
             for coordinate in members(model.getCoordinateSet()):
                 coordinate.set_clamped(False)
             super().__init__(model)
         except RuntimeError as error:
-            raise HricError(f"{path} is no OpenSim model: {str(error).strip().splitlines()[0]}") from error
+            reason = " ".join(_NOISE.sub("", str(error)).split())
+            raise HricError(f"{path} is no OpenSim model: {reason}") from error
         self.name, self.muscles = model.getName(), self.names
         self.credits = "; ".join(
             " ".join(text.split())
