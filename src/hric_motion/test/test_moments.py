@@ -10,7 +10,7 @@ from standing_person import JOINTS, RATE, standing, supporting, without
 from hric_core.errors import HricError
 from hric_human.body.segments import link_name
 from hric_human.control.whole_body import WholeBody
-from hric_motion.moments import JointMoments, joint_force, joint_moments, lifted
+from hric_motion.moments import JointMoments, joint_force, joint_moments
 
 MOTION = standing()
 PLATE = supporting(MOTION)
@@ -80,12 +80,6 @@ def test_an_unknown_shoulder_hides_what_depends_on_it() -> None:
 def test_an_unknown_wrist_hides_only_itself() -> None:
     result = joint_moments(without(MOTION, "right_wr_flex"), RATE, {3: PLATE}, cutoff=CUTOFF)
     assert known(["right_wr_flex", "right_el_flex", "trunk_flex"], result) == [False, True, True]
-
-
-def test_a_lifted_mass_loads_the_root_by_its_weight() -> None:
-    held = lifted(RESULT, link_name("hand", "right"), 4.0)
-    loaded = joint_moments(MOTION, RATE, {3: PLATE}, [held], CUTOFF)
-    assert_allclose((loaded.residual - RESULT.residual)[:, :3].mean(axis=0), [0.0, 0.0, 4.0 * 9.81], atol=0.5)
 
 
 def test_a_bent_trunk_rests_on_the_pelvis_with_its_weight() -> None:

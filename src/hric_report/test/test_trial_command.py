@@ -126,8 +126,21 @@ def test_the_lumbar_load_is_judged_by_its_worse_end() -> None:
     values = summary.lumbar_values(joint_moments(bent, RATE))
     assert values is not None and values["compression"] < 3400.0 < values["high"]
     assert "), at the worse end above the NIOSH action limit of 3.4 kN; known in" in summary.lumbar_line(
-        {"lumbar": values}
+        {"lumbar": values, "moments": {"hands": ""}}
     )
+
+
+def test_a_lifted_load_is_in_moments_and_texts(
+    motion: Path, folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["--load", "5", "--hand", "right", "--from", "0.1", "--mass", "78.2", "--height", "1.759"]
+    assert perform(["trial", str(motion), "-o", str(tmp_path), *words]) == 0
+    assert "load on the hands: 5 kg in the right hand from 0.1 s" in capsys.readouterr().out
+    made = json.loads((tmp_path / "bend_trial" / "trial.json").read_text())["moments"]
+    alone = json.loads((folder / "trial.json").read_text())["moments"]["joints"]["right_el_flex"]
+    assert made["hands"] == "5 kg in the right hand from 0.1 s"
+    assert made["joints"]["right_el_flex"]["high"] > alone["high"] + 5.0 * 9.81 * 0.15
+    assert "load_1_force_y" in (tmp_path / "bend_trial" / "loads.sto").read_text()
 
 
 def test_the_page_loads_nothing(folder: Path) -> None:
@@ -181,6 +194,9 @@ def test_a_missing_mapping_is_written(motion: Path, tmp_path: Path) -> None:
     [
         (["--subject", "s.yaml", "--mass", "70"], "--subject and --mass contradict"),
         (["--labels", "map.yaml", "--prefix", "A"], "--labels and --prefix contradict"),
+        (["--load", "5"], "the load on the hands is not clear; valid: --hand"),
+        (["--handle", "1", "--hand", "left"], "bend.c3d has no force plate 1; valid: none"),
+        (["--load", "5", "--hand", "left", "--from", "60"], "lifted from 60 s to inf s; the motion is known"),
         (["--mass", "7"], "subject: mass is 7.0; valid: a finite number from 30 to 200"),
         (["--prefix", "Ann"], "no markers with the prefix 'Ann'; valid: '' "),
     ],

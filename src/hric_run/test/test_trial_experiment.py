@@ -9,7 +9,9 @@ import yaml
 from c3d_files import RATE, Lab
 
 from hric_bags.export import recording
+from hric_bags.export.trial.replayed_trial import of_run
 from hric_core.errors import HricError
+from hric_core.trial.description import replayed_trials
 from hric_report import headless
 from hric_run.definition import experiment, parameters
 
@@ -40,6 +42,28 @@ def test_a_headless_run_replays_the_markers_of_the_file_beside_the_experiment(fi
     assert len(p) > 90 and np.abs(p - exact).max() < 1e-6
     told = folder.read()
     assert told["definition"]["mocap"]["human"]["path"] == "trial.c3d" and str(file.parent) not in yaml.safe_dump(told)
+
+
+def test_files_of_the_same_name_have_entries_of_their_own(tmp_path: Path) -> None:
+    """Markers replay a file, plate and EMG another one of the same name in another folder."""
+    paths = []
+    for label in ("HAND_1", "ELBOW_1"):
+        (tmp_path / label).mkdir()
+        p = np.full((FRAMES, 3), 100.0)
+        paths.append(c3d_files.write(tmp_path / label / "trial.c3d", Lab({label: p}, {}, [(2, np.zeros((1500, 6)))])))
+    first, second = ({"program": "c3d", "path": str(path)} for path in paths)
+    sensors = {"force_plate": {"emulated": {"load": second}}, "emg": {"emulated": {"activation": second}}}
+    tree, trials = replayed_trials({"mocap": {"human": first}, **sensors})
+    assert {name: about["labels"] for name, about in trials.items()} == {
+        "trial.c3d": ["HAND_1"],
+        "trial_2.c3d": ["ELBOW_1"],
+    }
+    assert str(tmp_path) not in str(tree) and "force_plate" in str(tree)
+    replayed = of_run({"definition": tree, "trials": trials})
+    assert replayed is not None and replayed.name == "trial.c3d" and replayed.plate is None
+    same, trials = replayed_trials({"mocap": {"human": first}, "force_plate": {"emulated": {"load": first}}})
+    replayed = of_run({"definition": same, "trials": trials})
+    assert replayed is not None and replayed.plate == ("1", 1) and set(trials) == {"trial.c3d"}
 
 
 def test_nodes_get_the_path_of_the_trial_from_the_root(file: Path) -> None:

@@ -10,10 +10,12 @@ import pytest
 import yaml
 from c3d_files import PER_FRAME, RATE, Lab
 
+from hric_bags.export.trial.replayed_trial import ReplayedTrial
 from hric_core.command import main
 from hric_core.geometry.transforms import vectors_z_up
 from hric_core.trial.c3d import read_trial
 from hric_core.trial.opensim_text import read_markers
+from hric_core.trial.plates import PlateReader, TrialPlate
 from hric_report import headless
 from hric_run.definition import experiment
 
@@ -124,3 +126,31 @@ def test_events_keep_label_context_and_time(files: tuple[Path, Path]) -> None:
     assert [event[1:] for event in after.events] == [event[1:] for event in before.events]
     times = [event.time + after.start for event in after.events]
     np.testing.assert_allclose(times, TIMES[1] + 1e-3, atol=1e-6)
+
+
+@pytest.mark.parametrize("kind", [1, 3, 5])
+def test_plates_of_other_types_become_type_2_with_the_same_load(kind: int) -> None:
+    """A plate of a type whose channels do not follow from the load is written with the channels of type 2."""
+    corners = c3d_files.CORNERS.T[:, :, None]
+    channels, names = {1: (6, ["N"] * 3 + ["mm"] * 2 + ["Nmm"]), 3: (8, ["N"] * 8), 5: (8, ["V"] * 8)}[kind]
+    group: dict[str, Any] = {"USED": [1], "TYPE": [kind], "CORNERS": corners, "ORIGIN": [[120.0], [200.0], [-40.0]]}
+    draw = np.random.default_rng(kind)
+    group |= {"CHANNEL": np.arange(1, channels + 1)[:, None], "CAL_MATRIX": draw.normal(size=(6, 8, 1))}
+    analogs = draw.normal(scale=100.0, size=(channels, 50))
+    (before,), left_out = _plates(group, analogs, names)
+    about = {"up": "z", "channels": ["c"] * channels, "units": names, "plates": {1: {"type": kind, **before.source}}}
+    run = ReplayedTrial("x.c3d", about, {}, np.eye(4), ("1", 1), {}, 0.0)
+    recorded = run.recorded_plate("1", before.load)
+    assert recorded is not None and not left_out
+    plate, signals, labels = recorded
+    assert plate.kind == 2 and labels == []
+    again: dict[str, Any] = {"USED": [1], "TYPE": [plate.kind], "CHANNEL": np.arange(1, 7)[:, None]}
+    again |= {"CORNERS": 1e3 * plate.corners.T[:, :, None], "ORIGIN": 1e3 * plate.origin[:, None]}
+    (after,), _ = _plates(again, signals.T, list(plate.units))
+    np.testing.assert_allclose(after.load, before.load, atol=1e-9)
+    np.testing.assert_allclose(after.T_lab_plate, before.T_lab_plate)
+
+
+def _plates(group: dict[str, Any], analogs: np.ndarray, units: list[str]) -> tuple[list[TrialPlate], object]:
+    plates, reasons = PlateReader(group, analogs, units, 1000.0, 10, 1e-3, "z").read()
+    return list(plates.values()), reasons

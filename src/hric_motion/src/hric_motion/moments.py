@@ -82,6 +82,8 @@ class JointMoments:
         deviation: standard deviations of the joint angles, shape (n, j) [rad].
         mass_deviation: standard deviation of the body's mass, by the mass [1].
         half_width: half-widths of the 95 % intervals of the moments, see `half_width_of`, shape (n, j) [N m].
+        held: links with loads that move along, as a lifted object does.
+        hands: load on the hands in words; empty: none.
     """
 
     body: Body
@@ -97,6 +99,8 @@ class JointMoments:
     deviation: FloatArray
     mass_deviation: float
     half_width: FloatArray
+    held: frozenset[str] = frozenset()
+    hands: str = ""
 
     @property
     def residual_share(self) -> float:
@@ -136,6 +140,7 @@ def joint_moments(
     loads: Sequence[ExternalLoad] = (),
     cutoff: float = CUTOFF,
     mass_deviation: float = MASS_DEVIATION,
+    held: frozenset[str] = frozenset(),
 ) -> JointMoments:
     """Compute the joint moments of a motion.
 
@@ -146,6 +151,7 @@ def joint_moments(
         loads: further loads on links, such as a wrench on a hand, at the instants of the result.
         cutoff: cut-off of the low-pass filter of motion and plates [Hz].
         mass_deviation: standard deviation of the body's mass, by the mass [1].
+        held: links with further loads that move along with them; the other loads are at rest in the laboratory.
 
     Raises:
         HricError: the pose of the person is known in too few successive frames.
@@ -163,14 +169,14 @@ def joint_moments(
     lost = support.unclear | (np.linalg.norm(residual[:, :3], axis=1) > LOST * weight(motion.body))
     nearest = np.round((smooth.time - time[0]) * rate).astype(int)
     ends = np.minimum(smooth.time - smooth.time[0], smooth.time[-1] - smooth.time) < EDGE
-    unknown = _unknown(whole, np.isnan(motion.q[rows][nearest]), lost) | ends[:, None]
+    unknown = _unknown(whole, np.isnan(motion.q[rows][nearest]), lost, {one.link for one in loads}) | ends[:, None]
     if lost.any():
         notes.append(f"the load under the feet is not known in {lost.mean():.0%} of the time")
     moment, remarks = np.where(unknown, np.nan, needed.torque), (*notes[len(time) == len(motion.q) :], *support.notes)
     supported = ~(ends | _doubtful(feet, smooth.time, plates, support.unclear))
     acting = (*support.loads, *loads), support.standing, supported, remarks
     deviations = motion.spread[rows][nearest], mass_deviation, np.zeros_like(moment)
-    result = JointMoments(motion.body, smooth, root, moment, needed, residual, *acting, *deviations)
+    result = JointMoments(motion.body, smooth, root, moment, needed, residual, *acting, *deviations, held)
     return replace(result, half_width=half_width_of(result, lambda varied: varied.moment))
 
 
@@ -206,29 +212,21 @@ def _varied(moments: JointMoments) -> Iterator[JointMoments]:
 
 def _with(moments: JointMoments, body: Body, q: FloatArray) -> JointMoments:
     """Return the moments of another body, or of other joint angles, under the same loads."""
-    motion = moments.motion
-    needed = WholeBody(body).inverse_dynamics(q, motion.dq, motion.ddq, moments.root, moments.loads)
+    motion, loads, whole = moments.motion, list(moments.loads), WholeBody(body)
+    if moments.held:
+        free = whole.inverse_dynamics(q, motion.dq, motion.ddq, moments.root)
+        loads = [_followed(load, moments.needed, free, whole.index) for load in loads if load.link in moments.held]
+        loads += [load for load in moments.loads if load.link not in moments.held]
+    needed = whole.inverse_dynamics(q, motion.dq, motion.ddq, moments.root, loads)
     known = np.where(np.isfinite(moments.moment), needed.torque, np.nan)
     return replace(moments, body=body, moment=known, needed=needed)
 
 
-def lifted(moments: JointMoments, link: str, mass: float) -> ExternalLoad:
-    """Return the load of an object on the link that carries it: m (g - a), at the origin of the link.
-
-    Args:
-        moments: moments of the same motion without the object.
-        link: link that carries it.
-        mass: mass of the object [kg].
-
-    Raises:
-        HricError: the body has no such link.
-    """
-    index = WholeBody(moments.body).index
-    if link not in index:
-        raise HricError(f"load on {link!r}, which is no link of the body; valid: {', '.join(index)}")
-    point, time = moments.needed.position[:, index[link]], moments.motion.time
-    acceleration = np.gradient(np.gradient(point, time, axis=0), time, axis=0)
-    return ExternalLoad(link, mass * (np.array(GRAVITY) - acceleration), np.zeros_like(point), point)
+def _followed(load: ExternalLoad, before: Needed, after: Needed, index: Mapping[str, int]) -> ExternalLoad:
+    """Return a load whose point has moved along with its link from one posture to another."""
+    at = index[load.link]
+    p_link = np.einsum("nji,nj->ni", before.rotation[:, at], load.point - before.position[:, at])
+    return load._replace(point=after.position[:, at] + np.einsum("nij,nj->ni", after.rotation[:, at], p_link))
 
 
 def joint_force(moments: JointMoments, joint: str) -> FloatArray:
@@ -289,13 +287,14 @@ def _residual(whole: WholeBody, needed: Needed, root: RootMotion) -> FloatArray:
     return total
 
 
-def _unknown(whole: WholeBody, unseen: Mask, lost: Mask) -> Mask:
+def _unknown(whole: WholeBody, unseen: Mask, lost: Mask, loaded: set[str]) -> Mask:
     """Return True for moments that are not known, shape (n, j).
 
     Args:
         whole: links of the body.
         unseen: True for angles that are not known, shape (n, j).
         lost: True where the load under the feet is not known, shape (n,).
+        loaded: links with further loads, whose lever arms depend on the joints before them.
     """
     masses = {segment.link: segment.mass.mass for segment in whole.body.segments.values()}
     feet = {segment.link for segment in whole.body.segments.values() if segment.kind == "foot"}
@@ -304,7 +303,7 @@ def _unknown(whole: WholeBody, unseen: Mask, lost: Mask) -> Mask:
     chains = {link.joint: set(_towards_root(whole, link.name)) for link in whole.links if any(link.axis)}
     for link in moved:
         beyond = {name for name in whole.index if link.name in _path(whole, name)}
-        if sum(masses.get(name, 0.0) for name in beyond) > LIGHT * whole.body.total_mass:
+        if sum(masses.get(name, 0.0) for name in beyond) > LIGHT * whole.body.total_mass or beyond & loaded:
             others = chains[link.joint] | {other.joint for other in moved if other.name in beyond}
             unknown[:, list(others)] |= unseen[:, [link.joint]]
         if beyond & feet:
@@ -377,7 +376,7 @@ def _support(
                 continue
             carried.setdefault(foot, np.zeros(len(time), bool))[rows] = True
         for link, mask in carried.items():
-            support.loads.append(_load(plate, link, mask, time, cutoff))
+            support.loads.append(plate_load(plate, link, mask, time, cutoff))
             support.standing[link] += (number,)
     return support
 
@@ -411,10 +410,10 @@ def _foot(feet: FootEnds, rows: slice, pressure: FloatArray) -> str | None:
     return near[0] if len(near) == 1 else None
 
 
-def _load(plate: TrialPlate, link: str, mask: Mask, time: FloatArray, cutoff: float) -> ExternalLoad:
-    """Return the reaction of a plate on a foot, filtered as the motion is, about the middle of the plate.
+def plate_load(plate: TrialPlate, link: str, mask: Mask, time: FloatArray, cutoff: float) -> ExternalLoad:
+    """Return the reaction of a plate on a link, filtered as the motion is, about the middle of the plate.
 
-    mask: True while the foot is on the plate, at instants `time`, shape (n,).
+    mask: True while the link is on the plate, at instants `time`, shape (n,).
     """
     samples = np.arange(len(plate.load)) / plate.rate
     on = np.interp(samples, time, mask.astype(float), left=0.0, right=0.0) > 0.5

@@ -60,8 +60,7 @@ def head(
         entries: further keys, which differ between live and headless runs.
     """
     code_versions, code_revision = _code()
-    values = to_dict(definition)
-    trials = replayed_trials(values)
+    values, trials = replayed_trials(to_dict(definition))
     return {
         "experiment": definition.name,
         "description": definition.description,

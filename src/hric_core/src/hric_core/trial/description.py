@@ -1,5 +1,6 @@
 """Description of the recorded trials that an experiment replays, for run.yaml: what messages cannot hold."""
 
+import itertools
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -19,8 +20,10 @@ def describe(trial: Trial) -> dict[str, object]:
     }
 
 
-def replayed_trials(tree: object) -> dict[str, dict[str, object]]:
-    """Return the descriptions of the c3d files that the settings of an experiment replay, by name of the file.
+def replayed_trials(tree: object) -> tuple[object, dict[str, dict[str, object]]]:
+    """Return settings with file names in place of the paths of c3d files, and the description of each file by name.
+
+    Files of the same name in different folders get different names, with a number.
 
     Args:
         tree: settings, mappings within mappings; a file is named by the key `path` beside `program: c3d`.
@@ -28,16 +31,22 @@ def replayed_trials(tree: object) -> dict[str, dict[str, object]]:
     Raises:
         HricError: a file cannot be read.
     """
-    if not isinstance(tree, Mapping):
-        return {}
-    trials = dict[str, dict[str, object]]()
-    for value in tree.values():
-        trials |= replayed_trials(value)
-    path = tree.get("path")
-    if tree.get("program") == "c3d" and isinstance(path, str):
-        file = resolve(path)
-        trials[Path(file).name] = describe(read_trial(file, str(tree.get("up") or "")))
-    return trials
+    trials, names = dict[str, dict[str, object]](), dict[Path, str]()
+
+    def named(node: object) -> object:
+        if not isinstance(node, Mapping):
+            return node
+        copy, path = {key: named(value) for key, value in node.items()}, node.get("path")
+        if node.get("program") == "c3d" and isinstance(path, str):
+            file = resolve(path)
+            if file not in names:
+                numbered = (f"{file.stem}_{number}{file.suffix}" for number in itertools.count(2))
+                names[file] = next(name for name in itertools.chain([file.name], numbered) if name not in trials)
+            copy["path"] = names[file]
+            trials[names[file]] = describe(read_trial(file, str(node.get("up") or "")))
+        return copy
+
+    return named(tree), trials
 
 
 def labels_of(labels: Sequence[str], body: str) -> list[str]:

@@ -17,9 +17,10 @@ from hric_core.errors import NOT_GOOD, HricError, ParameterError
 from hric_core.geometry import UP_AXES
 from hric_human.body import load
 from hric_motion.formats import trials_in
+from hric_motion.hand_loads import hand_load, loaded_moments
 from hric_motion.handovers import is_handover
 from hric_motion.marker_sets import mapping_text
-from hric_motion.moments import MASS_DEVIATION, UNKNOWN_MASS_DEVIATION, JointMoments, joint_moments
+from hric_motion.moments import MASS_DEVIATION, UNKNOWN_MASS_DEVIATION, JointMoments
 from hric_motion.trial import DEFAULT, MEASURES, TrialMotion, prefixes, read, trial_motion
 from hric_report.trial import files, summary
 
@@ -57,6 +58,28 @@ def trial_arguments() -> list[Argument]:
         Argument("--mass", type=float, metavar="KG", help="mass (default: as in the file)", group=person),
         Argument("--height", type=float, metavar="M", help="height (default: as in the file)", group=person),
         Argument("--sex", choices=("female", "male"), help="sex (default: male)", group=person),
+        *_hand_arguments(),
+    ]
+
+
+def _hand_arguments() -> list[Argument]:
+    """Return the arguments of the load on the hands."""
+    hands = "load on the hands"
+    return [
+        Argument("--load", type=float, metavar="KG", help="mass of a lifted object (needs --hand)", group=hands),
+        Argument(
+            "--handle",
+            type=int,
+            metavar="PLATE",
+            help="number of the force plate in the file that is a handle in one hand, at rest in the laboratory "
+            "(needs --hand)",
+            group=hands,
+        ),
+        Argument(
+            "--hand", choices=("right", "left", "both"), help="hand with the load; both: a half each", group=hands
+        ),
+        Argument("--from", dest="begin", type=float, metavar="S", help="time of lifting (default: start)", group=hands),
+        Argument("--to", dest="end", type=float, metavar="S", help="time of putting down (default: end)", group=hands),
     ]
 
 
@@ -135,6 +158,7 @@ def _people(path: Path, prefix: str | None) -> list[tuple[Path, str | None]]:
 def moved(path: Path, prefix: str | None, arguments: argparse.Namespace) -> tuple[TrialMotion, JointMoments | None]:
     """Return the motion of a person and their joint moments, None: not known; show the frames that are done."""
     subject = None if arguments.subject is None else load(arguments.subject)
+    hands = hand_load(arguments.hand, arguments.load, arguments.handle, arguments.begin, arguments.end)
     with tqdm(unit=" frames", desc=path.name, disable=not sys.stderr.isatty() or None, leave=False) as bar:
 
         def show(done: int, total: int) -> None:
@@ -146,7 +170,9 @@ def moved(path: Path, prefix: str | None, arguments: argparse.Namespace) -> tupl
         )
     mass = UNKNOWN_MASS_DEVIATION if result.sources["mass"] == DEFAULT else MASS_DEVIATION
     try:
-        return result, joint_moments(result.motion, result.trial.rate, result.trial.plates, mass_deviation=mass)
+        return result, loaded_moments(result.motion, result.trial, hands, mass)
+    except ParameterError:
+        raise
     except HricError as error:
         return replace(result, notes=(*result.notes, f"joint moments are not known: {error}")), None
 

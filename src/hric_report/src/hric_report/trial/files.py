@@ -59,7 +59,7 @@ def write(
         _write_angles(new / ANGLES, result)
         _write_opensim(new, result)
         if moments is not None:
-            _write_moments(new / MOMENTS, moments)
+            _write_moments(new / MOMENTS, moments, result.trial.start)
             write_dynamics(new, moments)
         write_json(new / DATA, values)
         write_text(new / PAGE, page.build(result, moments, values))
@@ -117,8 +117,11 @@ def _write_angles(path: Path, result: TrialMotion) -> None:
     _write_rows(path, head, result.time, matrix)
 
 
-def _write_moments(path: Path, moments: JointMoments) -> None:
-    """Write time, moment of each joint and half its 95 % interval, and the residual; an empty cell is not known."""
+def _write_moments(path: Path, moments: JointMoments, start: float) -> None:
+    """Write time, moment of each joint and half its 95 % interval, and the residual; an empty cell is not known.
+
+    start: time of the first frame [s].
+    """
     residual = [f"residual {kind}{axis} [{unit}]" for kind, unit in (("F", "N"), ("M", "N m")) for axis in "xyz"]
     head = [f"{name} {what}[N m]" for name in moments.body.joints for what in ("", "half-width ")]
     columns = np.stack([moments.moment, moments.half_width], axis=2).reshape(len(moments.moment), -1)

@@ -88,7 +88,13 @@ def moment_values(moments: JointMoments) -> dict[str, Any]:
         joints[name] = {"known": len(values) / len(column), **dict(zip(ENDS, ends, strict=True))}
     standing = {foot: list(plates) for foot, plates in moments.standing.items()}
     residual = _finite(moments.residual_share)
-    return {"joints": joints, "residual": residual, "plates": standing, "notes": list(moments.notes)}
+    return {
+        "joints": joints,
+        "residual": residual,
+        "plates": standing,
+        "hands": moments.hands,
+        "notes": list(moments.notes),
+    }
 
 
 def _lumbar(moments: JointMoments) -> LumbarLoad:
@@ -187,6 +193,7 @@ def moment_line(values: Mapping[str, Any]) -> str:
     joints = moments["joints"]
     unknown = [name for name, one in joints.items() if not one["known"]]
     parts = [f"{len(joints) - len(unknown)} of {len(joints)} joint moments are known"]
+    parts += [f"load on the hands: {moments['hands']}"] if moments["hands"] else []
     if sizes := {
         name: max(-one["low_end"], one["high_end"]) for name, one in joints.items() if one["low_end"] is not None
     }:
@@ -216,8 +223,8 @@ def handover_line(values: Mapping[str, Any]) -> str:
     return (
         f"Handover in {one['duration']:.3g} s: both hold the object for {shown('overlap', 's')} (grip force above "
         f"{GRIPPED:g} N); largest interaction force meanwhile {shown('force_max', 'N')}; largest grip force of the "
-        f"giver {shown('grip_giver', 'N')}, of the taker {shown('grip_taker', 'N')}. The joint moments are without the "
-        "object's force on the hands."
+        f"giver {shown('grip_giver', 'N')}, of the taker {shown('grip_taker', 'N')}. The joint moments are without "
+        "these forces on the hands: how the object is turned is not in the files."
     )
 
 
@@ -227,9 +234,9 @@ def lumbar_line(values: Mapping[str, Any]) -> str:
     if load is None:
         return f"L5/S1 compression is not known; it needs the moment of {WAIST} and every angle on which that depends."
     peak, low, high = (f"{1e-3 * load[key]:.1f}" for key in ("compression", "low", "high"))
+    hands = values["moments"]["hands"] or "no load in the hands"
     return (
-        f"L5/S1 compression without a load in the hands: peak {peak} kN ({low} to {high}), at the worse end "
-        f"{load['level']}; known in "
+        f"L5/S1 compression with {hands}: peak {peak} kN ({low} to {high}), at the worse end {load['level']}; known in "
         f"{_percent(load['known'])} of the time."
     )
 
