@@ -64,8 +64,8 @@ def trial_arguments() -> list[Argument]:
 class TrialCommand(Command):
     """Compute joint angles with standard deviations, and joint moments, of a person in trials.
 
-    A trial is a .c3d, .trc, .csv (Motive) or .mvnx (Xsens) file, or the folder of a handover; a folder of trials is one
-    of OpenCap or Pose2Sim.
+    A trial is a .c3d, .xdf, .trc, .csv (Motive) or .mvnx (Xsens) file, or the folder of a handover; a folder of trials
+    is one of OpenCap or Pose2Sim.
 
     A body is fitted to the markers; what markers and force plates do not determine is not known, and left empty. Writes
     angles.csv, moments.csv, a page (trial.html), the values (trial.json), and files for OpenSim. Needs no ROS master.
