@@ -121,5 +121,5 @@ def test_a_trc_file_with_z_up_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_file_of_another_format_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ParameterError, match=r"valid: a \.c3d, \.trc, \.csv or \.mvnx file"):
+    with pytest.raises(ParameterError, match=r"valid: a \.c3d, \.xdf, \.trc, \.csv or \.mvnx file"):
         trial_motion(tmp_path / "walk.txt")

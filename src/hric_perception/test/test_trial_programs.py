@@ -113,7 +113,7 @@ def test_samples_between_those_of_the_trial_lie_on_straight_lines() -> None:
     ("human", "told"),
     [
         ({"path": "/nowhere.c3d"}, "m.human.path: c3d file /nowhere.c3d: No such file or directory"),
-        ({}, "m.human.path is not set; valid: a c3d file"),
+        ({}, "m.human.path is not set; valid: a c3d or xdf file"),
         ({"path": "FILE", "labels": ["knee"]}, "m.human: no marker 'knee' in trial.c3d; valid: elbow, hand_1"),
         ({"path": "FILE", "bodies": {"hand": ["elbow"]}}, "valid: other names"),
         ({"path": "FILE", "labels": []}, "m.human.labels is []; valid: a list of names"),

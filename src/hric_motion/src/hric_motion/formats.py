@@ -21,7 +21,7 @@ from hric_core.trial.c3d import MEASURES, Trial
 from hric_core.trial.opensim_text import lines_of, matrix_of, padded, rate_of, read_markers, rising
 from hric_core.trial.plates import METRES
 
-FORMATS = (".c3d", ".trc", ".csv", ".mvnx")
+FORMATS = (".c3d", ".xdf", ".trc", ".csv", ".mvnx")
 """Endings of the names of files with a trial."""
 AXIS = 0.5
 """Distance of the points on a segment's axes from its origin [m]."""

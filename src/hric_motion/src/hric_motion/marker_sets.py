@@ -36,6 +36,10 @@ Person = dict[str, str]
 """Label of each marker of one person."""
 
 
+EMG = "emg"
+"""Key of a mapping file with the muscles of EMG channels."""
+
+
 @dataclass(frozen=True)
 class TrialMarkerSet:
     """Marker set.
@@ -152,7 +156,7 @@ def mapped_set(path: Path) -> tuple[TrialMarkerSet, Mapping[str, str]]:
     tree, known = read_yaml(path), _all_known()
     if not isinstance(tree, Mapping):
         raise ParameterError(f"{path} has no mapping of labels; valid: lines `LABEL: MARKER`")
-    used = {str(label): plain(str(marker)) for label, marker in tree.items() if marker}
+    used = {str(label): plain(str(marker)) for label, marker in tree.items() if marker and label != EMG}
     unknown = sorted({marker for marker in used.values() if marker not in known})
     if unknown:
         near = {marker: difflib.get_close_matches(marker, known, 1, 0.0)[0] for marker in unknown}
@@ -167,6 +171,12 @@ def mapped_set(path: Path) -> tuple[TrialMarkerSet, Mapping[str, str]]:
     extra = {name: marker for one in reversed(marker_sets().values()) for name, marker in one.extra.items()}
     computed = marker_sets()[FIRST].computed
     return TrialMarkerSet(path.name, str(path), {}, extra, computed, {}), labels
+
+
+def maps_markers(path: Path) -> bool:
+    """Return False if a mapping file names the muscles of EMG channels only. Raises ParameterError."""
+    tree = read_yaml(path)
+    return not isinstance(tree, Mapping) or set(tree) != {EMG}
 
 
 def mapping_text(labels: Sequence[str]) -> str:

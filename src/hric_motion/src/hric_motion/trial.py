@@ -84,13 +84,13 @@ def read(path: Path, up: str = "") -> Trial:
     """Read the markers of a trial.
 
     Args:
-        path: path of a .c3d, .trc, .csv (Motive) or .mvnx (Xsens) file, or of the folder of a handover.
+        path: path of a .c3d, .xdf, .trc, .csv (Motive) or .mvnx (Xsens) file, or of the folder of a handover.
         up: vertical axis in the file, y or z; empty: as the file states, or as is usual for its format.
 
     Raises:
         HricError: the file cannot be read, or has another content.
     """
-    readers = {".c3d": read_trial, ".trc": read_trc, ".csv": read_motive, ".mvnx": read_mvnx}
+    readers = {".c3d": read_trial, ".xdf": read_trial, ".trc": read_trc, ".csv": read_motive, ".mvnx": read_mvnx}
     reader = read_handover if is_handover(path) else readers.get(path.suffix.lower())
     if reader is None:
         raise ParameterError(

@@ -2,7 +2,6 @@
 
 import json
 import zipfile
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,6 @@ import pyarrow.csv
 import pyarrow.parquet
 
 from hric_bags.export.table import ABOUT, TopicTable
-from hric_core import plugins
 
 
 def write_npz(table: TopicTable, path: Path) -> None:
@@ -46,11 +44,6 @@ def _arrow(table: TopicTable) -> pa.Table:
         for name, array in zip(columns, built, strict=True)
     ]
     return pa.Table.from_arrays(built, schema=pa.schema(fields, metadata={"hric": table.about_text()}))
-
-
-def writer(kind: str) -> Callable[[TopicTable, Path], None]:
-    """Return the function that writes a table in one of WRITERS, or in the format of another package."""
-    return WRITERS.get(kind) or plugins.find(plugins.EXPORT, kind)().write
 
 
 WRITERS = {"npz": write_npz, "csv": write_csv, "parquet": write_parquet}

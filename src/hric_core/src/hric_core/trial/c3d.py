@@ -175,7 +175,7 @@ def located(tree: Any, folder: Path) -> Any:
 
 
 def read_trial(path: Path, up: str = "") -> Trial:
-    """Read a c3d file.
+    """Read a c3d file, or an xdf file (`hric_core.trial.xdf`).
 
     Args:
         path: path of the file.
@@ -190,7 +190,7 @@ def read_trial(path: Path, up: str = "") -> Trial:
     try:
         about = path.stat()
     except OSError as error:
-        raise ParameterError(f"c3d file {path}: {error.strerror}") from error
+        raise ParameterError(f"{path.suffix[1:] or 'c3d'} file {path}: {error.strerror}") from error
     return _read(path, up, about.st_mtime_ns, about.st_size)
 
 
@@ -198,7 +198,7 @@ def read_trial(path: Path, up: str = "") -> Trial:
 class TrialSettings(parameters.Settings):
     """Parameters that select a recorded trial: file and vertical axis."""
 
-    path: str = parameters.text(valid="a c3d file, path or package:// address,", empty=False)
+    path: str = parameters.text(valid="a c3d or xdf file, path or package:// address,", empty=False)
     up: str = parameters.text("", text="axis that points up in the file, y or z; empty: as in the file")
 
     def trial(self) -> Trial:
@@ -211,7 +211,12 @@ class TrialSettings(parameters.Settings):
 
 @lru_cache(maxsize=4)  # one file is read several times: before the run, and for markers, plates and EMG
 def _read(path: Path, up: str, modified: int, size: int) -> Trial:
-    trial = _trial(path, up, read_content(path))
+    if path.suffix.lower() == ".xdf":
+        from hric_core.trial.xdf import read_xdf  # which builds on this module
+
+        trial = read_xdf(path, up)
+    else:
+        trial = _trial(path, up, read_content(path))
     for sentence in trial.left_out:
         LOG.warning("%s: left out: %s", path.name, sentence)
     return trial

@@ -19,10 +19,10 @@ from hric_human.body import load
 from hric_motion.formats import trials_in
 from hric_motion.hand_loads import hand_load, loaded_moments
 from hric_motion.handovers import is_handover
-from hric_motion.marker_sets import mapping_text
+from hric_motion.marker_sets import mapping_text, maps_markers
 from hric_motion.moments import MASS_DEVIATION, UNKNOWN_MASS_DEVIATION, JointMoments
 from hric_motion.trial import DEFAULT, MEASURES, TrialMotion, prefixes, read, trial_motion
-from hric_report.trial import files, summary
+from hric_report.trial import emg, files, summary
 
 T = TypeVar("T")
 ALL = "all"
@@ -45,7 +45,8 @@ def trial_arguments() -> list[Argument]:
             "--labels",
             type=Path,
             metavar="FILE",
-            help="YAML file with lines LABEL: MARKER; one that does not exist is written, to be edited",
+            help="YAML file with lines LABEL: MARKER, and muscles of EMG channels; one that does not exist is written, "
+            "to be edited",
         ),
         Argument(
             "-o",
@@ -86,8 +87,8 @@ def _hand_arguments() -> list[Argument]:
 class TrialCommand(Command):
     """Compute joint angles with standard deviations, and joint moments, of a person in trials.
 
-    A trial is a .c3d, .trc, .csv (Motive) or .mvnx (Xsens) file, or the folder of a handover; a folder of trials is one
-    of OpenCap or Pose2Sim.
+    A trial is a .c3d, .xdf, .trc, .csv (Motive) or .mvnx (Xsens) file, or the folder of a handover; a folder of trials
+    is one of OpenCap or Pose2Sim.
 
     A body is fitted to the markers; what markers and force plates do not determine is not known, and left empty. Writes
     angles.csv, moments.csv, a page (trial.html), the values (trial.json), and files for OpenSim. Needs no ROS master.
@@ -95,7 +96,11 @@ class TrialCommand(Command):
 
     def arguments(self) -> list[Argument]:
         """Return the arguments."""
-        return trial_arguments()
+        text = "trial of maximum voluntary contractions, or YAML file with lines LABEL: ENVELOPE; may be repeated"
+        return [
+            *trial_arguments(),
+            Argument("--mvc", type=Path, action="append", default=[], metavar="FILE", help=text),
+        ]
 
     def run(self, arguments: argparse.Namespace) -> int:
         """Compute the motions, write their files, and print what is known."""
@@ -143,7 +148,7 @@ def _measures(arguments: argparse.Namespace) -> dict[str, float | str]:
 def _write_mapping(motion: Path, target: Path) -> None:
     """Write the mapping of a file's labels. Raises ParameterError to say so: it must be edited."""
     labels = read(motion).labels
-    write_text(target, mapping_text(labels))
+    write_text(target, mapping_text(labels) + emg.map_text(read(motion)))
     raise ParameterError(
         f"{target} did not exist: it was written with the {len(labels)} labels of {motion.name}; check the marker of "
         "each line, then run the command again"
@@ -159,6 +164,7 @@ def moved(path: Path, prefix: str | None, arguments: argparse.Namespace) -> tupl
     """Return the motion of a person and their joint moments, None: not known; show the frames that are done."""
     subject = None if arguments.subject is None else load(arguments.subject)
     hands = hand_load(arguments.hand, arguments.load, arguments.handle, arguments.begin, arguments.end)
+    labels = arguments.labels if arguments.labels is not None and maps_markers(arguments.labels) else None
     with tqdm(unit=" frames", desc=path.name, disable=not sys.stderr.isatty() or None, leave=False) as bar:
 
         def show(done: int, total: int) -> None:
@@ -166,7 +172,7 @@ def moved(path: Path, prefix: str | None, arguments: argparse.Namespace) -> tupl
             bar.update(done - bar.n)
 
         result: TrialMotion = trial_motion(
-            path, arguments.static, subject, arguments.up, prefix, arguments.labels, _measures(arguments), show
+            path, arguments.static, subject, arguments.up, prefix, labels, _measures(arguments), show
         )
     mass = UNKNOWN_MASS_DEVIATION if result.sources["mass"] == DEFAULT else MASS_DEVIATION
     try:
@@ -179,11 +185,14 @@ def moved(path: Path, prefix: str | None, arguments: argparse.Namespace) -> tupl
 
 def _written(path: Path, prefix: str | None, arguments: argparse.Namespace) -> Path:
     """Compute one motion and write its files; return their folder."""
+    mapped = {} if arguments.labels is None else emg.read_map(arguments.labels)
     result, moments = moved(path, prefix, arguments)
+    compared = emg.compared(result.trial, moments, mapped, arguments.mvc)
     sources = {"motion": path} | ({} if arguments.static is None else {"static": arguments.static})
+    sources |= {f"mvc_{number}": file for number, file in enumerate(arguments.mvc, 1)}
     folder = path.parent if arguments.output is None else arguments.output
     person = "_" + re.sub(r"\W", "_", result.prefix) if prefix and result.prefix else ""
-    return files.write(result, moments, sources, f"{path.stem}{person}_trial", folder, arguments.command)
+    return files.write(result, moments, compared, sources, f"{path.stem}{person}_trial", folder, arguments.command)
 
 
 def _print(folders: Sequence[Path]) -> None:

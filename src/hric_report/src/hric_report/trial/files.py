@@ -18,17 +18,18 @@ from hric_bags.files import cannot_write, make_folder, write_json, write_text
 from hric_core.geometry import FloatArray
 from hric_motion.moments import JointMoments
 from hric_motion.trial import TrialMotion
-from hric_report.trial import page, summary
+from hric_report.trial import emg, page, summary
 from hric_report.trial.opensim_files import ROOT_COORDINATES, root_angles, write_dynamics, write_model
 from hric_run import provenance
 
-ANGLES, MOMENTS, MOTION = "angles.csv", "moments.csv", "angles.mot"
+ANGLES, MOMENTS, ACTIVATIONS, MOTION = "angles.csv", "moments.csv", "activations.csv", "angles.mot"
 DATA, PAGE, TABLE = "trial.json", "trial.html", "trials.csv"
 
 
 def write(
     result: TrialMotion,
     moments: JointMoments | None,
+    activity: emg.TrialEmg | None,
     sources: Mapping[str, Path],
     name: str,
     folder: Path,
@@ -41,7 +42,8 @@ def write(
     Args:
         result: motion in the trial.
         moments: joint moments; None: not known.
-        sources: files of the trial by role: "motion", perhaps "static".
+        activity: measured EMG and estimated activation; None: the trial has no EMG.
+        sources: files of the trial by role: "motion", perhaps "static" and "mvc_1".
         name: name of the folder; a number is appended if that one has results of another file.
         folder: folder to write to.
         command: command line, for the record.
@@ -51,7 +53,7 @@ def write(
     """
     hashes = {role: _hash(path) for role, path in sources.items()}
     files = {role: {"name": path.name, "sha256": hashes[role]} for role, path in sources.items()}
-    values = {"files": files, **summary.content(result, moments), "command": provenance.neutral(command)}
+    values = {"files": files, **summary.content(result, moments, activity), "command": provenance.neutral(command)}
     values |= {"versions": provenance.versions(), "revision": provenance.revision()}
     make_folder(folder)
     target = _free(folder, name, files["motion"], result.prefix)
@@ -61,8 +63,9 @@ def write(
         if moments is not None:
             _write_moments(new / MOMENTS, moments, result.trial.start)
             write_dynamics(new, moments)
+        _write_activations(new / ACTIVATIONS, activity)
         write_json(new / DATA, values)
-        write_text(new / PAGE, page.build(result, moments, values))
+        write_text(new / PAGE, page.build(result, moments, activity, values))
     return target
 
 
@@ -126,6 +129,15 @@ def _write_moments(path: Path, moments: JointMoments, start: float) -> None:
     head = [f"{name} {what}[N m]" for name in moments.body.joints for what in ("", "half-width ")]
     columns = np.stack([moments.moment, moments.half_width], axis=2).reshape(len(moments.moment), -1)
     _write_rows(path, [*head, *residual], moments.motion.time, np.hstack([columns, moments.residual]))
+
+
+def _write_activations(path: Path, activity: emg.TrialEmg | None) -> None:
+    """Write time, measured envelope and estimated activation of the channels that are compared, if any are."""
+    shown = [] if activity is None else [one for one in activity.channels if not one.reason]
+    if activity is None or not shown:
+        return
+    head = [f"{one.label} {what} [{one.reference}]" for one in shown for what in ("measured", "estimated")]
+    _write_rows(path, head, activity.time, np.column_stack([c for one in shown for c in (one.measured, one.estimated)]))
 
 
 def _write_rows(path: Path, head: Sequence[str], times: FloatArray, matrix: FloatArray) -> None:

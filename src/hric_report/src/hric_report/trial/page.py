@@ -16,7 +16,7 @@ from hric_report.html import templates
 from hric_report.html.chart import Axis, ticks
 from hric_report.html.table import PageTable, number
 from hric_report.html.tables import flat
-from hric_report.trial import summary
+from hric_report.trial import emg, summary
 
 ASSETS = Path(__file__).parent / "assets"
 LEFT, RIGHT, TOP, BOTTOM = 40.0, 370.0, 8.0, 118.0
@@ -40,6 +40,7 @@ class PanelPlot:
         title: title above the panel.
         x, y: axes.
         line, band: paths of the curve and of the band around it; gaps where the values are not known.
+        second: path of another curve; "": there is none.
         limit: limit that is drawn as a line; None: there is none.
     """
 
@@ -48,6 +49,7 @@ class PanelPlot:
     y: Axis
     line: str
     band: str = ""
+    second: str = ""
     limit: float | None = None
 
     @property
@@ -56,7 +58,9 @@ class PanelPlot:
         return ticks(self.y.low, self.y.high, 3)
 
 
-def build(result: TrialMotion, moments: JointMoments | None, values: Mapping[str, Any]) -> str:
+def build(
+    result: TrialMotion, moments: JointMoments | None, activity: emg.TrialEmg | None, values: Mapping[str, Any]
+) -> str:
     """Return the HTML page of a trial; values: content of trial.json."""
     files = ", ".join(f"{role}: {file['name']}" for role, file in values["files"].items())
     markers = sorted(values["markers"].items(), key=lambda item: -(item[1]["after"] or 0.0))
@@ -78,6 +82,8 @@ def build(result: TrialMotion, moments: JointMoments | None, values: Mapping[str
             angles=list(_angles(result, list(known))),
             moments=[] if moments is None else list(_moments(moments)),
             moment_notes=[] if moments is None else moments.notes,
+            activations=[] if activity is None else list(_activations(activity)),
+            emg_lines=emg.lines(values),
             tables=list(_tables(values)),
             notes=values["notes"],
         )
@@ -112,6 +118,13 @@ def _moments(moments: JointMoments) -> Iterator[PanelPlot]:
             yield _panel(f"{name} [N m]", moments.motion.time, values, half)
 
 
+def _activations(activity: emg.TrialEmg) -> Iterator[PanelPlot]:
+    for one in activity.channels:
+        if not one.reason:
+            title = f"{one.label}: {one.muscle} [{one.reference}]"
+            yield _panel(title, activity.time, one.measured, other=one.estimated)
+
+
 def _panel(
     title: str,
     times: FloatArray,
@@ -119,24 +132,32 @@ def _panel(
     half: FloatArray | None = None,
     right: float = RIGHT,
     limit: float | None = None,
+    other: FloatArray | None = None,
 ) -> PanelPlot:
-    """Return the picture of values at times [s], shape (n,) each; half: half of the width of the band, shape (n,)."""
+    """Return the picture of values at times [s], shape (n,) each.
+
+    half: half of the width of the band, shape (n,); other: values of another curve, shape (n,)."""
     rows = slice(None, None, max(1, -(-len(values) // POINTS)))
     time, values = times[rows], values[rows]
     spread = np.zeros(len(values)) if half is None else half[rows]
     low, high = float(np.nanmin(values - spread)), float(np.nanmax(values + spread))
     if half is None:
-        low, high = 0.0, max(high, limit or 0.0) * 1.05
+        low, high = 0.0, max(high, limit or 0.0, 0.0 if other is None else float(np.nanmax(other))) * 1.05
     x, y = Axis(float(time[0]), float(time[-1]), LEFT, right), Axis(low, high, BOTTOM, TOP)
     lines, bands = list[str](), list[str]()
-    for run in intervals(np.isfinite(values)):
-        points = [(x.x(t), y.x(value)) for t, value in zip(time[run], values[run], strict=True)]
-        lines.append(_path(points))
+    second = "" if other is None else "".join(_curves(time, other[rows], x, y))
+    for run, line in zip(intervals(np.isfinite(values)), _curves(time, values, x, y), strict=True):
+        lines.append(line)
         if half is not None:
             upper = [(x.x(t), y.x(v)) for t, v in zip(time[run], (values + spread)[run], strict=True)]
             lower = [(x.x(t), y.x(v)) for t, v in zip(time[run], (values - spread)[run], strict=True)]
             bands.append(f"{_path([*upper, *lower[::-1]])}Z")
-    return PanelPlot(title, x, y, "".join(lines), "".join(bands), limit)
+    return PanelPlot(title, x, y, "".join(lines), "".join(bands), second, limit)
+
+
+def _curves(time: FloatArray, values: FloatArray, x: Axis, y: Axis) -> Iterator[str]:
+    for run in intervals(np.isfinite(values)):
+        yield _path([(x.x(t), y.x(value)) for t, value in zip(time[run], values[run], strict=True)])
 
 
 def _path(points: list[tuple[float, float]]) -> str:

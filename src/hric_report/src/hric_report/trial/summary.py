@@ -16,6 +16,7 @@ from hric_motion.measured import KNOWN, MAX_DISTANCE
 from hric_motion.moments import HICKS, RECOMMENDED, JointMoments, half_width_of, joint_force
 from hric_motion.trial import MEASURES, TrialMotion
 from hric_motion.vendor import compared
+from hric_report.trial import emg
 
 Numbers = dict[str, float | None]
 ENDS = ("low_end", "low", "high", "high_end")
@@ -117,7 +118,9 @@ def lumbar_values(moments: JointMoments) -> dict[str, Any] | None:
     return {"known": float(known.mean()), **peaks, "level": level(peaks["high"])}
 
 
-def content(result: TrialMotion, moments: JointMoments | None = None) -> dict[str, Any]:
+def content(
+    result: TrialMotion, moments: JointMoments | None = None, activity: emg.TrialEmg | None = None
+) -> dict[str, Any]:
     """Return the content of trial.json, in SI units and degrees, without the origin of the files; None: not known."""
     motion = result.motion
     table, fitted = Builder(result.subject).lengths, motion.body.subject.lengths
@@ -148,6 +151,7 @@ def content(result: TrialMotion, moments: JointMoments | None = None) -> dict[st
         },
         "moments": None if moments is None else moment_values(moments),
         "lumbar": None if moments is None else lumbar_values(moments),
+        "emg": emg.content(activity),
         "handover": None if handover is None else vars(handover),
         "notes": list(result.notes),
     }
@@ -267,6 +271,7 @@ def render(name: str, values: Mapping[str, Any]) -> str:
             f"{one['varying']:.1f} deg RMS without it"
             for joint, one in values["vendor"].items()
         ),
+        *(f"- {line}" for line in emg.lines(values)),
         *(f"- {note}" for note in (*values["notes"], *(values["moments"] or {"notes": ()})["notes"])),
     ]
     return "\n".join(lines)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from hric_bags.export.table import FloatArray
 from hric_bags.export.trial.c3d_trial import C3dTrial
 from hric_core.trial.plates import METRES
 
@@ -85,12 +86,24 @@ def _analogs(file: Any, trial: C3dTrial) -> None:
 
 
 def _plates(file: Any, trial: C3dTrial) -> None:
-    group, plates, metre = file["parameters"]["FORCE_PLATFORM"], trial.plates, 1.0 / METRES[trial.length]
-    channels = 1 + np.arange(6 * len(plates)).reshape(len(plates), 6).T
-    parameters = {"USED": [len(plates)], "TYPE": [plate.kind for plate in plates], "ZERO": [0, 0], "CHANNEL": channels}
-    for name, values in parameters.items():
-        group[name].update(type=INTEGER, value=np.array(values))
-    file.add_parameter("FORCE_PLATFORM", "CORNERS", metre * np.stack([plate.corners.T for plate in plates], axis=2))
-    file.add_parameter("FORCE_PLATFORM", "ORIGIN", metre * np.stack([plate.origin for plate in plates], axis=1))
-    file.add_parameter("FORCE_PLATFORM", "CAL_MATRIX", np.stack([plate.calibration for plate in plates], axis=2))
+    group, floats = file["parameters"]["FORCE_PLATFORM"], ("CORNERS", "ORIGIN", "CAL_MATRIX")
+    for name, values in force_platform(trial).items():
+        if name in floats:
+            file.add_parameter("FORCE_PLATFORM", name, values)
+        else:
+            group[name].update(type=INTEGER, value=values)
     file.add_parameter("FORCE_PLATFORM", "UNITS", "N")
+
+
+def force_platform(trial: C3dTrial) -> dict[str, FloatArray]:
+    """Return the parameters of the force plates, as arrays whose last index is the plate."""
+    plates, metre = trial.plates, 1.0 / METRES[trial.length]
+    return {
+        "USED": np.array([len(plates)]),
+        "TYPE": np.array([plate.kind for plate in plates]),
+        "ZERO": np.array([0, 0]),
+        "CHANNEL": 1 + np.arange(6 * len(plates)).reshape(len(plates), 6).T,
+        "CORNERS": metre * np.stack([plate.corners.T for plate in plates], axis=2),
+        "ORIGIN": metre * np.stack([plate.origin for plate in plates], axis=1),
+        "CAL_MATRIX": np.stack([plate.calibration for plate in plates], axis=2),
+    }

@@ -1,13 +1,15 @@
 """Writer of a trial as an XDF file, the format of Lab Streaming Layer's recorder, with its metadata of channels."""
 
+import json
 import struct
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from xml.sax.saxutils import escape
 
 import numpy as np
 
 from hric_bags.export.table import FloatArray
+from hric_bags.export.trial.c3d_format import force_platform
 from hric_bags.export.trial.c3d_trial import C3dTrial, Channel
 
 HEADER, STREAM, SAMPLES, CLOCK_OFFSET, FOOTER = 1, 2, 3, 4, 6
@@ -21,9 +23,10 @@ UNITS = {"V": "volts", "mV": "millivolts", "uV": "microvolts", "N": "newtons", "
 class _XdfFile:
     """XDF file in memory, to which streams are added."""
 
-    def __init__(self) -> None:
+    def __init__(self, about: Mapping[str, object]) -> None:
         self.content, self._streams = b"XDF:", 0
-        self._chunk(HEADER, b"<?xml version='1.0'?><info><version>1.0</version></info>")
+        hric = escape(json.dumps(about))
+        self._chunk(HEADER, f"<?xml version='1.0'?><info><version>1.0</version><hric>{hric}</hric></info>".encode())
 
     def add(self, name: str, kind: str, rate: float, channels: Sequence[dict[str, str]], text: bool = False) -> int:
         """Start a stream with these metadata of its channels, and return its number; rate: [Hz], 0: irregular."""
@@ -66,7 +69,8 @@ def write_xdf(path: Path, trial: C3dTrial) -> None:
         path: file to write.
         trial: trial with its channels of force plates first, six each.
     """
-    file = _XdfFile()
+    plates = {name: values.tolist() for name, values in force_platform(trial).items()} if trial.plates else {}
+    file = _XdfFile({"up": trial.up, "length": trial.length, "force_platform": plates})
     times = trial.start + np.arange(len(trial.positions)) / trial.rate
     if trial.labels:
         markers = [
