@@ -129,7 +129,10 @@ TOOLS = [
     ("hric_experiments film nowhere", r"no run folder 'nowhere'"),
     ("hric_experiments muscle_load nowhere.c3d", r"person of nowhere\.c3d is not known; add --person RUN\|EXP"),
     ("hric_experiments trial nowhere.csv", r"nowhere\.csv: No such file or directory"),
-    ("hric_experiments trial nowhere.xyz", r"nowhere\.xyz is no trial; valid: a \.c3d, \.xdf, \.trc, \.csv or"),
+    (
+        "hric_experiments trial nowhere.xyz",
+        r"nowhere\.xyz is no trial; valid: a \.c3d, \.xdf, \.trc, \.csv or \.mvnx file",
+    ),
     ("hric_experiments trial nowhere.c3d --mass 70 --subject body.yaml", r"--subject and --mass contradict each other"),
     ("hric_experiments spawn pd_step", r"usage: .*\[_PARAMETER:=VALUE \.\.\.\]\n.*unrecognized arguments: pd_step"),
     ("hric_control robot here", r"\[_robot_hw:=TYPE\].*\n.*unrecognized arguments: here"),

@@ -5,8 +5,8 @@
 
 #include <array>
 #include <exception>
-#include <iterator>
 #include <memory>
+#include <type_traits>
 #include <vector>
 
 #include <kdl/chaindynparam.hpp>
@@ -192,8 +192,9 @@ PyObject* bound(std::unique_ptr<Arm> arm)
   if (capsule == nullptr)
     return nullptr;
   static_cast<void>(arm.release());  // the capsule has it now
-  PyObject* made = PyTuple_New(std::size(arm_methods));
-  for (std::size_t i = 0; made != nullptr && i < std::size(arm_methods); i++)
+  constexpr std::size_t count = std::extent<decltype(arm_methods)>::value;
+  PyObject* made = PyTuple_New(count);
+  for (std::size_t i = 0; made != nullptr && i < count; i++)
   {
     PyObject* function = PyCFunction_New(&arm_methods[i], capsule);
     if (function == nullptr)
