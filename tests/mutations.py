@@ -55,10 +55,10 @@ MUTATIONS = {
         "limits",
     ),
     "jacobian": Mutation(
-        "the lever arm of the tip in the Jacobian has the wrong sign",
+        "the lever arm of a frame in the Jacobian has the wrong sign",
         "franka_hw_interface",
-        "jacobian.changeRefPoint(R_root_last * self.T_last_tip.p)",
-        "jacobian.changeRefPoint(-(R_root_last * self.T_last_tip.p))",
+        "jacobian.changeRefPoint(self.chain.kdl_pose(q, segments).M * offset.p)",
+        "jacobian.changeRefPoint(-(self.chain.kdl_pose(q, segments).M * offset.p))",
         "model or chain",
     ),
     "codec": Mutation(

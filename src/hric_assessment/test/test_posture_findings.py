@@ -232,9 +232,9 @@ def test_a_verdict_of_markers_shows_what_was_assumed(tmp_path: Path) -> None:
 
 def test_five_millimetres_of_noise_give_an_upright_person_a_band_that_names_the_angle(tmp_path: Path) -> None:
     finding = of_markers(tmp_path, {}, 5e-3)
-    assert finding.reason.startswith("score 1 to 4: investigate further, decided by ")
+    assert finding.reason.startswith("score 1 to 5: investigate and change soon, decided by ")
     assert "neck +4: neck flexion below 0 deg" in finding.reason
-    assert (finding.values["score that counts, better end"], counts(finding)) == (1.0, 4.0)
+    assert (finding.values["score that counts, better end"], counts(finding)) == (1.0, 5.0)
     assert finding.outcome == Outcome.WARNING
 
 
