@@ -13,7 +13,7 @@ BOUNDS = {
     "environment/person": 9.5,
     "environment/muscles": 14.0,
 }
-"""What is reached, with a margin for other load of the machine; the targets are 2.0, 3.5, 5 and 7."""
+"""Limits of the cost: the measured cost and a margin for other load; the targets are 2.0, 3.5, 5 and 7."""
 
 
 @pytest.mark.parametrize("case", BOUNDS)

@@ -24,7 +24,7 @@ class Translation(MotionLimits):
         0.7, above=0.0, unit="m/s", text="limit of the three axes together; at most what the arm takes"
     )
     acceleration: float = number(2.0, above=0.0, unit="m/s^2")
-    jerk: float = number(50.0, above=0.0, unit="m/s^3", text="without effect in the mode `thesis`")
+    jerk: float = number(50.0, above=0.0, unit="m/s^3")
 
 
 @dataclass(frozen=True)
@@ -76,8 +76,8 @@ class TrackingSettings(Settings):
     mode: str = choice(
         "retarget",
         "thesis",
-        text="`retarget`: on-line, each marker counts; `thesis`: a trapezoid after the other, markers meanwhile "
-        "are ignored",
+        text="`retarget`: on-line, each marker counts; `thesis`: a trapezoid after the other without a limit of "
+        "jerk, markers meanwhile are ignored",
     )
     follow: str = choice("position", "pose", text="`position`: the orientation is held, `pose`: it turns with the body")
     on_return: str = choice(

@@ -35,7 +35,11 @@ class PortCommand(Command):
     are beside it or in its package's folder include. Nothing is compiled or run.
     """
 
-    epilog = "exit codes: 0 everything exists here; 3 something is missing here, and the package says what."
+    epilog = (
+        "exit codes: 0 everything that was recognised exists here; 3 something is missing here, or its type was not "
+        "seen. Computed names and parts of base classes in other packages are not recognised: compare the table with "
+        "the source."
+    )
 
     def arguments(self) -> list[Argument]:
         """Return the arguments."""

@@ -89,7 +89,7 @@ def _interface(name: str) -> Counterpart:
 def _message(use: Use) -> Counterpart:
     """Return the Python class of a topic's or service's type."""
     if not use.type:
-        return Counterpart(use.kind == "service", "type not seen in the source: add it by hand")
+        return Counterpart(False, "type not seen in the source: add it by hand")
     if "/" not in use.type:
         return Counterpart(False, f"{use.type}: package not seen in the source; add it by hand")
     lookup = get_service_class if use.kind == "service" else get_message_class
