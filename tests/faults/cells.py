@@ -1,7 +1,7 @@
 """Program that runs commands with injected faults, each in a fork of a process that has loaded all modules.
 
-It reads a list of cases (cells) as JSON from stdin, and writes their results to stdout. Keys of a case: program (file
-of a node), words (arguments), working folder, environment of the fault shim, file for stderr, timeout [s].
+It reads a list of cases (cells) as JSON from stdin, and writes their results to stdout. Keys of a case: call (file of
+a node and arguments), working folder, environment of the fault shim, file for stderr, timeout [s].
 """
 
 import importlib
@@ -45,10 +45,10 @@ LOADED = (
 def run(cell: dict[str, Any]) -> int:
     """Run a program in this process and return its exit code."""
     os.chdir(cell["folder"])
-    sys.argv = [cell["program"], *cell["words"]]
+    sys.argv = cell["call"]
     os.environ.update(cell["environment"])
     try:
-        runpy.run_path(cell["program"], run_name="__main__")
+        runpy.run_path(cell["call"][0], run_name="__main__")
         code: Any = 0
     except SystemExit as end:
         code = end.code

@@ -77,6 +77,9 @@ RECIPES: dict[str, list[str]] = {
     "film": ["run", "--output", "film.gif"],
     "trial": ["standing.trc", "-o", "trials"],
     "urdf_to_osim": ["run/robot.urdf", "-o", "model.osim"],
+    "note": ["run", "a remark"],
+    "port": ["controller.py", "--output", "ported"],
+    "import": ["run/export/lerobot", "-o", "episode.yaml"],
 }  # fmt: skip
 """Arguments of each command, or variant of a command, in a folder with the files made by `given`."""
 REFUSED = {"fit_muscles", "film", "picture", "inverse_kinematics"}
@@ -112,10 +115,11 @@ class Cell:
     fault: str
 
     @property
-    def program(self) -> Path:
-        """File of the command's node."""
-        (path,) = SOURCES.glob(f"*/nodes/{self.command.split()[0]}")
-        return path
+    def call(self) -> list[str]:
+        """File of the command's node, or `hric` and the command's name if it has no node of its own; its arguments."""
+        name = self.command.split()[0]
+        own = [str(path) for path in SOURCES.glob(f"*/nodes/{name}")]
+        return [*(own or [str(SOURCES / "hric_core/nodes/hric"), name]), *self.words]
 
     @property
     def words(self) -> list[str]:
@@ -133,11 +137,9 @@ class Cell:
 
 def commands() -> list[str]:
     """Return the names of all commands and of their variants."""
-    programs = {path.name for path in SOURCES.glob("*/nodes/*")}
-    assert (
-        programs >= {name for name in plugins.names(plugins.COMMAND) if name != "convert" and " " not in name}
-        and programs >= NODES
-    )
+    nodes = {path.name for path in SOURCES.glob("*/nodes/*")}
+    assert nodes >= NODES
+    programs = nodes | {name for name in plugins.names(plugins.COMMAND) if name != "convert" and " " not in name}
     return sorted(programs - NODES | set(RECIPES))
 
 
@@ -187,6 +189,8 @@ def given(tmp_path_factory: pytest.TempPathFactory) -> Path:
     shutil.rmtree(folder / "made")
     (bag,) = (folder / "run").glob("*.bag")
     (folder / "cut.bag").write_bytes(bag.read_bytes()[: bag.stat().st_size * 2 // 3])
+    assert perform(["export", str(folder / "run"), "--format", "lerobot", "--quiet"]) == 0
+    (folder / "controller.py").write_text("import rospy\n\nrospy.Subscriber('joint_states', JointState, print)\n")
     write_definitions(folder)
     write_trial(folder / "standing.trc")
     return folder
@@ -275,8 +279,7 @@ def prepared(cell: Cell, root: Path, given: Path) -> dict[str, Any]:
         fault |= {"FAULT_UNDER": f"{folder}:{config}", "FAULT_HIT": str(root / "hit")}
     own = {"HRIC_RUNS": str(folder), "HOME": str(root), "XDG_CACHE_HOME": str(root / "cache")}
     return {
-        "program": str(cell.program),
-        "words": cell.words,
+        "call": cell.call,
         "folder": str(folder),
         "environment": own | fault,
         "stderr": str(root / "stderr.txt"),
