@@ -6,11 +6,14 @@ import sys
 import numpy as np
 import pytest
 from scipy import signal
+from std_srvs.srv import SetBoolRequest
 
 from hric_core.errors import HricError, ParameterError
+from hric_core.local.node import LocalNode
 from hric_perception.chunk import Chunk, Layout
 from hric_perception.emg.envelope import Envelope, EnvelopeSettings
 from hric_perception.emg.muscles import AMPLITUDE, FLOOR, PROGRAM, EmulatedMuscles
+from hric_perception.emg.publisher import MvcService
 from hric_perception.emulation import EvenSensor, Faults
 
 RATE = 2000.0
@@ -175,3 +178,13 @@ def test_drop_outs_and_noise_repeat_with_the_seed_and_do_not_depend_on_when_samp
 def test_the_filters_are_loaded_with_the_node_and_not_while_the_first_samples_wait() -> None:
     code = "import sys, hric_perception.emg.publisher; assert 'scipy.signal' in sys.modules"
     assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == 0
+
+
+def test_a_channel_without_a_known_sample_has_no_maximum():
+    node = LocalNode()
+    service = MvcService(node)
+    assert node.call("record_mvc", SetBoolRequest(True)).success
+    service.take(Chunk(LAYOUT, 0.0, 0, np.array([[np.nan, 2e-4, 0.1], [np.nan, np.nan, 0.2]])))
+    response = node.call("record_mvc", SetBoolRequest(False))
+    assert not response.success and response.message.startswith("no sample of biceps is known")
+    assert not node.has_param("measured_mvc")

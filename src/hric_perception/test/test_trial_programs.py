@@ -104,6 +104,19 @@ def test_a_plate_holds_its_first_and_last_load_and_waits_for_the_human(file: Pat
     assert replayed.at(np.array([0.0, 10.25, 11.5])) == pytest.approx(np.stack([load[0], load[250], load[-1]]))
 
 
+def test_samples_that_the_file_does_not_know_stay_unknown(tmp_path: Path) -> None:
+    markers = c3d_files.swinging(FRAMES)[0]
+    emg = np.full(FRAMES * PER_FRAME, 0.25)
+    wrench = np.tile([0.0, 0.0, -500.0, 0.0, 0.0, 0.0], (FRAMES * PER_FRAME, 1))
+    emg[100:200] = wrench[100:200, 2] = np.nan
+    path = c3d_files.write(tmp_path / "gap.c3d", Lab(markers, {"biceps": ("V", emg)}, [(2, wrench)]))
+    times = np.array([0.05, 0.15, 0.25])
+    voltage = RecordedEmg(path=str(path), begin=0.0).replayed(("biceps",)).at(times)
+    load = RecordedLoad(path=str(path), begin=0.0).replayed().at(times)
+    np.testing.assert_allclose(voltage[:, 0], [0.25, np.nan, 0.25], rtol=1e-6)
+    np.testing.assert_allclose(load[:, 2], [-500.0, np.nan, -500.0], rtol=1e-6)
+
+
 def test_samples_between_those_of_the_trial_lie_on_straight_lines() -> None:
     replayed = Replayed(np.array([[0.0], [1.0], [4.0]]), 2.0, 0.0, holds=True)
     assert replayed.at(np.array([0.25, 0.75, 0.9])) == pytest.approx(np.array([[0.5], [2.5], [3.4]]))

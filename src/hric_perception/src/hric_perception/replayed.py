@@ -83,7 +83,7 @@ class ValueTrack(RecentRows[FloatArray]):
 
 
 class Replayed:
-    """Samples of a recorded trial, replayed from a robot time on and interpolated linearly.
+    """Samples of a recorded trial, replayed from a robot time on and interpolated linearly; unknown ones stay NaN.
 
     Args:
         samples: samples taken at k / rate, shape (n, channels).
@@ -146,7 +146,7 @@ class RecordedEmg(TrialSettings):
             )
         trial = self.trial()
         try:
-            return Replayed(np.nan_to_num(trial.volts(channels)), trial.analog_rate, self.begin, holds=False)
+            return Replayed(trial.volts(channels), trial.analog_rate, self.begin, holds=False)
         except HricError as error:
             raise ParameterError(f"{self.prefix}channels: {error}") from error
 
@@ -168,4 +168,4 @@ class RecordedLoad(TrialSettings):
             plate = trial.plate(self.plate)
         except HricError as error:
             raise ParameterError(f"{self.prefix}plate: {error}") from error
-        return Replayed(np.nan_to_num(plate.load), plate.rate, self.begin, holds=True)
+        return Replayed(plate.load, plate.rate, self.begin, holds=True)

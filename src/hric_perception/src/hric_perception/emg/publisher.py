@@ -100,9 +100,9 @@ class MvcService:
         """Update the largest envelope of each channel with the next chunk, while a recording runs."""
         with self._lock:
             if self._recording and len(chunk.data):
-                largest = np.nan_to_num(chunk.data, nan=0.0).max(axis=0)
+                largest = np.fmax.reduce(chunk.data, axis=0)
                 before = self._largest if self._names == chunk.layout.channels else None
-                self._largest = largest if before is None else np.maximum(before, largest)
+                self._largest = largest if before is None else np.fmax(before, largest)
                 self._names = chunk.layout.channels
 
     def _serve(self, request: Any) -> Any:
@@ -116,6 +116,10 @@ class MvcService:
         if not was or largest is None:
             return SetBoolResponse(False, "no envelope was recorded; call with true first, while EMG samples arrive")
         maxima = {name: float(value) for name, value in zip(names, largest, strict=True)}
+        if unknown := [name for name, value in maxima.items() if not value > 0.0]:
+            return SetBoolResponse(
+                False, f"no sample of {', '.join(unknown)} is known; check the electrodes and repeat"
+            )
         self._node.set_param("measured_mvc", maxima)
         return SetBoolResponse(
             True, "envelope/mvc: {" + ", ".join(f"{name}: {value:.4g}" for name, value in maxima.items()) + "}"
