@@ -68,11 +68,14 @@ class MujocoPenaltyContact:
 
     def push(self) -> None:
         """Push each overlapping pair of links apart in the coming step, from the present positions and velocities."""
-        speeds = self._scene.d.qvel.copy()
+        d = self._scene.d
+        speeds = d.qvel.copy()
         before = speeds if self._speeds is None else self._speeds
         self._speeds = speeds
         self.last = []
         self.springs.begin()
+        if not d.ncon:
+            return
         for _, group in groupby(self._near(), key=lambda near: (near.a.link, near.b.link)):
             self._push(list(group), speeds, before)
 

@@ -4,6 +4,7 @@
 #include "hric_core/python_numbers.h"
 #include "hric_dynamics/friction.h"
 
+#include "clearance.h"
 #include "mimic.h"
 
 /* Indices of MuJoCo's functions, in the order in which make_joints passes them. */
@@ -29,6 +30,7 @@ typedef struct {
     double half, quiet, held; /* lead of positions [s], speed bound, rotor inertia of held joints; see make_joints */
     int bristly;
     double *rotor, *effort, *before, *q, *dq, *bend, *hold, *bristle;
+    Clearance clearance;
 } Joints;
 
 /* ---- friction ---- */
@@ -199,13 +201,25 @@ static int is_quiet(const Joints *self)
 
 static void call(const Joints *self, int function) { mujoco[function].plain(self->model, self->data); }
 
+/* Switch MuJoCo's search for contacts off or on; return the flags before. */
+static int search(const Joints *self, int off)
+{
+    const int flags = self->model->opt.disableflags;
+    self->model->opt.disableflags = off ? flags | mjDSBL_CONTACT : flags;
+    return flags;
+}
+
 /* First part of mj_step: positions and velocities of all bodies. Afterwards forces may be applied to the bodies. */
 static PyObject *joints_prepare(Joints *self, PyObject *Py_UNUSED(nothing))
 {
     PyThreadState *interpreter = PyEval_SaveThread();
     grip(self);
+    const int clear = begins_clear(&self->clearance, self->model, self->data), flags = search(self, clear);
     call(self, POSITION);
     call(self, VELOCITY);
+    self->model->opt.disableflags = flags;
+    if (!clear)
+        renew_clearance(&self->clearance, self->model, self->data);
     PyEval_RestoreThread(interpreter);
     Py_RETURN_NONE;
 }
@@ -225,13 +239,17 @@ static PyObject *joints_accelerate(Joints *self, PyObject *Py_UNUSED(nothing))
     Py_RETURN_NONE;
 }
 
-static void integrate(const Joints *self)
+static void integrate(Joints *self)
 {
-    if (self->model->opt.integrator == mjINT_RK4)
+    if (self->model->opt.integrator == mjINT_RK4) {
+        const int flags = search(self, clear_ahead(&self->clearance));
         mujoco[RUNGE_KUTTA].of_order(self->model, self->data, 4);
-    else
+        self->model->opt.disableflags = flags;
+    } else {
         call(self, IMPLICIT);
+    }
     settle_laws(self->model, self->data);
+    end_clearance(&self->clearance, self->model, self->data);
 }
 
 static PyObject *joints_integrate(Joints *self, PyObject *Py_UNUSED(nothing))
@@ -350,8 +368,11 @@ static int joints_init(Joints *self, PyObject *args)
     self->owners = Py_NewRef(owners);
     self->dof = zeroed(2 * (size_t)count, sizeof(int));
     self->rotor = zeroed((7 + BRISTLE_ROW) * (size_t)count, sizeof(double));
+    const size_t nv = (size_t)self->model->nv, nq = (size_t)self->model->nq, bodies = (size_t)self->model->nbody;
+    double *levers = zeroed(nv + nq + bodies, sizeof(double));
     if (PyErr_Occurred() != NULL)
         return -1;
+    begin_clearance(&self->clearance, self->model, levers, levers + nv, levers + nv + nq);
     self->position = self->dof + count;
     self->effort = self->rotor + count;
     self->before = self->effort + count;
@@ -372,6 +393,7 @@ static void joints_clear(Joints *self)
 {
     PyMem_Free(self->dof);
     PyMem_Free(self->rotor);
+    PyMem_Free(self->clearance.lever);
     Py_XDECREF(self->owners);
 }
 

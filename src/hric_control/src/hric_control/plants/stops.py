@@ -8,6 +8,8 @@ and a damper, the same in all engines.
 import math
 from collections.abc import Callable, Iterable, Sequence
 
+from hric_core.native import vectors
+
 
 class StopMemory:
     """Record of the joint stops that are still disabled, as their joint started outside its range.
@@ -76,6 +78,7 @@ class StopLaw:
 
     def __init__(self, limits: Sequence[tuple[float, float]], inertias: Callable[[], Sequence[float]]) -> None:
         self._memory, self._inertias = StopMemory(limits), inertias
+        self._low, self._high = [low for low, _ in limits], [high for _, high in limits]
 
     def restart(self, q: Sequence[float]) -> None:
         """Determine which stops are disabled, after the model was set to the joint positions q [rad or m]."""
@@ -85,8 +88,10 @@ class StopLaw:
         """Return the efforts tau plus the efforts of the stops at positions q and velocities dq [N m or N]."""
         if self._memory.waiting:
             self._memory.check(q)
-        efforts, pushes = list(tau), self._pushes(q, dq)
-        if pushes:
+        efforts = list(tau)
+        if vectors.within(q, self._low, self._high):
+            return efforts
+        if pushes := self._pushes(q, dq):
             inertias = self._inertias()
             for i, push in pushes.items():
                 efforts[i] += inertias[i] * push
