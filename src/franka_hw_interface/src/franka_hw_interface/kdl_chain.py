@@ -5,6 +5,7 @@ what control loops need is compiled (`kdl_solvers.cpp`), with the same results b
 """
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 import PyKDL
@@ -22,6 +23,16 @@ GRAVITY = (0.0, 0.0, -9.81)
 def to_kdl_frame(T: FloatArray) -> PyKDL.Frame:
     """Return the KDL frame of a pose, shape (4, 4)."""
     return PyKDL.Frame(PyKDL.Rotation(*T[:3, :3].ravel().tolist()), PyKDL.Vector(*T[:3, 3].tolist()))
+
+
+def tree_gravity(
+    count: int, chains: "Sequence[tuple[KdlChain, Sequence[int]]]"
+) -> Callable[[Sequence[float]], list[float]]:
+    """Return a function from a tree's joint positions to the torques that hold it, `count` floats [rad], [N m].
+
+    chains: chains of the tree with the indices of their joints; each link has mass in one of them only.
+    """
+    return partial(_kdl.tree_gravity, count, [(chain.gravity_list, tuple(indices)) for chain, indices in chains])
 
 
 def _numbers(segment: ChainSegment) -> list[float]:

@@ -18,6 +18,8 @@ namespace
 
 /* Count of numbers of a segment, in the order of `_numbers` in kdl_chain.py. */
 constexpr int SEGMENT = 26;
+/* Joints of a tree at most. */
+constexpr std::size_t MOST = 64;
 
 KDL::Segment segment(const double* s)
 {
@@ -242,8 +244,42 @@ PyObject* functions_of(PyObject*, PyObject* const* given, Py_ssize_t count)
   }
 }
 
+/* Return the torques that hold a tree: the sum of those of its chains, whose links each have mass in one chain only. */
+PyObject* tree_gravity(PyObject*, PyObject* const* given, Py_ssize_t count)
+{
+  if (!expect(count, 3, "tree_gravity(n, chains, q)"))
+    return nullptr;
+  const Py_ssize_t n = PyLong_AsSsize_t(given[0]);
+  std::array<double, MOST> q{}, held{};
+  if (n < 0 || n > Py_ssize_t(MOST) || !PyList_Check(given[1]))
+    return PyErr_Format(PyExc_ValueError, "0 to %d joints and a list of chains are needed", int(MOST));
+  if (!take(given[2], n, q.data()))
+    return nullptr;
+  for (Py_ssize_t i = 0; i < PyList_GET_SIZE(given[1]); i++)
+  {
+    PyObject *function, *indices;
+    if (!PyArg_ParseTuple(PyList_GET_ITEM(given[1], i), "O!O", &PyCFunction_Type, &function, &indices))
+      return nullptr;
+    Arm* arm = static_cast<Arm*>(PyCapsule_GetPointer(PyCFunction_GET_SELF(function), NAME));
+    std::array<double, MOST> at{};
+    if (arm == nullptr || arm->q.size() > MOST || !take(indices, Py_ssize_t(arm->q.size()), at.data()))
+      return nullptr;
+    for (std::size_t k = 0; k < arm->q.size(); k++)
+      if (at[k] >= 0.0 && at[k] < double(n))
+        arm->q[k] = q[std::size_t(at[k])];
+      else
+        return PyErr_Format(PyExc_IndexError, "there are %zd joints", n);
+    hold(*arm);
+    for (std::size_t k = 0; k < arm->q.size(); k++)
+      held[std::size_t(at[k])] += arm->torque[k];
+  }
+  return list(held.data(), n);
+}
+
 PyMethodDef functions[] = {
-  { "functions", FAST(functions_of), "(segments, gravity) -> gravity, mass, coriolis, jacobian of an arm" }, {}
+  { "functions", FAST(functions_of), "(segments, gravity) -> gravity, mass, coriolis, jacobian of an arm" },
+  { "tree_gravity", FAST(tree_gravity), "(n, [(gravity of a chain, its joints), ...], q) -> torque that holds a tree" },
+  {}
 };
 
 PyModuleDef definition = {

@@ -70,10 +70,6 @@ class ElbowCoupling(NamedTuple):
     rotation: int
     elbow: int
 
-    def axis(self, q: Sequence[float]) -> tuple[float, float]:
-        """Return the components of the elbow's axis along the axes of shoulder flexion and abduction [1]."""
-        return math.cos(q[self.abduction]) * math.cos(q[self.rotation]), -math.sin(q[self.rotation])
-
 
 def couplings(joints: Sequence[str]) -> list[ElbowCoupling]:
     """Return the couplings of all arms of a body with these joints."""
@@ -135,7 +131,7 @@ class ImpedanceArm(HumanController):
         growth = settings.growth or [row.growth if published else 0.0 for row in rows]
         self._lead = DAMPING if settings.damping is None else 0.0  # damping per stiffness [s]
         self._impedance = list(stiffness), list(growth), list(settings.damping or [0.0] * len(rows))
-        self._couplings = couplings(person.joints) if published else []
+        self._cross = couplings(person.joints) if published else [], (CROSS.relaxed, CROSS.growth, CROSS_LIMIT)
         self._reflex, self._weight = settings.reflex, person.own_weight
         if settings.load > 0.0:
             hand = person.body.segments[f"{person.side}_hand"].link
@@ -177,15 +173,8 @@ class ImpedanceArm(HumanController):
         self._reference.feel(time, senses.force)
         q_ref, dq_ref = self._reference.at(time)
         weight = self._weight(senses.q)
-        tau: list[float]
-        tau, stiffness, behind = _compiled.torque(
-            *self._impedance, q_ref, dq_ref, *senses.muscles, senses.q, senses.dq, weight, self._reflex, self._lead
+        q, dq = senses.muscles
+        tau: list[float] = _compiled.torque(
+            *self._impedance, q_ref, dq_ref, q, dq, senses.q, senses.dq, weight, self._reflex, self._lead, *self._cross
         )
-        for arm in self._couplings:
-            own = min(stiffness[arm.flexion], stiffness[arm.abduction]) * stiffness[arm.elbow]
-            cross = min(CROSS.relaxed + CROSS.growth * abs(weight[arm.elbow]), CROSS_LIMIT * math.sqrt(own))
-            flexion, abduction = arm.axis(senses.q)
-            tau[arm.flexion] += cross * flexion * behind[arm.elbow]
-            tau[arm.abduction] += cross * abduction * behind[arm.elbow]
-            tau[arm.elbow] += cross * (flexion * behind[arm.flexion] + abduction * behind[arm.abduction])
         return tau

@@ -1,11 +1,10 @@
 """Kinematics and gravity torque of a human body, computed on plain floats without a physics engine."""
 
 from collections.abc import Callable, Mapping, Sequence
-from operator import itemgetter
 from typing import NamedTuple
 from xml.etree import ElementTree
 
-from franka_hw_interface.kdl_chain import KdlChain
+from franka_hw_interface.kdl_chain import KdlChain, tree_gravity
 from hric_core.geometry import IDENTITY, ORIGIN, Pose, Quaternion, Vector
 from hric_core.geometry.quaternions import cross, from_rotation_vector, product, rotated
 from hric_core.urdf import read
@@ -145,28 +144,13 @@ def own_weight(body: Body, gravity: Vector = GRAVITY, loads: Mapping[str, float]
     names, urdf = list(body.joints), _loaded(body.urdf, loads)
     parents = {segment.parent for segment in body.segments.values()}
     counted: set[str] = set()
-    parts: list[tuple[list[int], Torque]] = []
+    parts: list[tuple[KdlChain, list[int]]] = []
     for tip in (segment.link for segment in body.segments.values() if segment.link not in parents):
         path = {joint.child for joint in read(urdf).path(ROOT, tip)}
         chain = KdlChain(_with_mass(urdf, path - counted), ROOT, tip, gravity)
-        parts.append(([names.index(name) for name in chain.joint_names], chain.gravity_list))
+        parts.append((chain, [names.index(name) for name in chain.joint_names]))
         counted |= path
-    if len(parts) == 1:
-        return parts[0][1]
-    return _summed(len(names), parts)
-
-
-def _summed(count: int, parts: list[tuple[list[int], Torque]]) -> Torque:
-    chosen = [(indices, itemgetter(*indices), torque) for indices, torque in parts]
-
-    def weight(q: Sequence[float]) -> list[float]:
-        held = [0.0] * count
-        for indices, angles, torque in chosen:
-            for index, value in zip(indices, torque(angles(q)), strict=True):
-                held[index] += value
-        return held
-
-    return weight
+    return parts[0][0].gravity_list if len(parts) == 1 else tree_gravity(len(names), parts)
 
 
 def _loaded(urdf: str, loads: Mapping[str, float]) -> str:

@@ -65,28 +65,46 @@ static int choose(PyObject *sequence, const int *columns, int m, double *out)
     return 1;
 }
 
+/* Return a list of the numbers of a sequence, with those of the joints `columns` replaced. */
+static PyObject *replaced(PyObject *sequence, const int *columns, int m, const double *values)
+{
+    const Py_ssize_t n = PySequence_Size(sequence);
+    if (n < 0)
+        return NULL;
+    double all[n + 1];
+    if (!take(sequence, n, all) || !below(columns, m, (int)n))
+        return NULL;
+    for (int r = 0; r < m; r++)
+        all[columns[r]] = values[r];
+    return list(all, n);
+}
+
 FUNCTION(give)
 {
-    if (!expect(count, ARRAYS + 3, "give(columns, law, state, activation, decided, out, q, dq, ahead)"))
+    if (!expect(count, ARRAYS + 4, "give(columns, law, state, activation, decided, out, q, dq, tau, ahead)"))
         return NULL;
-    const double ahead = PyFloat_AsDouble(given[ARRAYS + 2]);
+    PyObject *const *joints = given + ARRAYS, *torque = NULL;
+    const double ahead = PyFloat_AsDouble(joints[3]);
     Py_buffer view[ARRAYS];
     if (PyErr_Occurred() || !take_views(given, ARRAYS, OUT, view))
         return NULL;
     const Py_ssize_t k = view[ACTIVATION].len / (Py_ssize_t)sizeof(double),
                      m = view[COLUMNS].len / (Py_ssize_t)sizeof(int);
     double q[m + 1], dq[m + 1];
-    if (fits(view, k, m) && choose(given[ARRAYS], view[COLUMNS].buf, (int)m, q)
-        && choose(given[ARRAYS + 1], view[COLUMNS].buf, (int)m, dq))
+    if (fits(view, k, m) && choose(joints[0], view[COLUMNS].buf, (int)m, q)
+        && choose(joints[1], view[COLUMNS].buf, (int)m, dq)) {
+        double *out = view[OUT].buf;
         step(view[LAW].buf, (int)k, (int)m, view[STATE].buf, view[ACTIVATION].buf, view[DECIDED].buf, ahead, q, dq,
-             view[OUT].buf);
+             out);
+        torque = replaced(joints[2], view[COLUMNS].buf, (int)m, out + 2 * k);
+    }
     release_views(view, ARRAYS);
-    return PyErr_Occurred() ? NULL : Py_NewRef(Py_None);
+    return torque;
 }
 
 static PyMethodDef methods[] = {
-    METHOD(give, "(columns, law, state, activation, decided, out, q, dq, ahead): write force, next activation and "
-                 "torque into out; ahead: time since the decision [s]"),
+    METHOD(give, "(columns, law, state, activation, decided, out, q, dq, tau, ahead) -> tau with the torque of the "
+                 "muscles; writes force, next activation and torque into out; ahead: time since the decision [s]"),
     {0},
 };
 

@@ -23,7 +23,7 @@ from hric_human.muscles.static_optimization import StaticOptimization
 
 FULL = 1.0 - 1e-6
 """Desired activation at and above which a muscle counts as saturated [1]."""
-_give: Callable[..., None]
+_give: Callable[..., list[float]]
 _give = load("hric_muscle_drive").give
 
 
@@ -67,7 +67,7 @@ class MuscleDrive:
         self._columns = np.array(self.muscles.joints, np.intc)
         self._constants = np.array([curves.RISE, curves.FALL, curves.SMOOTHING, DAMPING_TIME, cycle])
         self._law = StaticOptimization(k, m)
-        self._raised = np.where(self.muscles.is_muscle, co_contraction, 0.0)
+        self._raised = np.where(self.muscles.is_muscle, co_contraction, 0.0) if co_contraction else None
         self.restart()
 
     def restart(self) -> None:
@@ -94,12 +94,11 @@ class MuscleDrive:
             self._decide(state, angles, speeds, desired, at_rest)
         k, out = len(self.activation), np.empty(self._size)
         ahead = self._since * self._cycle
-        _give(self._columns, self._constants, state.numbers, self.activation, self._decided, out, q, dq, ahead)
+        torque = _give(
+            self._columns, self._constants, state.numbers, self.activation, self._decided, out, q, dq, tau, ahead
+        )
         self._since += 1
         self.force, self._next = out[:k], out[k : 2 * k]
-        torque = list(tau)
-        for index, value in zip(self.muscles.joints, out[2 * k :].tolist(), strict=True):
-            torque[index] = value
         return torque
 
     def _decide(self, state: MuscleState, q: FloatArray, dq: FloatArray, tau: FloatArray, at_rest: bool) -> None:

@@ -51,13 +51,34 @@ class MuscleState:
         numbers: length, velocity, gain, passive and arms, concatenated.
     """
 
-    __slots__ = ("arms", "gain", "length", "numbers", "outside", "passive", "velocity")
+    __slots__ = ("_count", "numbers", "outside")
 
     def __init__(self, out: FloatArray, count: int, outside: bool) -> None:
-        self.numbers = out
-        self.length, self.velocity, self.gain, self.passive = out[: 4 * count].reshape(4, count)
-        self.arms = out[4 * count :].reshape(count, -1)
-        self.outside = outside
+        self.numbers, self._count, self.outside = out, count, outside
+
+    def _row(self, row: int) -> FloatArray:
+        """Return a view; it is made only when it is needed, which is not in each cycle."""
+        return self.numbers[row * self._count : (row + 1) * self._count]
+
+    @property
+    def length(self) -> FloatArray:  # noqa: D102  (see Attributes)
+        return self._row(0)
+
+    @property
+    def velocity(self) -> FloatArray:  # noqa: D102
+        return self._row(1)
+
+    @property
+    def gain(self) -> FloatArray:  # noqa: D102
+        return self._row(2)
+
+    @property
+    def passive(self) -> FloatArray:  # noqa: D102
+        return self._row(3)
+
+    @property
+    def arms(self) -> FloatArray:  # noqa: D102
+        return self.numbers[4 * self._count :].reshape(self._count, -1)
 
     def forces(self, activation: FloatArray) -> FloatArray:
         """Return muscle forces [N] and actuator torques [N m], shape (k,), at activations of shape (k,) [1]."""
