@@ -16,7 +16,6 @@ from cases import Block
 from cases.arms import SETPOINT, timed
 from hric_assessment.ergonomics.instant import InstantScore
 from hric_assessment.ergonomics.rula import Rula
-from hric_assessment.separation.capsules import distances
 from hric_core import plugins
 from hric_core.geometry import Pose, stamped
 from hric_core.processes import quiet_collector
@@ -24,7 +23,7 @@ from hric_human.participant.settings import HUMAN, HumanSettings
 from hric_run.definition import experiment
 from hric_run.simulation import Simulation
 from hric_supervisor.arm import ArmShape
-from hric_supervisor.person import BodyShape
+from hric_supervisor.instant import InstantSeparation
 
 FILE = Path(__file__).parents[1] / "environment.yaml"
 CYCLES = 40
@@ -89,11 +88,10 @@ class Environment:
         if drive:
             settings = HumanSettings.of(self.simulation.definition.human, "human")
             body = settings.body()
-            self._joints = tuple(body.joints)
             self._q, self._dq = [0.0] * len(body.joints), [0.0] * len(body.joints)
-            self._arm = ArmShape(hw.description, hw.states.names)
+            self._separation = InstantSeparation(ArmShape(hw.description, hw.states.names), body)
+            self._root = settings.root(body)
             self._rula = InstantScore(Rula(), body.joints, "right")
-            self._body = BodyShape(body, settings.root(body))
 
     def step(self) -> tuple[Any, float]:
         """Act, advance by 40 ms and return observation and reward."""
@@ -113,12 +111,8 @@ class Environment:
             return (arm, pose), reward
         self._hw.plant.read_joints(HUMAN, self._q, self._dq)
         person = np.array([self._q, self._dq])
-        return (arm, pose, person), reward + self._separation(states.position) - self._score()
-
-    def _separation(self, q: Any) -> float:
-        seen = self._body.seen(0.0, "world", dict(zip(self._joints, self._q, strict=True)))
-        ends = self._arm.ends(np.array([q]))
-        return float(distances(ends, self._arm.capsules.radii, seen.ends[None], seen.radii).min())
+        distance = self._separation(states.position, self._q, self._root)
+        return (arm, pose, person), reward + distance - self._score()
 
     def _score(self) -> float:
         return float(self._rula(self._q))

@@ -1,8 +1,14 @@
 /* Python type `Bodies`: kinematics and dynamics of a tree of links on Python lists, and inverse dynamics at many
  * instants on arrays; see tree.py. */
+#include "hric_dynamics/capsules.h"
 #include "hric_dynamics/tree.h"
 
 enum { ROOT_NUMBERS = 16, LOAD_NUMBERS = 9 };
+
+/* Capsule on a link, in its frame: index of the link, -1: the base; both ends of the axis; radius. */
+typedef struct {
+    double link, ends[2][3], radius;
+} Capsule;
 
 typedef struct {
     PyObject_HEAD
@@ -134,6 +140,72 @@ static PyObject *bodies_jacobian(Bodies *self, PyObject *const *given, Py_ssize_
         }
     }
     return list(J, 6 * (Py_ssize_t)n);
+}
+
+/* Place both ends of the capsules' axes in the world; return 0 with a Python error set if a link does not exist. */
+static int place_capsules(Bodies *self, const Capsule *capsules, Py_ssize_t count, double (*out)[2][3])
+{
+    const Tree *tree = &self->tree;
+    place_joints(&self->tree, self->q, tree->n);
+    for (Py_ssize_t i = 0; i < count; i++) {
+        const int link = (int)capsules[i].link;
+        if (link < -1 || link >= tree->n) {
+            PyErr_Format(PyExc_IndexError, "there are %d links", tree->n);
+            return 0;
+        }
+        const Pose *pose = link < 0 ? &tree->base : &tree->poses[link];
+        for (int end = 0; end < 2; end++) {
+            rotate(pose->R, capsules[i].ends[end], out[i][end]);
+            for (int k = 0; k < 3; k++)
+                out[i][end][k] += pose->p[k];
+        }
+    }
+    return 1;
+}
+
+static PyObject *bodies_capsule_ends(Bodies *self, PyObject *const *given, Py_ssize_t count)
+{
+    Py_buffer view[2];
+    if (!expect(count, 4, "capsule_ends(q, base, capsules, ends)") || !take_values(self, given[0], self->q)
+        || !take(given[1], sizeof(Pose) / sizeof(double), (double *)&self->tree.base))
+        return NULL;
+    if (!take_views(given + 2, 2, 1, view)) {
+        self->tree.base = WORLD;
+        return NULL;
+    }
+    const Py_ssize_t n = view[0].len / (Py_ssize_t)sizeof(Capsule);
+    const Py_ssize_t bytes[2] = {n * (Py_ssize_t)sizeof(Capsule), n * (Py_ssize_t)sizeof(double[2][3])};
+    const int done = views_fit(view, 2, bytes) && place_capsules(self, view[0].buf, n, view[1].buf);
+    release_views(view, 2);
+    self->tree.base = WORLD;
+    return done ? Py_NewRef(Py_None) : NULL;
+}
+
+/* Smallest distance of two sets of capsules [m], whose ends are placed; negative: they overlap. */
+FUNCTION(closest)
+{
+    enum { ENDS_A, RADII_A, ENDS_B, RADII_B, SETS };
+    Py_buffer view[SETS];
+    if (!expect(count, SETS, "closest(ends_a, radii_a, ends_b, radii_b)") || !take_views(given, SETS, SETS, view))
+        return NULL;
+    const Py_ssize_t size = sizeof(double), n = view[RADII_A].len / size, m = view[RADII_B].len / size;
+    const Py_ssize_t bytes[SETS] = {6 * n * size, n * size, 6 * m * size, m * size};
+    double least = INFINITY, (*a)[2][3] = view[ENDS_A].buf, (*b)[2][3] = view[ENDS_B].buf;
+    const double *radii_a = view[RADII_A].buf, *radii_b = view[RADII_B].buf;
+    const int fits = views_fit(view, SETS, bytes);
+    for (Py_ssize_t pair = 0; fits && pair < n * m; pair++) {
+        const Py_ssize_t i = pair / m, j = pair % m;
+        double w[3], u[3], v[3];
+        for (int k = 0; k < 3; k++) {
+            w[k] = a[i][0][k] - b[j][0][k];
+            u[k] = a[i][1][k] - a[i][0][k];
+            v[k] = b[j][1][k] - b[j][0][k];
+        }
+        const double distance = sqrt(segments_apart(w, u, v)) - radii_a[i] - radii_b[j];
+        least = isnan(least) || distance >= least ? least : distance; /* a distance that is not known stays so */
+    }
+    release_views(view, SETS);
+    return fits ? PyFloat_FromDouble(least) : NULL;
 }
 
 /* -- many instants ------------------------------------------------------------------------------------------------- */
@@ -289,9 +361,15 @@ static PyMethodDef bodies_methods[] = {
     {"pose", FAST(bodies_pose), "pose(q, link): return the upper 3 x 4 part of a link's pose in the world, row-major"},
     {"jacobian", FAST(bodies_jacobian),
      "jacobian(q, link, point): return the Jacobian of a point in the world, linear above angular, row-major"},
+    {"capsule_ends", FAST(bodies_capsule_ends),
+     "capsule_ends(q, base, capsules, ends): write both ends of the axes of capsules in the world, for a pose of the "
+     "base"},
     {"solve", FAST(bodies_solve),
      "solve(gravity, links, root, q, dq, ddq, loads, torque, force, moment, position, rotation): inverse dynamics at "
      "many instants; the last five arrays are written"},
     {0}};
 
-TYPE_MODULE(hric_bodies, Bodies, bodies, NULL)
+static PyMethodDef functions[] = {
+    METHOD(closest, "(ends_a, radii_a, ends_b, radii_b) -> smallest distance of two sets of capsules"), {0}};
+
+TYPE_MODULE(hric_bodies, Bodies, bodies, functions)

@@ -1,6 +1,6 @@
 """Mass matrix, Jacobians, gravity torques and inverse dynamics of a tree of links, compiled from C."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,13 @@ from hric_core.geometry.transforms import rotation_onto
 from hric_core.native import load
 from hric_core.urdf.robot import ONE_COORDINATE, Joint, Robot
 
-_Bodies: Any = load("hric_bodies").Bodies
+_built = load("hric_bodies")
+_Bodies: Any = _built.Bodies
+closest: Callable[[FloatArray, FloatArray, FloatArray, FloatArray], float] = _built.closest
+"""Function (ends_a, radii_a, ends_b, radii_b) to the smallest distance of two sets of capsules [m]; NaN: not known.
+
+Ends of the axes, shapes (k, 2, 3) and (m, 2, 3), and radii, shapes (k,) and (m,) [m]: contiguous float64 arrays.
+"""
 _FIXED = (True, (0.0, 0.0, 0.0))
 
 
@@ -76,6 +82,17 @@ class Tree:
             self.index[joint.child] = parent
         self.n = len(self.joints)
         self.bodies = _Bodies(self.n, rows)
+
+    def capsule_ends(self, q: Sequence[float], T_base: Sequence[float], capsules: FloatArray, ends: FloatArray) -> None:
+        """Write both ends of the axes of capsules in the world at joint positions.
+
+        Args:
+            q: joint positions, n floats [rad or m].
+            T_base: pose of the root link in the world, as `pose_row`.
+            capsules: index of the link, both ends in its frame [m], and radius [m] of each capsule, shape (k, 8).
+            ends: result, shape (k, 2, 3) [m].
+        """
+        self.bodies.capsule_ends(q, T_base, capsules, ends)
 
     def positions(self, q: Mapping[str, float]) -> list[float]:
         """Return the vector of joint positions [rad or m] from a mapping by name; joints not in it are at 0."""

@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from hric_assessment.separation.capsules import distances
 from hric_control.plant import Articulated, Contact
 from hric_control.sim.simulated_robot import SimulatedRobot
 from hric_core.geometry import FloatArray, pose_of_transform
 from hric_core.node import Node
+from hric_dynamics.tree import closest
 from hric_human.control.human_control import hand_side
 from hric_human.control.kinematics import HandChain
 from hric_human.participant.settings import HUMAN, MUSCLE, HumanSettings
@@ -145,7 +145,7 @@ class Observer:
             return SimulationState(hw.loop.time, arm, None, contacts, None)
         person = self._person()
         near, body = arm.capsules, person.capsules
-        separation = float(distances(near.ends[None], near.radii, body.ends[None], body.radii).min())
+        separation = closest(near.ends, near.radii, body.ends, body.radii)
         return SimulationState(hw.loop.time, arm, person, contacts, separation)
 
     def _person(self) -> PersonObservation:
