@@ -22,8 +22,8 @@ DELAYS = (0.05, 0.1, 0.15)
 """Delays of the person's reflexes [s]."""
 QUICK = ("P50_male", 0.1)
 """Case of the default tests; the others take a quarter of a minute each."""
-MASS, INERTIA, TARE = 8.0, 0.3, 200
-"""Virtual mass [kg] and inertia [kg m^2] of the default parameters, and cycles of the tare."""
+MASS, INERTIA, TARE = 8.0, 0.3, slice(100, 200)
+"""Virtual mass [kg] and inertia [kg m^2] of the default parameters, and cycles whose mean is the tare."""
 WAY = [(0.42, 0.15, 0.55), (0.5, 0.1, 0.5), (0.42, -0.1, 0.6), (0.42, 0.0, 0.55)]
 """Points to which the person leads the arm in turn, position of the hand in the world [m]."""
 
@@ -60,7 +60,7 @@ def recorded(path: Path) -> tuple[np.ndarray, np.ndarray]:
         assert simulation.app.hw.error == ""
     wrench, columns = (np.array(values) for values in zip(*rows, strict=True))
     # The estimate is the wrench that the arm exerts.
-    return wrench[:TARE].mean(0) - wrench, columns.reshape(-1, 4, 4).transpose(0, 2, 1)
+    return wrench[TARE].mean(0) - wrench, columns.reshape(-1, 4, 4).transpose(0, 2, 1)
 
 
 CASES = [

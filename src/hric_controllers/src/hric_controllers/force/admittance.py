@@ -12,6 +12,7 @@ from hric_control.speed_scale import SpeedScaleInterface
 from hric_controllers import parameters
 from hric_controllers.cartesian.workspace import Box
 from hric_controllers.force.admittance_law import AdmittanceLaw, VirtualAxis
+from hric_controllers.force.wrench import TaredWrench
 from hric_controllers.marker.parameters import Rotation, Translation, Workspace, check_arm_limits
 from hric_core import realtime
 from hric_core.geometry import Pose, quaternions, stamped
@@ -45,7 +46,7 @@ class AdmittanceSettings(Settings):
         minimum=0.001,
         maximum=5.0,
         unit="s",
-        text="after the start the arm holds, and then subtracts the mean wrench of this time; touch it later",
+        text="after the start the arm holds, and then subtracts the mean wrench of the second half of this time; touch it later",
     )
     locked: tuple[str, ...] = listing(
         choice(*AXES),
@@ -100,9 +101,10 @@ class AdmittanceController(Controller):
         self._arm = robot_hw.get(FrankaPoseCartesianInterface).handle(f"{arm_id}_robot")
         self._scale = robot_hw.get(SpeedScaleInterface).handle()
         self._law = AdmittanceLaw(settings.axes(), settings.filter_time)
+        self._wrench = TaredWrench(settings.tare_time)
         self._state_time = realtime.Throttle(settings.state_publish_rate)
         self._desired = realtime.publisher(node, "desired_pose", PoseStamped)
-        self._wrench = realtime.publisher(node, "wrench", WrenchStamped)
+        self._felt = realtime.publisher(node, "wrench", WrenchStamped)
 
     def starting(self, time: float) -> None:
         """Hold the last commanded pose, and begin the tare of the wrench."""
@@ -113,19 +115,18 @@ class AdmittanceController(Controller):
         box = settings.workspace
         reach = [(lo - x, hi - x) for lo, hi, x in zip(box.lower, box.upper, self._start.position, strict=True)]
         self._law.start([*reach, *[(-settings.largest_turn, settings.largest_turn)] * 3])
-        self._tare, self._seconds = [0.0] * 6, 0.0
+        self._wrench.start()
         self._state_time.restart()
 
     def update(self, time: float, period: float) -> None:
-        """Advance the virtual mass by one cycle and command its pose."""
-        law, measured = self._law, self._arm.robot_state.O_F_ext_hat_K
-        if self._seconds < self._settings.tare_time:
-            self._seconds += period
-            share = period / self._seconds
-            self._tare = [mean + share * (new - mean) for mean, new in zip(self._tare, measured, strict=True)]
-        else:
-            # The estimate is the wrench that the arm exerts; the hand exerts the opposite one.
-            law.advance([zero - new for zero, new in zip(self._tare, measured, strict=True)], period, self._scale.value)
+        """Advance the virtual mass by one cycle and command its pose.
+
+        Raises:
+            FailureError: the estimated external wrench is not finite.
+        """
+        law, exerted = self._law, self._wrench.advance(self._arm.robot_state.O_F_ext_hat_K, period)
+        if exerted is not None:
+            law.advance([-value for value in exerted], period, self._scale.value)
         a, b, c = (period * rate for rate in law.velocity[3:])
         self._rotation = quaternions.product(quaternions.from_rotation_vector((a, b, c)), self._rotation)
         columns = [quaternions.rotated(self._rotation, column) for column in self._columns]
@@ -135,4 +136,4 @@ class AdmittanceController(Controller):
             pose = Pose((x, y, z), quaternions.product(self._rotation, self._start.orientation))
             header = stamped.header(self._node.now(), self._base)
             self._desired.publish(stamped.pose_stamped, header, pose)
-            self._wrench.publish(stamped.wrench_stamped, header, law.wrench)
+            self._felt.publish(stamped.wrench_stamped, header, law.wrench)
