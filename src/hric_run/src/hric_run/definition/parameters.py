@@ -10,6 +10,7 @@ import panda_description
 from franka_msgs.srv import SetLoadRequest
 from hric_control.plants import BREAKAWAY, PHI, breakaways, refuse_other_joints, sigmoid_parameters
 from hric_control.sim.robot_hw_sim import RobotHWSim
+from hric_control.transmission import parse_transmissions
 from hric_core import plugins, resources, yaml_text
 from hric_core.errors import HricError, check_known
 from hric_core.geometry import quaternion_from_rotation, transform_from_rpy
@@ -151,9 +152,11 @@ def controllers(experiment: Experiment) -> dict[str, dict[str, object]]:
     known = defaults(experiment.robot.arm_id)
     if set(experiment.controllers) - set(known) - set(experiment.parameters):
         known = configured_by_packages(experiment.robot.arm_id) | known
+    arm, joints = _arm_joints(experiment.robot.arm_id), actuated_joints(experiment.robot)
     result: dict[str, dict[str, object]] = {}
     for name in experiment.controllers:
-        values = overlay(known.get(name, {}), experiment.parameters.get(name, {}))
+        values = known.get(name, {}) if joints == arm else _of_other_robot(known.get(name, {}), arm, joints)
+        values = overlay(values, experiment.parameters.get(name, {}))
         if "type" not in values:
             raise ExperimentError(
                 f"experiment {experiment.name}: controller {name!r} is not in {controllers_file().name} nor in "
@@ -161,6 +164,36 @@ def controllers(experiment: Experiment) -> dict[str, dict[str, object]]:
                 f"configured: {', '.join(sorted(known))}"
             )
         result[name] = values
+    return result
+
+
+def _arm_joints(arm_id: str) -> list[str]:
+    """Return the joint names of a Franka arm, as in controllers.yaml."""
+    return [f"{arm_id}_joint{number}" for number in range(1, 8)]
+
+
+def actuated_joints(spec: RobotSpec) -> list[str]:
+    """Return the names of the robot's joints that controllers can command, in order.
+
+    They are the seven joints of a Franka arm if the robot has these.
+
+    Raises:
+        HricError: the robot's description is not usable.
+    """
+    arm = _arm_joints(spec.arm_id)
+    if not spec.urdf:
+        return arm
+    joints = [transmission.joint for transmission in parse_transmissions(description(spec))]
+    return arm if set(arm) <= set(joints) else joints
+
+
+def _of_other_robot(values: Mapping[str, object], arm: list[str], joints: list[str]) -> dict[str, object]:
+    """Return the parameters of a controller for another robot; values of single joints of the arm are dropped."""
+    result: dict[str, object] = {}
+    for key, value in values.items():
+        if key not in arm:
+            nested = isinstance(value, Mapping)
+            result[key] = _of_other_robot(value, arm, joints) if nested else list(joints) if value == arm else value
     return result
 
 
@@ -313,12 +346,12 @@ def _from_root(section: Mapping[str, object], *keys: str) -> dict[str, object]:
 
 
 def _joints(experiment: Experiment) -> list[str]:
-    """Return the joint names of the first controller that has a list of them, else those of a Panda."""
+    """Return the joint names of the first controller that has a list of them, else the robot's."""
     for values in controllers(experiment).values():
         joints = values.get("joints")
         if isinstance(joints, list) and joints:
             return [str(joint) for joint in joints]
-    return [f"{experiment.robot.arm_id}_joint{number}" for number in range(1, 8)]
+    return actuated_joints(experiment.robot)
 
 
 def overlay(base: Mapping[str, object], changes: Mapping[str, object]) -> dict[str, object]:
