@@ -10,7 +10,7 @@ import pytest
 from hric_assessment.contact.mass import Mechanism
 from hric_core import urdf
 from hric_core.errors import HricError
-from hric_run.definition import experiment, parameters
+from hric_run.definition import experiment, parameters, robot_description
 from hric_run.simulation import Simulation
 
 DH = (
@@ -31,7 +31,7 @@ STEP = "ur5e_step"
 
 @pytest.fixture(scope="module")
 def description() -> str:
-    return parameters.description(experiment.load(STEP).robot)
+    return robot_description.description(experiment.load(STEP).robot)
 
 
 def transform(theta: float, d: float, a: float, alpha: float) -> np.ndarray:
@@ -95,7 +95,7 @@ def test_gains_that_belong_to_a_franka_arm_are_not_used_for_another_robot() -> N
 
 def test_a_franka_in_a_file_of_its_own_keeps_its_gains(tmp_path: Path) -> None:
     path = tmp_path / "arm.urdf"
-    path.write_text(parameters.description(experiment.load("pd_step").robot))
+    path.write_text(robot_description.description(experiment.load("pd_step").robot))
     raw = experiment.read("pd_step")
     raw |= {"robot": {"hw": "hric_control/RobotHWSim", "urdf": str(path)}}
     arm = experiment.parse(
