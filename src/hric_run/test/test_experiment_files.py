@@ -33,6 +33,7 @@ def test_the_experiments_of_the_workspace_are_valid() -> None:
             "guided_collection",
             "hand_guidance",
             "handover",
+            "identify_load",
             "marker_tracking",
             "pd_step",
             "shared_workspace",
