@@ -61,6 +61,7 @@ RECIPES: dict[str, list[str]] = {
     "list": [],
     "schema": [],
     "reproduce": ["elbow_of_women", "--out", "reproduced"],
+    "identify_load": ["run", "--empty", "run"],
     "check_model": ["long", "--out", "checked", "--no-figures"],
     "muscle_load": ["person", "--output", "load"],
     "measure_stops": ["--speeds", "0.2", "--loads", "0", "-o", "stops.yaml"],
@@ -82,7 +83,7 @@ RECIPES: dict[str, list[str]] = {
     "import": ["run/export/lerobot", "-o", "episode.yaml"],
 }  # fmt: skip
 """Arguments of each command, or variant of a command, in a folder with the files made by `given`."""
-REFUSED = {"fit_muscles", "film", "picture", "inverse_kinematics"}
+REFUSED = {"fit_muscles", "film", "picture", "inverse_kinematics", "identify_load"}
 """Commands that take seconds with a valid input; they are tested with an input that they refuse."""
 COSTLY = {
     "sweep", "benchmark", "approaches", "measure_stops", "measure_contact", "speed_map", "report figures", "run study"

@@ -93,6 +93,12 @@ def test_a_failure_is_noted_also_where_there_is_no_room_for_it(tmp_path: Path) -
     assert folder.read()["status"] == "failed" and "cannot write" in folder.read()["error"]
 
 
+@pytest.mark.parametrize("name", ["/etc/passwd", "../other/other.bag"])
+def test_a_bag_outside_the_folder_is_refused(tmp_path: Path, name: str) -> None:
+    with pytest.raises(RunFolderError, match=r"run\.yaml: bag is .*; valid: name of a file in this folder"):
+        RunFolder(tmp_path).bag_of({"bag": name})
+
+
 def test_a_missing_run_names_those_that_exist(tmp_path: Path) -> None:
     RunFolder.create(tmp_path, "a", NOW).write({})
     with pytest.raises(RunFolderError, match=r"no run folder 'b'.*a_20240506-070809$"):

@@ -115,8 +115,15 @@ class RunFolder:
         return self.path / f"{self.path.name}.bag"
 
     def bag_of(self, run: RunFile) -> Path:
-        """Return the path of the bag that run.yaml names; run: contents of run.yaml."""
-        return self.path / str(run.get("bag", self.bag_path.name))
+        """Return the path of the bag that run.yaml names; run: contents of run.yaml.
+
+        Raises:
+            RunFolderError: the name is not that of a file in this folder.
+        """
+        name = str(run.get("bag", self.bag_path.name))
+        if Path(name).name != name:
+            raise RunFolderError(f"{self.path / 'run.yaml'}: bag is {name!r}; valid: name of a file in this folder")
+        return self.path / name
 
     @property
     def metrics_path(self) -> Path:

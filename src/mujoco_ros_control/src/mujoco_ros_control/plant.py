@@ -45,7 +45,7 @@ class MujocoPlant(EnginePlant, ReactingPlant):
         itself = Model(self.tree.name, urdf_xml, self.tree, np.eye(4), fixed=True)
         self.world = MujocoWorld(itself, self.robot, self._objects, self._rules, self._masks, self.config)
         self._pushed = False
-        self._put([0.0] * len(self.joint_names))
+        self._begin()
 
     def step(self) -> None:
         """Advance the simulation by `time_step`."""

@@ -31,7 +31,7 @@ class OpenSimPlant(EnginePlant, ReactingPlant):
         self.T_ground_world = transforms.base_pose("y")
         self.robot = OpenSimRobot(RobotModel(urdf_xml, self.gravity), self.joint_names, self.config)
         self.world = OpenSimWorld(self.robot, self._objects, self._rules, self.T_ground_world, self._masks)
-        self._put([0.0] * len(self.joint_names))
+        self._begin()
 
     def step(self) -> None:
         """Advance the simulation by `time_step`."""

@@ -29,7 +29,7 @@ class PyBulletPlant(EnginePlant):
             self.robot = PybulletRobot(engine, self.tree, self.joint_names, self.config, self._masks)
             self.world = PybulletWorld(engine, self.robot, self.tree, self._objects, self._rules, self.config)
             self.world.bushings = PybulletBushings(engine, self.world, self.robot, self.config)
-            self._put([0.0] * len(self.joint_names))
+            self._begin()
         except BaseException:
             self._engine.close()
             raise

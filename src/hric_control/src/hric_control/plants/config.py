@@ -7,6 +7,7 @@ from typing import Any
 
 from hric_control.plant import DEFAULT_PLANT as DEFAULT_PLANT
 from hric_control.plants.surfaces import SurfaceRule
+from hric_core.errors import ParameterError
 from hric_core.geometry import Vector
 from hric_core.parameters import (
     Settings,
@@ -41,6 +42,23 @@ GRAVITY: Any = numbers(
     3, (0.0, 0.0, -9.81), made=_gravity, name="gravity", unit="m/s^2", text="gravity in the world frame, z up"
 )
 GRAVITY.accepts = f"three finite numbers, {LARGEST_GRAVITY:g} at most in size and the third not above 0"
+
+
+@dataclass(frozen=True)
+class Payload(Settings):
+    """Payload that the simulated robot carries; its control box knows only what `franka_control/set_load` says."""
+
+    mass: float = number(0.0, minimum=0.0, maximum=50.0, unit="kg", text="mass of the payload; 0: none")
+    com: Vector = numbers(3, (0.0, 0.0, 0.0), minimum=-1.0, maximum=1.0, unit="m", text="centre of mass in the link")
+    inertia: tuple[float, ...] = numbers(
+        6, (0.0,) * 6, unit="kg m^2", text="ixx, ixy, ixz, iyy, iyz, izz about the centre of mass"
+    )
+    link: str = text("", text="link with the payload; empty: the child of the last actuated joint")
+
+    def check(self, where: str) -> None:
+        """Refuse values without a mass."""
+        if self.mass == 0.0 and (any(self.com) or any(self.inertia) or self.link):
+            raise ParameterError(f"{where.rstrip('/')} has no mass; valid: with {where}mass above 0 [kg]")
 
 
 @dataclass(frozen=True)
@@ -87,6 +105,7 @@ class PlantConfig(Settings):
         "", valid="a path or package://", text="world file, path or package://; see pybullet_ros_control, Worlds"
     )
     gravity: Vector = GRAVITY
+    payload: Payload = section(Payload)
     gui: bool = flag(False, text="`true`: open the window of the engine; needs a display")
     half_step_readout: bool = flag(
         True,

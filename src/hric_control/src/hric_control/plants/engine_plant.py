@@ -49,6 +49,15 @@ class EnginePlant(DrivenPlant, Articulated):
 
     # -- state ---------------------------------------------------------------------------------------------------------
 
+    def _begin(self) -> None:
+        """Put the robot at zero, with the payload of the parameters: the end of a plant's construction."""
+        self._put([0.0] * len(self.joint_names))
+        carried = self.config.payload
+        if carried.mass:
+            xx, xy, xz, yy, yz, zz = carried.inertia
+            inertia = (xx, xy, xz, xy, yy, yz, xz, yz, zz)
+            self.set_load(Load(carried.mass, carried.com, inertia), carried.link or None)
+
     def _put(self, q: Sequence[float], dq: Sequence[float] | None = None) -> None:
         self.robot.put(q, [0.0] * len(q) if dq is None else dq)
         self._values = self.robot.joints.zeros

@@ -20,7 +20,6 @@ from hric_bags.arguments import run_arguments
 from hric_control.plants import Phi
 from hric_core.command import Argument, Command
 from hric_experiments.check_model import csv_log, report, sources
-from panda_description.inertial_sets import INERTIAL_SETS
 
 
 class CheckModelCommand(Command):
@@ -69,35 +68,7 @@ class CheckModelCommand(Command):
 def _log_arguments() -> list[Argument]:
     """Return the options that select the log and describe the arm."""
     return [
-        Argument(
-            "--columns",
-            nargs="+",
-            default=[],
-            metavar="KEY=NAME",
-            help="columns of a CSV file: t=NAME; q=, dq=, tau= with {} for 1 to 7, or seven names with commas",
-        ),
-        Argument(
-            "--topic",
-            default="",
-            help="topic of a bag with control log, Franka states or joint states (default: control log, else the topic "
-            "with most messages)",
-        ),
-        Argument(
-            "--arm-id", default="", help="prefix of the joint names (default: prefix of the bag's only arm, else panda)"
-        ),
-        Argument("--inertials", choices=INERTIAL_SETS, help="inertial set (default: set of the run, else barycentric)"),
-        Argument(
-            "--hand",
-            action=argparse.BooleanOptionalAction,
-            help="the arm had the Franka hand, or none (default: as in the run, else the model that fits the log "
-            "better)",
-        ),
-        Argument(
-            "--urdf",
-            type=Path,
-            metavar="FILE",
-            help="another robot description, e.g. the output of: hric urdf rpy:='3.14 0 0'",
-        ),
+        *sources.arm_arguments(),
         Argument(
             "--load",
             nargs="+",

@@ -12,9 +12,11 @@ from franka_hw_interface.friction_file import JOINTS, read_parameters
 from franka_hw_interface.kdl_model import KdlFrankaModel
 from hric_bags.run_file import robot_parameters
 from hric_control.plants import Phi, breakaways, sigmoid_parameters
+from hric_core.command import Argument
 from hric_core.resources import read_description
 from hric_core.urdf import read
 from hric_experiments.check_model import csv_log
+from panda_description.inertial_sets import INERTIAL_SETS
 
 FRICTIONS = ("none", "identified")
 PANDA = "panda"
@@ -42,6 +44,41 @@ class LogSource:
     urdf: str = ""
     friction: str = "identified"
     simulated: Any = None
+
+
+def arm_arguments() -> list[Argument]:
+    """Return the options that select the signals of a log, and describe the arm."""
+    return [
+        Argument(
+            "--columns",
+            nargs="+",
+            default=[],
+            metavar="KEY=NAME",
+            help="columns of a CSV file: t=NAME; q=, dq=, tau= with {} for 1 to 7, or seven names with commas",
+        ),
+        Argument(
+            "--topic",
+            default="",
+            help="topic of a bag with control log, Franka states or joint states (default: control log, else the topic "
+            "with most messages)",
+        ),
+        Argument(
+            "--arm-id", default="", help="prefix of the joint names (default: prefix of the bag's only arm, else panda)"
+        ),
+        Argument("--inertials", choices=INERTIAL_SETS, help="inertial set (default: set of the run, else barycentric)"),
+        Argument(
+            "--hand",
+            action=argparse.BooleanOptionalAction,
+            help="the arm had the Franka hand, or none (default: as in the run, else the model that fits the log "
+            "better)",
+        ),
+        Argument(
+            "--urdf",
+            type=Path,
+            metavar="FILE",
+            help="another robot description, e.g. the output of: hric urdf rpy:='3.14 0 0'",
+        ),
+    ]
 
 
 def find(arguments: argparse.Namespace) -> LogSource:
