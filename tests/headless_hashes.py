@@ -149,6 +149,7 @@ def _runs() -> dict[str, Run]:
         "thesis_step reduced study on opensim": reduced.on("opensim", "robot.plant.effort_limits:=false"),
         "marker_tracking seen badly on pybullet": replace(tracking, seed=5).on("pybullet", *seen),
         "marker_tracking by effort on pybullet": replace(tracking, without=("parameters",)).on("pybullet", by_effort),
+        "ur5e_hand_guidance on mujoco": Run("ur5e_hand_guidance", ("duration:=0.5",)).on("mujoco", quick=True),
     }
 
 

@@ -27,10 +27,13 @@ class SpawnError(FailureError):
 
 
 def configure(definition: Experiment) -> None:
-    """Set the experiment's controller parameters on the parameter server; add missing controllers."""
+    """Set the experiment's controller parameters on the parameter server; add missing controllers.
+
+    For a robot other than Franka's, they replace those of controllers.yaml, which the bring-up loads for a Franka arm.
+    """
     configured = parameters.controllers(definition)
     for name in definition.controllers:
-        present = rospy.get_param(name, None)
+        present = None if definition.robot.urdf else rospy.get_param(name, None)
         changes = configured[name] if present is None else definition.parameters.get(name, {})
         rospy.set_param(name, parameters.overlay(present or {}, changes))
 

@@ -233,9 +233,18 @@ def mocap(experiment: Experiment, seed: int = 0) -> dict[str, dict[str, object]]
     """Return the private parameters of the motion capture nodes, by node name; empty without a section `mocap`.
 
     The nodes are the client, and the emulated human with an emulated Motive.
+
+    Raises:
+        ExperimentError: the emulated human reacts to a robot that does not publish its pose.
     """
     if experiment.mocap is None:
         return {}
+    program = experiment.mocap.human.get("program")
+    if program == "reactive" and experiment.robot.urdf:
+        raise ExperimentError(
+            "mocap.human.program is reactive, but only a Franka arm publishes the pose that it reacts to; valid: "
+            "another program"
+        )
     return experiment.mocap.nodes(base_link(experiment.robot), seed, person(experiment))
 
 
