@@ -15,9 +15,10 @@ import pytest
 from fci_peer import PATIENCE, Peer, log_of, new_address, wait_until_up
 from real_master import end_nodes, ros, roscore
 from sensor_msgs.msg import JointState
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 
 import panda_description
+from franka_hw_interface.robot_state import RobotMode
 from hric_core.robot_time import stamps
 from hric_msgs.msg import ClockPair
 
@@ -90,6 +91,21 @@ def test_a_client_connects_to_arm_and_hand_and_the_node_ends_well_when_asked(
     cell.process.send_signal(signal.SIGINT)
     output = cell.output()
     assert cell.process.returncode == 0 and "Traceback" not in output, output
+
+
+def test_the_user_stop_is_pressed_by_a_service(node: Callable[..., Node]) -> None:
+    import rospy
+
+    cell = node(participants={})
+    wait_until_up(cell.ip, cell.process)
+    rospy.wait_for_service("/cell/franka_control/set_user_stop", LIMIT)
+    press = rospy.ServiceProxy("/cell/franka_control/set_user_stop", SetBool)
+    with Peer(cell.ip, 5) as arm:
+        for pressed, mode in ((True, RobotMode.USER_STOPPED), (False, RobotMode.IDLE)):
+            assert press(pressed).success
+            end = time.monotonic() + LIMIT
+            while arm.modes(arm.state())[2] != mode.value:  # states that were sent before wait in the socket
+                assert time.monotonic() < end, mode
 
 
 def test_without_a_hand_in_the_description_no_hand_listens(node: Callable[..., Node]) -> None:

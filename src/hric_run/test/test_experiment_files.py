@@ -40,6 +40,10 @@ def test_the_experiments_of_the_workspace_are_valid() -> None:
         ),
         "thesis_step",
         "try_contact",
+        "ur5e_contact",
+        "ur5e_hand_guidance",
+        "ur5e_shared_workspace",
+        "ur5e_step",
     ]
     assert experiment.names() == names
     for name in ("pd_step", "thesis_step"):

@@ -6,7 +6,7 @@ import pytest
 
 from hric_core.urdf import read
 from hric_run.definition import experiment
-from hric_run.definition.parameters import description
+from hric_run.definition.robot_description import description
 
 ROBOT = """<robot name="r" xmlns:xacro="http://ros.org/wiki/xacro"><link name="a"><collision><geometry>
 <mesh filename="meshes/a.obj"/></geometry></collision></link></robot>"""

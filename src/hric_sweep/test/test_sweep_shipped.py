@@ -14,6 +14,7 @@ def test_the_sweeps_of_the_manual_ship() -> None:
         "handover_population",
         "peak_force",
         "tracking_faults",
+        "ur5e_peak_force",
     ]
 
 

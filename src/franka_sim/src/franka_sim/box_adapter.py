@@ -5,8 +5,10 @@ from collections.abc import Callable, Sequence
 from franka_hw_interface.arm_services import CollisionThresholds
 from franka_sim.box.control_box import ControlBox
 from franka_sim.box.requests import RequestOutcome
+from franka_sim.buttons import Buttons
 from hric_control.sim.sim_loop import SimLoop
 from hric_core.errors import CommandError
+from hric_core.node import Node
 
 
 class BoxAdapter:
@@ -22,6 +24,11 @@ class BoxAdapter:
 
     def __init__(self, loop: SimLoop, box: ControlBox, recover: Callable[[], None]) -> None:
         self._box, self.request, self.recover = box, loop.request, recover
+
+    def buttons(self, root_node: Node) -> Buttons:
+        """Offer the services of user stop and guiding button."""
+        where = root_node.resolve("franka_control")
+        return Buttons(root_node, where, self._box.set_user_stop, self._box.set_guiding, self.request)
 
     def _send(self, request: Callable[[], RequestOutcome]) -> None:
         box, reasons = self._box, list[str]()

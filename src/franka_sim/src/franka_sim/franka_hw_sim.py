@@ -77,7 +77,9 @@ class FrankaHWSim(SimulatedRobot, CommandedArm):
             self.mode, self._requested, self._restart = HOLD, HOLD, False
             self._register(self.model)
             self._put(self.q_start, self._reset_plant)
-            self._serve(BoxAdapter(self.loop, self.box, self.recover), root_node)
+            adapter = BoxAdapter(self.loop, self.box, self.recover)
+            self._serve(adapter, root_node)
+            self._buttons = adapter.buttons(root_node)
 
     @property
     def _running(self) -> bool:
@@ -162,4 +164,5 @@ class FrankaHWSim(SimulatedRobot, CommandedArm):
     def shutdown(self) -> None:
         """Unregister the services and close the plant."""
         self._services.unregister()
+        self._buttons.unregister()
         super().shutdown()

@@ -57,8 +57,8 @@ def analyse(description: str, bag: Path | Bag, run: RunFile, record: RunRecord) 
     )
     if not description:
         raise BagError("the robot followed a marker, but the run folder has no robot description (robot.urdf)")
-    arm_id = str(parameters.get("arm_id") or "panda")
-    ee = tip_positions(description, record.log, f"{arm_id}_link0", f"{arm_id}_link8", tracked.p_flange_ee)
+    tip = str(parameters.get("end_effector") or f"{parameters.get('arm_id') or 'panda'}_link8")
+    ee = tip_positions(description, record.log, tracked.base, tip, tracked.p_flange_ee)
     data = tracking.followed(tracked, record.log.time, ee, R, catch_up=parameters.get("on_return") == "catch_up")
     return MarkerTracking(tracked, data, tracking.metrics(data, tracked, record.log.time, ee, R))
 

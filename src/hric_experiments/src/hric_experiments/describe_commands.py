@@ -105,10 +105,10 @@ class DescribeCommand(Command):
             print(_mjcf(arguments.experiment, arguments.overrides), end="")
             return
         definition = experiment.load(arguments.experiment, arguments.overrides)
-        from hric_run.definition import parameters
+        from hric_run.definition import parameters, robot_description
 
         if arguments.what == "urdf":
-            print(parameters.description(definition.robot))
+            print(robot_description.description(definition.robot))
         elif arguments.what == "human_urdf":
             print(parameters.human_description(definition))
         else:

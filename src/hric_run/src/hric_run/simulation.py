@@ -19,7 +19,7 @@ from hric_core.errors import FailureError, HricError, failing
 from hric_core.local.node import LocalNode
 from hric_msgs.msg import ControlLog
 from hric_run import provenance, stepping
-from hric_run.definition import experiment, parameters
+from hric_run.definition import experiment, parameters, robot_description
 from hric_run.definition.experiment import Experiment, Setpoint
 from hric_run.definition.overrides import in_yaml
 
@@ -358,7 +358,7 @@ def _definition(name: str | Experiment, overrides: dict[str, object]) -> Experim
 def _tree(definition: Experiment, seed: int) -> dict[str, Any]:
     """Return all parameters of a run, as a live run has them on the parameter server."""
     return {
-        "robot_description": parameters.description(definition.robot),
+        "robot_description": robot_description.description(definition.robot),
         "joint_limits": parameters.joint_limits(definition),
         **parameters.controllers(definition),
         parameters.ROBOT: parameters.robot(definition, seed) | {"real_time_factor": 0.0},

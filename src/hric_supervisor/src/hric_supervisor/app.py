@@ -70,7 +70,7 @@ class SupervisorApp:
         arm = ArmShape(description, joints)
         plant = node.param(f"{root}robot/plant", {})
         rotors = np.array(rotor_inertia(plant, joints, arm.tree))
-        base = f"{node.param(f'{root}robot/arm_id', 'panda')}_link0"
+        base = arm.tree.joints[joints[0]].parent
         self._arm = ArmInput(node, root, joints)
         self._persons = person_inputs(node, root, settings, base)
         T = arm.poses(np.zeros((1, len(joints))))

@@ -5,10 +5,12 @@ Others can act in the arm's physics plant, e.g. an emulated human (parameter `pa
 
 import gc
 import ipaddress
+import socket
 import threading
 from dataclasses import dataclass
 from typing import Any
 
+from franka_sim.buttons import Buttons
 from franka_sim.fci.arm_building import build_arm
 from franka_sim.fci.epoch import Epoch
 from franka_sim.fci.robots import ROBOTS
@@ -16,6 +18,7 @@ from franka_sim.fci.server import FciServer
 from franka_sim.settings import BoxSettings, SimulatedArmSettings, read
 from hric_control.clock_pairs import TOPIC
 from hric_control.limits import check_start
+from hric_control.loop_requests import LoopRequests
 from hric_control.robot_settings import COMMON_PARAMETERS, RobotSettings
 from hric_core.parameters import choice, text
 from hric_core.processes import prefer_this_thread, quiet_collector
@@ -71,6 +74,11 @@ class EmulatedArm(NodeApp):
         self._arm.participants.set_epoch(self._epoch.value)
         self._pairs = node.subscribe(node.beside(TOPIC), ClockPair, self._on_pair, queue_size=0)
         self._failure: BaseException | None = None
+        self._wake, waken = socket.socketpair()
+        self._requests = LoopRequests(lambda: waken.send(b"."))
+        self._server.watch(self._wake.fileno(), self._on_request)
+        where = node.beside("franka_control")
+        self._buttons = Buttons(node, where, self._arm.set_user_stop, self._arm.set_guiding, self._requests.request)
         self._thread = threading.Thread(target=self._serve, name="control box", daemon=True)
         self._thread.start()
         node.log_info(f"emulated {settings.robot} waits for libfranka clients at {settings.ip}")
@@ -80,10 +88,14 @@ class EmulatedArm(NodeApp):
         gc.collect()
         gc.freeze()
         try:
-            with quiet_collector():
+            with quiet_collector(), self._requests.served_here():
                 self._server.run()
         except BaseException as error:  # raised again by the main thread
             self._failure = error
+
+    def _on_request(self, _: int) -> None:
+        self._wake.recv(4096)
+        self._requests.serve()
 
     def _on_pair(self, message: Any) -> None:
         if self._epoch.on_pair(message.monotonic, message.run_time.to_sec()):
@@ -97,6 +109,7 @@ class EmulatedArm(NodeApp):
     def close(self) -> None:
         """Stop the server and release the arm."""
         self._pairs.unregister()
+        self._buttons.unregister()
         self._server.stop()
         self._thread.join(PATIENCE)
         self._server.close()

@@ -19,6 +19,7 @@ from hric_assessment.verdict.person import AssessedPerson
 from hric_assessment.verdict.tasks import TaskMethod, judged, stances_of
 from hric_assessment.work import LiftTask, Work
 from hric_bags.records.human_record import GripRecord
+from hric_core import urdf
 from hric_core.geometry import FloatArray
 from hric_human.control.kinematics import GRAVITY
 from hric_motion.stances import Stance
@@ -80,7 +81,7 @@ def lift_findings(source: AssessmentInput, person: AssessedPerson) -> list[Findi
         model, _, link = grip.holder.rpartition("::")
         if link in links and model in ("", "human") and "::" in grip.held and grip.closed.any():
             grips.setdefault(grip.held, []).append(grip)
-    robot = str((source.definition.get("robot") or {}).get("arm_id", "panda"))
+    robot = urdf.read(source.description).name if source.description else "panda"
     findings = []
     for held, holding in grips.items():
         if not held.startswith(f"{robot}::"):

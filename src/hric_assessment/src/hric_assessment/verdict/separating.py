@@ -50,6 +50,7 @@ class PersonSeparation:
         relied: True if only the distance protected the person: contacts are not judged by force, and nothing is held.
         shapeless: links of the arm with mesh shapes, which the distances ignore.
         load: load of the arm [kg].
+        unbraked: name of a robot other than Franka's whose stopping is not known; empty: known, or a Franka.
     """
 
     distances: Separation
@@ -65,6 +66,7 @@ class PersonSeparation:
     relied: bool
     shapeless: tuple[str, ...]
     load: float
+    unbraked: str
 
     def braked(self, braking: BrakingChoice) -> "PersonSeparation":
         """Return the same distances with the protective distance of another braking."""
@@ -139,7 +141,14 @@ def separated(source: AssessmentInput, person: AssessedPerson, choices: Assessme
         relied,
         tuple(dict.fromkeys(left_out)),
         load,
+        _unbraked(source, choices),
     )
+
+
+def _unbraked(source: AssessmentInput, choices: AssessmentChoices) -> str:
+    """Return the name of a robot other than Franka's whose stopping is not known; empty: it is known, or a Franka."""
+    other = (source.definition.get("robot") or {}).get("urdf") and choices.braking.stops is None
+    return urdf.read(source.description).name if other else ""
 
 
 def _protective(
@@ -294,6 +303,9 @@ def _unproven(approach: PersonSeparation) -> tuple[str, str]:
     if approach.shapeless:
         why = f"the distance of {', '.join(approach.shapeless)} is not known, since their shapes are meshes"
         return why, "give these links collision shapes: capsules, cylinders, spheres or boxes"
+    if approach.unbraked and approach.margin >= 0.0:
+        why = f"how fast {approach.unbraked} stops is not known, and S_p assumes it"
+        return why, "give stopping times and distances of this robot, measured or from its manual: --stop FILE"
     return "", ""
 
 

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 
-from franka_hw_interface.interfaces import FrankaModelInterface, FrankaStateInterface
 from franka_hw_interface.model import FrankaFrame
 from hric_control.controller import Controller, SettingsClasses
 from hric_control.hardware_interface import EffortJointInterface
 from hric_control.robot_hw import RobotHW
 from hric_control.speed_scale import SpeedScale, SpeedScaleInterface
+from hric_controllers.cartesian.arm import cartesian_arm
 from hric_controllers.cartesian.law import CartesianArmState, CartesianLaw, Compliance, limited
 from hric_controllers.cartesian.settings import CartesianImpedanceSettings, ComplianceSettings
 from hric_controllers.cartesian.workspace import JumpSettings, check_equilibrium
@@ -39,10 +39,11 @@ class CartesianImpedanceController(Controller):
         """
         node = self._node = controller_node
         settings, self._gain_settings = CartesianImpedanceSettings.read(node), ComplianceSettings.read(node)
-        self._arm_id, self.joints = settings.arm_id, list(settings.joints)
+        self.joints = list(settings.joints)
         self._group = robot_hw.get(EffortJointInterface).group(self.joints)
-        self._robot = robot_hw.get(FrankaStateInterface).handle(f"{self._arm_id}_robot").robot_state
-        self._model = robot_hw.get(FrankaModelInterface).handle(f"{self._arm_id}_model")
+        self._robot, self._model, self._base = cartesian_arm(
+            robot_hw, root_node, self._group, settings.arm_id, settings.end_effector, node.resolve("end_effector")
+        )
         self._gravity = added_gravity(robot_hw, root_node, node, self.joints) if settings.gravity else None
         self._rotors = np.diag(rotor_inertia(robot_hw, settings.rotor_inertia, self.joints)[0])
         compliance = Compliance(**asdict(self._gain_settings))
@@ -113,7 +114,7 @@ class CartesianImpedanceController(Controller):
         if not self._running:
             raise CommandError("the controller is not running, the pose is ignored; start it first")
         try:
-            self._target.set(check_equilibrium(message, f"{self._arm_id}_link0", self._law.pose, self._jump))
+            self._target.set(check_equilibrium(message, self._base, self._law.pose, self._jump))
         except CommandError as error:
             raise CommandError(f"equilibrium pose refused, the present one is kept: {error}") from None
 
@@ -123,7 +124,7 @@ class CartesianImpedanceController(Controller):
         self._take_gains()
         self._start_input()
         self._law.start(Pose.of_column_major(self._robot.O_T_EE), q if self._posture is None else self._posture)
-        self._last = self._gravity(q) if self._gravity else [0.0] * 7
+        self._last = self._gravity(q) if self._gravity else [0.0] * len(q)
         self._state_time.restart()
         self._running = True
 
@@ -154,13 +155,13 @@ class CartesianImpedanceController(Controller):
         law.force_limit = scale.force
 
     def _command(self, tau: list[float], period: float) -> None:
-        """Limit the rate of the torques (7 floats [N m]) and command them; `period`: time since the last ones [s]."""
+        """Limit the rate of the torques (n floats [N m]) and command them; `period`: time since the last ones [s]."""
         self._last = limited(tau, self._last, self._max_rate * period)
         self._group.set_command(self._last)
 
     def _publish(self, measured: Pose) -> None:
         stamp, desired, wrench = self._node.now(), self._law.pose, self._law.wrench
-        base = f"{self._arm_id}_link0"
+        base = self._base
         self._publishers[0].publish(lambda: stamped.pose_stamped(stamped.header(stamp, base), desired))
         self._publishers[1].publish(lambda: stamped.pose_stamped(stamped.header(stamp, base), measured))
         self._publishers[2].publish(lambda: stamped.wrench_stamped(stamped.header(stamp, base), wrench))

@@ -1,44 +1,44 @@
-/* Compiled part of the Cartesian impedance law of an arm with seven joints; the formulas are in law.py.
+/* Compiled part of the Cartesian impedance law of an arm with up to seven joints; the formulas are in law.py.
  *
  * The order of the operations is part of the interface: runs are compared bit by bit. */
 #include "hric_core/python_numbers.h"
 #include "hric_dynamics/factors.h"
 #include <math.h>
 
-enum { AXES = 6, JOINTS = 7 };
+enum { AXES = 6, JOINTS = 7 }; /* JOINTS: most joints */
 
 /* Regularisation of J (M+B)^-1 J^T, so that it can be inverted in singular poses [1/kg]. */
 #define SINGULAR 1e-6
 
 /* Subtract from tau_0 the torque J^T F that keeps it from accelerating the end effector, F = Lambda J (M+B)^-1 tau_0.
- * J: row-major; M: mass matrix with rotor inertia. */
-static void project(const double *J, const double *M, double *tau_0)
+ * n: number of joints; J: row-major; M: mass matrix with rotor inertia. */
+static void project(int n, const double *J, const double *M, double *tau_0)
 {
     double factors[JOINTS * JOINTS], X[AXES][JOINTS], mobility[AXES * AXES], F[AXES]; /* X: rows of J (M+B)^-1 */
-    memcpy(factors, M, sizeof factors);
-    factor(JOINTS, factors);
+    memcpy(factors, M, n * n * sizeof *M);
+    factor(n, factors);
     for (int i = 0; i < AXES; i++) {
-        memcpy(X[i], J + JOINTS * i, sizeof X[i]);
-        solve(JOINTS, factors, X[i]);
+        memcpy(X[i], J + n * i, n * sizeof *J);
+        solve(n, factors, X[i]);
         F[i] = 0.0;
-        for (int k = 0; k < JOINTS; k++)
+        for (int k = 0; k < n; k++)
             F[i] += X[i][k] * tau_0[k];
     }
     for (int i = 0; i < AXES; i++)
         for (int j = 0; j < AXES; j++) {
             mobility[AXES * i + j] = i == j ? SINGULAR : 0.0;
-            for (int k = 0; k < JOINTS; k++)
-                mobility[AXES * i + j] += J[JOINTS * i + k] * X[j][k];
+            for (int k = 0; k < n; k++)
+                mobility[AXES * i + j] += J[n * i + k] * X[j][k];
         }
     factor(AXES, mobility);
     solve(AXES, mobility, F);
-    for (int k = 0; k < JOINTS; k++)
+    for (int k = 0; k < n; k++)
         for (int i = 0; i < AXES; i++)
-            tau_0[k] -= J[JOINTS * i + k] * F[i];
+            tau_0[k] -= J[n * i + k] * F[i];
 }
 
-/* Compute the wrench of spring and damper; J: row-major. */
-static void push(const double K[AXES], const double D[AXES], const double error[AXES], double limit,
+/* Compute the wrench of spring and damper of n joints; J: row-major. */
+static void push(int n, const double K[AXES], const double D[AXES], const double error[AXES], double limit,
                  const double twist[AXES], const double *J, const double dq[JOINTS], double F[AXES])
 {
     for (int i = 0; i < AXES; i++)
@@ -48,8 +48,8 @@ static void push(const double K[AXES], const double D[AXES], const double error[
         F[i] *= limit / fmax(force, 1e-9);
     for (int i = 0; i < AXES; i++) {
         double speed = -twist[i];
-        for (int k = 0; k < JOINTS; k++)
-            speed += J[JOINTS * i + k] * dq[k];
+        for (int k = 0; k < n; k++)
+            speed += J[n * i + k] * dq[k];
         F[i] -= D[i] * speed;
     }
 }
@@ -68,17 +68,29 @@ static int arrays(PyObject *const *given, int count, const int *lengths, Py_buff
     return 0;
 }
 
+/* Return the number of joints, the length of a sequence of numbers; 0 with a Python error set on failure. */
+static int joints(PyObject *values)
+{
+    const Py_ssize_t n = PySequence_Size(values);
+    if (n >= 1 && n <= JOINTS)
+        return (int)n;
+    if (!PyErr_Occurred())
+        PyErr_Format(PyExc_ValueError, "1 to %d joints are needed, got %zd", JOINTS, n);
+    return 0;
+}
+
 FUNCTION(null_space)
 {
-    const int lengths[] = {AXES * JOINTS, JOINTS * JOINTS};
+    if (!expect(count, 3, "null_space(J, mass, tau_0)"))
+        return NULL;
+    const int n = joints(given[2]), lengths[] = {AXES * n, n * n};
     Py_buffer views[2];
     double tau[JOINTS];
-    if (!expect(count, 3, "null_space(J, mass, tau_0)") || !take(given[2], JOINTS, tau)
-        || !arrays(given, 2, lengths, views))
+    if (n == 0 || !take(given[2], n, tau) || !arrays(given, 2, lengths, views))
         return NULL;
-    project(views[0].buf, views[1].buf, tau);
+    project(n, views[0].buf, views[1].buf, tau);
     release_views(views, 2);
-    return list(tau, JOINTS);
+    return list(tau, n);
 }
 
 FUNCTION(torque)
@@ -98,11 +110,13 @@ FUNCTION(torque)
         CORIOLIS,
         COUNT
     };
-    const int lengths[] = {AXES * JOINTS, JOINTS * JOINTS, JOINTS};
     double of_axes[4][AXES], of_joints[3][JOINTS], F[AXES], tau[JOINTS], tau_0[JOINTS];
     if (!expect(count, COUNT,
                 "torque(stiffness, damping, error, twist, force_limit, nullspace_stiffness, posture, q, dq, J, mass, "
                 "coriolis)"))
+        return NULL;
+    const int n = joints(given[Q]), lengths[] = {AXES * n, n * n, n};
+    if (n == 0)
         return NULL;
     const double limit = PyFloat_AsDouble(given[LIMIT]), k = PyFloat_AsDouble(given[POSTURE_STIFFNESS]);
     Py_buffer views[3];
@@ -110,25 +124,25 @@ FUNCTION(torque)
         if (!take(given[STIFFNESS + i], AXES, of_axes[i]))
             return NULL;
     for (int i = 0; i < 3; i++)
-        if (!take(given[POSTURE + i], JOINTS, of_joints[i]))
+        if (!take(given[POSTURE + i], n, of_joints[i]))
             return NULL;
     if (PyErr_Occurred() || !arrays(given + JACOBIAN, 3, lengths, views))
         return NULL;
     const double *J = views[0].buf, *coriolis = views[2].buf, *dq = of_joints[2];
-    push(of_axes[STIFFNESS], of_axes[DAMPING], of_axes[ERROR], limit, of_axes[TWIST], J, dq, F);
-    for (int j = 0; j < JOINTS; j++) {
+    push(n, of_axes[STIFFNESS], of_axes[DAMPING], of_axes[ERROR], limit, of_axes[TWIST], J, dq, F);
+    for (int j = 0; j < n; j++) {
         tau[j] = 0.0;
         for (int i = 0; i < AXES; i++)
-            tau[j] += J[JOINTS * i + j] * F[i];
+            tau[j] += J[n * i + j] * F[i];
         tau[j] += coriolis[j];
         tau_0[j] = k * (of_joints[0][j] - of_joints[1][j]) - 2.0 * sqrt(k) * dq[j];
     }
     if (k > 0.0)
-        project(J, views[1].buf, tau_0);
-    for (int j = 0; k > 0.0 && j < JOINTS; j++)
+        project(n, J, views[1].buf, tau_0);
+    for (int j = 0; k > 0.0 && j < n; j++)
         tau[j] += tau_0[j];
     release_views(views, 3);
-    return Py_BuildValue("(NN)", list(tau, JOINTS), list(F, AXES));
+    return Py_BuildValue("(NN)", list(tau, n), list(F, AXES));
 }
 
 static PyMethodDef methods[] = {

@@ -80,10 +80,10 @@ class CartesianArmState(NamedTuple):
     """Measured joint state and dynamic model of the arm in one cycle.
 
     Attributes:
-        q, dq: joint positions and velocities, 7 floats each [rad], [rad/s].
-        jacobian: Jacobian of the end effector in base axes, shape (6, 7), linear rows above angular ones.
-        mass: mass matrix with rotor inertia, shape (7, 7) [kg m^2].
-        coriolis: Coriolis torque C dq, shape (7,) [N m].
+        q, dq: joint positions and velocities, n floats each [rad], [rad/s].
+        jacobian: Jacobian of the end effector in base axes, shape (6, n), linear rows above angular ones.
+        mass: mass matrix with rotor inertia, shape (n, n) [kg m^2].
+        coriolis: Coriolis torque C dq, shape (n,) [N m].
     """
 
     q: Sequence[float]
@@ -104,7 +104,7 @@ class CartesianLaw:
         pose, target: present equilibrium pose, and the pose that it moves to.
         force_limit: maximum force of the translational spring [N].
         compliance, target_compliance: present gains, and the gains that they approach.
-        posture: joint positions q_n that the null-space torque pulls to, 7 floats [rad].
+        posture: joint positions q_n that the null-space torque pulls to, n floats [rad].
         twist: velocity v of the equilibrium, 6 floats [m/s], [rad/s]; zero unless the caller sets it.
         wrench: wrench F of spring and damper in the last cycle, 6 floats [N], [N m].
     """
@@ -114,12 +114,12 @@ class CartesianLaw:
         self._filter_time = filter_time
         self._share = (0.0, 1.0)  # (period, filter coefficient for that period)
         self.pose = self.target = poses.Pose()
-        self.posture: Sequence[float] = [0.0] * 7
+        self.posture: Sequence[float] = ()
         self.twist, self.wrench, self.force_limit = [0.0] * 6, [0.0] * 6, math.inf
         self._take_gains()
 
     def start(self, pose: poses.Pose, posture: Sequence[float]) -> None:
-        """Set equilibrium and null-space posture (7 floats [rad]), and the gains to their targets, all at once."""
+        """Set equilibrium and null-space posture (n floats [rad]), and the gains to their targets, all at once."""
         self.pose = self.target = pose
         self.twist = [0.0] * 6
         self.posture = list(posture)
@@ -151,7 +151,7 @@ class CartesianLaw:
             self._take_gains()
 
     def torque(self, measured: poses.Pose, arm: CartesianArmState) -> list[float]:
-        """Return the joint torques of the law without gravity, 7 floats [N m]; `measured`: end-effector pose."""
+        """Return the joint torques of the law without gravity, n floats [N m]; `measured`: end-effector pose."""
         tau: list[float]
         tau, self.wrench = _compiled.torque(
             self._stiffness,
@@ -176,11 +176,11 @@ def limited(tau: list[float], last: list[float], step: float) -> list[float]:
 
 
 def null_space(J: FloatArray, mass: FloatArray, tau_0: FloatArray) -> FloatArray:
-    """Return N tau_0, shape (7,) [N m]: the part of a joint torque that does not accelerate the end effector.
+    """Return N tau_0, shape (n,) [N m]: the part of a joint torque that does not accelerate the end effector.
 
     Args:
-        J: Jacobian of the end effector, shape (6, 7).
-        mass: mass matrix with rotor inertia, shape (7, 7) [kg m^2].
-        tau_0: joint torque, shape (7,) [N m].
+        J: Jacobian of the end effector, shape (6, n).
+        mass: mass matrix with rotor inertia, shape (n, n) [kg m^2].
+        tau_0: joint torque, shape (n,) [N m].
     """
     return np.array(_compiled.null_space(*map(np.ascontiguousarray, (J, mass)), tau_0))

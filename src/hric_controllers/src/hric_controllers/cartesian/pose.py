@@ -60,7 +60,7 @@ class CartesianPoseImpedanceController(CartesianImpedanceController):
         return True
 
     def _read_input(self) -> None:
-        self._tracking = PoseTracking(self._node, f"{self._arm_id}_link0", self._scale)
+        self._tracking = PoseTracking(self._node, self._base, self._scale)
 
     def _open_input(self) -> None:
         self._tracking.open()

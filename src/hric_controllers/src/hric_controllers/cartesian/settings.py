@@ -5,14 +5,19 @@ from dataclasses import asdict, dataclass
 from hric_controllers.parameters import ArmSettings, LawSettings, initial_setpoint, position_ranges, state_rate
 from hric_core.live import live_parameters
 from hric_core.node import Node, OnChange
-from hric_core.parameters import Settings, names, number, per_joint, refused
+from hric_core.parameters import Settings, names, number, per_joint, refused, text
 
 
 @dataclass(frozen=True)
 class CartesianImpedanceSettings(LawSettings, ArmSettings):
     """Parameters of the Cartesian impedance controller, except for its gains and its equilibrium's input."""
 
-    joints: tuple[str, ...] = names(7, name="joint_names", text="`<arm_id>_joint1` to 7, in order")
+    joints: tuple[str, ...] = names(
+        range(1, 8), name="joint_names", text="`<arm_id>_joint1` to 7, or up to 7 joints of another arm, in order"
+    )
+    end_effector: str = text(
+        "", text="link that the controller moves, of an arm other than Franka's; empty: the end effector of `arm_id`"
+    )
     nullspace_posture: tuple[float, ...] | None = per_joint(
         number(unit="rad"),
         None,
@@ -28,11 +33,14 @@ class CartesianImpedanceSettings(LawSettings, ArmSettings):
     def check(self, where: str) -> None:
         """Raise an error if the joints are not in the order of the Jacobian's columns."""
         expected = tuple(f"{self.arm_id}_joint{i}" for i in range(1, 8))
-        if self.joints != expected:
-            raise refused(f"{where}joint_names", list(self.joints), f"the arm's joints in order, {', '.join(expected)}")
+        if not self.end_effector and self.joints != expected:
+            valid = (
+                f"the arm's joints in order, {', '.join(expected)}; for an arm other than Franka's: with end_effector"
+            )
+            raise refused(f"{where}joint_names", list(self.joints), valid)
 
     def posture(self, root_node: Node, node: Node) -> list[float] | None:
-        """Return the posture of the null space, 7 floats [rad]; None: the one at the start. Raises ParameterError."""
+        """Return the posture of the null space, n floats [rad]; None: the one at the start. Raises ParameterError."""
         ranges = position_ranges(root_node, self.joints)
         return initial_setpoint(self.nullspace_posture, self.joints, ranges, node.resolve("nullspace_posture"))
 

@@ -6,14 +6,18 @@ from typing import Any
 from geometry_msgs.msg import WrenchStamped
 from std_msgs.msg import Bool
 
+from franka_hw_interface.interfaces import FrankaStateInterface
+from hric_control.robot_hw import RobotHW
 from hric_controllers.cartesian.impedance import CartesianImpedanceController
 from hric_controllers.cartesian.law import CartesianLaw, Compliance
 from hric_controllers.force.hybrid_law import HybridLaw
 from hric_controllers.force.settings import AXES, ForceSettings
 from hric_controllers.force.wrench import TaredWrench
+from hric_controllers.parameters import ArmSettings
 from hric_core import realtime
 from hric_core.errors import CommandError
 from hric_core.geometry import Pose, messages, stamped
+from hric_core.node import Node
 
 
 class ForceController(CartesianImpedanceController):
@@ -24,6 +28,12 @@ class ForceController(CartesianImpedanceController):
 
     settings = (*CartesianImpedanceController.settings, ForceSettings)
     _law: HybridLaw
+
+    def init(self, robot_hw: RobotHW, root_node: Node, controller_node: Node) -> None:
+        """Get the arm's estimate of the external wrench, which only a Franka arm has, and then as the base class."""
+        self._arm_id = ArmSettings.read(controller_node).arm_id
+        self._estimate = robot_hw.get(FrankaStateInterface).handle(f"{self._arm_id}_robot").robot_state
+        super().init(robot_hw, root_node, controller_node)
 
     def _new_law(self, compliance: Compliance, filter_time: float) -> CartesianLaw:
         self._pressing = settings = ForceSettings.read(self._node)
@@ -73,7 +83,7 @@ class ForceController(CartesianImpedanceController):
         """Give the law the measured and the desired force, and move the equilibrium along the stroke."""
         super()._lead(time, period)
         law = self._law
-        self._exerted = self._wrench.advance(self._robot.O_F_ext_hat_K, period)
+        self._exerted = self._wrench.advance(self._estimate.O_F_ext_hat_K, period)
         if self._exerted is None:
             return
         law.force, law.period = self._exerted[:3], period
@@ -87,7 +97,7 @@ class ForceController(CartesianImpedanceController):
     def _publish(self, measured: Pose) -> None:
         super()._publish(measured)
         if self._exerted is not None:
-            head = stamped.header(self._node.now(), f"{self._arm_id}_link0")
+            head = stamped.header(self._node.now(), self._base)
             self._felt.publish(stamped.wrench_stamped, head, self._exerted)
             self._contact.publish(Bool, self._law.touching)
 

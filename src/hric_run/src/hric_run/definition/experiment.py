@@ -145,7 +145,9 @@ class RobotSpec(Settings):
 
     separator = "."
     hw: str = text(empty=False, text='plugin type of the RobotHW, e.g. "franka_sim/FrankaHWSim"')
-    arm_id: str = text("panda", empty=False, text="prefix of the names of joints and links")
+    arm_id: str = text(
+        "panda", empty=False, text="name of the arm; of a Franka: prefix of the names of joints and links"
+    )
     description: NodeParameters = mapping(default={}, text="arguments of `panda_description.load`")
     urdf: str = text("", text="path or package:// address of another robot's URDF or xacro; empty: the Panda")
     q_start: tuple[float, ...] | Mapping[str, float] | None = either(

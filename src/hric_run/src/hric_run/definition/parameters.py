@@ -10,12 +10,13 @@ import panda_description
 from franka_msgs.srv import SetLoadRequest
 from hric_control.plants import BREAKAWAY, PHI, breakaways, refuse_other_joints, sigmoid_parameters
 from hric_control.sim.robot_hw_sim import RobotHWSim
-from hric_core import plugins, resources, yaml_text
-from hric_core.errors import HricError, check_known
+from hric_core import plugins, yaml_text
+from hric_core.errors import HricError
 from hric_core.geometry import quaternion_from_rotation, transform_from_rpy
 from hric_core.trial.c3d import located
 from hric_core.urdf import read
 from hric_run.definition.experiment import Experiment, ExperimentError, RobotSpec, package_path
+from hric_run.definition.robot_description import actuated_joints, base_link, description, with_joints
 
 ROBOT = "robot"
 """Private namespace of the robot node, relative to the robot's namespace."""
@@ -32,19 +33,6 @@ PERSON = "person"
 """Name of the node that tracks a real person."""
 SUPERVISOR = "hric/safety/supervisor"
 """Name of the supervisor node, relative to the robot's namespace."""
-
-
-def description(spec: RobotSpec) -> str:
-    """Return the `robot_description` (URDF, xacro expanded): of the Panda, or from another robot's URDF or xacro file.
-
-    Raises:
-        HricError: an argument for the Panda's description is unknown, or the file is not usable.
-    """
-    if spec.urdf:
-        return _description_of(spec.urdf)
-    valid = [name for name in panda_description.arguments() if name not in ("arm_id", "robot_sim_type")]
-    check_known("key", spec.description, valid, "robot.description")
-    return str(panda_description.load(arm_id=spec.arm_id, robot_sim_type=spec.hw, **spec.description))
 
 
 def human_description(experiment: Experiment) -> str:
@@ -78,16 +66,6 @@ def human_muscles(experiment: Experiment) -> dict[str, list[list[Any]]]:
         return {}
     paths = muscle_paths(settings, f"{HUMAN}.muscles.")
     return {name: [[link, *p_link] for link, p_link in points] for name, points in paths.items()}
-
-
-def _description_of(address: str) -> str:
-    try:
-        path = resources.resolve(address)
-        if path.suffix == ".xacro":
-            return resources.anchored(str(panda_description.process_xacro(path, {}).toxml()), path.parent)
-        return resources.read_description(path)
-    except HricError as error:
-        raise HricError(f"cannot read the robot description {address}: {error}") from error
 
 
 def controllers_file() -> Path:
@@ -151,6 +129,7 @@ def controllers(experiment: Experiment) -> dict[str, dict[str, object]]:
     known = defaults(experiment.robot.arm_id)
     if set(experiment.controllers) - set(known) - set(experiment.parameters):
         known = configured_by_packages(experiment.robot.arm_id) | known
+    known = with_joints(known, experiment.robot)
     result: dict[str, dict[str, object]] = {}
     for name in experiment.controllers:
         values = overlay(known.get(name, {}), experiment.parameters.get(name, {}))
@@ -181,9 +160,18 @@ def robot(experiment: Experiment, seed: int = 0) -> dict[str, object]:
 
 
 def load_request(spec: RobotSpec) -> Any:
-    """Return the request to the service `LOAD_SERVICE` for the payload (inertia zero); None: there is no payload."""
+    """Return the request to the service `LOAD_SERVICE` for the payload (inertia zero); None: there is no payload.
+
+    Raises:
+        HricError: the robot has no control box of a Franka arm.
+    """
     if spec.load.mass == 0.0:
         return None
+    if issubclass(plugins.find(plugins.ROBOT_HW, spec.hw), RobotHWSim):
+        raise ExperimentError(
+            f"robot.load is a payload in the control box of a Franka arm, which {spec.hw} has not; valid for this "
+            "robot: the payload as a link of its description"
+        )
     return SetLoadRequest(mass=spec.load.mass, F_x_center_load=list(spec.load.com), load_inertia=[0.0] * 9)
 
 
@@ -248,7 +236,7 @@ def mocap(experiment: Experiment, seed: int = 0) -> dict[str, dict[str, object]]
     """
     if experiment.mocap is None:
         return {}
-    return experiment.mocap.nodes(experiment.robot.arm_id, seed, person(experiment))
+    return experiment.mocap.nodes(base_link(experiment.robot), seed, person(experiment))
 
 
 def person(experiment: Experiment) -> dict[str, object]:
@@ -313,12 +301,12 @@ def _from_root(section: Mapping[str, object], *keys: str) -> dict[str, object]:
 
 
 def _joints(experiment: Experiment) -> list[str]:
-    """Return the joint names of the first controller that has a list of them, else those of a Panda."""
+    """Return the joint names of the first controller that has a list of them, else the robot's."""
     for values in controllers(experiment).values():
         joints = values.get("joints")
         if isinstance(joints, list) and joints:
             return [str(joint) for joint in joints]
-    return [f"{experiment.robot.arm_id}_joint{number}" for number in range(1, 8)]
+    return actuated_joints(experiment.robot)
 
 
 def overlay(base: Mapping[str, object], changes: Mapping[str, object]) -> dict[str, object]:

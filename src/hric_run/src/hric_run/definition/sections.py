@@ -78,11 +78,11 @@ class MocapSection(Settings):
 
         return see(self.human, self.stream, self.base_from_mocap, seed, self.prefix, **person)
 
-    def nodes(self, arm_id: str, seed: int, person: Mapping[str, object]) -> dict[str, dict[str, object]]:
+    def nodes(self, base_frame: str, seed: int, person: Mapping[str, object]) -> dict[str, dict[str, object]]:
         """Return the private parameters of the motion capture client and the emulated human, by node name.
 
         `person`: result of `parameters.person`; needed if `measures_person` is True."""
-        frame = {"base_frame": f"{arm_id}_link0"}
+        frame = {"base_frame": base_frame}
         base = {} if self.base_from_mocap is None else {"base_from_mocap": dict(self.base_from_mocap)}
         ports = {key: self.stream[key] for key in ("command_port", "data_port") if key in self.stream}
         client = {"body": self.body, "up_axis": self.stream.get("up_axis", "y"), **ports, **base}

@@ -1,0 +1,87 @@
+"""Description of an experiment's robot, and what follows from it: joints, base link, parameters of its controllers."""
+
+from collections.abc import Mapping, Sequence
+
+import panda_description
+from hric_control.transmission import parse_transmissions
+from hric_core import resources
+from hric_core.errors import HricError, check_known
+from hric_core.urdf import read
+from hric_run.definition.experiment import RobotSpec
+
+
+def description(spec: RobotSpec) -> str:
+    """Return the `robot_description` (URDF, xacro expanded): of the Panda, or from another robot's URDF or xacro file.
+
+    Raises:
+        HricError: an argument for the Panda's description is unknown, or the file is not usable.
+    """
+    if spec.urdf:
+        return _description_of(spec.urdf)
+    valid = [name for name in panda_description.arguments() if name not in ("arm_id", "robot_sim_type")]
+    check_known("key", spec.description, valid, "robot.description")
+    return str(panda_description.load(arm_id=spec.arm_id, robot_sim_type=spec.hw, **spec.description))
+
+
+def _description_of(address: str) -> str:
+    try:
+        path = resources.resolve(address)
+        if path.suffix == ".xacro":
+            return resources.anchored(str(panda_description.process_xacro(path, {}).toxml()), path.parent)
+        return resources.read_description(path)
+    except HricError as error:
+        raise HricError(f"cannot read the robot description {address}: {error}") from error
+
+
+def _arm_joints(arm_id: str) -> list[str]:
+    """Return the joint names of a Franka arm, as in controllers.yaml."""
+    return [f"{arm_id}_joint{number}" for number in range(1, 8)]
+
+
+def actuated_joints(spec: RobotSpec) -> list[str]:
+    """Return the names of the robot's joints that controllers can command, in order.
+
+    They are the seven joints of a Franka arm if the robot has these.
+
+    Raises:
+        HricError: the robot's description is not usable.
+    """
+    arm = _arm_joints(spec.arm_id)
+    if not spec.urdf:
+        return arm
+    joints = [transmission.joint for transmission in parse_transmissions(description(spec))]
+    return arm if set(arm) <= set(joints) else joints
+
+
+def base_link(spec: RobotSpec) -> str:
+    """Return the link that the first joint of the robot moves against, whose frame is the robot's base frame."""
+    if not spec.urdf:
+        return f"{spec.arm_id}_link0"
+    return read(description(spec)).joints[actuated_joints(spec)[0]].parent
+
+
+def with_joints(controllers: Mapping[str, Mapping[str, object]], spec: RobotSpec) -> dict[str, dict[str, object]]:
+    """Return parameters of controllers, which are those of a Franka arm, for the robot of an experiment.
+
+    For another robot, its joints replace those of the arm, and values of single joints of the arm are dropped.
+
+    Args:
+        controllers: parameters by name of the controller.
+        spec: the robot.
+    """
+    arm, joints = _arm_joints(spec.arm_id), actuated_joints(spec)
+    if joints == arm:
+        return {name: dict(values) for name, values in controllers.items()}
+    return {name: _of_other_robot(values, arm, joints) for name, values in controllers.items()}
+
+
+def _of_other_robot(values: Mapping[str, object], arm: Sequence[str], joints: Sequence[str]) -> dict[str, object]:
+    result: dict[str, object] = {}
+    for key, value in values.items():
+        if key in arm:
+            continue
+        if isinstance(value, Mapping):
+            result[key] = _of_other_robot(value, arm, joints)
+        else:
+            result[key] = list(joints) if value == arm else value
+    return result
