@@ -19,17 +19,22 @@ BACKENDS = (*PLANTS, "panda", "fr3")
 
 
 class Boxes:
-    """Emulated control boxes in separate processes, started on first use, in lock-step and as fast as the client."""
+    """Emulated control boxes in separate processes, started on first use, in lock-step and as fast as the client.
 
-    def __init__(self) -> None:
+    Args:
+        words: further arguments of the command.
+    """
+
+    def __init__(self, *words: str) -> None:
+        self._words = words or ("--no-collision",)
         self._stack = ExitStack()
         self._boxes: dict[str, tuple[str, Any]] = {}
 
     def address(self, robot: str) -> str:
         """Return the address of the control box of this type of robot."""
         if robot not in self._boxes:
-            words = ("--robot", robot, "--no-collision", "--real-time-factor", "0", "--console")
-            self._boxes[robot] = self._stack.enter_context(control_box(*words))
+            words = ("--robot", robot, "--real-time-factor", "0", "--console")
+            self._boxes[robot] = self._stack.enter_context(control_box(*words, *self._words))
         return self._boxes[robot][0]
 
     def order(self, robot: str, line: str) -> None:

@@ -47,7 +47,7 @@ class CartesianImpedanceController(Controller):
         self._gravity = added_gravity(robot_hw, root_node, node, self.joints) if settings.gravity else None
         self._rotors = np.diag(rotor_inertia(robot_hw, settings.rotor_inertia, self.joints)[0])
         compliance = Compliance(**asdict(self._gain_settings))
-        self._law = CartesianLaw(compliance, settings.filter_time)
+        self._law = self._new_law(compliance, settings.filter_time)
         self._max_rate = settings.rotatum_limit
         obeys = self._obeys(settings.filter_time)
         self._scale = robot_hw.get(SpeedScaleInterface).handle() if obeys else SpeedScale()
@@ -57,6 +57,10 @@ class CartesianImpedanceController(Controller):
         self._state_time = realtime.Throttle(settings.state_publish_rate)
         self._running = False
         self._open()
+
+    def _new_law(self, compliance: Compliance, filter_time: float) -> CartesianLaw:
+        """Return the law with these gains; `filter_time` of equilibrium and gains [s]."""
+        return CartesianLaw(compliance, filter_time)
 
     def _obeys(self, filter_time: float) -> bool:
         """Return True if the speed scale can slow the equilibrium down.

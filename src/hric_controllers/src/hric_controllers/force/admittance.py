@@ -46,7 +46,8 @@ class AdmittanceSettings(Settings):
         minimum=0.001,
         maximum=5.0,
         unit="s",
-        text="after the start the arm holds, and then subtracts the mean wrench of the second half of this time; touch it later",
+        text="after the start the arm holds, and then subtracts the mean wrench of the second half of this time; "
+        "touch it later",
     )
     locked: tuple[str, ...] = listing(
         choice(*AXES),

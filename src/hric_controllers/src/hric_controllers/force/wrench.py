@@ -9,7 +9,7 @@ class TaredWrench:
     """Wrench that the arm exerts on its environment: the estimate less its mean after the start.
 
     Args:
-        tare_time: time of the tare [s]; its first half does not count, as the arm and the filter of the estimate settle.
+        tare_time: time of the tare [s]; its first half does not count, as arm and filter of the estimate settle.
     """
 
     def __init__(self, tare_time: float) -> None:
