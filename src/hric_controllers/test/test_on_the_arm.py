@@ -1,5 +1,6 @@
 """The controllers with the shipped configuration on the simulated arm."""
 
+import importlib.util
 import itertools
 import logging
 import math
@@ -87,7 +88,8 @@ def test_every_configured_controller_loads_for_any_arm_id_without_a_warning(capl
     with caplog.at_level(logging.WARNING, "hric"):
         bench = ArmLab()
         for name in configured():
-            bench.manager.load(name)
+            if name != "policy_controller" or importlib.util.find_spec("onnxruntime"):  # of the part `learning`
+                bench.manager.load(name)
     assert not caplog.records
     assert "left_joint1" in configured("left")["joint_pd_controller"]["joints"]
 

@@ -6,6 +6,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from franka_hw_interface.interfaces import FrankaModelInterface
+from hric_controllers.policy.contract import STREAM, moved, within
 from hric_core.geometry import FloatArray, Pose, from_rotation_vector
 from hric_core.geometry.quaternions import product
 from hric_gym.spaces import Box, unit_box
@@ -17,6 +19,8 @@ JOINT_SPEED = 1.0
 """Joint velocity of an action of 1 [rad/s] (project default)."""
 SPEED, ROTATION = 0.5, 1.0
 """Velocity of the equilibrium pose for an action of 1 [m/s], [rad/s] (project default)."""
+STREAM_SPEED = 0.7
+"""Velocity of a streamed end effector for an action of 1 [m/s]: limit of cartesian_streaming_controller."""
 LEAD = 0.1
 """Largest distance of the equilibrium position from the end effector, per axis [m] (project default)."""
 STIFFNESS = (50.0, 1000.0), (5.0, 60.0)
@@ -87,6 +91,27 @@ class JointPosition(JointVelocity):
         """Set the setpoint."""
         self.command = np.clip(self._low + 0.5 * (action + 1.0) * (self._high - self._low), self._low, self._high)
         self._simulation.command(PD, self.command.tolist())
+
+
+class EndEffectorStream(ActionMode):
+    """Velocity of the end effector, axes of the base, which moves a stream of joint positions.
+
+    The stream is commanded at limited velocity, acceleration and jerk, as by `hric_controllers/PolicyController`.
+    """
+
+    controller: ClassVar[str] = "joint_streaming_controller"
+    space: ClassVar[Box] = unit_box(3)
+
+    def start(self, observation: SimulationState) -> None:
+        """Hold the present position."""
+        self._model = self._simulation.app.hw.get(FrankaModelInterface).model
+        self.command = within(observation.arm.q, self._low, self._high)
+
+    def apply(self, action: FloatArray, observation: SimulationState) -> None:
+        """Move the target for one period."""
+        after = moved(self._model, self.command, STREAM_SPEED * self._period * action, self._period)
+        self.command = within(after, self._low, self._high)
+        self._simulation.command(self.controller, self.command.tolist())
 
 
 class EndEffectorDelta(ActionMode):
@@ -180,6 +205,7 @@ MODES: dict[str, type[ActionMode]] = {
     "joint_velocity": JointVelocity,
     "joint_position": JointPosition,
     "end_effector": EndEffectorDelta,
+    STREAM: EndEffectorStream,
     "impedance": ImpedanceTarget,
     "torque": JointTorque,
 }

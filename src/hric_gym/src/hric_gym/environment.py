@@ -31,6 +31,9 @@ HAND_LEAD = 0.15
 """Largest distance of that target from the hand, per axis [m] (project default)."""
 LARGEST = 10.0
 """Bound of a cost's share in reward and observation [1]."""
+REFLEX_COST = 20.0
+"""Cost of a reflex in the reward [1]: without it an episode that a reflex ends would cost less than one that goes on
+(project default)."""
 WEIGHTS = {"force": 0.1, "effort": 0.1}
 """Default weights of the costs' shares in the reward."""
 
@@ -44,8 +47,9 @@ class CollaborationEnv(Env):
     Each step is a number of cycles of 1 ms: the action goes to a controller, the controller's command through the
     emulated control box. A reflex of the box ends the episode; `info["reflex"]` has its names.
 
-    The reward is -distance from the goal [m], minus weighted shares of the costs. `info` has `distance`, `costs` (share
-    of the limit by name), `violations`, `not_known`, `findings`, and `cost`: the number of violated constraints.
+    The reward is -distance from the goal [m], minus weighted shares of the costs, and minus REFLEX_COST for a reflex.
+    `info` has `distance`, `costs` (share of the limit by name), `violations`, `not_known`, `findings`, and `cost`: the
+    number of violated constraints.
 
     Args:
         task: name of a task, one of `tasks.TASKS`.
@@ -224,6 +228,8 @@ class CollaborationEnv(Env):
         reward = -info["distance"] - sum(
             weight * min(costs.shares.get(name, 0.0), LARGEST) for name, weight in self._weights.items()
         )
+        if info["reflex"]:
+            reward -= REFLEX_COST
         self._ended = bool(self._hw.error) or info["success"]
         return self._values(costs), float(reward), self._ended, False, info
 

@@ -10,8 +10,9 @@ from hric_core.geometry import FloatArray, quaternion_from_rotation
 from hric_run.observation import SimulationState
 
 try:
-    from gymnasium import Env, register
+    from gymnasium import Env, ObservationWrapper, make, register
     from gymnasium.spaces import Box, Dict
+    from gymnasium.wrappers import TransformReward
 except ImportError:
     raise HricError("hric_gym needs Gymnasium, which is not installed:  scripts/setup --with learning") from None
 
@@ -21,10 +22,13 @@ __all__ = [
     "Dict",
     "Env",
     "Field",
+    "ObservationWrapper",
+    "TransformReward",
     "Values",
     "arm_values",
     "as_values",
     "dict_space",
+    "make",
     "person_values",
     "register",
     "unit_box",

@@ -9,7 +9,7 @@ from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
 from control_msgs.msg import JointTrajectoryControllerState
-from hric_control.controller import Controller
+from hric_control.controller import Controller, SettingsClasses
 from hric_control.hardware_interface import PositionJointInterface
 from hric_control.limits import load_limits
 from hric_control.robot_hw import RobotHW
@@ -37,13 +37,13 @@ class JointStreamingSettings(Settings):
     state_publish_rate: float = parameters.state_rate(100.0)
 
 
-class JointStreamingController(Controller):
-    """Controller that moves the joints smoothly behind targets of any rate, by position commands.
+class StreamedJoints(Controller):
+    """Base class of controllers that move the joints smoothly behind targets of any rate, by position commands.
 
-    INTERFACE.md lists its parameters and topics; `streaming.follower` has the motion.
+    A subclass appends the targets to `_targets`; `streaming.follower` has the motion.
     """
 
-    settings = (JointStreamingSettings,)
+    settings: SettingsClasses = (JointStreamingSettings,)
 
     def init(self, robot_hw: RobotHW, root_node: Node, controller_node: Node) -> None:
         """Read the parameters, get the hardware interfaces, and then advertise the topics.
@@ -64,8 +64,6 @@ class JointStreamingController(Controller):
         self._state_time = realtime.Throttle(settings.state_publish_rate)
         self._running = False
         self._state = realtime.publisher(node, "state", JointTrajectoryControllerState)
-        node.subscribe("command", Float64MultiArray, self._on_command, queue_size=KEPT)
-        node.subscribe("trajectory", JointTrajectory, self._on_trajectory, queue_size=KEPT)
 
     def _check_velocity(self, settings: JointStreamingSettings, root_node: Node) -> None:
         """Raise an error if a velocity limit is above that of the robot description."""
@@ -76,30 +74,6 @@ class JointStreamingController(Controller):
         for joint, value, limit in zip(self.joints, settings.velocity, limits, strict=True):
             if value > limit.velocity:
                 raise refused(self._node.resolve("velocity"), value, f"up to {limit.velocity:g} rad/s for {joint}")
-
-    def _on_command(self, message: Any) -> None:
-        """Pass a target without a stamp to the loop. Raises CommandError if it is refused."""
-        self._take(message.data, None)
-
-    def _on_trajectory(self, message: Any) -> None:
-        """Pass the last point of a trajectory, with the stamp of its header, to the loop.
-
-        Raises:
-            CommandError: the target is refused; the node logs the error's text with the topic's name.
-        """
-        if not message.points:
-            raise CommandError("a trajectory without points; valid: one point or more, of which the last counts")
-        waypoints = read_waypoints(message, self.joints, allow_partial=False)
-        stamp = message.header.stamp.to_sec() + message.points[-1].time_from_start.to_sec()
-        self._take([one[-1].position for one in waypoints if one], stamp if message.header.stamp.to_sec() else None)
-
-    def _take(self, values: Sequence[float], stamp: float | None) -> None:
-        if not self._running:
-            raise CommandError("the controller is not running, the target is ignored; start it first")
-        try:
-            self._targets.append((parameters.check_setpoint(values, self.joints, self._ranges), stamp))
-        except CommandError as error:
-            raise CommandError(f"target refused, the stream goes on without it: {error}") from None
 
     def starting(self, time: float) -> None:
         """Hold the last commanded position until the first target comes."""
@@ -126,3 +100,37 @@ class JointStreamingController(Controller):
     def stopping(self, time: float) -> None:
         """Stop accepting targets."""
         self._running = False
+
+
+class JointStreamingController(StreamedJoints):
+    """Controller that follows the targets of its topics. INTERFACE.md lists its parameters and topics."""
+
+    def init(self, robot_hw: RobotHW, root_node: Node, controller_node: Node) -> None:
+        """Read the parameters, get the hardware interfaces, and subscribe to the topics."""
+        super().init(robot_hw, root_node, controller_node)
+        controller_node.subscribe("command", Float64MultiArray, self._on_command, queue_size=KEPT)
+        controller_node.subscribe("trajectory", JointTrajectory, self._on_trajectory, queue_size=KEPT)
+
+    def _on_command(self, message: Any) -> None:
+        """Pass a target without a stamp to the loop. Raises CommandError if it is refused."""
+        self._take(message.data, None)
+
+    def _on_trajectory(self, message: Any) -> None:
+        """Pass the last point of a trajectory, with the stamp of its header, to the loop.
+
+        Raises:
+            CommandError: the target is refused; the node logs the error's text with the topic's name.
+        """
+        if not message.points:
+            raise CommandError("a trajectory without points; valid: one point or more, of which the last counts")
+        waypoints = read_waypoints(message, self.joints, allow_partial=False)
+        stamp = message.header.stamp.to_sec() + message.points[-1].time_from_start.to_sec()
+        self._take([one[-1].position for one in waypoints if one], stamp if message.header.stamp.to_sec() else None)
+
+    def _take(self, values: Sequence[float], stamp: float | None) -> None:
+        if not self._running:
+            raise CommandError("the controller is not running, the target is ignored; start it first")
+        try:
+            self._targets.append((parameters.check_setpoint(values, self.joints, self._ranges), stamp))
+        except CommandError as error:
+            raise CommandError(f"target refused, the stream goes on without it: {error}") from None

@@ -1,0 +1,1 @@
+"""Controller whose setpoints come from a trained policy, and the file format of policies."""

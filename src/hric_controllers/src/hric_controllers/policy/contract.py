@@ -1,0 +1,131 @@
+"""Contract between a policy and the arm: what the policy observes and what its numbers mean. It is part of the file."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Self
+
+import numpy as np
+import numpy.typing as npt
+
+from franka_hw_interface.model import FrankaFrame, FrankaModel
+from hric_core.errors import ParameterError
+from hric_core.geometry import FloatArray
+from hric_core.parameters import Settings, choice, listing, mapping, number, numbers, refused, section, text, whole
+
+KEY = "hric_policy"
+"""Key of the contract in the metadata of an ONNX file."""
+VERSION = 1
+"""Version of the contract; files of other versions are refused."""
+FIELDS = {
+    "q": (7, "rad"),
+    "dq": (7, "rad/s"),
+    "command": (7, "rad"),
+    "ee_position": (3, "m"),
+    "wrench": (6, "N, N m"),
+    "goal": (3, "m"),
+    "goal_offset": (3, "m"),
+}
+"""Number of values and unit of each field that a policy can observe: joint positions and velocities, present setpoint,
+position of the end effector (O_T_EE), estimated external wrench (O_F_ext_hat_K), goal of the end effector, and the same
+less its position; axes of the base."""
+STREAM = "end_effector_stream"
+"""Kind of action: velocity of the end effector, which moves a stream of joint positions."""
+JOINT_SPEED = 1.0
+"""Largest velocity of a joint's setpoint [rad/s]; a faster motion of all joints is slowed down (project default)."""
+MARGIN = 0.05
+"""Distance of setpoints from the ends of the joint ranges [rad], as the motion may overshoot (project default)."""
+DAMPING = 0.01
+"""Damping of the least squares, a length below which the end effector can hardly move in a direction [m]."""
+Vector = npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class FieldScale(Settings):
+    """Field of an observation; the policy gets (value - offset) / scale."""
+
+    name: str = choice(*FIELDS)
+    unit: str = text()
+    offset: tuple[float, ...] = numbers()
+    scale: tuple[float, ...] = numbers(above=0.0)
+
+    def check(self, where: str) -> None:
+        """Raise an error if unit or number of values are not those of the field."""
+        count, unit = FIELDS[self.name]
+        if self.unit != unit:
+            raise refused(f"{where}unit", self.unit, f"{unit}, the unit of {self.name}")
+        for name in ("offset", "scale"):
+            if len(getattr(self, name)) != count:
+                raise refused(f"{where}{name}", getattr(self, name), f"{count} numbers, as {self.name} has")
+
+
+@dataclass(frozen=True)
+class PolicyContract(Settings):
+    """Contract of a policy, as its file has it."""
+
+    version: int = whole(minimum=VERSION, maximum=VERSION)
+    fields: tuple[FieldScale, ...] = listing(section(FieldScale), range(1, len(FIELDS) + 1))
+    period: float = number(minimum=0.005, maximum=0.5, unit="s", text="time between two actions")
+    action: str = choice(STREAM)
+    action_scale: float = number(above=0.0, maximum=2.0, unit="m/s", text="velocity along an axis of the base for 1")
+    near: float = number(above=0.0, unit="m", text="distance from the goal at which the policy has finished")
+    training: Mapping[str, object] = mapping(default={}, text="task, seed and steps of the training, for readers")
+
+    def check(self, where: str) -> None:
+        """Raise an error if a field occurs twice."""
+        names = [field.name for field in self.fields]
+        if len(set(names)) < len(names):
+            raise refused(f"{where}fields", names, "each field once")
+        offset, scale = ([x for field in self.fields for x in getattr(field, key)] for key in ("offset", "scale"))
+        object.__setattr__(self, "_scaling", (np.array(offset), np.array(scale)))
+
+    @property
+    def size(self) -> int:
+        """Number of values of an observation."""
+        return sum(FIELDS[field.name][0] for field in self.fields)
+
+    def observation(self, values: Mapping[str, Sequence[float]]) -> Vector:
+        """Return the observation that the policy gets; `values`: values of each field but `goal_offset`."""
+        offset, scale = self._scaling  # type: ignore[attr-defined]  # set by check, as the class is frozen
+        values = {**values, "goal_offset": np.subtract(values["goal"], values["ee_position"]).tolist()}
+        joined = np.concatenate([values[field.name] for field in self.fields])
+        result: Vector = ((joined - offset) / scale).astype(np.float32)
+        return result
+
+    @classmethod
+    def from_metadata(cls, metadata: Mapping[str, str], path: str) -> Self:
+        """Return the contract in the metadata of a file. Raises ParameterError if there is none that is valid."""
+        if KEY not in metadata:
+            raise ParameterError(
+                f"{path} does not say what its policy observes: its metadata has no {KEY}; valid: a file of hric train"
+            )
+        try:
+            content = json.loads(metadata[KEY])
+        except json.JSONDecodeError as error:
+            raise ParameterError(f"{path}: {KEY} is no JSON: {error}; valid: a file of hric train") from None
+        return cls.of(content, f"{path}: {KEY}")
+
+    def text(self) -> str:
+        """Return the contract as the JSON of the metadata."""
+        return json.dumps(asdict(self), sort_keys=True)
+
+
+def moved(model: FrankaModel, q: FloatArray, displacement: FloatArray, period: float) -> FloatArray:
+    """Return the joint positions [rad] after a displacement of the end effector, by damped least squares.
+
+    Source: Nakamura and Hanafusa, J. Dyn. Sys. Meas. Control 108:163, 1986.
+
+    Args:
+        model: model of the arm.
+        q: joint positions before, shape (7,) [rad].
+        displacement: axes of the base, shape (3,) [m].
+        period: time for the displacement [s].
+    """
+    J = model.zero_jacobian(FrankaFrame.END_EFFECTOR, q.tolist())[:3]
+    step = J.T @ np.linalg.solve(J @ J.T + DAMPING**2 * np.eye(3), displacement)
+    return q + step / max(1.0, float(np.abs(step).max()) / (JOINT_SPEED * period))
+
+
+def within(q: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
+    """Return joint positions [rad] at least MARGIN from the ends of the joint ranges."""
+    return np.clip(q, lower + MARGIN, upper - MARGIN)

@@ -1,0 +1,106 @@
+"""Commands `train` and `check_policy`: train a policy, and evaluate it on its task."""
+
+import argparse
+from pathlib import Path
+
+from hric_core.command import Argument, Command
+from hric_core.errors import NOT_GOOD, HricError
+from hric_core.parameters import number, whole
+from hric_core.processes import INTERRUPTED_CODE
+
+STEPS = 24_000
+"""Default number of steps of a training: some ten minutes of one processor (project default)."""
+EPISODES = 200
+"""Default number of episodes of an evaluation."""
+
+
+class TrainCommand(Command):
+    """Train a policy that moves the end effector to goals, and write it for hric_controllers/PolicyController.
+
+    The training is SAC of stable-baselines3 in the environment of the task. Ctrl-C ends it and leaves the policy so far
+    with a checkpoint, from which --resume goes on.
+    """
+
+    def arguments(self) -> list[Argument]:
+        """Return the arguments."""
+        return [
+            Argument("task", metavar="TASK", help="task of hric_gym whose goal is a point: Reach"),
+            Argument("--output", type=Path, default=Path("policy.onnx"), metavar="FILE", help="(default: policy.onnx)"),
+            Argument("--steps", type=int, default=STEPS, help=f"actions in the training (default: {STEPS})"),
+            Argument("--seed", type=int, default=0, help="seed of all random numbers (default: 0)"),
+            Argument(
+                "--weight",
+                nargs=2,
+                action="append",
+                default=[],
+                metavar=("COST", "WEIGHT"),
+                help="weight of a cost in the reward instead of its default, e.g. separation 0.01; may be repeated",
+            ),
+            Argument("--resume", action="store_true", help="go on from the checkpoint, with its seed and weights"),
+        ]
+
+    def run(self, arguments: argparse.Namespace) -> int:
+        """Train, and write the policy."""
+        from hric_controllers.policy.network import PolicyNetwork
+        from hric_gym.environment import WEIGHTS
+        from hric_gym.policy_env import contract
+        from hric_gym.training import train
+
+        output = arguments.output
+        steps = whole(minimum=1000).checked(arguments.steps, "--steps")
+        if output.suffix != ".onnx" or not output.parent.is_dir():
+            raise HricError(f"--output is {output}; valid: a file with the suffix .onnx in a folder that exists")
+        weights = {name: _weight(text) for name, text in arguments.weight}
+        settings = {"steps": steps, "seed": whole(minimum=0).checked(arguments.seed, "--seed")}
+        settings["weights"] = WEIGHTS | weights
+        agreed = PolicyNetwork(output).contract if arguments.resume else contract(arguments.task, settings)
+        completed = train(agreed, output, resume=arguments.resume)
+        print(f"{output} written" if completed else f"interrupted; {output} is the policy so far, --resume goes on")
+        return 0 if completed else INTERRUPTED_CODE
+
+
+def _weight(text: str) -> float:
+    """Return a weight of the command line. Raises ParameterError if it is not a number of 0 or more."""
+    try:
+        value: object = float(text)
+    except ValueError:
+        value = text
+    return float(number(minimum=0.0).checked(value, "--weight"))
+
+
+class CheckPolicyCommand(Command):
+    """Evaluate a policy on its own task over fresh episodes, next to a scripted straight reach and the resting arm.
+
+    The table has mean score, episodes that reached the goal and their mean time [s], largest share of a contact limit,
+    mean share of the protective separation distance (up to 10), and episodes above each limit with the exact 95 %
+    interval.
+    """
+
+    epilog = (
+        "exit codes: 0 the policy scores better than the scripted reach, and force or reflex exceed a limit in at "
+        "most 1 % of the episodes; 3 it does not."
+    )
+
+    def arguments(self) -> list[Argument]:
+        """Return the arguments."""
+        return [
+            Argument("policy", type=Path, metavar="FILE", help="ONNX file of hric train"),
+            Argument("--episodes", type=int, default=EPISODES, help=f"(default: {EPISODES})"),
+            Argument("--first", type=int, default=None, help="seed of the first episode (default: 1000000)"),
+            Argument("--speed", type=float, default=None, help="of the scripted reach [m/s] (default: 0.7)"),
+        ]
+
+    def run(self, arguments: argparse.Namespace) -> int:
+        """Evaluate the policy and print the table."""
+        from hric_controllers.policy.network import PolicyNetwork
+        from hric_gym import actions, evaluation
+
+        episodes = whole(minimum=2).checked(arguments.episodes, "--episodes")
+        usual = number(actions.STREAM_SPEED, above=0.0, unit="m/s")
+        speed = usual.checked(usual if arguments.speed is None else arguments.speed, "--speed")
+        first = whole(evaluation.FIRST, minimum=0)
+        start = first.checked(first if arguments.first is None else arguments.first, "--first")
+        results = evaluation.evaluated(PolicyNetwork(arguments.policy), episodes, start, speed)
+        print(f"{episodes} episodes, seeds {start} to {start + episodes - 1}")
+        print(evaluation.table(results))
+        return 0 if evaluation.passed(results) else NOT_GOOD

@@ -1,0 +1,77 @@
+"""Environment of a policy: the observation that the arm itself can make, by the contract of the policy."""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+import hric_gym.envs
+from hric_controllers.policy.contract import FIELDS, STREAM, VERSION, FieldScale, PolicyContract, Vector
+from hric_core.errors import check_known
+from hric_gym.actions import STREAM_SPEED
+from hric_gym.environment import STEP
+from hric_gym.goals import BOX, NEAR
+from hric_gym.spaces import Box, ObservationWrapper, Values, make
+from hric_gym.tasks import DRAWN, TASKS
+
+READY = (0.0, -math.pi / 4, 0.0, -3 * math.pi / 4, 0.0, math.pi / 2, math.pi / 4)
+"""Joint positions around which observations are scaled: the start of the arm [rad]."""
+
+
+def contract(task: str, training: Mapping[str, object]) -> PolicyContract:
+    """Return the contract of policies for a task: fields of the observation with their scaling, rate, action."""
+    middle, half = 0.5 * (BOX[0] + BOX[1]), 0.25
+    scaling: dict[str, tuple[Any, float]] = {
+        "q": (READY, 1.0),
+        "dq": ([0.0] * 7, 1.0),
+        "command": (READY, 1.0),
+        "ee_position": (middle.tolist(), half),
+        "goal": (middle.tolist(), half),
+        "goal_offset": ([0.0] * 3, half),
+    }
+    fields = tuple(
+        FieldScale(name, FIELDS[name][1], tuple(offset), (scale,) * FIELDS[name][0])
+        for name, (offset, scale) in scaling.items()
+    )
+    return PolicyContract(VERSION, fields, STEP, STREAM, STREAM_SPEED, NEAR, {"task": task, **training})
+
+
+class PolicyEnv(ObservationWrapper):
+    """Environment with the observation of a contract.
+
+    Args:
+        env: environment of the task.
+        agreed: contract of the policy.
+
+    Attributes:
+        fields: newest observation of `env`.
+    """
+
+    fields: Values
+
+    def __init__(self, env: Any, agreed: PolicyContract) -> None:
+        super().__init__(env)
+        self._contract = agreed
+        self.observation_space = Box(-np.inf, np.inf, (agreed.size,), np.float32)
+
+    def observation(self, observation: Values) -> Vector:
+        """Return the scaled fields of the contract."""
+        self.fields = observation
+        return self._contract.observation({name: values.tolist() for name, values in observation.items()})
+
+
+def environment(agreed: PolicyContract, person: str = "scripted") -> PolicyEnv:
+    """Return the environment in which a policy with this contract learns, and is evaluated.
+
+    Args:
+        agreed: contract of the policy, with task and weights in its `training`.
+        person: as in `CollaborationEnv`.
+
+    Raises:
+        HricError: the contract does not say the task, or the goal of the task is none that an arm can be given.
+    """
+    task, weights = str(agreed.training.get("task")), agreed.training.get("weights")
+    check_known("task", [task], [name for name, item in TASKS.items() if item.goal == DRAWN])
+    identity = next(identity for identity, name in hric_gym.envs.IDS.items() if name == task)
+    return PolicyEnv(make(identity, action=agreed.action, weights=weights, person=person), agreed)

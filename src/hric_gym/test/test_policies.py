@@ -1,0 +1,128 @@
+"""Training, export and evaluation of policies, and the committed policy in environment and controller."""
+
+import signal
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hric_core.errors import HricError
+
+pytest.importorskip("stable_baselines3", reason="scripts/setup --with learning")
+pytest.importorskip("onnxruntime", reason="scripts/setup --with learning")
+
+from stable_baselines3 import SAC
+
+from hric_controllers.policy.network import PolicyNetwork
+from hric_gym.evaluation import POLICY, REFLEX, SCRIPTED, EpisodeResult, ScriptedReach, passed, played, table
+from hric_gym.policy_env import contract, environment
+from hric_gym.training import export, train
+from hric_run.definition import experiment
+from hric_run.simulation import Simulation
+
+CONFIG = Path(__file__).resolve().parents[1] / "config"
+COMMITTED = CONFIG / "reach.onnx"
+HRIC = [sys.executable, "-c", "import sys; from hric_core.command import main; sys.exit(main())"]
+
+
+def agreed(steps: int = 1000) -> Any:
+    return contract("Reach", {"steps": steps, "seed": 3, "weights": {"force": 0.1, "effort": 0.1}})
+
+
+def test_the_exported_network_acts_as_the_policy_of_stable_baselines3(tmp_path: Path) -> None:
+    env = environment(agreed())
+    model = SAC("MlpPolicy", env, seed=1, buffer_size=10, policy_kwargs={"net_arch": [64, 64]})
+    export(model, agreed(), tmp_path / "policy.onnx")
+    network, random = PolicyNetwork(tmp_path / "policy.onnx"), np.random.default_rng(2)
+    for _ in range(20):
+        observation = random.normal(size=env.observation_space.shape).astype(np.float32)
+        action, _ = model.predict(observation, deterministic=True)
+        np.testing.assert_allclose(network(observation), action, atol=1e-6)
+    assert network.contract == agreed()
+    env.close()
+
+
+def test_ctrl_c_leaves_a_policy_and_a_checkpoint_from_which_the_training_goes_on(tmp_path: Path) -> None:
+    command = [*HRIC, "train", "Reach", "--steps", "1300", "--output", str(tmp_path / "policy.onnx")]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    assert process.stderr is not None
+    shown = ""
+    while "| 1010/1300" not in shown and process.poll() is None:  # the bar is written without line ends
+        shown = (shown + process.stderr.read(20))[-400:]
+        if "/1300" in shown and " 3" in shown.split("/1300")[0][-4:]:
+            break
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=120)
+    assert process.returncode == 130
+    before = SAC.load(tmp_path / "policy.zip").num_timesteps
+    assert 0 < before < 1300 and PolicyNetwork(tmp_path / "policy.onnx").contract.training["steps"] == 1300
+    done = subprocess.run([*command, "--resume"], capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    assert SAC.load(tmp_path / "policy.zip").num_timesteps == 1300
+
+
+def test_without_a_checkpoint_nothing_is_resumed(tmp_path: Path) -> None:
+    with pytest.raises(HricError, match="there is no checkpoint"):
+        train(agreed(), tmp_path / "policy.onnx", resume=True)
+
+
+def test_a_task_whose_goal_moves_is_refused() -> None:
+    with pytest.raises(HricError, match="no task 'Handover'; valid: Reach"):
+        environment(contract("Handover", {}))
+
+
+def test_the_committed_policy_moves_the_arm_as_controller_as_in_the_environment() -> None:
+    """The controller decides one cycle later, as it reads the state at the start of a cycle."""
+    network = PolicyNetwork(COMMITTED)
+    env = environment(network.contract)
+    observation, _ = env.reset(seed=7)
+    q_start, goal, rows = env.fields["q"].tolist(), env.fields["goal"].tolist(), []
+    for _ in range(15):
+        rows.append(env.fields["q"])
+        observation, _, ended, _, _ = env.step(network(observation))
+        if ended:
+            break
+    env.close()
+    definition = experiment.load(str(CONFIG / "reach_policy.yaml"), [])
+    definition = replace(
+        definition, human=None, parameters={"policy_controller": {"file": str(COMMITTED), "goal": goal}}
+    )
+    with Simulation(definition, **{}) as simulation:
+        simulation.reset(q_start=q_start, in_place=True)
+        simulation.run(0.04 * len(rows))
+        q = simulation.signals.position[::40]
+    assert np.ptp(rows, axis=0).max() > 0.2
+    np.testing.assert_allclose(q[: len(rows)], rows, atol=0.02)
+
+
+def test_the_scripted_reach_reaches_and_the_resting_arm_does_not() -> None:
+    env = environment(agreed())
+    reach = played(env, ScriptedReach(env.unwrapped, 0.7), 11)
+    rest = played(env, lambda *_: np.zeros(3), 11)
+    again = played(env, ScriptedReach(env.unwrapped, 0.7), 11)
+    env.close()
+    assert reach == again and reach.success and not rest.success and reach.score > rest.score
+    assert rest.seconds == pytest.approx(4.0) and reach.seconds < 2.5
+
+
+def episodes(score: float, count: int, above: int) -> list[EpisodeResult]:
+    limits = frozenset({REFLEX})
+    return [
+        EpisodeResult(score + 0.1 * (k % 3), True, 1.0, limits if k < above else frozenset(), 0.5, 3.0)
+        for k in range(count)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("score", "above", "good"), [(-2.0, 0, True), (-2.0, 2, True), (-2.0, 3, False), (-3.0, 0, False), (-4.0, 0, False)]
+)
+def test_a_policy_passes_if_it_scores_better_and_at_most_one_percent_exceed_a_limit(
+    score: float, above: int, good: bool
+) -> None:
+    results = {POLICY: episodes(score, 200, above), SCRIPTED: episodes(-3.0, 200, 0)}
+    assert passed(results) is good
+    assert f"reflex {above} (" in table(results)
