@@ -4,26 +4,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from controller_manager_msgs.msg import (
-    ControllersStatistics,
-    ControllerState,
-    ControllerStatistics,
-    HardwareInterfaceResources,
-)
-from controller_manager_msgs.srv import (
-    ListControllers,
-    ListControllersResponse,
-    ListControllerTypes,
-    ListControllerTypesResponse,
-    LoadController,
-    LoadControllerResponse,
-    ReloadControllerLibraries,
-    ReloadControllerLibrariesResponse,
-    SwitchController,
-    SwitchControllerResponse,
-    UnloadController,
-    UnloadControllerResponse,
-)
+from controller_manager_msgs import msg, srv
 from hric_control.manager.controller_manager import ControllerManager
 from hric_control.manager.loaded_controller import ControllerStatus, UpdateStatistics
 from hric_core import realtime
@@ -52,14 +33,14 @@ class ManagerServices:
     def __init__(self, manager: ControllerManager, node: Node) -> None:
         self._manager, self._node = manager, node.child(NAMESPACE)
         self._services = [
-            self._node.service("list_controllers", ListControllers, self._list),
-            self._node.service("list_controller_types", ListControllerTypes, self._types),
-            self._node.service("load_controller", LoadController, self._load),
-            self._node.service("unload_controller", UnloadController, self._unload),
-            self._node.service("switch_controller", SwitchController, self._switch),
-            self._node.service("reload_controller_libraries", ReloadControllerLibraries, self._reload),
+            self._node.service("list_controllers", srv.ListControllers, self._list),
+            self._node.service("list_controller_types", srv.ListControllerTypes, self._types),
+            self._node.service("load_controller", srv.LoadController, self._load),
+            self._node.service("unload_controller", srv.UnloadController, self._unload),
+            self._node.service("switch_controller", srv.SwitchController, self._switch),
+            self._node.service("reload_controller_libraries", srv.ReloadControllerLibraries, self._reload),
         ]
-        self._publisher = realtime.publisher(self._node, "statistics", ControllersStatistics)
+        self._publisher = realtime.publisher(self._node, "statistics", msg.ControllersStatistics)
         manager.call_periodically(STATISTICS_PERIOD, self._publish)
 
     def _try(self, what: str, request: Callable[[], None]) -> bool:
@@ -72,19 +53,19 @@ class ManagerServices:
         return True
 
     def _list(self, request: Any) -> Any:
-        return ListControllersResponse(controller=[_state(status) for status in self._manager.list()])
+        return srv.ListControllersResponse(controller=[_state(status) for status in self._manager.list()])
 
     def _types(self, request: Any) -> Any:
         types = self._manager.types()
-        return ListControllerTypesResponse(types=list(types), base_classes=list(types.values()))
+        return srv.ListControllerTypesResponse(types=list(types), base_classes=list(types.values()))
 
     def _load(self, request: Any) -> Any:
-        return LoadControllerResponse(
+        return srv.LoadControllerResponse(
             ok=self._try(f"loading {request.name!r}", lambda: self._manager.load(request.name))
         )
 
     def _unload(self, request: Any) -> Any:
-        return UnloadControllerResponse(
+        return srv.UnloadControllerResponse(
             ok=self._try(f"unloading {request.name!r}", lambda: self._manager.unload(request.name))
         )
 
@@ -94,10 +75,10 @@ class ManagerServices:
         ok = self._try(
             what, lambda: self._manager.switch(start, stop, request.strictness, request.start_asap, request.timeout)
         )
-        return SwitchControllerResponse(ok=ok)
+        return srv.SwitchControllerResponse(ok=ok)
 
     def _reload(self, request: Any) -> Any:
-        return ReloadControllerLibrariesResponse(
+        return srv.ReloadControllerLibrariesResponse(
             ok=self._try("reloading", lambda: self._manager.reload(request.force_kill))
         )
 
@@ -108,17 +89,17 @@ class ManagerServices:
 
 def _state(status: ControllerStatus) -> Any:
     claims = [
-        HardwareInterfaceResources(hardware_interface=name, resources=list(joints))
+        msg.HardwareInterfaceResources(hardware_interface=name, resources=list(joints))
         for name, joints in status.claims.items()
     ]
-    return ControllerState(name=status.name, state=status.state, type=status.type, claimed_resources=claims)
+    return msg.ControllerState(name=status.name, state=status.state, type=status.type, claimed_resources=claims)
 
 
 def _statistics(snapshot: Sequence[UpdateStatistics], time: float) -> Any:
-    message = ControllersStatistics()
+    message = msg.ControllersStatistics()
     message.header.stamp = stamps.to_time(time)
     message.controller = [
-        ControllerStatistics(
+        msg.ControllerStatistics(
             name=entry.name,
             type=entry.type,
             timestamp=message.header.stamp,
