@@ -1,0 +1,1 @@
+"""Controllers that yield to the force at the end effector."""
