@@ -36,6 +36,7 @@ def test_the_experiments_of_the_workspace_are_valid() -> None:
             "identify_load",
             "marker_tracking",
             "pd_step",
+            "polish",
             "shared_workspace",
         ),
         "thesis_step",
@@ -221,7 +222,7 @@ def test_an_experiment_without_motion_capture_says_so() -> None:
 def test_an_unknown_experiment_lists_those_that_exist() -> None:
     with pytest.raises(
         HricError,
-        match=r"no experiment 'pdstep'.*valid: co_transport, .*marker_tracking, pd_step, shared_workspace, thesis_step",
+        match=r"no experiment 'pdstep'.*valid: co_transport, .*marker_tracking, pd_step, polish, shared_workspace",
     ):
         experiment.read("pdstep")
     with pytest.raises(HricError, match=r"no experiment file nowhere\.yaml"):

@@ -18,7 +18,7 @@ from hric_analysis.tracking_run import MarkerTracking
 from hric_bags.parts import Bag
 from hric_bags.reader import RunRecord
 from hric_bags.records import contact_record, safety_record
-from hric_bags.records.contact_record import PairForce
+from hric_bags.records.contact_record import ForceHeld, PairForce
 from hric_bags.records.safety_record import SafetyRecord
 from hric_bags.run_file import Definition, RunFile
 from hric_core.json_values import to_json
@@ -49,6 +49,7 @@ class RunMetrics(MotionMetrics):
         missed_deadlines: number of control cycles that started late; None: not published, as in a headless run.
         reflexes: stops by which the arm protected itself.
         contacts: contact forces of each pair of bodies that touched.
+        forces: force that each force controller held on a surface, by its name.
         stability: stability verdict.
         sources, sync: completeness of the sensor data, and of synchronised streams.
         human, supervisor, tracking: metrics of simulated human, safety supervisor, and marker tracking.
@@ -59,6 +60,7 @@ class RunMetrics(MotionMetrics):
     missed_deadlines: int | None
     reflexes: tuple[Reflex, ...]
     contacts: tuple[PairForce, ...] | None
+    forces: dict[str, ForceHeld] | None
     stability: Stability
     sources: dict[str, SourceMetrics] | None
     sync: dict[str, StreamMetrics] | None
@@ -98,6 +100,7 @@ class Values(Mapping[str, object]):
             "missed_deadlines": lambda: collection_record.missed_deadlines(bag),
             "reflexes": lambda: tuple(Reflex(*reflex) for reflex in record.reflexes),
             "contacts": lambda: tuple(contact_record.read(bag, record.robot_time)) or None,
+            "forces": lambda: contact_record.forces_held(bag, record.robot_time) or None,
             "stability": self._stability,
             "sources": lambda: self._collected.sources,
             "sync": lambda: self._collected.sync,

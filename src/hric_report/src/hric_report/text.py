@@ -36,6 +36,7 @@ def render(run: RunFile, metrics: RunMetrics) -> str:
     if metrics.contacts:
         lines = text.rows([contact_record.HEAD, *contact_record.cells(metrics.contacts)])
         parts.append("\n".join([*lines, *filter(None, [contact_record.note(metrics.contacts)])]))
+    parts += [_held(name, force) for name, force in (metrics.forces or {}).items()]
     parts += [_limits(metrics), _log(metrics)]
     if metrics.sources:
         parts.append(sensor_text.collection(metrics.sources, metrics.sync or {}))
@@ -59,6 +60,15 @@ def _head(run: RunFile, metrics: RunMetrics) -> str:
         f"{run.get('experiment', 'run')}: {run.get('description', '')}\n"
         f"{run.get('status', '')} ({run.get('mode', '')}){error}, arguments: {arguments}, seed {run.get('seed', 0)}\n"
         f"{log.cycles} cycles, {log.duration:.3f} s of robot time{pace}"
+    )
+
+
+def _held(name: str, force: contact_record.ForceHeld) -> str:
+    contact = force.contact_rms_error
+    known = "not recorded" if contact is None else f"{contact:.3f} N"
+    return (
+        f"{name.lstrip('/')}: {force.desired:.2f} N desired for {force.seconds:.2f} s; RMS error of the contact force "
+        f"{known}, of the estimated force {force.estimate_rms_error:.3f} N"
     )
 
 

@@ -6,13 +6,21 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+
 from hric_bags.parts import Bag
 from hric_bags.reader import opened, seconds
 from hric_control.sim import contact_info
 from hric_core.errors import HricError
 
 CONTACTS_TYPE = "gazebo_msgs/msg/ContactsState"
+FloatArray = npt.NDArray[np.float64]
 PENALTY = "penalty"
+REFERENCE, MEASURED = "/reference_force", "/measured_force"
+"""Topics of a force controller below its name."""
+SETTLING = 0.5
+"""Time after a change of the desired force that is not counted [s] (project default, unconfirmed)."""
 REMEDY = (
     "give one of the two contact: penalty (of the object in the world file, or plant/surfaces for a link) and run again"
 )
@@ -72,6 +80,88 @@ def _add(pairs: dict[tuple[str, str], PairForce], state: Any, time: float) -> No
     if peak > pair.peak_force:
         pair.peak_force, pair.time = peak, time
     pair.last = time
+
+
+@dataclass(frozen=True)
+class ForceHeld:
+    """Force that a force controller held on a surface, from 0.5 s after each change of the desired force.
+
+    Attributes:
+        desired: mean desired force [N].
+        seconds: time that the other values are computed from [s].
+        estimate_rms_error: RMS error of the force that the arm estimates, along the desired force [N].
+        contact_rms_error: likewise, of the recorded contacts of the arm [N]; None: no contacts were recorded.
+    """
+
+    desired: float
+    seconds: float
+    estimate_rms_error: float
+    contact_rms_error: float | None
+
+
+def forces_held(bag: Path | Bag, robot_time: Callable[[float], float]) -> dict[str, ForceHeld]:
+    """Return the force that each force controller held in a bag, by the name of its topics; empty: there is none."""
+    series: dict[str, list[tuple[float, FloatArray]]] = {}
+    arms: dict[str, str] = {}  # prefix of the links' names by controller
+    with opened(bag) as reader:
+        names = [c.topic.removesuffix(REFERENCE) for c in reader.connections if c.topic.endswith(REFERENCE)]
+        topics = {f"{name}{topic}" for name in names for topic in (REFERENCE, MEASURED)}
+        chosen = [c for c in reader.connections if names and (c.msgtype == CONTACTS_TYPE or c.topic in topics)]
+        for connection, _, raw in reader.messages(connections=chosen) if chosen else ():
+            message = reader.deserialize(raw, connection.msgtype)
+            time = robot_time(seconds(message.header.stamp))
+            if connection.msgtype == CONTACTS_TYPE:
+                for name, arm in arms.items():
+                    series.setdefault(f"{name}{CONTACTS_TYPE}", []).append((time, _on_others(message, arm)))
+            else:
+                arms[connection.topic.rpartition("/")[0]] = f"{str(message.header.frame_id).removesuffix('_link0')}::"
+                series.setdefault(connection.topic, []).append((time, _vector(message.wrench.force)))
+    held = {name: _held(series, name) for name in names}
+    return {name: force for name, force in held.items() if force is not None}
+
+
+def _held(series: dict[str, list[tuple[float, FloatArray]]], name: str) -> ForceHeld | None:
+    """Return the force that a controller held; None: never for long enough."""
+    times, vectors = (np.array(values) for values in zip(*series[f"{name}{REFERENCE}"], strict=True))
+    desired = np.linalg.norm(vectors, axis=1)
+    changed = np.diff(desired, prepend=0.0) != 0.0
+    settled = (desired > 0.0) & (times - np.maximum.accumulate(np.where(changed, times, -np.inf)) >= SETTLING)
+    if not settled.any():
+        return None
+
+    def error(topic: str) -> float | None:
+        samples = series.get(topic, [])
+        index = [int(np.searchsorted(times, time, "right")) - 1 for time, _ in samples]
+        errors = [
+            v @ vectors[k] / desired[k] - desired[k]
+            for (_, v), k in zip(samples, index, strict=True)
+            if k >= 0 and settled[k]
+        ]
+        return float(np.sqrt(np.mean(np.square(errors)))) if errors else None
+
+    estimated = error(f"{name}{MEASURED}")
+    period = float(np.median(np.diff(times)))
+    return (
+        None
+        if estimated is None
+        else ForceHeld(
+            float(desired[settled].mean()), period * int(settled.sum()), estimated, error(f"{name}{CONTACTS_TYPE}")
+        )
+    )
+
+
+def _on_others(message: Any, arm: str) -> FloatArray:
+    """Return the force of an arm on all other bodies, shape (3,) [N]; arm: prefix of the names of its links."""
+    force = np.zeros(3)
+    for state in message.states:
+        # The wrench acts on the first body.
+        sign = float(str(state.collision2_name).startswith(arm)) - float(str(state.collision1_name).startswith(arm))
+        force += sign * _vector(state.total_wrench.force)
+    return force
+
+
+def _vector(message: Any) -> FloatArray:
+    return np.array([message.x, message.y, message.z])
 
 
 def assessable(pairs: Iterable[PairForce]) -> list[PairForce]:

@@ -48,6 +48,7 @@ class ForceController(CartesianImpedanceController):
     def _open_input(self) -> None:
         super()._open_input()
         self._felt = realtime.publisher(self._node, "measured_force", WrenchStamped)
+        self._reference = realtime.publisher(self._node, "reference_force", WrenchStamped)
         self._contact = realtime.publisher(self._node, "contact", Bool)
         self._node.subscribe("desired_force", WrenchStamped, self._on_force, queue_size=1)
 
@@ -99,6 +100,7 @@ class ForceController(CartesianImpedanceController):
         if self._exerted is not None:
             head = stamped.header(self._node.now(), self._base)
             self._felt.publish(stamped.wrench_stamped, head, self._exerted)
+            self._reference.publish(stamped.wrench_stamped, head, [*self._law.reference, 0.0, 0.0, 0.0])
             self._contact.publish(Bool, self._law.touching)
 
     def _release(self) -> None:

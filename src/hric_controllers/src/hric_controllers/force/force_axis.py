@@ -53,6 +53,7 @@ class ForceAxis:
 
     Attributes:
         touching: True in contact.
+        reference: r, the force to which f is controlled now; 0 in the approach [N].
     """
 
     def __init__(self, gains: ForceGains) -> None:
@@ -61,7 +62,7 @@ class ForceAxis:
 
     def start(self) -> None:
         """Begin with the approach."""
-        self.touching, self._integral, self._reference, self._apart = False, 0.0, 0.0, 0.0
+        self.touching, self._integral, self.reference, self._apart = False, 0.0, 0.0, 0.0
 
     def advance(self, desired: float, force: float, velocity: float, period: float, limit: float = math.inf) -> float:
         """Return the push along the axis [N].
@@ -77,14 +78,14 @@ class ForceAxis:
         f, v = (math.copysign(1.0, desired) * value for value in (force, velocity))
         self._apart = self._apart + period if f < 0.5 * gains.contact_force else 0.0
         if self._apart >= LOST_AFTER:
-            self.touching = False
+            self.touching, self.reference = False, 0.0
         elif not self.touching and f >= gains.contact_force:
-            self.touching, self._reference = True, min(f, w)
+            self.touching, self.reference = True, min(f, w)
         damper = 0.0
         if self.touching:
-            self._reference += _clamped(w - self._reference, gains.force_rate * period)
-            rate = gains.integral * (self._reference - f) if self._apart == 0.0 else 0.0
-            push = self._reference
+            self.reference += _clamped(w - self.reference, gains.force_rate * period)
+            rate = gains.integral * (self.reference - f) if self._apart == 0.0 else 0.0
+            push = self.reference
             damper = gains.damping * v + gains.approach_damping * max(0.0, v - gains.approach_speed)
         else:
             push = gains.approach_damping * (gains.approach_speed - v)

@@ -1,5 +1,6 @@
 """Hybrid law: force along chosen axes of a task frame, Cartesian impedance along the others. No ROS."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -36,6 +37,12 @@ class HybridLaw(CartesianLaw):
     def touching(self) -> bool:
         """True if there are force axes, and all are in contact."""
         return bool(self.desired) and all(self._axes[index].touching for index in self.desired)
+
+    @property
+    def reference(self) -> list[float]:
+        """Force to which the force on the surface is controlled now, base axes [N]; 0 without contact."""
+        pairs = [(math.copysign(self._axes[k].reference, force), self.axis(k)) for k, force in self.desired.items()]
+        return [sum(r * n[i] for r, n in pairs) for i in range(3)]
 
     def axis(self, index: int) -> Vector:
         """Return the unit vector of an axis of the task frame, base axes."""
