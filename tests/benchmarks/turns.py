@@ -24,11 +24,20 @@ class Worker:
     Args:
         name: name of the case.
         tree: workspace whose code is measured; None: this one, in the present environment.
+        command, env: another program with the protocol of worker.py, and its environment variables.
     """
 
-    def __init__(self, name: str, tree: Path | None = None) -> None:
+    def __init__(
+        self,
+        name: str,
+        tree: Path | None = None,
+        command: Sequence[str] | None = None,
+        env: Mapping[str, str] | None = None,
+    ) -> None:
         self.name = name
-        if tree is None:
+        if command is not None:
+            environment = dict(os.environ if env is None else env)
+        elif tree is None:
             command, environment = [sys.executable, str(FOLDER / "worker.py"), name], dict(os.environ)
         else:
             script = '. "$0/scripts/env" && exec python3 "$0/tests/benchmarks/worker.py" "$1"'

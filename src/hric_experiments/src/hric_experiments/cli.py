@@ -79,7 +79,6 @@ class RunCommand(Command):
 
 def _run_experiment(arguments: argparse.Namespace) -> int:
     definition = experiment.load(arguments.experiment, arguments.overrides)
-    from hric_experiments import refine
     from hric_report import headless  # slow to import: errors are reported before
 
     if not arguments.quiet and definition.human is not None:
@@ -88,9 +87,11 @@ def _run_experiment(arguments: argparse.Namespace) -> int:
 
         if lacking := unknown_beforehand(definition.human):
             print(lacking, file=sys.stderr)
-    twin = (
-        refine.run_twin(definition, arguments) if arguments.refine else None
-    )  # first: the run itself is then the latest
+    twin = None
+    if arguments.refine:  # first: the run itself is then the latest
+        from hric_experiments import refine  # imported only here: it is slow to import
+
+        twin = refine.run_twin(definition, arguments)
     result = headless.run(
         definition,
         arguments.overrides,
