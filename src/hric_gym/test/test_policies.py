@@ -46,6 +46,7 @@ def test_the_exported_network_acts_as_the_policy_of_stable_baselines3(tmp_path: 
     env.close()
 
 
+@pytest.mark.slow  # two trainings of a minute each
 def test_ctrl_c_leaves_a_policy_and_a_checkpoint_from_which_the_training_goes_on(tmp_path: Path) -> None:
     command = [*HRIC, "train", "Reach", "--steps", "1300", "--output", str(tmp_path / "policy.onnx")]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
