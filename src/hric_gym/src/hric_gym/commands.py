@@ -8,7 +8,7 @@ from hric_core.errors import NOT_GOOD, HricError
 from hric_core.parameters import number, whole
 from hric_core.processes import INTERRUPTED_CODE
 
-STEPS = 24_000
+STEPS = 28_000
 """Default number of steps of a training: some ten minutes of one processor (project default)."""
 EPISODES = 200
 """Default number of episodes of an evaluation."""
@@ -69,7 +69,7 @@ def _weight(text: str) -> float:
 
 
 class CheckPolicyCommand(Command):
-    """Evaluate a policy on its own task over fresh episodes, next to a scripted straight reach and the resting arm.
+    """Evaluate a policy on its own task over fresh episodes, next to a scripted straight reach, and the resting arm.
 
     The table has mean score, episodes that reached the goal and their mean time [s], largest share of a contact limit,
     mean share of the protective separation distance (up to 10), and episodes above each limit with the exact 95 %

@@ -97,7 +97,7 @@ def played(env: PolicyEnv, act: Act, seed: int) -> EpisodeResult:
 
 
 def evaluated(network: PolicyNetwork, episodes: int, first: int, speed: float) -> dict[str, list[EpisodeResult]]:
-    """Return the results of policy, scripted reach and resting arm in the same episodes.
+    """Return the results of policy and scripted reach in the same episodes, and of the resting arm in a tenth of them.
 
     Args:
         network: the policy.
@@ -106,15 +106,15 @@ def evaluated(network: PolicyNetwork, episodes: int, first: int, speed: float) -
         speed: largest speed of the scripted reach [m/s].
     """
     env = environment(network.contract)
-    acts: dict[str, Act] = {
-        POLICY: lambda observation, _: network(observation),
-        SCRIPTED: ScriptedReach(env.unwrapped, speed),
-        RESTING: lambda *_: np.zeros(3),
+    acts: dict[str, tuple[Act, int]] = {
+        POLICY: (lambda observation, _: network(observation), episodes),
+        SCRIPTED: (ScriptedReach(env.unwrapped, speed), episodes),
+        RESTING: (lambda *_: np.zeros(3), max(1, episodes // 10)),  # they last longest and differ least
     }
     try:
         return {
-            name: [played(env, act, seed) for seed in tqdm(range(first, first + episodes), name, disable=None)]
-            for name, act in acts.items()
+            name: [played(env, act, seed) for seed in tqdm(range(first, first + count), name, disable=None)]
+            for name, (act, count) in acts.items()
         }
     finally:
         env.close()
@@ -129,7 +129,8 @@ def better_by(policy: Sequence[EpisodeResult], scripted: Sequence[EpisodeResult]
 
 def table(results: dict[str, list[EpisodeResult]]) -> str:
     """Return the table of results for the terminal."""
-    lines = [f"{'':10}{'score':>9}{'reached':>9}{'time':>8}{'force':>8}{'separation':>12}   episodes above a limit"]
+    columns = "".join(f"{name:>9}" for name in ("episodes", "score", "reached", "time", "force"))
+    lines = [f"{'':10}{columns}{'separation':>12}   episodes above a limit"]
     for name, episodes in results.items():
         reached = [episode.seconds for episode in episodes if episode.success]
         counts = []
@@ -138,8 +139,8 @@ def table(results: dict[str, list[EpisodeResult]]) -> str:
             low, high = (100.0 * end for end in clopper_pearson(count, len(episodes)))
             counts.append(f"{limit} {count} ({low:.1f} to {high:.1f} %)")
         lines.append(
-            f"{name:10}{np.mean([episode.score for episode in episodes]):9.2f}{len(reached):9}"
-            f"{np.mean(reached) if reached else math.nan:8.2f}{max(episode.force for episode in episodes):8.2f}"
+            f"{name:10}{len(episodes):9}{np.mean([episode.score for episode in episodes]):9.2f}{len(reached):9}"
+            f"{np.mean(reached) if reached else math.nan:9.2f}{max(episode.force for episode in episodes):9.2f}"
             f"{np.mean([episode.separation for episode in episodes]):12.2f}   {', '.join(counts)}"
         )
     mean, half = better_by(results[POLICY], results[SCRIPTED])

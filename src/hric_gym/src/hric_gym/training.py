@@ -21,13 +21,13 @@ try:
     import torch
     from stable_baselines3 import SAC
     from stable_baselines3.common.callbacks import BaseCallback
+    from stable_baselines3.common.utils import FloatSchedule
 except ImportError:
     raise HricError(
         "training needs stable-baselines3, which is not installed:  scripts/setup --with learning"
     ) from None
 
 SETTINGS: Mapping[str, Any] = {
-    "learning_rate": lambda left: 1e-3 * max(0.1, left),  # `left`: share of the steps that remain
     "gamma": 0.95,
     "batch_size": 256,
     "learning_starts": 1000,
@@ -38,8 +38,9 @@ SETTINGS: Mapping[str, Any] = {
 TIME_COST = 0.2
 """Cost of a step in training beyond the reward of the task [1]: without it a policy learns to stay near the goal
 (project default)."""
-ALONE = 0.8
-"""Share of the steps in which nobody is there [1]: the arm learns to move at half of the cost (project default)."""
+PHASES = (("none", 0.36, 1e-3), ("scripted", 0.72, 1e-3), ("none", 1.0, 3e-4))
+"""Phases of a training: person, share of the steps at its end, learning rate (project default). The arm learns to move
+where nobody is, which costs half, then to avoid contacts, then to stop at the goal."""
 RECENT = 50
 """Number of episodes over which the progress bar averages."""
 Ends = list[tuple[float, bool, bool]]
@@ -94,12 +95,13 @@ def train(agreed: PolicyContract, output: Path, *, resume: bool = False) -> bool
     interrupted = threading.Event()
     previous = signal.signal(signal.SIGINT, lambda *_: interrupted.set())
     try:
-        for person, until in (("none", round(ALONE * steps)), ("scripted", steps)):
-            left = until - model.num_timesteps
+        for person, end, rate in PHASES:
+            left = round(end * steps) - model.num_timesteps
             if left > 0 and not interrupted.is_set():
                 env.close()
                 env = _environment(agreed, person)
                 model.set_env(env)
+                model.lr_schedule = FloatSchedule(rate)
                 model.learn(left, _Progress(left, person, interrupted), reset_num_timesteps=False)
     finally:
         signal.signal(signal.SIGINT, previous)
