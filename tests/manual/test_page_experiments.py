@@ -21,6 +21,8 @@ MADE = re.compile(r"[\w/]+\.(yaml|c3d)")
 
 def accept(name: str, given: list[str]) -> None:
     """Read an experiment or a study; raise HricError if it is refused."""
+    if name.startswith("src/"):
+        name = str(ROOT / name)  # commands of a page run in the workspace
     if Path(name).exists() and not Path(name).stat().st_size:
         return  # another command of the page prints into it
     if name in experiment.names("studies") or (Path(name).exists() and "\nforms:" in Path(name).read_text()):

@@ -9,7 +9,7 @@ from hric_core.parameters import number, whole
 from hric_core.processes import INTERRUPTED_CODE
 
 STEPS = 28_000
-"""Default number of steps of a training: some ten minutes of one processor (project default)."""
+"""Default number of steps of a training (project default)."""
 EPISODES = 200
 """Default number of episodes of an evaluation."""
 
