@@ -61,6 +61,14 @@ def test_a_sphere_has_the_analytic_peak(make_plant, panda_urdf, tmp_path, gap):
     assert leaving[0] == pytest.approx(-SPEED, rel=0.02)
 
 
+def test_contacts_of_a_deleted_model_are_gone(make_plant, panda_urdf, tmp_path):
+    world = sphere_against_wall(tmp_path, 0.0, contact="penalty", stiffness=STIFFNESS)
+    plant = make_plant(panda_urdf, world=world, gravity=[0.0, 0.0, 0.0], q=PRESS_POSE)
+    assert peak_force(plant, 5) > 1.0
+    plant.delete("wall")
+    assert peak_force(plant, 3) == 0.0
+
+
 def test_contact_damping_never_pulls(make_plant, panda_urdf, tmp_path):
     world = sphere_against_wall(tmp_path, 0.001, contact="penalty", stiffness=STIFFNESS, damping=300.0)
     plant = make_plant(panda_urdf, world=world, gravity=[0.0, 0.0, 0.0], q=PRESS_POSE)

@@ -183,6 +183,13 @@ def test_segments_that_cross_have_no_distance_and_the_order_does_not_matter() ->
     np.testing.assert_allclose(segment_distance(p, q), segment_distance(q, p), atol=1e-8)
 
 
+@pytest.mark.parametrize("unknown", [np.nan, np.inf])
+def test_a_distance_from_an_unknown_position_is_not_known(unknown: float) -> None:
+    known = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+    lost = np.array([[0.0, unknown, 1.0], [1.0, 0.0, 1.0]])
+    assert np.isnan(segment_distance(known, lost)) and np.isnan(segment_distance(lost, known))
+
+
 def test_the_capsules_of_a_person_are_where_their_links_are() -> None:
     made = body(parts="upper_body")
     capsules = of_body(made)

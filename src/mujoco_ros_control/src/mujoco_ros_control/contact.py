@@ -60,6 +60,8 @@ class MujocoPenaltyContact:
         """Use a newly compiled scene."""
         self._scene, self._speeds = scene, None
         self.any = bool(scene.springs)
+        if not self.any:
+            self.last = []
 
     def forget(self) -> None:
         """Clear the memory of the previous step, after bodies were repositioned."""

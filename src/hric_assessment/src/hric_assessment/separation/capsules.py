@@ -55,7 +55,7 @@ def of_body(body: Body) -> Capsules:
 
 
 def segment_distance(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return the distances of pairs of line segments, shape (...,) [m]; shapes broadcast.
+    """Return the distances of pairs of line segments, shape (...,) [m], NaN for unknown ends; shapes broadcast.
 
     Args:
         a: both ends of each first segment, shape (..., 2, 3) [m].
@@ -96,7 +96,7 @@ def _nearest(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray, Floa
         square = ww + near * (near * uu + 2.0 * uw) + t * (t * vv - 2.0 * vw) - 2.0 * near * t * uv
         better = square < best
         best, best_s, best_t = (np.where(better, *pair) for pair in ((square, best), (near, best_s), (t, best_t)))
-    return best, best_s, best_t
+    return np.where(np.isfinite(uu + vv + ww), best, np.nan), best_s, best_t
 
 
 def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
