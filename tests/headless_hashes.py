@@ -149,6 +149,8 @@ def _runs() -> dict[str, Run]:
         "thesis_step reduced study on opensim": reduced.on("opensim", "robot.plant.effort_limits:=false"),
         "marker_tracking seen badly on pybullet": replace(tracking, seed=5).on("pybullet", *seen),
         "marker_tracking by effort on pybullet": replace(tracking, without=("parameters",)).on("pybullet", by_effort),
+        "identify_load on pybullet": Run("identify_load", ("duration:=2.0",)).on("pybullet", quick=True),
+        "polish on mujoco": Run("polish", ("duration:=3.0",)).on("mujoco"),
         "ur5e_hand_guidance on mujoco": Run("ur5e_hand_guidance", ("duration:=0.5",)).on("mujoco", quick=True),
     }
 

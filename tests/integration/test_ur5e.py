@@ -69,10 +69,16 @@ def test_a_distance_is_not_proven_without_the_stopping_of_this_robot(shared: Run
     assert "how fast ur5e stops is not known" in finding.reason and "--stop FILE" in finding.remedy
 
 
-def test_a_distance_is_proven_by_a_table_of_stops(shared: RunFolder) -> None:
-    choices = AssessmentChoices(braking=BrakingChoice(StopTable.of(STOPS, "stops:")))
+@pytest.mark.parametrize(
+    ("robot", "outcome"),
+    [("ur5e", Outcome.WITHIN), ("ur10e", Outcome.NOT_ASSESSABLE), (None, Outcome.NOT_ASSESSABLE)],
+)
+def test_a_distance_is_proven_by_stops_of_this_robot_only(
+    shared: RunFolder, robot: str | None, outcome: Outcome
+) -> None:
+    choices = AssessmentChoices(braking=BrakingChoice(StopTable.of(STOPS | {"robot": robot}, "stops:")))
     (finding,) = findings(shared, SEPARATION, choices)
-    assert finding.outcome == Outcome.WITHIN
+    assert finding.outcome == outcome
 
 
 def test_the_supervisor_stops_it_before_a_person(shared: RunFolder) -> None:

@@ -62,6 +62,7 @@ class StopTable(Settings):
         text="time from the request to stop until braking begins, without the perception time",
     )
     stops: tuple[StopRow, ...] = listing(section(StopRow), text="rows, see below")
+    robot: str | None = text(None, empty=False, text="name of the robot in its description; none: a Franka arm")
 
     def check(self, where: str) -> None:
         """Refuse a duplicate pair of speed and load, and a table without rows."""

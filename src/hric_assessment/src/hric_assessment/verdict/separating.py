@@ -146,9 +146,11 @@ def separated(source: AssessmentInput, person: AssessedPerson, choices: Assessme
 
 
 def _unbraked(source: AssessmentInput, choices: AssessmentChoices) -> str:
-    """Return the name of a robot other than Franka's whose stopping is not known; empty: it is known, or a Franka."""
-    other = (source.definition.get("robot") or {}).get("urdf") and choices.braking.stops is None
-    return urdf.read(source.description).name if other else ""
+    """Return the robot's name if its stopping is not known: no stops of it, and it is no Franka; empty: known."""
+    name, stops = urdf.read(source.description).name, choices.braking.stops
+    franka = not (source.definition.get("robot") or {}).get("urdf")
+    own = franka if stops is None or stops.robot is None else stops.robot == name
+    return "" if own else name
 
 
 def _protective(
@@ -305,7 +307,8 @@ def _unproven(approach: PersonSeparation) -> tuple[str, str]:
         return why, "give these links collision shapes: capsules, cylinders, spheres or boxes"
     if approach.unbraked and approach.margin >= 0.0:
         why = f"how fast {approach.unbraked} stops is not known, and S_p assumes it"
-        return why, "give stopping times and distances of this robot, measured or from its manual: --stop FILE"
+        own = f"stops of this robot, measured or from its manual, with `robot: {approach.unbraked}`"
+        return why, f"give {own}: --stop FILE"
     return "", ""
 
 
