@@ -36,7 +36,9 @@ class TrainCommand(Command):
                 metavar=("COST", "WEIGHT"),
                 help="weight of a cost in the reward instead of its default, e.g. separation 0.01; may be repeated",
             ),
-            Argument("--resume", action="store_true", help="go on from the checkpoint, with its seed and weights"),
+            Argument(
+                "--resume", action="store_true", help="continue from the checkpoint, with its steps, seed and weights"
+            ),
         ]
 
     def run(self, arguments: argparse.Namespace) -> int:
@@ -87,7 +89,9 @@ class CheckPolicyCommand(Command):
             Argument("policy", type=Path, metavar="FILE", help="ONNX file of hric train"),
             Argument("--episodes", type=int, default=EPISODES, help=f"(default: {EPISODES})"),
             Argument("--first", type=int, default=None, help="seed of the first episode (default: 1000000)"),
-            Argument("--speed", type=float, default=None, help="of the scripted reach [m/s] (default: 0.7)"),
+            Argument(
+                "--speed", type=float, default=None, help="largest speed of the scripted reach [m/s] (default: 0.7)"
+            ),
         ]
 
     def run(self, arguments: argparse.Namespace) -> int:

@@ -85,9 +85,9 @@ class JumpSettings(Settings):
     """Maximum distance and rotation between a new equilibrium pose and the present one."""
 
     largest_step: float = number(
-        0.3, above=0.0, unit="m", text="largest distance of a new equilibrium from the one in force"
+        0.3, above=0.0, unit="m", text="largest distance of a new equilibrium from the present one"
     )
-    largest_turn: float = number(1.6, above=0.0, unit="rad", text="likewise")
+    largest_turn: float = number(1.6, above=0.0, unit="rad", text="the same for the rotation")
 
 
 def check_equilibrium(message: Any, base: str, present: Pose, limit: JumpSettings | None = None) -> Pose:

@@ -1,4 +1,4 @@
-"""Controller with which a hand leads the arm as a light mass in a damper: admittance control of the end effector."""
+"""Admittance controller: a person leads the end effector by hand as if it were a virtual mass with damping."""
 
 import math
 from dataclasses import dataclass
@@ -28,16 +28,22 @@ class AdmittanceSettings(Settings):
     """Parameters of the admittance controller. All defaults are project defaults, unconfirmed."""
 
     mass: float = number(8.0, minimum=1.0, maximum=100.0, unit="kg", text="virtual mass of the end effector")
-    inertia: float = number(0.3, minimum=0.05, maximum=10.0, unit="kg m^2", text="virtual inertia of its rotation")
-    damping: float = number(40.0, minimum=1.0, maximum=1000.0, unit="N s/m", text="virtual damping of its translation")
-    rotational_damping: float = number(3.0, minimum=0.1, maximum=100.0, unit="N m s/rad", text="of its rotation")
+    inertia: float = number(0.3, minimum=0.05, maximum=10.0, unit="kg m^2", text="virtual inertia of the end effector")
+    damping: float = number(40.0, minimum=1.0, maximum=1000.0, unit="N s/m", text="virtual damping of translation")
+    rotational_damping: float = number(
+        3.0, minimum=0.1, maximum=100.0, unit="N m s/rad", text="virtual damping of rotation"
+    )
     stiffness: float = number(
         0.0, minimum=0.0, maximum=3000.0, unit="N/m", text="virtual spring to the position at the start; 0: none"
     )
     force_dead_band: float = number(
-        2.0, minimum=0.0, maximum=50.0, unit="N", text="force along an axis without effect; a larger one counts less it"
+        2.0,
+        minimum=0.0,
+        maximum=50.0,
+        unit="N",
+        text="dead band of the force along each axis; subtracted from larger forces",
     )
-    torque_dead_band: float = number(0.5, minimum=0.0, maximum=20.0, unit="N m", text="likewise, torque about an axis")
+    torque_dead_band: float = number(0.5, minimum=0.0, maximum=20.0, unit="N m", text="the same for torques")
     filter_time: float = number(
         0.01, minimum=0.0, maximum=0.1, unit="s", text="time constant of the low-pass filter of the wrench; 0: none"
     )
@@ -46,15 +52,15 @@ class AdmittanceSettings(Settings):
         minimum=0.001,
         maximum=5.0,
         unit="s",
-        text="after the start the arm holds, and then subtracts the mean wrench of the second half of this time; "
-        "touch it later",
+        text="time after the start during which the arm holds still and must not be touched; the mean estimated wrench "
+        "of its second half is subtracted from then on",
     )
     locked: tuple[str, ...] = listing(
         choice(*AXES),
         default=(),
         different=True,
-        text="axes of `<arm_id>_link0` that do not move: `[z]` leaves a plane, `[y, z]` a line, `[rx, ry, rz]` the "
-        "orientation at the start",
+        text="axes of `<arm_id>_link0` along or about which the end effector does not move: `[z]` leaves motion in a "
+        "plane, `[y, z]` along a line; `[rx, ry, rz]` keeps the orientation of the start",
     )
     largest_turn: float = number(
         1.0, above=0.0, maximum=3.0, unit="rad", text="largest turn about each axis from the start"

@@ -104,7 +104,7 @@ class ForceController(CartesianImpedanceController):
             self._contact.publish(Bool, self._law.touching)
 
     def _release(self) -> None:
-        """Move the equilibrium to a place at a distance from the surface."""
+        """Move the equilibrium from the present position by `retract` away from the surface."""
         law, x = self._law, list(self._robot.O_T_EE[12:15])
         law.pose = Pose((x[0], x[1], x[2]), law.pose.orientation)
         for index, desired in law.desired.items():

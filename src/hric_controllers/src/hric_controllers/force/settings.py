@@ -57,35 +57,52 @@ class ForceSettings(Settings):
         text="axes of the task frame along which force is controlled",
     )
     force: Vector = numbers(
-        3, (0.0, 0.0, 10.0), unit="N", text="force on the surface from the start on, task frame; all 0: none"
+        3, (0.0, 0.0, 10.0), unit="N", text="desired force on the surface at the start, in the task frame; all 0: none"
     )
     largest_force: float = number(30.0, above=0.0, maximum=100.0, unit="N", text="a larger desired force is refused")
-    integral_gain: float = number(
-        15.0, minimum=0.0, maximum=100.0, unit="1/s", text="gain of the integral of the error of the force"
-    )
-    integral_limit: float = number(10.0, minimum=0.0, maximum=50.0, unit="N", text="largest force of the integral")
+    integral_gain: float = number(15.0, minimum=0.0, maximum=100.0, unit="1/s", text="integral gain of the force error")
+    integral_limit: float = number(10.0, minimum=0.0, maximum=50.0, unit="N", text="largest force of the integral term")
     contact_damping: float = number(
         200.0, minimum=0.0, maximum=500.0, unit="N s/m", text="damping along the force axes in contact"
     )
     approach_damping: float = number(
-        300.0, above=0.0, maximum=1000.0, unit="N s/m", text="gain of the approach speed, and damping above that speed"
+        300.0,
+        above=0.0,
+        maximum=1000.0,
+        unit="N s/m",
+        text="gain of the speed control in the approach, and additional damping in contact above the approach speed",
     )
     approach_speed: float = number(
-        0.02, above=0.0, maximum=0.1, unit="m/s", text="speed towards the surface, before contact and after its loss"
+        0.02,
+        above=0.0,
+        maximum=0.1,
+        unit="m/s",
+        text="speed towards the surface, before contact and after loss of contact",
     )
     contact_force: float = number(
-        2.0, above=0.0, maximum=20.0, unit="N", text="force at which contact begins; it is lost at half of it"
+        2.0,
+        above=0.0,
+        maximum=20.0,
+        unit="N",
+        text="estimated force at which contact begins; it ends below half of this force",
     )
-    force_rate: float = number(20.0, above=0.0, maximum=1000.0, unit="N/s", text="rate of the desired force in contact")
+    force_rate: float = number(
+        20.0,
+        above=0.0,
+        maximum=1000.0,
+        unit="N/s",
+        text="rate at which the controlled force approaches the desired one in contact",
+    )
     tare_time: float = number(
         0.2,
         minimum=0.001,
         maximum=5.0,
         unit="s",
-        text="after the start the arm holds, and then subtracts the mean estimated wrench of its second half",
+        text="time after the start during which the arm holds still and must not be touched; the mean estimated wrench "
+        "of its second half is subtracted from then on",
     )
     retract: float = number(
-        0.03, minimum=0.0, maximum=0.3, unit="m", text="distance from the surface to which a release leads"
+        0.03, minimum=0.0, maximum=0.3, unit="m", text="distance by which the end effector moves back at a release"
     )
     stroke: Stroke = section(Stroke)
 

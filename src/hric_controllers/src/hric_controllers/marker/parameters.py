@@ -21,7 +21,7 @@ class Translation(MotionLimits):
     """Limits of the end effector's translation: of the Euclidean norm over its three axes."""
 
     velocity: float = number(
-        0.7, above=0.0, unit="m/s", text="limit of the three axes together; at most what the arm takes"
+        0.7, above=0.0, unit="m/s", text="limit of the norm over the three axes; at most that of the arm"
     )
     acceleration: float = number(2.0, above=0.0, unit="m/s^2")
     jerk: float = number(50.0, above=0.0, unit="m/s^3")
@@ -31,7 +31,7 @@ class Translation(MotionLimits):
 class Rotation(MotionLimits):
     """Limits of the end effector's rotation: of the Euclidean norm over its rotation vector from the start."""
 
-    velocity: float = number(0.5, above=0.0, unit="rad/s", text="likewise, of the rotation vector")
+    velocity: float = number(0.5, above=0.0, unit="rad/s", text="the same for the rotation vector")
     acceleration: float = number(4.0, above=0.0, unit="rad/s^2")
     jerk: float = number(100.0, above=0.0, unit="rad/s^3")
 

@@ -47,7 +47,8 @@ class PolicySettings(ArmSettings):
         minimum=0,
         maximum=40,
         unit="cycles",
-        text="the network runs in a thread, and its result is used so many cycles later; 0: it runs in the loop",
+        text="the network runs in a thread, and its result is used this number of cycles later, less than the period "
+        "of the policy; 0: it runs in the loop",
     )
 
 
