@@ -56,6 +56,7 @@ def printed(page: str) -> str:
     for line in [*page.splitlines(), ""]:
         mark = _MARK.fullmatch(line)
         if mark:
+            assert not missing, f"two comments for one table: {line[:80]}"
             missing, table = declared(mark[1]), False
         elif line.startswith("|"):
             table = True

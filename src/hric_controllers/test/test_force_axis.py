@@ -31,14 +31,15 @@ class Pressed:
     """
 
     def __init__(self, gains: ForceGains = GAINS, gap: float = 0.01, sign: float = 1.0) -> None:
-        self.axis, self.sign, self.gap, self.stiffness = ForceAxis(gains), sign, gap, 20000.0
+        self.axis, self.sign, self.gap, self.stiffness, self.pace = ForceAxis(gains), sign, gap, 20000.0, 1.0
         self.x = self.v = self.felt = 0.0
         self.force: list[float] = []
         self.velocity: list[float] = []
 
     def run(self, seconds: float, desired: float = 10.0, disturbance: float = 0.0, limit: float = math.inf) -> None:
         for _ in range(round(seconds / PERIOD)):
-            push = self.axis.advance(self.sign * desired, self.sign * self.felt, self.sign * self.v, PERIOD, limit)
+            felt, v = self.sign * self.felt, self.sign * self.v
+            push = self.axis.advance(self.sign * desired, felt, v, PERIOD, limit, self.pace)
             force = self.stiffness * max(0.0, self.x - self.gap)
             self.v += (self.sign * push + disturbance - force) / MASS * PERIOD
             self.x += self.v * PERIOD
@@ -59,6 +60,15 @@ def test_the_approach_keeps_its_speed_until_contact() -> None:
     pressed = Pressed(gap=1.0)
     pressed.run(1.0)
     assert max(pressed.velocity) <= 0.022 and pressed.velocity[-1] == pytest.approx(0.02, rel=1e-2)
+
+
+@pytest.mark.parametrize("pace", [0.0, 0.5])
+def test_the_approach_is_as_slow_as_the_speed_scale_asks(pace: float) -> None:
+    pressed = Pressed(gap=1.0)
+    pressed.run(0.5)
+    pressed.pace = pace
+    pressed.run(1.0)
+    assert pressed.velocity[-1] == pytest.approx(pace * 0.02, abs=2e-4)
 
 
 def test_without_a_surface_any_more_the_arm_soon_moves_at_the_approach_speed_and_never_much_faster() -> None:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from hric_core.command import perform
 from hric_core.errors import HricError
 
 pytest.importorskip("stable_baselines3", reason="scripts/setup --with learning")
@@ -68,6 +69,11 @@ def test_ctrl_c_leaves_a_policy_and_a_checkpoint_from_which_the_training_goes_on
 def test_without_a_checkpoint_nothing_is_resumed(tmp_path: Path) -> None:
     with pytest.raises(HricError, match="there is no checkpoint"):
         train(agreed(), tmp_path / "policy.onnx", resume=True)
+
+
+def test_a_resumed_training_takes_no_other_settings() -> None:
+    with pytest.raises(HricError, match="valid: without --steps"):
+        perform(["train", "Reach", "--resume", "--steps", "2000"])
 
 
 def test_a_task_whose_goal_moves_is_refused() -> None:

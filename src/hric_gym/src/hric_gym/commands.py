@@ -26,8 +26,8 @@ class TrainCommand(Command):
         return [
             Argument("task", metavar="TASK", help="task of hric_gym whose goal is a point: Reach"),
             Argument("--output", type=Path, default=Path("policy.onnx"), metavar="FILE", help="(default: policy.onnx)"),
-            Argument("--steps", type=int, default=STEPS, help=f"actions in the training (default: {STEPS})"),
-            Argument("--seed", type=int, default=0, help="seed of all random numbers (default: 0)"),
+            Argument("--steps", type=int, help=f"actions in the training (default: {STEPS})"),
+            Argument("--seed", type=int, help="seed of all random numbers (default: 0)"),
             Argument(
                 "--weight",
                 nargs=2,
@@ -49,11 +49,14 @@ class TrainCommand(Command):
         from hric_gym.training import train
 
         output = arguments.output
-        steps = whole(minimum=1000).checked(arguments.steps, "--steps")
+        given = {name for name in ("steps", "seed", "weight") if getattr(arguments, name) not in (None, [])}
+        if arguments.resume and given:
+            raise HricError(f"--resume continues with the checkpoint's own values; valid: without --{min(given)}")
+        steps = whole(minimum=1000).checked(STEPS if arguments.steps is None else arguments.steps, "--steps")
         if output.suffix != ".onnx" or not output.parent.is_dir():
             raise HricError(f"--output is {output}; valid: a file with the suffix .onnx in a folder that exists")
         weights = {name: _weight(text) for name, text in arguments.weight}
-        settings = {"steps": steps, "seed": whole(minimum=0).checked(arguments.seed, "--seed")}
+        settings = {"steps": steps, "seed": whole(minimum=0).checked(arguments.seed or 0, "--seed")}
         settings["weights"] = WEIGHTS | weights
         agreed = PolicyNetwork(output).contract if arguments.resume else contract(arguments.task, settings)
         completed = train(agreed, output, resume=arguments.resume)

@@ -87,10 +87,11 @@ class ForceController(CartesianImpedanceController):
         self._exerted = self._wrench.advance(self._estimate.O_F_ext_hat_K, period)
         if self._exerted is None:
             return
-        law.force, law.period = self._exerted[:3], period
+        law.force, law.period, law.pace = self._exerted[:3], period, self._scale.value
         desired = self._desired.take_new()
         if desired == {}:
-            self._release()
+            if law.desired:  # a repeated 0 does not end the retraction
+                self._release()
         elif desired:
             law.press(desired)
         self._move(period)

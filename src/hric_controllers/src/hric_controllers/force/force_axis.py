@@ -64,7 +64,15 @@ class ForceAxis:
         """Begin with the approach."""
         self.touching, self._integral, self.reference, self._apart = False, 0.0, 0.0, 0.0
 
-    def advance(self, desired: float, force: float, velocity: float, period: float, limit: float = math.inf) -> float:
+    def advance(
+        self,
+        desired: float,
+        force: float,
+        velocity: float,
+        period: float,
+        limit: float = math.inf,
+        pace: float = 1.0,
+    ) -> float:
         """Return the push along the axis [N].
 
         Args:
@@ -73,8 +81,10 @@ class ForceAxis:
             velocity: velocity of the end effector [m/s].
             period: time since the last cycle [s].
             limit: largest size of the push without damping [N].
+            pace: share of the approach speed that is allowed now [1].
         """
         gains, w = self._gains, abs(desired)
+        approach_speed = gains.approach_speed * pace
         f, v = (math.copysign(1.0, desired) * value for value in (force, velocity))
         self._apart = self._apart + period if f < 0.5 * gains.contact_force else 0.0
         if self._apart >= LOST_AFTER:
@@ -86,9 +96,9 @@ class ForceAxis:
             self.reference += _clamped(w - self.reference, gains.force_rate * period)
             rate = gains.integral * (self.reference - f) if self._apart == 0.0 else 0.0
             push = self.reference
-            damper = gains.damping * v + gains.approach_damping * max(0.0, v - gains.approach_speed)
+            damper = gains.damping * v + gains.approach_damping * max(0.0, v - approach_speed)
         else:
-            push = gains.approach_damping * (gains.approach_speed - v)
+            push = gains.approach_damping * (approach_speed - v)
             rate, limit = push / APPROACH_TIME, min(w, limit)
         if abs(push + self._integral) <= limit or (push + self._integral) * rate < 0.0:
             self._integral = _clamped(self._integral + rate * period, gains.integral_limit)

@@ -24,6 +24,7 @@ class HybridLaw(CartesianLaw):
         desired: desired force by axis of the task frame, 0 to 2 [N]; empty: impedance along all axes.
         force: force that the arm exerts, base axes [N].
         period: time since the last cycle [s].
+        pace: share of the approach speed that is allowed now [1].
         offset: displacement of the equilibrium, base axes [m]; `twist` has its velocity.
     """
 
@@ -31,7 +32,7 @@ class HybridLaw(CartesianLaw):
         super().__init__(compliance, filter_time)
         self._axes, self._turning = [ForceAxis(gains) for _ in range(3)], turning
         self.desired: dict[int, float] = {}
-        self.force, self.offset, self.period = [0.0] * 3, [0.0] * 3, 0.0
+        self.force, self.offset, self.period, self.pace = [0.0] * 3, [0.0] * 3, 0.0, 1.0
 
     @property
     def touching(self) -> bool:
@@ -63,7 +64,9 @@ class HybridLaw(CartesianLaw):
         pushes = [0.0, 0.0, 0.0]
         for index, desired in self.desired.items():
             n = self.axis(index)
-            push = self._axes[index].advance(desired, _dot(n, self.force), _dot(n, v), self.period, self.force_limit)
+            push = self._axes[index].advance(
+                desired, _dot(n, self.force), _dot(n, v), self.period, self.force_limit, self.pace
+            )
             away = _dot(n, measured.position) - _dot(n, p)
             faster = _dot(n, v) - _dot(n, t)
             for i in range(3):

@@ -45,7 +45,7 @@ class PolicySettings(ArmSettings):
     delay: int = whole(
         0,
         minimum=0,
-        maximum=40,
+        maximum=1000,
         unit="cycles",
         text="the network runs in a thread, and its result is used this number of cycles later, less than the period "
         "of the policy; 0: it runs in the loop",
@@ -91,7 +91,7 @@ class PolicyController(StreamedJoints):
         base, point = f"{self._policy_settings.arm_id}_link0", (message.point.x, message.point.y, message.point.z)
         if not self._running:
             raise CommandError("the controller is not running, the goal is ignored; start it first")
-        if message.header.frame_id not in ("", base) or not all(map(math.isfinite, point)):
+        if message.header.frame_id.lstrip("/") not in ("", base) or not all(map(math.isfinite, point)):
             raise CommandError(f"goal {point} in frame {message.header.frame_id!r}; valid: finite numbers, in {base}")
         self._goal.set(point)
 
