@@ -68,7 +68,7 @@ class CheckModelCommand(Command):
 def _log_arguments() -> list[Argument]:
     """Return the options that select the log and describe the arm."""
     return [
-        *sources.arm_arguments(),
+        *sources.arm_arguments("the model that fits the log better"),
         Argument(
             "--load",
             nargs="+",

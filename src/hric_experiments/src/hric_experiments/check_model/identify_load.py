@@ -31,7 +31,7 @@ class IdentifyLoadCommand(Command):
         return [
             *run_arguments(f"with the payload: bag, or CSV file with a header ({csv_log.USUAL})", "LOG"),
             Argument("--empty", required=True, metavar="LOG", help="run, bag or CSV file without the payload"),
-            *sources.arm_arguments(),
+            *sources.arm_arguments("with it"),
             Argument(
                 "-o",
                 "--output",

@@ -46,8 +46,11 @@ class LogSource:
     simulated: Any = None
 
 
-def arm_arguments() -> list[Argument]:
-    """Return the options that select the signals of a log, and describe the arm."""
+def arm_arguments(without_run: str) -> list[Argument]:
+    """Return the options that select the signals of a log, and describe the arm.
+
+    without_run: what decides about the hand of an arm that no run describes.
+    """
     return [
         Argument(
             "--columns",
@@ -69,8 +72,7 @@ def arm_arguments() -> list[Argument]:
         Argument(
             "--hand",
             action=argparse.BooleanOptionalAction,
-            help="the arm had the Franka hand, or none (default: as in the run, else the model that fits the log "
-            "better)",
+            help=f"the arm had the Franka hand, or none (default: as in the run, else {without_run})",
         ),
         Argument(
             "--urdf",
