@@ -147,10 +147,13 @@ def test_two_runs_of_different_motions_are_refused(root: Path, names: dict[str, 
 def test_the_command_prints_the_address_and_ends_with_ctrl_c(root: Path) -> None:
     command = ["hric", "view", "latest", "--runs", str(root)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None and process.stderr is not None
-        line = process.stdout.readline()
-        process.send_signal(signal.SIGINT)
-        process.wait(30)
+        try:
+            assert process.stdout is not None and process.stderr is not None
+            line = process.stdout.readline()
+            process.send_signal(signal.SIGINT)
+            process.wait(30)
+        finally:
+            process.kill()  # else the end of the block would wait for ever
         assert line.startswith("The window is open at http://127.0.0.1:") and "/run?run=" in line
         assert process.returncode == 130 and "Traceback" not in process.stderr.read()
 
