@@ -12,12 +12,15 @@ from driven_robot import Robot
 pytestmark = pytest.mark.alone
 
 YAML = Path(__file__).parents[2] / "src/hric_bringup/config/controllers.yaml"
-SECONDS = 2.5
-SWING = 1.0 - math.cos(math.pi / 5.0 * SECONDS)
+SWING = 2.0
+"""Factor 1 - cos(pi t / 5) of the swinging motions after 5 s, when they turn [1]."""
 
 
-def moved(connect: Callable[..., Robot], name: str) -> tuple[np.ndarray, np.ndarray]:
-    """Return how far an example has moved joints, shape (7,) [rad], and end effector, shape (3,) [m], in SECONDS."""
+def moved(connect: Callable[..., Robot], name: str, seconds: float = 5.0) -> tuple[np.ndarray, np.ndarray]:
+    """Return how far an example has moved joints, shape (7,) [rad], and end effector, shape (3,) [m], until it turns.
+
+    It runs until it is back: the next test begins there, and libfranka ends no motion while the arm moves.
+    """
     robot = connect()
     robot.load(name, **yaml.safe_load(YAML.read_text().replace("$(arg arm_id)", "panda"))[name])
     robot.switch([name], [])
@@ -26,10 +29,11 @@ def moved(connect: Callable[..., Robot], name: str) -> tuple[np.ndarray, np.ndar
     def cycle(_: float) -> None:
         rows.append((list(robot.hw.robot_state.q_d), list(robot.hw.robot_state.O_T_EE_c[12:15])))
 
-    robot.run(SECONDS, cycle)
+    robot.run(2.0 * seconds, cycle)
     assert robot.hw.error == ""
     q, p = (np.array(part) for part in zip(*rows, strict=True))
-    return q[-1] - q[0], p[-1] - p[0]
+    assert np.abs(q[-1] - q[0]).max() < 1e-3
+    return q[len(q) // 2] - q[0], p[len(p) // 2] - p[0]
 
 
 def test_joint_positions_swing(connect: Callable[..., Robot]) -> None:
@@ -38,23 +42,31 @@ def test_joint_positions_swing(connect: Callable[..., Robot]) -> None:
 
 
 def test_joint_velocities_integrate_to_the_published_swing(connect: Callable[..., Robot]) -> None:
-    angle = 0.05 * (SECONDS - 8.0 / (2.0 * math.pi) * math.sin(2.0 * math.pi * SECONDS / 8.0))
-    np.testing.assert_allclose(moved(connect, "joint_velocity_example_controller")[0], [angle] * 7, atol=1e-3)
+    np.testing.assert_allclose(moved(connect, "joint_velocity_example_controller", 8.0)[0], [0.4] * 7, atol=1e-3)
 
 
-def test_the_pose_follows_the_arc(connect: Callable[..., Robot]) -> None:
+def test_the_pose_follows_the_arc(connect: Callable[..., Robot], backend: str) -> None:
+    if backend == "fr3":
+        pytest.skip("the arc leaves the range of the FR3's joints")
     angle = 0.25 * math.pi * SWING
     expected = [-0.3 * math.sin(angle), 0.0, 0.3 * (1.0 - math.cos(angle))]
     np.testing.assert_allclose(moved(connect, "cartesian_pose_example_controller")[1], expected, atol=2e-3)
 
 
 def test_the_twist_integrates_to_a_line(connect: Callable[..., Robot]) -> None:
-    length = 0.025 * (SECONDS - 4.0 / (2.0 * math.pi) * math.sin(2.0 * math.pi * SECONDS / 4.0))
-    expected = length * math.sqrt(0.5) * np.array([1.0, 0.0, -1.0])
-    np.testing.assert_allclose(moved(connect, "cartesian_velocity_example_controller")[1], expected, atol=1e-3)
+    expected = 0.1 * math.sqrt(0.5) * np.array([1.0, 0.0, -1.0])
+    np.testing.assert_allclose(moved(connect, "cartesian_velocity_example_controller", 4.0)[1], expected, atol=1e-3)
 
 
-def test_the_elbow_moves_and_the_hand_stays(connect: Callable[..., Robot]) -> None:
-    q, p = moved(connect, "elbow_example_controller")
+def test_the_elbow_moves_and_the_hand_stays(connect: Callable[..., Robot], backend: str) -> None:
+    name = "elbow_example_controller"
+    if backend == "fr3":  # its binding takes no elbow, which must not be ignored
+        robot = connect()
+        robot.load(name, arm_id="panda", type="franka_example_controllers/ElbowExampleController")
+        robot.switch([name], [])
+        robot.run(0.1)
+        assert "cannot be commanded by the elbow" in robot.hw.error
+        return
+    q, p = moved(connect, name)
     assert q[2] == pytest.approx(0.1 * math.pi * SWING, abs=5e-3)
     np.testing.assert_allclose(p, 0.0, atol=1e-4)

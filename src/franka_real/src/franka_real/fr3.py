@@ -79,6 +79,8 @@ class Fr3Backend(Backend):
         while not finished:
             raw, _ = read()
             command = cycle(raw)
+            if command.elbow is not None:
+                raise RobotError("the FR3 cannot be commanded by the elbow: pylibfranka has no such command")
             built = build(raw, command)
             built.motion_finished = finished = command.finished
             write(built)
