@@ -23,7 +23,7 @@ def test_the_policy_reaches_goals_without_a_reflex_and_within_the_limits(
 ) -> None:
     robot, rows = connect(), list[list[float]]()
     values = yaml.safe_load(
-        (SRC / "hric_bringup/config/controllers.yaml").read_text().replace("$(arg arm_id)", "panda")
+        (SRC / "hric_controllers/config/policy_controller.yaml").read_text().replace("$(arg arm_id)", "panda")
     )
     robot.load(NAME, **values[NAME])
     robot.switch([NAME], [])
