@@ -10,6 +10,7 @@ from hric_core import plugins
 from hric_core.local.node import LocalNode
 
 YAML = Path(__file__).parents[2] / "hric_bringup" / "config" / "controllers.yaml"
+CONFIG = Path(__file__).parents[1] / "config"
 
 
 class ArmRig:
@@ -22,7 +23,9 @@ class ArmRig:
     """
 
     def __init__(self, controller, start=True, **changes):
-        params = yaml.safe_load(YAML.read_text().replace("$(arg arm_id)", "panda"))
+        params = {}
+        for path in (YAML, *CONFIG.glob("*.yaml")):
+            params |= yaml.safe_load(path.read_text().replace("$(arg arm_id)", "panda"))
         params[controller].update(changes)
         params["robot_description"] = panda_description.load(arm_id="panda", meshes=False)
         params["robot"] = {

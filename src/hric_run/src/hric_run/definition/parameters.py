@@ -127,7 +127,9 @@ def controllers(experiment: Experiment) -> dict[str, dict[str, object]]:
         ExperimentError: a controller has no type; the message lists the configured ones.
     """
     known = defaults(experiment.robot.arm_id)
-    if set(experiment.controllers) - set(known) - set(experiment.parameters):
+    if any(
+        "type" not in {**known.get(name, {}), **experiment.parameters.get(name, {})} for name in experiment.controllers
+    ):
         known = configured_by_packages(experiment.robot.arm_id) | known
     known = with_joints(known, experiment.robot)
     result: dict[str, dict[str, object]] = {}
