@@ -66,6 +66,7 @@ def test_the_elbow_moves_and_the_hand_stays(connect: Callable[..., Robot], backe
         robot.switch([name], [])
         robot.run(0.1)
         assert "cannot be commanded by the elbow" in robot.hw.error
+        robot.hw.recover()
         return
     q, p = moved(connect, name)
     assert q[2] == pytest.approx(0.1 * math.pi * SWING, abs=5e-3)

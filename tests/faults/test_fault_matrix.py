@@ -83,7 +83,7 @@ RECIPES: dict[str, list[str]] = {
     "import": ["run/export/lerobot", "-o", "episode.yaml"],
 }  # fmt: skip
 """Arguments of each command, or variant of a command, in a folder with the files made by `given`."""
-REFUSED = {"fit_muscles", "film", "picture", "inverse_kinematics", "identify_load"}
+REFUSED = {"fit_muscles", "film", "picture", "inverse_kinematics", "identify_load", "train", "check_policy"}
 """Commands that take seconds with a valid input; they are tested with an input that they refuse."""
 COSTLY = {
     "sweep", "benchmark", "approaches", "measure_stops", "measure_contact", "speed_map", "report figures", "run study"

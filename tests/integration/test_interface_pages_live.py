@@ -26,6 +26,8 @@ NOT_OF_THE_SYSTEM = ("/integration_tests", "/rosout", "/rostopic", "/recorder_",
 """Prefixes of the names of this process and of short-lived tools."""
 SENSORS = {"hric_human", "hric_perception", "mocap_natnet"}
 """Packages that the default bring-up does not start."""
+OPTIONAL = {"policy_controller/goal", "policy_controller/state"}
+"""Topics of a controller that needs an optional part of the set-up (tests/contract/test_policy.py)."""
 NOT_AT_ONCE = {"<body>/ground_pose", "hric/human/root"}
 """Topics that cannot exist together with others.
 
@@ -141,7 +143,7 @@ def of_the_sensors(section: str) -> list[Row]:
 
 def of_the_bring_up(section: str) -> list[Row]:
     """Return the documented rows, without packages that are started separately and without their counterparts."""
-    elsewhere = [row for row in documented(section) if row.page.parent.name in SENSORS]
+    elsewhere = [row for row in documented(section) if row.page.parent.name in SENSORS or row.name in OPTIONAL]
     return [
         row
         for row in documented(section)
