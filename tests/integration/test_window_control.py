@@ -248,6 +248,26 @@ def test_only_controls_of_what_there_is_are_shown(page: Browser) -> None:
     page.wait("!document.querySelector('.of-gripper').hidden && !document.querySelector('.of-franka').hidden")
 
 
+def test_a_pressed_user_stop_holds_the_arm_until_recovery(page: Browser) -> None:
+    page.wait("document.getElementById('user_stop').textContent === 'press the user stop'")
+    click(page, "user_stop")
+    page.wait("document.getElementById('mode').textContent === 'user stopped'")
+    page.wait("document.getElementById('user_stop').textContent === 'release the user stop'")
+    before = page.evaluate(JOINT1)
+    move_slider(page, before + 0.2)
+    time.sleep(1.0)
+    assert page.evaluate(JOINT1) == pytest.approx(before, abs=1e-3)
+    click(page, "user_stop")
+    page.wait("document.getElementById('mode').textContent === 'idle'")
+    click(page, "recover")
+    page.wait("document.getElementById('mode').textContent === 'move'")
+
+
+def test_guiding_is_refused_during_a_motion(page: Browser) -> None:
+    click(page, "guiding")
+    page.wait("document.getElementById('link').textContent.startsWith('Refused: guiding')")
+
+
 def test_a_second_viewer_sees_and_is_refused(page: Browser, address: str) -> None:
     with viewer(address) as second:
         assert json.loads(second.recv(20))["type"] == "scene"

@@ -32,8 +32,8 @@ class Noted:
 
     def summary(self) -> Mapping[str, object]:
         """Return the state of an arm."""
-        state = {"simulated": True, "stands": False, "gripper": False, "recovery": True, "controllers": []}
-        return {**state, "mode": self.mode}
+        state = {"simulated": True, "stands": False, "gripper": False, "recovery": True, "emulated": True}
+        return {**state, "controllers": [], "mode": self.mode}
 
 
 class ShownArm:
@@ -95,6 +95,7 @@ VALID: Sequence[tuple[dict[str, Any], tuple[object, ...]]] = [
         {"command": "push", "link": "hand", "point": [0, 0, 0.1], "force": [0, 30.0, -40.0]},
         ("push", "hand", [0, 0, 0.1], [0, 30.0, -40.0]),
     ),
+    ({"command": "press", "button": "guiding", "pressed": True}, ("press", "guiding", True)),
 ]
 IDS = [str(message["command"]) for message, _ in VALID]
 
@@ -141,6 +142,7 @@ def test_after_the_first_left_another_controls(controls: Controls, actions: Note
         ({"command": "push", "link": "hand", "point": [0, 0, 0], "force": [MAX_PUSH, 1, 0]}, "valid: up to 50 N"),
         ({"command": "push", "link": "world", "point": [0, 0, 0], "force": [1, 1, 0]}, "valid: hand, link0"),
         ({"command": "grip", "width": 0.2}, "valid: 0 to 0.08"),
+        ({"command": "press", "button": "brake", "pressed": True}, "valid: guiding, user_stop"),
         ({"command": "step", "cycles": 100000}, "valid: 1 to 1000"),
     ],
 )
@@ -171,6 +173,7 @@ def test_what_is_impossible_is_refused_with_the_valid_values(
         {"command": "joints", "positions": {"joint1": None}},
         {"command": "jog", "displacement": [0, 0, 0]},
         {"command": "push", "link": "hand", "point": [0, 0, 0], "force": [0, 0, "1"]},
+        {"command": "press", "button": "user_stop", "pressed": 1},
         {"command": "take"},
         {"command": "take", "name": 3},
     ],

@@ -19,6 +19,8 @@ MAX_WIDTH = 0.08
 """Largest opening of the Franka hand [m]; Franka's data sheet of the hand."""
 PERIOD = 0.5
 """Time after which the viewers learn again what can be commanded [s]."""
+BUTTONS = ("user_stop", "guiding")
+"""Buttons that a person presses on an arm, and that an emulated arm has as services `franka_control/set_<button>`."""
 MAX_NAME = 40
 """Largest number of characters of a viewer's name."""
 
@@ -62,6 +64,9 @@ class Actions(Protocol):
     def recover(self) -> None:
         """Recover from an error of the arm."""
 
+    def press(self, button: str, pressed: bool) -> None:
+        """Press or release one of BUTTONS of an emulated arm."""
+
     def summary(self) -> Mapping[str, object]:
         """Return what can be commanded at present: plain values for the page."""
 
@@ -93,6 +98,7 @@ class Controls:
             "joints": self._joints,
             "jog": self._jog,
             "push": self._push,
+            "press": self._press,
         }
         self._keys = {
             "step": {"cycles"},
@@ -102,6 +108,7 @@ class Controls:
             "joints": {"positions"},
             "jog": {"displacement"},
             "push": {"link", "point", "force"},
+            "press": {"button", "pressed"},
         }
 
     def scene(self) -> dict[str, object]:
@@ -189,6 +196,14 @@ class Controls:
         if math.hypot(*force) > MAX_PUSH * (1.0 + 1e-9):
             raise HricError(f"a push of {math.hypot(*force):.1f} N is too large; valid: up to {MAX_PUSH:g} N")
         self._actions.push(link, _vector(message, "point", 3), force)
+
+    def _press(self, message: Mapping[str, Any]) -> None:
+        button, pressed = _text(message, "button"), message["pressed"]
+        if not isinstance(pressed, bool):
+            raise ForeignMessageError("pressed is not true or false")
+        if button not in BUTTONS:
+            raise UnknownNameError("button", button, BUTTONS)
+        self._actions.press(button, pressed)
 
 
 def _number(message: Mapping[str, Any], key: str, lower: float = -math.inf, upper: float = math.inf) -> float:

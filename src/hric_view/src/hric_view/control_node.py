@@ -7,12 +7,13 @@ from concurrent.futures import Future
 from typing import Any
 
 import numpy as np
+import rosgraph
 import rospy
 from actionlib_msgs.msg import GoalID
 from geometry_msgs.msg import Point, Vector3, Wrench
 from scipy.spatial.transform import Rotation
 from std_msgs.msg import Float64MultiArray, Header
-from std_srvs.srv import Empty
+from std_srvs.srv import Empty, SetBool
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from franka_gripper.msg import MoveActionGoal, MoveGoal
@@ -71,7 +72,8 @@ class SystemActions:
         self._manager = ManagerClient(root.namespace)
         self._lock = threading.Lock()
         self._controllers: list[Any] = []
-        self._topics: frozenset[str] = frozenset()
+        self._names: frozenset[str] = frozenset()
+        """Published topics and services."""
         self._state: Any = None
         self._seen, self._stood, self._pushed = 0.0, False, 0.0
         self._simulated = root.has_param("/use_sim_time") and bool(root.param("/use_sim_time"))
@@ -95,21 +97,23 @@ class SystemActions:
         stood, self._seen = now == self._seen, now
         try:
             controllers = list(self._wait(self._manager.list))
-            topics = frozenset(name for name, _ in self._wait(rospy.get_published_topics))
-        except (HricError, rospy.ROSException, OSError):
-            controllers, topics = [], frozenset()  # nothing can be commanded; the page shows that
+            published, _, services = self._wait(rosgraph.Master(rospy.get_name()).getSystemState)
+            names = frozenset(name for name, _ in [*published, *services])
+        except (HricError, rosgraph.MasterException, OSError):
+            controllers, names = [], frozenset()  # nothing can be commanded; the page shows that
         with self._lock:
-            self._controllers, self._topics, self._stood = controllers, topics, stood
+            self._controllers, self._names, self._stood = controllers, names, stood
 
     def summary(self) -> dict[str, object]:
         """Return what can be commanded at present, for the page."""
         with self._lock:
-            state, controllers, topics = self._state, self._controllers, self._topics
+            state, controllers, names = self._state, self._controllers, self._names
             return {
                 "simulated": self._simulated,
                 "stands": self._stood,
-                "gripper": self._root.resolve("franka_gripper/move/result") in topics,
-                "recovery": self._root.resolve("franka_control/error_recovery/result") in topics,
+                "gripper": self._root.resolve("franka_gripper/move/result") in names,
+                "recovery": self._root.resolve("franka_control/error_recovery/result") in names,
+                "emulated": self._root.resolve("franka_control/set_user_stop") in names,
                 "mode": "not known" if state is None else MODES.get(state.robot_mode, "not known"),
                 "controllers": [
                     {"name": one.name, "state": one.state, "moves": bool(_resources(one))} for one in controllers
@@ -219,6 +223,12 @@ class SystemActions:
         """See control.Actions."""
         goal = ErrorRecoveryActionGoal(header=Header(stamp=rospy.Time.now()), goal_id=_goal_id())
         self._send(self._recovery, goal, "franka_control/error_recovery")
+
+    def press(self, button: str, pressed: bool) -> None:
+        """See control.Actions."""
+        response = self._call(f"franka_control/set_{button}", SetBool, pressed)
+        if not response.success:
+            raise HricError(f"{button.replace('_', ' ')}: {response.message}")
 
     def _note(self, data: bytes) -> None:
         message = FrankaState().deserialize(data)

@@ -140,13 +140,14 @@
     followArm(frame);
     if (frame.pace !== undefined) showPace(frame.pace?.requested);
     if (!frame.control) return;
-    const { holder, mode, stands, simulated, controllers, gripper, recovery } = frame.control;
+    const { holder, mode, stands, simulated, controllers, gripper, recovery, emulated } = frame.control;
     find("holder").textContent = mine ? "You control the arm." : holder ? `${holder} controls the arm.` : "Nobody controls the arm.";
     find("mode").textContent = mode;
     find("stands").textContent = stands ? ", time stands still" : "";
     find("recover").disabled = mode === "move";
     find("recover").title = mode === "move" ? "the arm has no error" : "";
-    for (const [kind, shown] of [[".of-sim", simulated], [".of-gripper", gripper], [".of-franka", recovery]]) document.querySelectorAll(kind).forEach((element) => { element.hidden = !shown; });
+    for (const [kind, shown] of [[".of-sim", simulated], [".of-gripper", gripper], [".of-franka", recovery], [".of-emulated", emulated]]) document.querySelectorAll(kind).forEach((element) => { element.hidden = !shown; });
+    for (const button of document.querySelectorAll(".of-emulated button")) button.textContent = `${mode === button.dataset.mode ? "release" : "press"} the ${button.dataset.name}`;
     showControllers(controllers);
   });
 
@@ -174,6 +175,7 @@
   find("reset").addEventListener("click", () => send("reset"));
   find("pace").addEventListener("change", () => { send("pace", { factor: Number(find("pace").value) }); find("pace").blur(); });
   find("recover").addEventListener("click", () => send("recover"));
+  for (const button of document.querySelectorAll(".of-emulated button")) button.addEventListener("click", () => send("press", { button: button.id, pressed: button.textContent.startsWith("press") }));
   find("width").addEventListener("input", () => { find("width-text").textContent = (1000 * Number(find("width").value)).toFixed(0) + " mm"; });
   find("width").addEventListener("change", () => send("grip", { width: Number(find("width").value) }));
 }
