@@ -17,7 +17,7 @@ from hric_core.resources import read_description
 DATA = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots"
 ROBOTS = {str(path.relative_to(DATA)): path for path in sorted(DATA.rglob("*.urdf"))}
 REFUSED = {
-    "alex_description/urdf/alex_psyonic_hands.urdf": "joint Left_index_q2: it mimics 'index_q1', which is no joint",
+    "alex_description/urdf/alex_psyonic_hands.urdf": "joint Left_index_q2: it mimics 'index_q1', which is not a joint",
     "ur_description/urdf/ur3.urdf": "the robot description has no <link>; a robot needs at least one",
 }
 """Invalid descriptions: one has a joint that mimics a missing joint, the other has no link."""

@@ -131,7 +131,7 @@ TOOLS = [
     ("hric_experiments trial nowhere.csv", r"nowhere\.csv: No such file or directory"),
     (
         "hric_experiments trial nowhere.xyz",
-        r"nowhere\.xyz is no trial; valid: a \.c3d, \.xdf, \.trc, \.csv or \.mvnx file",
+        r"nowhere\.xyz is not a trial; valid: a \.c3d, \.xdf, \.trc, \.csv or \.mvnx file",
     ),
     ("hric_experiments trial nowhere.c3d --mass 70 --subject body.yaml", r"--subject and --mass contradict each other"),
     ("hric_experiments spawn pd_step", r"usage: .*\[_PARAMETER:=VALUE \.\.\.\]\n.*unrecognized arguments: pd_step"),

@@ -188,7 +188,10 @@ def parameter(master: str, name: str) -> object:
 
 
 def _take_over_required(config: Any) -> set[str]:
-    """Return the names of the required nodes; remove the mark, as roslaunch would report even a normal end as error."""
+    """Return the names of the nodes that a roslaunch configuration marks as required, and remove these marks.
+
+    With the mark, roslaunch reports even a normal end of the node as an error.
+    """
     required = {node for node in config.nodes if node.required}
     for node in required:
         node.required = False

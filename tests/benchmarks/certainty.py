@@ -24,7 +24,7 @@ from hric_sweep.observed import Observed
 
 LINK, REGION = "human::r_elbow", "lower arm, wrist"
 """Link of the forearm, which the arm hits, and its region."""
-PEAK, SPEED = "transient peak [N]", "speed at which they met [m/s]"
+PEAK, SPEED = "transient peak [N]", "speed at contact [m/s]"
 SPEEDS = (0.9, 1.1, 1.3, 1.5, 1.7)
 """Speeds of the reruns: parameter profile.velocity of the controller [rad/s]."""
 ALL_SPEEDS = tuple(round(0.8 + 0.1 * k, 1) for k in range(10))

@@ -2,7 +2,7 @@
 
     python tests/benchmarks/panda_gym_cost.py /path/to/venv/bin/python
 
-panda-gym is no part of this workspace: install it in an environment of its own (`python3 -m venv venv`,
+panda-gym is not part of this workspace: install it in an environment of its own (`python3 -m venv venv`,
 `venv/bin/pip install panda-gym`). Its task PandaReach and ours have equal steps of 40 ms with random actions; PyBullet
 simulates 2 ms per step there, MuJoCo and the emulated control box 1 ms here.
 """

@@ -174,8 +174,9 @@ def _comments(source: Source) -> Iterator[tuple[int, str]]:
 
 def printed(nodes: Sequence[ast.AST]) -> Iterator[tuple[int, str]]:
     """Yield line and text of strings of several words, except docstrings; values in them are replaced by `...`."""
-    formatted = [node for node in nodes if isinstance(node, ast.JoinedStr)]
-    parts = {id(part) for node in formatted for part in node.values}
+    formats = {id(node.format_spec) for node in nodes if isinstance(node, ast.FormattedValue)}
+    formatted = [node for node in nodes if isinstance(node, ast.JoinedStr) and id(node) not in formats]
+    parts = {id(part) for node in nodes if isinstance(node, ast.JoinedStr) for part in node.values}
     yield from ((node.lineno, _string(node)) for node in formatted)
     docstrings = {id(node.value) for node in nodes if is_docstring(node) and isinstance(node, ast.Expr)}
     for node in nodes:
@@ -183,7 +184,7 @@ def printed(nodes: Sequence[ast.AST]) -> Iterator[tuple[int, str]]:
             isinstance(node, ast.Constant)
             and id(node) not in parts
             and id(node) not in docstrings
-            and " " in (text := _string(node))
+            and " " in (text := _string(node)).strip()
         ):
             yield node.lineno, text
 

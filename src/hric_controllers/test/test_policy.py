@@ -159,7 +159,7 @@ def test_a_file_whose_contract_does_not_fit_is_refused(tmp_path, change, match):
 
 def test_what_is_no_policy_is_refused(tmp_path, sideways, monkeypatch):
     (tmp_path / "text.onnx").write_text("no network")
-    with pytest.raises(HricError, match="is no ONNX file"):
+    with pytest.raises(HricError, match="is not an ONNX file"):
         ArmRig(NAME, file=str(tmp_path / "text.onnx"))
     with pytest.raises(HricError, match="no file"):
         ArmRig(NAME, file=str(tmp_path / "absent.onnx"))

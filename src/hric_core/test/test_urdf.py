@@ -289,7 +289,7 @@ REFUSED = {
     ),
     "mimic of nothing": (
         robot(link("a"), link("b"), joint("j", "a", "b", inside=f'{LIMIT}<mimic joint="k"/>')),
-        "joint j: it mimics 'k', which is no joint; valid: j",
+        "joint j: it mimics 'k', which is not a joint; valid: j",
     ),
     "mimic of itself": (
         robot(link("a"), link("b"), joint("j", "a", "b", inside=f'{LIMIT}<mimic joint="j"/>')),

@@ -174,7 +174,7 @@ def test_what_cannot_be_replayed_is_refused(
 
 def test_a_folder_without_data_set_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["import", str(tmp_path)]) == 2
-    assert "is no LeRobot data set of version 2 or 3" in capsys.readouterr().err
+    assert "is not a LeRobot data set of version 2 or 3" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -92,12 +92,12 @@ def test_a_grip_without_a_wrench_is_not_known(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "text", "message"),
     [
-        ("a.csv", "x,y\n1,2\n", "is no file of Motive: its first line"),
+        ("a.csv", "x,y\n1,2\n", "is not a file of Motive: its first line"),
         ("a.csv", "Format Version,1.23,Length Units,Feet\n", "has lengths in Feet"),
         ("a.csv", "Format Version,1.23,Coordinate Space,Local\n", "Local coordinates; valid: .* Global"),
         ("a.csv", "Format Version,1.23\n\n,Type,Bone\nFrame,Time (Seconds),X\n", "no complete head"),
         ("a.csv", "Format Version,1.23\n,Type,Bone\n,Name,A\n,,Position\nFrame,T,X\n0,0.0,p\n", "line 6: could not"),
-        ("a.mvnx", "<mvnx><subject frameRate='60'>", "is no complete .mvnx file"),
+        ("a.mvnx", "<mvnx><subject frameRate='60'>", "is not a complete .mvnx file"),
         ("a.mvnx", "<mvnx><frames/></mvnx>", "has 0 positions of 0 frames for 23 segments"),
     ],
 )

@@ -140,8 +140,8 @@ def test_emulated_muscles_have_the_amplitude_of_their_activation_and_repeat_with
     [
         ({"program": "dance"}, "no program 'dance' in activation; valid: bursts, c3d, constant, points, topic"),
         ({"level": 2}, "level is 2; valid: a finite number from 0 to 1"),
-        ({"program": "points", "points": [[0, 0.1], [0, 0.2]]}, "rows of rising time"),
-        ({"program": "points"}, "rows of rising time"),
+        ({"program": "points", "points": [[0, 0.1], [0, 0.2]]}, "rows of increasing time"),
+        ({"program": "points"}, "rows of increasing time"),
     ],
 )
 def test_a_wrong_program_of_the_muscles_is_named(given: dict, words: str) -> None:

@@ -49,7 +49,7 @@ def at_velocity(velocity: float) -> Callable[[dict[str, Any]], None]:
     return change
 
 
-MET = "speed at which they met [m/s]"
+MET = "speed at contact [m/s]"
 MASSES = ("reflected mass of the robot m_u [kg]", "M/2 + m_L [kg]", "mass of the robot with locked joints [kg]")
 
 

@@ -43,7 +43,7 @@ def page(*folders: Path) -> str:
 
 
 def test_page_says_that_it_assesses_no_risk(run: Path) -> None:
-    assert "This dossier is no risk assessment." in page(run)
+    assert "This dossier is not a risk assessment." in page(run)
 
 
 def test_page_lists_each_missing_signal_as_gap(run: Path) -> None:

@@ -18,7 +18,7 @@ from hric_sweep.statistics.verdict_indices import AssessSobolCommand
 
 LINK = "human::r_elbow"
 """Forearm of the person, which the arm hits."""
-SPEED = "speed at which they met [m/s]"
+SPEED = "speed at contact [m/s]"
 SPRING = 40e3
 """Stiffness of the lower arm in ISO/TS 15066 [N/m]."""
 

@@ -57,14 +57,14 @@ def test_figures_are_those_of_the_recorded_run(tryout: Tryout, tmp_path: Path) -
 
 def test_a_faster_arm_hits_harder(tryout: Tryout) -> None:
     slow, fast = (figures(tryout.result({"speed": speed})) for speed in (0.8, 1.6))
-    for name in ("largest contact force", "speed at which they met"):
+    for name in ("largest contact force", "speed at contact"):
         assert fast[name]["value"] > 1.2 * slow[name]["value"]
 
 
 def test_an_unassessable_contact_has_no_figures(tmp_path: Path) -> None:
     shown = judged(tmp_path, "human.contact_area:=null")
     assert shown["contact, share of its limit"].reply == "unknown"
-    for name in ("largest contact force", "speed at which they met", "permitted speed", "contact, share of its limit"):
+    for name in ("largest contact force", "speed at contact", "permitted speed", "contact, share of its limit"):
         assert shown[name].value is None and "area" in shown[name].reason
 
 
@@ -255,7 +255,7 @@ class TestInABrowser:
             slide(page, speed=speed)
             page.wait(f"document.getElementById('changes').textContent.endsWith('to {speed} rad/s')")
             shown = rows(page)
-            for name in ("speed at which they met", "contact, share of its limit"):
+            for name in ("speed at contact", "contact, share of its limit"):
                 assert shown[name][4] == mark
             assert shown["effort, largest joint torque"][4] == ""  # it has no limit
             assert "right shoulder flexion" in shown["effort, largest joint torque"][0]

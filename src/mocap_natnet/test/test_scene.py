@@ -170,10 +170,10 @@ def test_a_trajectory_comes_from_a_file(tmp_path: Path) -> None:
     ("text", "words"),
     [
         ("0,1,2\n", "line 1"),
-        ("0,0,0,0\n0,1,1,1\n", "times of a track must increase"),
+        ("0,0,0,0\n0,1,1,1\n", "times of a motion must increase"),
         ("0,a,0,0\n", "line 1"),
         ("0,0,0,0,0,0,0,0\n", "zero"),
-        ("", "one at least"),
+        ("", "at least one pose"),
     ],
 )
 def test_a_bad_trajectory_is_refused_with_its_line(tmp_path: Path, text: str, words: str) -> None:

@@ -47,7 +47,7 @@ class CollisionThresholds(Settings):
 class ServedArm(Protocol):
     """Interface of an arm whose settings the services franka_control/... change.
 
-    A method that refuses a value raises a HricError with the reason. All are called through `request`.
+    A method that refuses a value raises a HricError with the reason. `request` calls all others.
     """
 
     def request(self, function: Callable[[], None]) -> None:

@@ -124,7 +124,7 @@ def _check_same_motion(loaded: ModelCheck, empty: ModelCheck, time: FloatArray, 
         raise LogError(
             f"the two logs have different motions: {loaded.joint_names[joint]} differs by {away[joint]:.2g} rad RMS; "
             f"valid: the same trajectory twice, with up to {SAME_MOTION:g} rad between them (did a reflex end one of "
-            "them? Then tell the arm an estimate of the payload before)"
+            "them? Then set an estimate of the payload first, with franka_control/set_load or robot.load)"
         )
 
 

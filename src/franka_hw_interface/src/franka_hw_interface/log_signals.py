@@ -68,7 +68,7 @@ class Signals:
         return float(np.ptp(self.time[self.valid]))
 
     def summary(self) -> str:
-        """Return a text about filter, sampling rates and dropped ends, for a report."""
+        """Return a text for reports: filter, sampling rates, and time dropped at both ends of the log."""
         low_pass = (
             f"zero-phase Butterworth low-pass of order {ORDER}, forwards and backwards, cut-off {self.cutoff:g} Hz"
         )

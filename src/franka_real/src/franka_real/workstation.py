@@ -200,7 +200,7 @@ class CheckWorkstationCommand(Command):
     """
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments of the command line."""
+        """Return the command-line arguments."""
         return [
             Argument(
                 "robot_ip",

@@ -79,7 +79,7 @@ class Evidence:
 
     @property
     def shortfall(self) -> str:
-        """Clause that states what part of the window is missing; empty if nothing is missing."""
+        """Clause that states how much of the time window lacks data; empty if the evidence is complete."""
         if self.complete:
             return ""
         clauses = []

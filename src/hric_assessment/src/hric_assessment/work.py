@@ -59,8 +59,8 @@ class PushTask(TimedTask):
     sustained: float | None = number(
         None, minimum=0.0, unit="N", default_text="from the grips", text="force that keeps it in motion"
     )
-    distance: float | None = number(None, above=0.0, text="length of the way [m]", **UNKNOWN)
-    interval: float | None = number(None, above=0.0, text="time from one action to the next [s]", **UNKNOWN)
+    distance: float | None = number(None, above=0.0, unit="m", text="distance of pushing or pulling", **UNKNOWN)
+    interval: float | None = number(None, above=0.0, unit="s", text="time from one action to the next", **UNKNOWN)
     workforce: str | None = choice(*WORKFORCES, default=None, text="people who do the work", **UNKNOWN)
 
 
@@ -72,7 +72,8 @@ class RepetitiveTask(Settings):
         None,
         above=0.0,
         maximum=1440.0,
-        text="repetitive work in a shift, without breaks and other work [min]",
+        unit="min",
+        text="repetitive work in a shift, without breaks and other work",
         **UNKNOWN,
     )
     actions: float | None = number(

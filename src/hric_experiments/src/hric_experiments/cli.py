@@ -25,7 +25,7 @@ class RunCommand(Command):
     )
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments."""
+        """Return the command-line arguments."""
         return [
             *experiment_arguments(
                 f"one of: {', '.join(experiment.names())}; a study: {', '.join(study.names())}; or the path of a "

@@ -49,7 +49,7 @@ class SchemaCommand(Command):
     )
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments."""
+        """Return the command-line arguments."""
         return [
             Argument("--study", action="store_true", help="print the schema of study files"),
             Argument("--sweep", action="store_true", help="print the schema of sweep files"),
@@ -73,7 +73,7 @@ class DescribeCommand(Command):
     """Print descriptions or parameters that an experiment sets on the parameter server, for launch files."""
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments."""
+        """Return the command-line arguments."""
         return [
             Argument(
                 "what",

@@ -22,7 +22,7 @@ class ReportCommand(Command):
     """
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments."""
+        """Return the command-line arguments."""
         return [
             *run_arguments("a bag, or a c3d file with markers of a body", "RUN|BAG|C3D"),
             Argument(
@@ -77,7 +77,7 @@ class CompareCommand(Command):
     """
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments."""
+        """Return the command-line arguments."""
         return [
             Argument("run_a", help="run folder, its name, or latest", complete=run_names),
             Argument(

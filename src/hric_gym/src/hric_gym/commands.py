@@ -17,12 +17,12 @@ EPISODES = 200
 class TrainCommand(Command):
     """Train a policy that moves the end effector to goals, and write it for hric_controllers/PolicyController.
 
-    The training is SAC of stable-baselines3 in the environment of the task. Ctrl-C ends it and leaves the policy so far
-    with a checkpoint, from which --resume goes on.
+    The training is SAC of stable-baselines3 in the environment of the task. Ctrl-C ends it and writes the policy so far
+    with a checkpoint, from which --resume continues.
     """
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments."""
+        """Return the command-line arguments."""
         return [
             Argument("task", metavar="TASK", help="task of hric_gym whose goal is a point: Reach"),
             Argument("--output", type=Path, default=Path("policy.onnx"), metavar="FILE", help="(default: policy.onnx)"),
@@ -60,7 +60,7 @@ class TrainCommand(Command):
         settings["weights"] = WEIGHTS | weights
         agreed = PolicyNetwork(output).contract if arguments.resume else contract(arguments.task, settings)
         completed = train(agreed, output, resume=arguments.resume)
-        print(f"{output} written" if completed else f"interrupted; {output} is the policy so far, --resume goes on")
+        print(f"{output} written" if completed else f"interrupted; {output} is the policy so far; --resume continues")
         return 0 if completed else INTERRUPTED_CODE
 
 
@@ -87,7 +87,7 @@ class CheckPolicyCommand(Command):
     )
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments."""
+        """Return the command-line arguments."""
         return [
             Argument("policy", type=Path, metavar="FILE", help="ONNX file of hric train"),
             Argument("--episodes", type=int, default=EPISODES, help=f"(default: {EPISODES})"),

@@ -14,7 +14,7 @@ class BodyCommand(Command):
     """
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments of the command line."""
+        """Return the command-line arguments."""
         return [
             Argument("subject", type=Path, help="YAML file of the subject (keys: INTERFACE.md of hric_human)"),
         ]
@@ -31,14 +31,14 @@ class FitMusclesCommand(Command):
     """
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments of the command line."""
+        """Return the command-line arguments."""
         return [
             Argument("model", type=Path, help="OpenSim (.osim) or MuJoCo (.xml) model of a right arm"),
             Argument("output", type=Path, help="file to write, for `anatomy` of the human's muscles"),
         ]
 
     def run(self, arguments: argparse.Namespace) -> None:
-        """Fit the muscles and write them to the output file."""
+        """Fit the muscles to those of the model and write them to the output file."""
         from hric_human.muscles.fitting.models import run  # slow to import, so mistakes in the arguments come first
 
         run(arguments.model, arguments.output)

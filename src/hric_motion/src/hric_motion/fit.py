@@ -273,7 +273,12 @@ class BodyFit:
         return moved._replace(q=moved.q.clip(self._low, self._high))
 
     def _solved(self, positions: FloatArray, postures: BodyPostures) -> tuple[BodyPostures, FloatArray]:
-        """Return the postures that fit the markers best near some, and their costs; the body is as it is."""
+        """Return the postures that fit the markers best, and their costs [1], for the body as known so far.
+
+        Args:
+            positions: measured markers, NaN if not visible, shape (n, m, 3) [m].
+            postures: postures of the n frames from which the search starts.
+        """
         postures = BodyPostures(*(array.copy() for array in postures))
         cost, rows = np.zeros(len(positions)), np.arange(len(positions))  # rows: the frames that have not settled
         equations = self._equations(positions, postures, self._geometry)

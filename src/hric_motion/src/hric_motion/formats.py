@@ -181,10 +181,10 @@ def _about_motive(path: Path, lines: Sequence[Sequence[str]]) -> tuple[float, bo
     """Return the unit of length of a file of Motive [m], and True if its rotations are quaternions.
 
     Raises:
-        ParameterError: it is no file of Motive, or has another unit or coordinates of the parents.
+        ParameterError: it is not a file of Motive, or has another unit or coordinates of the parents.
     """
     if not lines or not lines[0] or lines[0][0] != "Format Version":
-        raise ParameterError(f"{path} is no file of Motive: its first line does not begin with Format Version")
+        raise ParameterError(f"{path} is not a file of Motive: its first line does not begin with Format Version")
     about = dict(zip(lines[0][::2], lines[0][1::2], strict=False))
     unit, space = about.get("Length Units", "Meters"), about.get("Coordinate Space", "Global")
     if unit.lower() not in METRES or space != "Global":
@@ -252,7 +252,7 @@ def _mvnx_frames(path: Path) -> tuple[float, list[str], list[float], dict[str, l
     except OSError as error:
         raise ParameterError(f"{path}: {error.strerror}") from error
     except (ElementTree.ParseError, ValueError) as error:
-        raise ParameterError(f"{path} is no complete .mvnx file: {error}") from error
+        raise ParameterError(f"{path} is not a complete .mvnx file: {error}") from error
     return rate, names or list(XSENS_SEGMENTS), times, values
 
 

@@ -94,7 +94,7 @@ def read(path: Path, up: str = "") -> Trial:
     reader = read_handover if is_handover(path) else readers.get(path.suffix.lower())
     if reader is None:
         raise ParameterError(
-            f"{path} is no trial; valid: a {', '.join(FORMATS[:-1])} or {FORMATS[-1]} file, or the folder of a handover"
+            f"{path} is not a trial; valid: a {', '.join(FORMATS[:-1])} or {FORMATS[-1]} file, or a handover's folder"
         )
     if up and up not in UP_AXES:
         raise ParameterError(f"the axis that points up in {path.name} is {up!r}; valid: {', '.join(UP_AXES)}")

@@ -94,8 +94,8 @@ class SupervisorApp:
         address = str(self._node.param(f"{self._root}robot/robot_ip", ""))
         if address and not address.startswith("127.") and not self.settings.acknowledge_no_safety_function:
             raise ParameterError(
-                f"the arm at {address} may be real, and this supervisor is no certified safety function: it does not "
-                "replace the protective stop of the cell. Valid: an address 127.* (emulated arm), or "
+                f"the arm at {address} may be real, and this supervisor is not a certified safety function: it does "
+                "not replace the protective stop of the cell. Valid: an address 127.* (emulated arm), or "
                 f"{self._node.resolve('acknowledge_no_safety_function')}: true"
             )
 

@@ -73,7 +73,10 @@ def nearness(arm: PlacedCapsules, person: Observation, velocities: FloatArray) -
 def _towards(velocities: FloatArray, direction: FloatArray, crossing: FloatArray) -> FloatArray:
     """Return the speed of the faster end of each capsule along a direction, at least 0, shape (m,) [m/s].
 
-    crossing: True for capsules without a direction, whose full speed counts, shape (m,).
+    Args:
+        velocities: velocities of the axis ends of m capsules, shape (m, 2, 3) [m/s].
+        direction: unit vectors, shape (m, 3).
+        crossing: True for capsules without a direction, whose full speed counts, shape (m,).
     """
     along = np.einsum("mei,mi->me", velocities, direction).max(axis=1)
     full = np.linalg.norm(velocities, axis=2).max(axis=1)

@@ -134,8 +134,8 @@ class SupervisorSettings(Settings):
 
     acknowledge_no_safety_function: bool = flag(
         False,
-        text="true: you acknowledge that this is no certified safety function and no protective stop; otherwise an arm "
-        "whose address is not 127.* is refused",
+        text="true: you acknowledge that this is neither a certified safety function nor a protective stop; otherwise "
+        "an arm whose address is not 127.* is refused",
     )
 
     def check(self, where: str) -> None:

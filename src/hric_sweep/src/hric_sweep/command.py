@@ -35,7 +35,7 @@ class SweepCommand(Command):
     )
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments."""
+        """Return the command-line arguments."""
         return [
             Argument(
                 "sweep",

@@ -26,7 +26,15 @@ def create(plan: SweepPlan, reference: ReferenceRun, root: Path) -> Path:
 
 
 def begin(root: Path, name: str, file: str, content: PlainData, code: str) -> Path:
-    """Create a folder for runs with a file of `content` and provenance (code version, platform); return its path."""
+    """Create the folder of a sweep or benchmark and write its settings file; return the path of the folder.
+
+    Args:
+        root: folder of all runs.
+        name: beginning of the folder's name.
+        file: name of the settings file (YAML).
+        content: settings; provenance (revision, versions, platform) is added.
+        code: version of the code that was used.
+    """
     folder = RunFolder.create(root, name).path
     made_by = {
         "code": code,

@@ -20,7 +20,7 @@ class RerunCommand(Command):
     """
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments."""
+        """Return the command-line arguments."""
         return [FOLDER, Argument("id", help="id of the run, or its first characters"), RUNS]
 
     def run(self, arguments: argparse.Namespace) -> None:
@@ -66,7 +66,7 @@ class PageCommand(Command):
     """Rewrite the page of a sweep, report.html, from its table."""
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments."""
+        """Return the command-line arguments."""
         return [FOLDER]
 
     def run(self, arguments: argparse.Namespace) -> None:

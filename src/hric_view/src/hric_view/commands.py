@@ -30,7 +30,7 @@ class ViewCommand(Command):
     """
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments."""
+        """Return the command-line arguments."""
         return [
             Argument(
                 "run",
@@ -66,7 +66,7 @@ class TryCommand(Command):
     """
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments."""
+        """Return the command-line arguments."""
         return [*ADDRESS]
 
     def run(self, arguments: argparse.Namespace) -> None:
@@ -99,7 +99,7 @@ def serve(
         receiver: receiver of the messages of viewers; None: the window takes none.
 
     Raises:
-        FailureError: the port is taken, or the host is no address of this machine.
+        FailureError: the port is taken, or the host is not an address of this machine.
     """
     from hric_view.server import ViewServer
 

@@ -108,7 +108,7 @@ def words(name: str, values: Mapping[str, Any]) -> list[str]:
         values: new values by key.
 
     Raises:
-        HricError: the form does not offer a key, or a value is no plain value; all else is checked by the experiment.
+        HricError: the form does not offer a key, or a value is not plain; all else is checked by the experiment.
     """
     check_known("parameter", values, [field.key for field in fields(name)])
     for key, value in values.items():

@@ -35,7 +35,7 @@ class WindowSettings(Settings):
         0, minimum=0, maximum=65535, text="TCP port of the window; 0: 8090, or a free one if 8090 is taken"
     )
     rate: float = number(30.0, minimum=1.0, maximum=120.0, unit="Hz", text="of the frames, in wall time")
-    control: bool = flag(False, text="take commands from the page; it is no safety stop")
+    control: bool = flag(False, text="take commands from the page; it is not a safety stop")
     robot_description: str = text("robot_description", empty=False, text="parameter with the URDF of the arm")
 
 
@@ -122,7 +122,7 @@ class BrowserWindow(NodeApp):
     def _run(self) -> None:
         due = time.monotonic()
         while not self._stop.wait(due - time.monotonic()):
-            due = max(due + self._period, time.monotonic())  # what a frame takes is no part of the period
+            due = max(due + self._period, time.monotonic())  # what a frame takes is not part of the period
             if self._server.viewers:
                 self._feeds.deliver()
                 self._server.send(page.frame_message(self._joints, self._parts))

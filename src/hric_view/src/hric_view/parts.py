@@ -253,7 +253,7 @@ def _xyz(v: Any) -> tuple[float, float, float]:
 
 
 def _pose(pose: Any, R: Rotation, p: Any) -> list[float]:
-    """Return a geometry_msgs/Pose in other axes: position [m] and quaternion x, y, z, w; NaN: it is no pose."""
+    """Return a geometry_msgs/Pose in other axes: position [m] and quaternion x, y, z, w; NaN: it is not a pose."""
     q = pose.orientation
     quaternion = (q.x, q.y, q.z, q.w)
     if not 0.5 < math.hypot(*quaternion) < 2.0:

@@ -148,7 +148,7 @@ class ViewServer:
         address: address of the first page, with the token.
 
     Raises:
-        FailureError: the port is taken, or the host is no address of this machine.
+        FailureError: the port is taken, or the host is not an address of this machine.
     """
 
     def __init__(

@@ -11,7 +11,7 @@ from hric_assessment.verdict.impacts import PERMITTED
 from hric_assessment.verdict.result import Verdict
 
 PEAKS = ("transient peak [N]", "quasi-static peak [N]")
-MET = "speed at which they met [m/s]"
+MET = "speed at contact [m/s]"
 """Names of values in findings about contacts."""
 SCORE, WORST = "score that counts", "score that counts, unknown at its worst"
 """Names of values in findings about postures."""
@@ -92,7 +92,7 @@ def _contact(contacts: Sequence[Finding]) -> Iterator[TryoutFigure]:
     force = None if no_force else max(forces)
     met, limit = (None, None) if no_speed else max(speeds, key=lambda pair: pair[0] / max(pair[1], 1e-9))
     yield TryoutFigure("largest contact force", force, None, "N", reason=no_force)
-    yield TryoutFigure("speed at which they met", met, limit, "m/s", reason=no_speed)
+    yield TryoutFigure("speed at contact", met, limit, "m/s", reason=no_speed)
     yield TryoutFigure("permitted speed", limit, None, "m/s", reason=no_speed)
 
 

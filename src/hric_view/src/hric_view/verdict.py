@@ -141,11 +141,11 @@ class LiveVerdict:
         return AssessmentInput("the running system", "run", Path(), recording, self._run, self._description)
 
     def scene(self) -> dict[str, object]:
-        """Return nothing: the verdict is in frames, once per PERIOD."""
+        """Return an empty scene: `frame` sends the verdict."""
         return {}
 
     def frame(self) -> dict[str, object]:
-        """Return the verdict, once per PERIOD."""
+        """Return the verdict if it was not sent during the last PERIOD, else an empty frame."""
         with self._lock:
             if not self._lines or time.monotonic() - self._sent < PERIOD:
                 return {}

@@ -144,7 +144,7 @@ class MujocoPenaltyContact:
     def _relative(self, bodies: Sequence[int], point: FloatArray) -> FloatArray:
         """Return the Jacobian of the velocity of body a relative to body b at a point [m].
 
-        Angular above linear, shape (6, nv); bodies: MuJoCo's numbers of a and b.
+        Angular above linear, shape (6, nv); bodies: MuJoCo ids of a and b.
         """
         m, d = self._scene.m, self._scene.d
         result = np.zeros((6, m.nv))

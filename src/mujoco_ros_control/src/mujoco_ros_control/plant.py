@@ -66,10 +66,10 @@ class MujocoPlant(EnginePlant, ReactingPlant):
         self.world.act()
 
     def mjcf(self) -> str:
-        """Return the scene as MuJoCo's own writer writes it (MJCF), with its present state as keyframe `start`.
+        """Return the scene as MJCF, written by MuJoCo with six digits, with its present state as keyframe `start`.
 
-        Numbers have six digits. What acts from outside the compiled scene is not in it: the control box, motors,
-        penalty contact, laws of mimic joints, inertia tensors of no rigid body (a sphere's instead), persons' muscles.
+        It lacks everything that acts on the compiled scene from outside: control box, motors, penalty contact, laws of
+        mimic joints, and persons' muscles. Physically impossible inertia tensors are replaced by those of spheres.
         """
         scene = self.world.scene
         spec = scene.built.spec.copy()

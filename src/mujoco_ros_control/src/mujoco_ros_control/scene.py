@@ -45,11 +45,11 @@ class CompiledScene:
 
     Attributes:
         m, d: MuJoCo's model and data.
-        bodies: MuJoCo's number of each body by name.
-        links: "model::link" of each geom, by MuJoCo's number of the geom.
-        springs: pairs of shapes with penalty contact, by MuJoCo's numbers of the two geoms in either order: (a, b, law,
-            True if a is the first of the two numbers).
-        apart: pairs of geoms, by their numbers in either order, that must not touch.
+        bodies: MuJoCo id of each body by name.
+        links: "model::link" of each geom, by the geom's id.
+        springs: pairs of shapes with penalty contact, by the ids of the two geoms in either order: (a, b, law, True if
+            a is the first of the two ids).
+        apart: pairs of geoms, by their ids in either order, that must not touch.
         semi_implicit: True if positions belong to an instant half a step later than velocities.
 
     Raises:
@@ -161,7 +161,7 @@ class CompiledScene:
         return [self._joints[name][0].start for name in joints]
 
     def joint_ids(self, joints: Sequence[str]) -> list[int]:
-        """Return MuJoCo's numbers of joints."""
+        """Return the MuJoCo ids of joints."""
         return [self.m.joint(name).id for name in joints]
 
     def states(self) -> dict[str, JointState]:
@@ -215,7 +215,7 @@ class CompiledScene:
         return reciprocals((rows * self.response(rows)).sum(axis=1))
 
     def pose(self, body: int) -> FloatArray:
-        """Return the pose of a body in the world at the last update, shape (4, 4); body: MuJoCo's number."""
+        """Return the pose of a body in the world at the last update, shape (4, 4); body: MuJoCo id."""
         return homogeneous(self.d.xmat[body].reshape(3, 3), self.d.xpos[body])
 
     def link_pose(self, link: str) -> FloatArray:

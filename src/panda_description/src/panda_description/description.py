@@ -246,7 +246,7 @@ class UrdfCommand(Command):
     )
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments of the command line."""
+        """Return the command-line arguments."""
         names = [f"{name}:=" for name in declared(Arguments)]
         return [Argument("arguments", nargs="*", metavar="ARG:=VALUE", help="listed below", complete=lambda: names)]
 

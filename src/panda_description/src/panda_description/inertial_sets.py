@@ -92,7 +92,7 @@ class InertialsCommand(Command):
     """
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments of the command line."""
+        """Return the command-line arguments."""
         return [
             Argument("--set", choices=INERTIAL_SETS, default="barycentric", help="inertial set (default: %(default)s)"),
             Argument(

@@ -74,7 +74,7 @@ class PybulletRobot(EngineRobot):
         self.mask()
 
     def mask(self) -> None:
-        """Switch self-collision off for links with a common joint and for pairs that match the masks."""
+        """Switch self-collision off for links with a common joint and for pairs in the collision masks."""
         if self._config.self_collision:
             apply_masks(self.engine, self.body, self._neighbours, self._masks)
 

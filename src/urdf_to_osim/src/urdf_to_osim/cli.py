@@ -34,13 +34,13 @@ class ConvertCommand(Command):
     )
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments of the command line."""
+        """Return the command-line arguments."""
         return [
             Argument("input", help="robot description: .urdf, .xacro (is expanded), or - for URDF from standard input"),
             Argument(
                 "-o",
                 "--output",
-                help=f"{SUFFIX} file to write; meshes go to the folder Geometry/ beside it (default: name of the "
+                help=f"{SUFFIX} file to write; meshes go to the folder Geometry/ next to it (default: name of the "
                 "input, in the working folder)",
             ),
             Argument(

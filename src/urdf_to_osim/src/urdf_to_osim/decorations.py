@@ -80,7 +80,7 @@ def load_scene(path: Path, pose: Mapping[str, float] | None = None) -> Decorated
     """Load a model, set its pose, and return its visible geometry.
 
     Args:
-        path: .osim file; OpenSim searches its meshes in the folder Geometry/ beside it, among others.
+        path: .osim file; OpenSim searches its meshes in the folder Geometry/ next to it, among others.
         pose: values of coordinates by name [rad or m]; other coordinates have the model's default values.
 
     Raises:

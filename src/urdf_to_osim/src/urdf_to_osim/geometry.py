@@ -58,7 +58,7 @@ def lay(conversion: Conversion, folder: Path, cache: Path | None = None) -> Mesh
 def refer(conversion: Conversion, folder: Path | None) -> None:
     """Let the model refer to mesh files by their path in a folder, or by their bare name if `folder` is None.
 
-    OpenSim searches files with a bare name in the folder Geometry/ beside the model.
+    OpenSim searches files with a bare name in the folder Geometry/ next to the model.
 
     Raises:
         DescriptionError: a surface for contact is not closed; names the link.

@@ -91,7 +91,7 @@ class ControlBoxCommand(Command):
     epilog = f"With --console, these commands are read from the standard input:\n{HELP}"
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments of the command line."""
+        """Return the command-line arguments."""
         return [*robot_arguments(), *physics_arguments(), *network_arguments(), *care_arguments()]
 
     def run(self, arguments: argparse.Namespace) -> int:

@@ -31,7 +31,7 @@ def limits(
     Args:
         action: push or pull.
         heights: lower and upper end of the height of the hands [m].
-        distance: length of the way [m].
+        distance: distance of pushing or pulling [m].
         interval: time from one action to the next [s].
         table: table of forces; by default that of the package.
 

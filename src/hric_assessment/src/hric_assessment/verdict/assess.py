@@ -20,7 +20,7 @@ from hric_core.errors import HricError
 
 ANGLES = "joint angles of a person (hric/human/joint_states, hric/person/joint_states, or markers of the body)"
 CONTACTS = "contacts of a person by region (hric/human/contacts)"
-FORCES = "contact forces to compare with limits; the arm's estimate F_ext is filtered at 20 Hz and is no contact force"
+FORCES = "contact forces to compare with limits; the arm's estimate F_ext, filtered at 20 Hz, is not a contact force"
 DESCRIPTION = "the robot's description (robot.urdf, /robot_description)"
 ROOT = "the person's position in the world (run.yaml, tracking, or a static transform)"
 TORQUE = "joint torques of a person (hric/human/joint_torque, hric/person/joint_torque)"

@@ -34,7 +34,7 @@ class AssessCommand(Command):
     )
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments of the command line."""
+        """Return the command-line arguments."""
         return [
             *run_arguments("a bag, or a trial with markers of people (see hric trial)", "RUN|BAG|TRIAL"),
             *choice_arguments(),

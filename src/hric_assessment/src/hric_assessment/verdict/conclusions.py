@@ -256,7 +256,7 @@ def outcome(conclusions: Sequence[Conclusion], only: Collection[str] = ()) -> Ou
 def headline(conclusions: Sequence[Conclusion], only: Collection[str] = ()) -> str:
     """Return the outcome of the questions that count in words; arguments: see `outcome`.
 
-    For the question "task" it is the status of the run, since completion is no limit of a person.
+    For the question "task" it is the status of the run, since completion has no limit for a person.
     """
     limits = [item.question for item in conclusions if item.question in only and item.question != TASK]
     tasks = [item.subject for item in conclusions if item.question == TASK and TASK in only]

@@ -114,7 +114,7 @@ class ExpectedImpacts:
             return {}, (), ()
         form, masses = impact
         values: dict[str, float | None] = {
-            "speed at which they met [m/s]": form.speed,
+            "speed at contact [m/s]": form.speed,
             "reflected mass of the robot m_u [kg]": masses.reflected,
             "M/2 + m_L [kg]": masses.standard,
             "mass of the robot with locked joints [kg]": masses.locked,

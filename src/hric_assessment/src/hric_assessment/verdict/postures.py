@@ -241,7 +241,7 @@ def _notes(arm: ArmScores, table: ValueTable) -> tuple[str, ...]:
         f"{'; '.join(arm.scores.reasons(_first(arm))) or 'no points are added'}",
         f"angles are rounded to {table['angle']:g} deg ({table.value_mark('angle')}), since no posture is known better",
         f"inclination of the trunk: {trunk}; of the neck: to the trunk",
-        f"static use: {static}; repeated use: motions there and back by more than {table['held']:g} deg, counted in "
+        f"static use: {static}; repeated use: back-and-forth motions of more than {table['held']:g} deg, counted in "
         f"any minute ({table.value_mark('held')})",
         f"thresholds chosen here: {'; '.join(chosen)}",
         f"assumed: {'; '.join(arm.scores.assumptions)}",

@@ -71,7 +71,7 @@ def _outcome(score: float) -> Outcome:
 
 
 def _actions(person: AssessedPerson, side: str, task: RepetitiveTask) -> Ends:
-    """Return the technical actions per minute; not stated: at least the motions there and back of the arm."""
+    """Return the technical actions per minute; not stated: at least the arm's back-and-forth motions."""
     if task.actions is not None:
         return Ends(task.actions, task.actions, task.actions)
     measured = float(np.min(repeats_of(person, posture_of(person, side)[0], side)[0]))

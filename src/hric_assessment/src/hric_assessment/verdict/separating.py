@@ -146,7 +146,7 @@ def separated(source: AssessmentInput, person: AssessedPerson, choices: Assessme
 
 
 def _unbraked(source: AssessmentInput, choices: AssessmentChoices) -> str:
-    """Return the robot's name if its stopping is not known: no stops of it, and it is no Franka; empty: known."""
+    """Return the robot's name if its stopping is not known: no stops of it, and it is not a Franka; empty: known."""
     name, stops = urdf.read(source.description).name, choices.braking.stops
     franka = not (source.definition.get("robot") or {}).get("urdf")
     own = franka if stops is None or stops.robot is None else stops.robot == name

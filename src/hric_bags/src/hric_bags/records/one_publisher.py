@@ -94,7 +94,7 @@ class RecordedJointStates:
         bodies = self._bodies.values()
         if any(body.person for body in bodies):
             if len(self._changes) > SWITCHES and self._changes[-1] - self._changes[0] < WINDOW:
-                raise BagError(f"{self._topic}: the joints differ from one message to the next; {PERSONS}")
+                raise BagError(f"{self._topic}: its messages alternate between different joint names; {PERSONS}")
         else:
             arms = [set(body.names) for body in bodies if len(body.names) >= ARM_JOINTS]
             if any(not arms[0] & other for other in arms[1:]):

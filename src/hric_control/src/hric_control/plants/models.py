@@ -139,7 +139,10 @@ def _shape_urdf(item: WorldObject) -> str:
 
 
 def _parts(shape: str, size: Sequence[float]) -> list[tuple[Element, float]]:
-    """Return (URDF geometry element, z of its centre [m]) of each part; a capsule is a cylinder and two spheres."""
+    """Return (URDF geometry element, z of its centre [m]) of each part of a shape; a capsule has three.
+
+    shape, size: as in `WorldObject`.
+    """
     if shape == "box":
         return [(Element("box", size=" ".join(map(repr, size))), 0.0)]
     if shape == "sphere":

@@ -125,7 +125,7 @@ def check_target(message: Any, base: str, start: Pose, box: Box, largest_turn: f
         largest_turn: largest angle of the rotation [rad].
 
     Raises:
-        CommandError: the message is no pose in this frame, or the pose is outside of the workspace or turned too far.
+        CommandError: the message is not a pose in this frame, or the pose is outside the workspace or turned too far.
     """
     requested = check_equilibrium(message, base, start)
     if not box.contains(requested.position):

@@ -18,7 +18,7 @@ import math
 from dataclasses import dataclass
 
 LOST_AFTER = 0.05
-"""Time without force after which the contact is lost, so that a bounce is no loss [s].
+"""Time without force after which the contact is lost, so that a bounce is not a loss [s].
 
 Project default, unconfirmed."""
 APPROACH_TIME = 0.2

@@ -102,7 +102,7 @@ class PolicyContract(Settings):
         try:
             content = json.loads(metadata[KEY])
         except json.JSONDecodeError as error:
-            raise ParameterError(f"{path}: {KEY} is no JSON: {error}; valid: a file of hric train") from None
+            raise ParameterError(f"{path}: {KEY} is not JSON: {error}; valid: a file of hric train") from None
         return cls.of(content, f"{path}: {KEY}")
 
     def text(self) -> str:

@@ -44,7 +44,7 @@ class PolicyNetwork:
             raise ParameterError(f"{path} cannot be read: {error.strerror}; valid: a file of hric train") from None
         except Exception as error:  # onnxruntime has no common class of its errors
             reason = str(error).partition("\n")[0][:120]
-            raise ParameterError(f"{path} is no ONNX file: {reason}; valid: a file of hric train") from None
+            raise ParameterError(f"{path} is not an ONNX file: {reason}; valid: a file of hric train") from None
         self.contract = PolicyContract.from_metadata(self._session.get_modelmeta().custom_metadata_map, str(path))
         shapes = [
             (item.name, list(item.shape)[1:]) for item in (*self._session.get_inputs(), *self._session.get_outputs())

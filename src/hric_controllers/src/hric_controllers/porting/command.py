@@ -42,7 +42,7 @@ class PortCommand(Command):
     )
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments."""
+        """Return the command-line arguments."""
         return [
             Argument("files", nargs="+", type=Path, metavar="FILE", help="source of the controller, .cpp, .h or .py"),
             Argument(

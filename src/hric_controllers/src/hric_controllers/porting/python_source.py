@@ -23,7 +23,7 @@ def read_python(path: Path) -> Source:
     """Return what a Python file uses; its first class gives the name.
 
     Raises:
-        HricError: the file cannot be read, or is no Python.
+        HricError: the file cannot be read, or is not Python.
     """
     try:
         tree = ast.parse(path.read_text(encoding="utf-8"))

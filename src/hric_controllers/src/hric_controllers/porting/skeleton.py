@@ -156,7 +156,7 @@ def _hints(source: Source) -> Iterator[str]:
 
 
 def _literal(text: str) -> str:
-    """Return a C++ or Python literal as Python and YAML read it; empty: it is no literal."""
+    """Return a C++ or Python literal as Python and YAML read it; empty: it is not a literal."""
     if re.fullmatch(r"-?\d+(\.\d*)?(e-?\d+)?f?", text):
         return text.removesuffix("f").removesuffix(".") if "." in text or text.isdigit() or text[0] == "-" else text
     if text in {"true", "True"}:

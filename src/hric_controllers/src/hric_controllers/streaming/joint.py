@@ -133,4 +133,4 @@ class JointStreamingController(StreamedJoints):
         try:
             self._targets.append((parameters.check_setpoint(values, self.joints, self._ranges), stamp))
         except CommandError as error:
-            raise CommandError(f"target refused, the stream goes on without it: {error}") from None
+            raise CommandError(f"target refused, the stream continues without it: {error}") from None

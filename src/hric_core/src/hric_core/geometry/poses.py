@@ -95,12 +95,12 @@ class Track:
     def __init__(self, times: Sequence[float], poses: Sequence[Pose], minimum_jerk: bool = False) -> None:
         if not times or len(times) != len(poses):
             raise ParameterError(
-                f"a track needs as many times as poses and one at least; got {len(times)} and {len(poses)}"
+                f"a motion needs one time for each pose, and at least one pose; got {len(times)} and {len(poses)}"
             )
-        if any(b <= a for a, b in pairwise(times)):
-            raise ParameterError("the times of a track must increase")
-        if not all(math.isfinite(number) for pose in poses for number in (*pose.position, *pose.orientation)):
-            raise ParameterError("the poses of a track must be finite numbers")
+        if wrong := [b for a, b in pairwise(times) if b <= a]:
+            raise ParameterError(f"the times of a motion must increase; {wrong[0]:g} s does not")
+        if not all(finite := [all(map(math.isfinite, (*pose.position, *pose.orientation))) for pose in poses]):
+            raise ParameterError(f"the pose at {times[finite.index(False)]:g} s of a motion is not finite")
         self._times, self._poses, self._minimum_jerk = list(times), list(poses), minimum_jerk
 
     def __call__(self, time: float) -> Pose:

@@ -215,7 +215,7 @@ def _check_mimic(joint: Joint, joints: dict[str, Joint]) -> None:
         source = joints.get(mimic.joint)
         if source is None:
             raise DescriptionError(
-                f"{where}: it mimics {mimic.joint!r}, which is no joint; valid: {', '.join(sorted(joints))}"
+                f"{where}: it mimics {mimic.joint!r}, which is not a joint; valid: {', '.join(sorted(joints))}"
             )
         if source.type not in ONE_COORDINATE:
             valid = ", ".join(ONE_COORDINATE)

@@ -31,7 +31,7 @@ class CheckModelCommand(Command):
     """
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments."""
+        """Return the command-line arguments."""
         return [
             *run_arguments(f"bag, or CSV file with a header ({csv_log.USUAL})", "LOG"),
             *_log_arguments(),

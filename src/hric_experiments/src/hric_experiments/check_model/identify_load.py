@@ -27,7 +27,7 @@ class IdentifyLoadCommand(Command):
     """
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments."""
+        """Return the command-line arguments."""
         return [
             *run_arguments(f"with the payload: bag, or CSV file with a header ({csv_log.USUAL})", "LOG"),
             Argument("--empty", required=True, metavar="LOG", help="run, bag or CSV file without the payload"),

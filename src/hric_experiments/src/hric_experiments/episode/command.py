@@ -16,7 +16,7 @@ class ImportCommand(Command):
     """
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments."""
+        """Return the command-line arguments."""
         return [
             Argument("dataset", type=Path, metavar="DATASET", help="folder of a LeRobot data set, version 2 or 3"),
             Argument("--episode", type=int, default=0, metavar="N", help="number of the episode (default: 0)"),

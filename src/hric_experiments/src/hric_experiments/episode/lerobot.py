@@ -82,7 +82,7 @@ def read(
         file, fps, about = _file(dataset, info, number), float(info["fps"]), info["features"]
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise HricError(
-            f"{dataset} is no LeRobot data set of version 2 or 3: {type(error).__name__}: {error}"
+            f"{dataset} is not a LeRobot data set of version 2 or 3: {type(error).__name__}: {error}"
         ) from error
     numeric = sorted(name for name in about if about[name].get("dtype", "").startswith("float"))
     if feature not in numeric:
@@ -124,7 +124,7 @@ def _table(path: Path, number: int, feature: str) -> Any:
 
 
 def _flat(about: dict[str, Any]) -> list[str]:
-    """Return the names of the signals of a feature, which older data sets group; empty: there are none."""
+    """Return the signal names of a feature from its entry in info.json, which in older data sets is in groups."""
     names = about.get("names")
     if isinstance(names, dict):
         names = [name for group in names.values() for name in group]

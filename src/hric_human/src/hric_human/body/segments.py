@@ -92,7 +92,7 @@ def side_of(name: str) -> str:
 
 
 def link_name(kind: str, side: str) -> str:
-    """Return the link of a segment, such as "r_elbow"; side: "right", "left" or "" (middle)."""
+    """Return the link of a segment of a kind in LINKS ("r_elbow": right forearm); side: "right", "left" or ""."""
     return f"{side[0]}_{LINKS[kind]}" if side else LINKS[kind]
 
 

@@ -217,6 +217,6 @@ def _curves(row: _MuscleRow) -> SampledCurves | None:
 def _polynomial(row: Any) -> Polynomial:
     joints, order, coefficients = row
     made = Polynomial(tuple(joints), int(order), tuple(map(float, coefficients)))
-    if len(made.coefficients) != len(exponents(len(made.joints), made.order)) or not set(made.joints) <= set(ROWS):
-        raise ValueError(f"a polynomial of order {order} in {joints} has {len(made.coefficients)} coefficients")
+    if len(coefficients) != (size := len(exponents(len(joints), made.order))) or not set(joints) <= set(ROWS):
+        raise ValueError(f"a polynomial of order {order} in {joints} has {len(coefficients)} coefficients, not {size}")
     return made

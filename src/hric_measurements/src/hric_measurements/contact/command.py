@@ -33,7 +33,7 @@ class MeasureContactCommand(Command):
     epilog = f"overrides (only those of the arm have an effect):\n{overrides.help_text()}"
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments."""
+        """Return the command-line arguments."""
         return [
             Argument("overrides", nargs="*", metavar="key:=value", help="simulator:=pybullet, friction:=..., ..."),
             Argument("--region", choices=REGION_MODELS, default="hand, fingers", help="body region (default: a hand)"),

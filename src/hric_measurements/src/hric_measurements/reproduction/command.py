@@ -28,7 +28,7 @@ class ReproduceCommand(Command):
     epilog = "exit codes: 0 success, also if a simulated value is outside the published spread; 2 mistake in the input"
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments."""
+        """Return the command-line arguments."""
         return [
             Argument(
                 "name",

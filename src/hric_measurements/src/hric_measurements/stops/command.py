@@ -35,7 +35,7 @@ class MeasureStopsCommand(Command):
     epilog = f"overrides (only those of the arm have an effect):\n{overrides.help_text()}"
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments."""
+        """Return the command-line arguments."""
         return [
             Argument("overrides", nargs="*", metavar="key:=value", help="simulator:=pybullet, friction:=..., ..."),
             Argument(

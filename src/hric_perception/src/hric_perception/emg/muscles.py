@@ -79,7 +79,7 @@ class Bursts(ActivationProgram):
     level: float = number(0.5, minimum=0.0, maximum=1.0)
 
     def activation(self, count: int) -> Activation:
-        """Return the bursts of `count` muscles as a function of robot time."""
+        """Return the activation of `count` muscles, in bursts, as a function of robot time."""
         shift = np.arange(count) / count
 
         def bursts(times: FloatArray) -> FloatArray:
@@ -102,8 +102,8 @@ class Points(ActivationProgram):
         rows = np.array(self.points) if even else np.empty((0, 2))
         if not len(rows) or (np.diff(rows[:, 0]) <= 0).any() or rows[:, 1:].min() < 0 or rows[:, 1:].max() > 1:
             raise ParameterError(
-                f"{self.prefix}points is not valid; valid: rows of rising time [s] and activation, 0 to 1: one for all "
-                f"muscles, or one for each of {count}"
+                f"{self.prefix}points is not valid; valid: rows of increasing time [s] and activation, 0 to 1: one "
+                f"value for all muscles, or {count} values, one for each muscle"
             )
         values = np.broadcast_to(rows[:, 1:], (len(rows), count))
         return lambda times: np.column_stack([np.interp(times, rows[:, 0], column) for column in values.T])

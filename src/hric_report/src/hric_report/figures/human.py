@@ -86,19 +86,19 @@ def _muscle_figures(record: MuscleRecord) -> list[Figure]:
 
 def _contact_figures(impacts: Sequence[ExpectedContact]) -> list[Figure]:
     """Return the figures of impacts and of clamping, for spring contacts with an expected (closed-form) force."""
-    hardest: dict[tuple[str, str], tuple[ExpectedContact, ClosedFormImpact]] = {}
+    strongest: dict[tuple[str, str], tuple[ExpectedContact, ClosedFormImpact]] = {}
     for impact in impacts:
         pair, form = (impact.contact.link, impact.contact.other), impact.impact
         if (
             form is not None
             and len(impact.contact.series.time)
-            and (pair not in hardest or form.peak > hardest[pair][1].peak)
+            and (pair not in strongest or form.peak > strongest[pair][1].peak)
         ):
-            hardest[pair] = impact, form
+            strongest[pair] = impact, form
     made = []
-    if panels := [_blow_panel(*impact_and_form) for impact_and_form in hardest.values()]:
+    if panels := [_blow_panel(*impact_and_form) for impact_and_form in strongest.values()]:
         text = (
-            "Force on the human from the first touch on, for the hardest impact of each pair of bodies; for "
+            "Force on the human from the first touch on, for the strongest impact of each pair of bodies; for "
             "comparison the "
             "half sine of two reflected masses with the spring of the body region, aligned with the first recorded "
             "force. "

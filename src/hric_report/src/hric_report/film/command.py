@@ -44,7 +44,7 @@ class FilmCommand(Command):
     """
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments."""
+        """Return the command-line arguments."""
         run, root = run_arguments("", "RUN")
         return [
             run,

@@ -139,7 +139,7 @@ class MuscleLoadCommand(Command):
     """
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments."""
+        """Return the command-line arguments."""
         return [
             *run_arguments("or a c3d file with markers of the body (Plug-in Gait)", "RUN|FILE.c3d"),
             Argument(

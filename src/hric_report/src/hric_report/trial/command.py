@@ -95,7 +95,7 @@ class TrialCommand(Command):
     """
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments."""
+        """Return the command-line arguments."""
         text = "trial of maximum voluntary contractions, or YAML file with lines LABEL: ENVELOPE; may be repeated"
         return [
             *trial_arguments(),

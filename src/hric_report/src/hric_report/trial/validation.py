@@ -33,7 +33,7 @@ class ValidateCommand(Command):
     """
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments."""
+        """Return the command-line arguments."""
         return trial_arguments()
 
     def run(self, arguments: argparse.Namespace) -> int:

@@ -45,7 +45,7 @@ class ApproachesCommand(Command):
     )
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments."""
+        """Return the command-line arguments."""
         return [
             Argument("--count", type=int, default=COUNT, help=f"number of approaches (default: {COUNT})"),
             Argument("--quick", action="store_true", help=f"simulate only {QUICK} approaches"),

@@ -105,7 +105,7 @@ def _event(finding: Finding, window: tuple[float, float], arm: str, arm_speed: f
         ", ".join(finding.regions),
         arm,
         arm_speed,
-        values.get("speed at which they met [m/s]"),
+        values.get("speed at contact [m/s]"),
         max((peak for peak in peaks if peak is not None), default=math.nan),
         finding.outcome,
         counted_share(finding),

@@ -41,7 +41,7 @@ class BenchmarkCommand(Command):
     )
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments."""
+        """Return the command-line arguments."""
         references = ", ".join(definition.references())
         return [
             Argument(

@@ -159,7 +159,7 @@ class Prediction(FileSettings):
 
     rank: int = whole(
         minimum=1,
-        text="rank that you expect among the controllers with a prediction; results show it beside the rank found",
+        text="rank that you expect among the controllers with a prediction; results show it next to the actual rank",
     )
     text: str = text(empty=False, text="reason for the prediction")
 

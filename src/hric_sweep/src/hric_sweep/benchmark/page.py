@@ -33,7 +33,7 @@ def build(results: PlainData) -> str:
     return template.render(
         results=results,
         verdicts=[
-            ("good" if expected == rank else "bad", f"{name}: predicted {expected}, found {rank}")
+            ("good" if expected == rank else "bad", f"{name}: predicted rank {expected}, actual rank {rank}")
             for name, expected, rank in predicted(results)
         ],
         overview=list(_overview(results)),

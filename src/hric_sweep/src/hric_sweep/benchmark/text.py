@@ -4,7 +4,7 @@ from hric_bags import text as text_table
 from hric_sweep.benchmark.results import predicted
 from hric_sweep.records import PlainData
 
-HEAD = ("rank", "controller", "out of limits", "ergonomics", "task", "not completed", "spread")
+HEAD = ("rank", "controller", "not within limits", "ergonomics", "task", "not completed", "spread")
 
 
 def rows(results: PlainData) -> list[tuple[str, ...]]:
@@ -34,7 +34,7 @@ def by_collaboration(results: PlainData, name: str) -> tuple[tuple[str, ...], li
         values = (_value(collaboration["controllers"][who]["scores"][key]) for who in order)
         lines.append((category, label, limit, *values))
     for category, label, keys in (
-        ("findings", "runs out of limits", ("above", "unknown")),
+        ("findings", "runs not within limits", ("above", "unknown")),
         ("robustness", "runs not completed", ("incomplete",)),
     ):
         cells = (collaboration["controllers"][who] for who in order)
@@ -62,6 +62,9 @@ def render(results: PlainData) -> str:
     for name in results["collaborations"]:
         head, cells = by_collaboration(results, name)
         lines += ["", f"{name}:", *text_table.rows([head, *cells])]
-    lines += ["", *(f"{name}: predicted rank {expected}, found {rank}" for name, expected, rank in predicted(results))]
+    lines += [
+        "",
+        *(f"{name}: predicted rank {expected}, actual rank {rank}" for name, expected, rank in predicted(results)),
+    ]
     lines += [f"definition {results['hashes']['definition'][:16]}, tables {results['hashes']['tables'][:16]}"]
     return "\n".join([*lines, results["disclaimer"]])

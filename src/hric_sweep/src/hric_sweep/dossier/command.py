@@ -18,11 +18,11 @@ FOLDER = "dossier"
 class DossierCommand(Command):
     """Write a dossier of runs and sweeps: application, hazards looked at, method, numbers, gaps, and hashed files.
 
-    The dossier is one folder with a page that prints well. It is no risk assessment. Needs no ROS master.
+    The dossier is one folder with a page that prints well. It is not a risk assessment. Needs no ROS master.
     """
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments."""
+        """Return the command-line arguments."""
         return [
             Argument(
                 "items",

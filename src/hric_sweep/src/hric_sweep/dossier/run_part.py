@@ -64,7 +64,10 @@ def _pictures(verdict: Content) -> Mapping[str, str]:
 
 
 def _gaps(run: RunFile, verdict: Content | None) -> Iterator[AssessmentGap]:
-    """Yield the subjects that a run does not decide: questions, findings, and signals that were not recorded."""
+    """Yield what a run leaves open: an early end, unanswered questions, findings not assessable, missing signals.
+
+    verdict: content of verdict.json; None: no person was in the run.
+    """
     if run.get("status") != COMPLETED:
         reason = f"the run is {run.get('status') or 'of unknown status'}"
         yield AssessmentGap("the task to its end", reason, "repeat the run")

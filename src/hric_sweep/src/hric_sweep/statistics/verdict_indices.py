@@ -29,7 +29,7 @@ class AssessSobolCommand(Command):
     """
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments."""
+        """Return the command-line arguments."""
         return [
             *run_arguments("a bag with a person", "RUN|BAG"),
             Argument("--rows", type=int, default=64, help="rows of Saltelli's design, a power of two (default: 64)"),

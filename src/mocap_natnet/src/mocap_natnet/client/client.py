@@ -227,10 +227,10 @@ class NatNetClient:
                 self.session.receive(datagram, now)
 
     def _refusal(self, sock: socket.socket, datagram: bytes, sender: tuple[str, int], now: int) -> str:
-        """Return the reason why a datagram is refused, or "".
+        """Return the reason why a datagram that arrived at `now` [ns] is refused; empty: it is accepted.
 
         If no server is set, the first sender of server information becomes the server. Frames are accepted from one of
-        the server's ports, until they stop; all other messages from its command port.
+        its ports, and from another one when these frames have stopped; all other messages only from its command port.
         """
         (address, port), frame = sender, datagram.startswith(_FRAME)
         if not self._server and port == self.settings.command_port:

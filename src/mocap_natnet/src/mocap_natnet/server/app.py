@@ -113,7 +113,7 @@ def _fault_arguments() -> list[Argument]:
 
 
 def _declared_arguments(group: str, settings: Declared, names: Sequence[str]) -> list[Argument]:
-    """Return command-line options for declared parameters, with the values of `settings` as defaults."""
+    """Return options for the parameters `names`, with defaults from `settings`; group: title in --help."""
     return [_declared_argument(group, declared(type(settings))[name], name, getattr(settings, name)) for name in names]
 
 

@@ -41,11 +41,11 @@ class PictureCommand(Command):
     """Draw an OpenSim model at a pose into a PNG file. Needs no display."""
 
     def arguments(self) -> list[Argument]:
-        """Return the arguments of the command line."""
+        """Return the command-line arguments."""
         look = Look()
         view, size = [look.azimuth, look.elevation], [look.width, look.height]
         return [
-            Argument("model", type=Path, help=".osim file; its meshes are in the folder Geometry/ beside it"),
+            Argument("model", type=Path, help=".osim file; its meshes are in the folder Geometry/ next to it"),
             Argument("-o", "--output", type=Path, help="PNG file to write (default: the model's name with .png)"),
             Argument(
                 "--pose",
@@ -84,7 +84,7 @@ class PictureCommand(Command):
         missing = picture(arguments.model, output, _pose(arguments.pose), look)
         for file in missing:
             print(
-                f"picture: mesh {file} is left out: it is not in the folder Geometry/ beside {arguments.model}",
+                f"picture: mesh {file} is left out: it is not in the folder Geometry/ next to {arguments.model}",
                 file=sys.stderr,
             )
         print(output)

@@ -72,7 +72,7 @@ class CartesianGenerator(MotionGenerator):
         """Return the commanded pose (16 floats) and twist (6 floats) of this step, and the errors in their values."""
 
     def advance(self, command: MotionCommand | None) -> Errors:
-        """Check a command and advance the desired motion by one millisecond; return the violated limits."""
+        """Check a command, or bridge a lost packet (None), for one millisecond; return the violated limits."""
         if command is None:
             return self._bridge() if self._moving else NO_ERRORS
         T, twist, errors = self._commanded(command)

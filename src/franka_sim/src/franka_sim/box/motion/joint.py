@@ -43,7 +43,7 @@ class JointGenerator(MotionGenerator):
         """Return position and velocity of this step, 7 floats each [rad], [rad/s]."""
 
     def advance(self, command: MotionCommand | None) -> Errors:
-        """Check a command and advance the desired motion by one millisecond; return the violated limits."""
+        """Check a command, or bridge a lost packet (None), for one millisecond; return the violated limits."""
         if command is None:
             return self._bridge() if self._moving else NO_ERRORS
         dt, state = self._dt, self._state
@@ -85,7 +85,7 @@ class JointPositionGenerator(JointGenerator):
         return command.q, [(x - last) / dt for x, last in zip(command.q, self._state.q_d, strict=True)]
 
     def advance(self, command: MotionCommand | None) -> Errors:
-        """Advance by one millisecond; a first position too far from q_d for the velocity limits is an invalid start."""
+        """Advance as in `MotionGenerator`; refuse a first position that q_d cannot reach in one step as start pose."""
         if command is not None and not self._moving and not self._rates.reachable(command.q, self._state.q_d):
             return START_POSE_INVALID
         return super().advance(command)
@@ -104,7 +104,7 @@ class JointVelocityGenerator(JointGenerator):
         return [x + v * dt for x, v in zip(self._state.q_d, dq, strict=True)], dq
 
     def advance(self, command: MotionCommand | None) -> Errors:
-        """Advance by one millisecond; do nothing for zero velocity at rest, as under torque control with protocol 5."""
+        """Advance as in `MotionGenerator`; zero velocity at rest moves nothing (torque control with protocol 5)."""
         state = self._state
         if command is not None and command.dq == REST and state.dq_d == REST and state.ddq_d == REST:
             self._moving, self._lost = True, False
