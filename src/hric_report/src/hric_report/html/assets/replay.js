@@ -153,6 +153,7 @@
 
     draw() {
       this.asked = false;
+      if (!this.canvas.isConnected) return; // another scene has replaced it since the request
       const { clientWidth: width, clientHeight: height } = this.canvas.parentElement;
       this.renderer.setPixelRatio(window.devicePixelRatio);
       this.renderer.setSize(width, height, false);
