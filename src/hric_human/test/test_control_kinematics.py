@@ -10,8 +10,10 @@ from numpy.testing import assert_allclose
 
 from hric_core.geometry import Pose
 from hric_core.geometry.poses import difference
+from hric_core.native import load
 from hric_core.urdf import read
 from hric_human.body import Body
+from hric_human.body.joints import ARM
 from hric_human.control.human_control import resting_posture
 from hric_human.control.inverse_kinematics import HandSolver, OutOfReachError
 from hric_human.control.kinematics import HandChain, own_weight
@@ -84,6 +86,22 @@ def test_pose_and_velocities_of_a_hand_are_those_of_an_independent_library(parts
         posed = chain.posed(q.tolist())
         assert_allclose(np.array(posed.velocities(pose.position)).T, moved[:, columns], atol=1e-13)
         assert_allclose(np.array(posed.axes).T, J[3:, columns], atol=1e-14)
+
+
+@pytest.mark.parametrize("parts", ["right_arm", "upper_body"])
+def test_the_compiled_arm_has_the_bits_of_the_chain(parts: str) -> None:
+    one, hand = body(parts=parts), load("hric_human_kinematics").hand
+    chain, random, n = HandChain(one, "right"), np.random.default_rng(4), len(ARM)
+    pose, linear, axes = np.empty(7), np.empty((n, 3)), np.empty((n, 3))
+    for scale in (1.0, 1e-9, 0.0):
+        q = (scale * random_q(one, random)).tolist()
+        arm, posed, expected = chain.numbers(q), chain.posed(q), chain.pose(q)
+        hand(arm, pose, linear, axes, [q[index] for index in chain.arm])
+        assert pose.tolist() == [*expected.position, *expected.orientation]
+        assert linear.tolist() == [list(row) for row in posed.velocities(expected.position)[-n:]]
+        assert axes.tolist() == [list(row) for row in posed.axes[-n:]]
+    with pytest.raises(ValueError, match="do not fit together"):
+        hand(arm, pose, linear, axes, [0.0])
 
 
 @pytest.mark.parametrize("oriented", [False, True])

@@ -10,10 +10,11 @@ from functools import partial
 import numpy as np
 import PyKDL
 
-from franka_hw_interface.urdf_chain import ChainSegment, SerialChain, parse_chain
+from franka_hw_interface.urdf_chain import ChainSegment, SerialChain, chain_of
 from hric_core.errors import CommandError, DescriptionError, HricError
 from hric_core.geometry import FloatArray, MassProperties
 from hric_core.native import load
+from hric_core.urdf import Robot, read
 
 _kdl = load("hric_kdl")
 GRAVITY = (0.0, 0.0, -9.81)
@@ -85,7 +86,7 @@ class KdlChain:
     another thread; calls that run at that time finish with the old load.
 
     Args:
-        urdf_xml: robot description (pure URDF).
+        robot: robot description, or its text (pure URDF).
         root, tip: link names.
         gravity_world: gravity in the frame of the URDF's first link, 3 floats [m/s^2].
 
@@ -93,8 +94,8 @@ class KdlChain:
         DescriptionError, UnknownNameError: the URDF has no such chain.
     """
 
-    def __init__(self, urdf_xml: str, root: str, tip: str, gravity_world: Sequence[float] = GRAVITY) -> None:
-        self.description = parse_chain(urdf_xml, root, tip)
+    def __init__(self, robot: str | Robot, root: str, tip: str, gravity_world: Sequence[float] = GRAVITY) -> None:
+        self.description = chain_of(read(robot) if isinstance(robot, str) else robot, root, tip)
         T_world_root = self.description.T_world_root
         if T_world_root is None:
             raise DescriptionError(

@@ -10,7 +10,6 @@ from typing import Any
 from rosbags.typesys.store import Typestore
 
 from hric_bags.parts import typestore_of
-from hric_core.robot_time.stamps import to_time
 
 FIRST = 1
 """Smallest recording time of a bag [ns]; ROS does not load messages that were recorded at time 0."""
@@ -119,4 +118,4 @@ class MemoryBag:
 
 def nanoseconds(time: float) -> int:
     """Return a robot time [s] as recording time of a bag [ns], at least FIRST."""
-    return max(int(to_time(max(time, 0.0)).to_nsec()), FIRST)
+    return max(round(time * 1_000_000_000), FIRST)  # as `to_time` rounds

@@ -273,7 +273,7 @@ class _JoinedLog:
             self._repeats.append((start, skip))
         rows = {name: np.asarray(getattr(message, name), dtype=float).reshape(count, joints) for name in ARRAYS}
         time = np.asarray(message.time, dtype=float)
-        by_effort = np.tile([kind == "effort" for kind in message.command_interface], (count, 1))
+        by_effort = np.repeat([[kind == "effort" for kind in message.command_interface]], count, axis=0)
         end = self._cycles + count - skip
         for name, values in {"time": time, **rows, "by_effort": by_effort}.items():
             stored = self._arrays.setdefault(name, values[:0])

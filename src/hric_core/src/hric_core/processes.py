@@ -1,5 +1,6 @@
 """Threads and processes: priority, garbage collection, starting and ending child processes, exit codes."""
 
+import atexit
 import ctypes
 import gc
 import os
@@ -128,9 +129,11 @@ def run_command(
     Returns:
         the exit code that `work` returned, or that of the HricError; FAILURE after an OSError.
     """
+    atexit.register(gc.freeze)  # the interpreter would visit all objects again before it ends
     try:
         try:
-            code = work() or 0
+            with quiet_collector():  # also for imports: they create many objects, and no garbage
+                code = work() or 0
             _flush()
             return code
         except BrokenPipeError:

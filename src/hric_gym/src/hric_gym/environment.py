@@ -190,7 +190,7 @@ class CollaborationEnv(Env):
             seed, deviation = int(random.integers(2**31)), random.uniform(-1.0, 1.0, 7) * self.task.deviation
             try:
                 if self._choice.population:
-                    self._open(Simulation(drawn_body(self._definition, self._choice.population, random)))
+                    self._open(Simulation(drawn_body(self._definition, self._choice.population, random), seed=seed))
                 self._mode.prepare()
                 self.simulation.reset(in_place=True, seed=seed, q_start=(self._q_start + deviation).tolist())
             except OutOfReachError:

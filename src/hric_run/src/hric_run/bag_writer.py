@@ -51,8 +51,10 @@ class BagWriter:
         data = BytesIO()
         message.serialize(data)
         stamp = nanoseconds(time)
-        with self._errors():
+        try:  # not `_errors`: a context manager takes longer than all of this
             self._writer.write(connection, stamp, data.getbuffer())
+        except OSError as error:
+            raise files.cannot_write(self._active, error) from error
         return stamp
 
     def _connect(self, topic: str, kind: Any) -> Connection:

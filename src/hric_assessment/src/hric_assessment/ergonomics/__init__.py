@@ -1,6 +1,5 @@
 """Ergonomics of a motion: posture scores (RULA, REBA), lifts (NIOSH), static and repeated muscle use, smoothness."""
 
-from hric_assessment.ergonomics import niosh, reba, rula
 from hric_assessment.ergonomics.posture import Posture, Task, of_joints
 
-__all__ = ["Posture", "Task", "niosh", "of_joints", "reba", "rula"]
+__all__ = ["Posture", "Task", "of_joints"]

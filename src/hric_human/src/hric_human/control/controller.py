@@ -45,6 +45,7 @@ class Person:
         seed: seed of all randomness.
         cycle: time between two updates [s].
         solved: solutions of inverse kinematics that depend on this person alone, kept over resets.
+        starts: the last solution for the start of a motion, also kept if the seed changes.
     """
 
     body: Body
@@ -62,6 +63,7 @@ class Person:
     seed: int
     cycle: float
     solved: dict[object, list[list[float]]] = field(default_factory=dict)
+    starts: dict[object, list[float]] = field(default_factory=dict)
 
 
 class Senses:

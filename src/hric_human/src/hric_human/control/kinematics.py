@@ -1,13 +1,16 @@
 """Kinematics and gravity torque of a human body, computed on plain floats without a physics engine."""
 
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
+from dataclasses import replace
 from typing import NamedTuple
-from xml.etree import ElementTree
+
+import numpy as np
 
 from franka_hw_interface.kdl_chain import KdlChain, tree_gravity
-from hric_core.geometry import IDENTITY, ORIGIN, Pose, Quaternion, Vector
+from hric_core.geometry import IDENTITY, ORIGIN, FloatArray, Pose, Quaternion, Vector
 from hric_core.geometry.quaternions import cross, from_rotation_vector, product, rotated
-from hric_core.urdf import read
+from hric_core.urdf import Robot, read
 from hric_human.body import Body, BodySegment
 from hric_human.body.joints import ARM
 from hric_human.body.segments import ROOT
@@ -120,6 +123,14 @@ class HandChain(LinkChain):
         self.arm = self.joints[-len(ARM) :]
         self.reach = -float(forearm.p_parent_link[2] + hand.p_parent_link[2]) - self.p_link_hand[2]
 
+    def numbers(self, q: Sequence[float]) -> FloatArray:
+        """Return the arm for `kinematics.c`, with all other joints at the angles q of the whole body [rad]."""
+        trunk = copy(self)
+        trunk._frames, trunk._after = self._frames[: -len(ARM)], ORIGIN
+        start, frames = trunk.posed(q), self._frames[-len(ARM) :]
+        joints = [number for _, offset, axis in frames for number in (*offset, *axis)]
+        return np.array([*start.end, *start.orientation, *self._after, *self.p_link_hand, *joints])
+
     def pose(self, q: Sequence[float]) -> Pose:
         """Return the pose of the hand in axes of the root link; q: joint angles of the whole body [rad]."""
         posed = self.posed(q)
@@ -141,31 +152,22 @@ def own_weight(body: Body, gravity: Vector = GRAVITY, loads: Mapping[str, float]
         gravity: gravity vector in axes of the root link [m/s^2].
         loads: masses held in the centres of mass of links, by link [kg].
     """
-    names, urdf = list(body.joints), _loaded(body.urdf, loads)
+    names, robot = list(body.joints), read(body.urdf)
     parents = {segment.parent for segment in body.segments.values()}
     counted: set[str] = set()
     parts: list[tuple[KdlChain, list[int]]] = []
     for tip in (segment.link for segment in body.segments.values() if segment.link not in parents):
-        path = {joint.child for joint in read(urdf).path(ROOT, tip)}
-        chain = KdlChain(_with_mass(urdf, path - counted), ROOT, tip, gravity)
+        path = {joint.child for joint in robot.path(ROOT, tip)}
+        chain = KdlChain(_with_mass(robot, path - counted, loads), ROOT, tip, gravity)
         parts.append((chain, [names.index(name) for name in chain.joint_names]))
         counted |= path
     return parts[0][0].gravity_list if len(parts) == 1 else tree_gravity(len(names), parts)
 
 
-def _loaded(urdf: str, loads: Mapping[str, float]) -> str:
-    """Return a URDF text with masses [kg] added at the centres of mass of the links named by `loads`."""
-    robot = ElementTree.fromstring(urdf)
-    for link in robot.iterfind("link"):
-        for mass in link.iterfind("inertial/mass"):
-            mass.set("value", repr(float(mass.attrib["value"]) + loads.get(link.attrib["name"], 0.0)))
-    return ElementTree.tostring(robot, encoding="unicode")
-
-
-def _with_mass(urdf: str, links: set[str]) -> str:
-    """Return a URDF text in which only the named links have mass."""
-    robot = ElementTree.fromstring(urdf)
-    for link in robot.iterfind("link"):
-        for inertial in link.findall("inertial") if link.get("name") not in links else ():
-            link.remove(inertial)
-    return ElementTree.tostring(robot, encoding="unicode")
+def _with_mass(robot: Robot, links: set[str], loads: Mapping[str, float]) -> Robot:
+    """Return a robot in which only the named links have mass, with the loads [kg] added at their centres of mass."""
+    made = {}
+    for name, link in robot.links.items():
+        mass = link.mass if name in links else None
+        made[name] = replace(link, mass=mass and replace(mass, mass=mass.mass + loads.get(name, 0.0)))
+    return replace(robot, links=made)

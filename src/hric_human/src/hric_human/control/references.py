@@ -206,7 +206,7 @@ class HandReference(Reference):
         self._target, end = self._pose(0), self._program.span[1]
         self.end = motion.begin + end
         if motion not in person.solved:
-            self._last = self._reached(lambda: self._solver.first(self._target))
+            self._last = self._first(person.starts, oriented)
             later = range(math.ceil(end / KNOT) if math.isfinite(end) else 0)
             person.solved[motion] = [self._last, *(self._next() for _ in later)]
         rows = person.solved[motion]
@@ -239,6 +239,13 @@ class HandReference(Reference):
             self._target = target
             self._last = self._reached(lambda: self._solver.next(target, self._last))
         return self._last
+
+    def _first(self, starts: dict[object, Joints], oriented: bool) -> Joints:
+        if (key := (self._target, oriented)) not in starts:
+            posture = self._reached(lambda: self._solver.first(self._target))
+            starts.clear()
+            starts[key] = posture
+        return starts[key]
 
     def _reached(self, solved: Callable[[], Joints]) -> Joints:
         try:

@@ -1,0 +1,109 @@
+/* Position of a hand, and its velocity for unit speed of each joint of the arm; the formulas are in kinematics.py and
+ * hric_core/geometry/quaternions.py.
+ *
+ * The order of the operations is part of the interface: runs are compared bit by bit. */
+#include "hric_core/python_numbers.h"
+#include <math.h>
+
+enum { MOST = 64 }; /* joints */
+
+/* Place of a joint in the frame of the one before, and its axis. */
+typedef struct {
+    double offset[3], axis[3];
+} Joint;
+
+/* Chain of an arm: frame in which it begins, vectors from the last joint to the last link's origin and from there to
+ * the hand's frame, joints. */
+typedef struct {
+    double p[3], orientation[4], after[3], p_link_hand[3];
+    Joint joints[];
+} Chain;
+
+static void cross(const double *a, const double *b, double *out)
+{
+    out[0] = a[1] * b[2] - a[2] * b[1];
+    out[1] = a[2] * b[0] - a[0] * b[2];
+    out[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+/* Rotate a vector by the quaternion q = (x, y, z, w). */
+static void rotated(const double *q, const double *v, double *out)
+{
+    const double x = q[0], y = q[1], z = q[2], w = q[3], a = v[0], b = v[1], c = v[2];
+    const double u0 = 2.0 * (y * c - z * b), u1 = 2.0 * (z * a - x * c), u2 = 2.0 * (x * b - y * a);
+    out[0] = a + w * u0 + y * u2 - z * u1;
+    out[1] = b + w * u1 + z * u0 - x * u2;
+    out[2] = c + w * u2 + x * u1 - y * u0;
+}
+
+/* Add the vector v of the frame with orientation q to the point p. */
+static void add_rotated(const double *q, const double *v, double *p)
+{
+    double d[3];
+    rotated(q, v, d);
+    for (int i = 0; i < 3; i++)
+        p[i] = p[i] + d[i];
+}
+
+/* Turn the orientation q by an angle about an axis of its frame. */
+static void turn(const double *axis, double q, double *orientation)
+{
+    const double x = axis[0] * q, y = axis[1] * q, z = axis[2] * q;
+    const double angle = sqrt(x * x + y * y + z * z);
+    const double scale = angle < 1e-9 ? 0.5 : sin(0.5 * angle) / angle;
+    const double bx = scale * x, by = scale * y, bz = scale * z, bw = cos(0.5 * angle);
+    const double ax = orientation[0], ay = orientation[1], az = orientation[2], aw = orientation[3];
+    orientation[0] = aw * bx + ax * bw + ay * bz - az * by;
+    orientation[1] = aw * by - ax * bz + ay * bw + az * bx;
+    orientation[2] = aw * bz + ax * by - ay * bx + az * bw;
+    orientation[3] = aw * bw - ax * bx - ay * by - az * bz;
+}
+
+/* Compute the pose of the hand, and the axis and velocity of each of n joints at the angles q. */
+static void place(const Chain *chain, const double *q, Py_ssize_t n, double *pose, double *linear, double *axes)
+{
+    double origins[MOST][3], *p = pose, *orientation = pose + 3;
+    memcpy(pose, chain, 7 * sizeof(double));
+    for (Py_ssize_t i = 0; i < n; i++) {
+        add_rotated(orientation, chain->joints[i].offset, p);
+        memcpy(origins[i], p, sizeof origins[i]);
+        rotated(orientation, chain->joints[i].axis, axes + 3 * i);
+        turn(chain->joints[i].axis, q[i], orientation);
+    }
+    add_rotated(orientation, chain->after, p);
+    add_rotated(orientation, chain->p_link_hand, p);
+    for (Py_ssize_t i = 0; i < n; i++) {
+        const double lever[3] = {p[0] - origins[i][0], p[1] - origins[i][1], p[2] - origins[i][2]};
+        cross(axes + 3 * i, lever, linear + 3 * i);
+    }
+}
+
+FUNCTION(hand)
+{
+    enum { CHAIN, POSE, LINEAR, AXES, VIEWS, Q = VIEWS, COUNT };
+    Py_buffer views[VIEWS];
+    double q[MOST];
+    if (!expect(count, COUNT, "hand(chain, pose, linear, axes, q)"))
+        return NULL;
+    const Py_ssize_t n = PySequence_Size(given[Q]), row = 3 * n * (Py_ssize_t)sizeof(double);
+    if (n < 0 || n > MOST) {
+        if (!PyErr_Occurred())
+            PyErr_Format(PyExc_ValueError, "0 to %d joints are possible", MOST);
+        return NULL;
+    }
+    const Py_ssize_t bytes[VIEWS] = {(Py_ssize_t)(sizeof(Chain) + n * sizeof(Joint)), 7 * sizeof(double), row, row};
+    if (!take(given[Q], n, q) || !take_views(given, VIEWS, 1, views))
+        return NULL;
+    const int fit = views_fit(views, VIEWS, bytes);
+    if (fit)
+        place(views[CHAIN].buf, q, n, views[POSE].buf, views[LINEAR].buf, views[AXES].buf);
+    release_views(views, VIEWS);
+    return fit ? Py_NewRef(Py_None) : NULL;
+}
+
+static PyMethodDef methods[] = {
+    METHOD(hand, "(chain, pose, linear, axes, q): fill the arrays for the joint angles q"),
+    {0},
+};
+
+MODULE(hric_human_kinematics, methods)
