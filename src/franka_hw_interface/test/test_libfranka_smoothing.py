@@ -6,8 +6,8 @@ import numpy as np
 import panda_py.libfranka
 import pytest
 
+from franka_hw_interface.limits import fr3_limits
 from franka_hw_interface.rate_limits import JointSmoother, TorqueSmoother, gain
-from franka_real.settings import fr3_limits
 
 LIMITS = fr3_limits()
 NONE = 1000.0

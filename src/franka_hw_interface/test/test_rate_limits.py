@@ -1,15 +1,14 @@
 import numpy as np
 import pytest
 
-from franka_hw_interface.limits import franka_limits
-from franka_hw_interface.rate_limits import MAX_CUTOFF, JointSmoother, RateLimits
+from franka_hw_interface.limits import FrankaLimits, franka_limits
+from franka_hw_interface.rate_limits import MAX_CUTOFF, JointSmoother
 
 T = np.arange(0.0, 4.0, 1e-3)
 
 
-def limits() -> RateLimits:
-    own = franka_limits().with_margins()
-    return RateLimits(own.effort_rate, own.velocity, own.acceleration, own.jerk)
+def limits() -> FrankaLimits:
+    return franka_limits().with_margins()
 
 
 def follow(wanted: np.ndarray, cutoff: float = MAX_CUTOFF) -> np.ndarray:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from franka_hw_interface.kdl_model import KdlFrankaModel
-from franka_hw_interface.limits import franka_limits
-from franka_sim.fci.robots import ROBOTS, fr3_limits, fr3_served_urdf, fr3_urdf
+from franka_hw_interface.limits import fr3_limits, franka_limits
+from franka_sim.fci.robots import ROBOTS, fr3_served_urdf, fr3_urdf
 from franka_sim.settings import Q_START
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 from franka_hw_interface.interfaces import FrankaPoseCartesianInterface, FrankaVelocityCartesianInterface
 from franka_hw_interface.limits import FrankaLimits
 from franka_hw_interface.modes import HOLD, ArmMode, Kind
-from franka_hw_interface.rate_limits import MAX_CUTOFF, JointSmoother, RateLimits
+from franka_hw_interface.rate_limits import MAX_CUTOFF, JointSmoother
 from franka_hw_interface.robot_state import RobotState, identity16
 from hric_control.hardware_interface import (
     EffortJointInterface,
@@ -63,8 +63,8 @@ class CommandSet:
         state: Franka state of the arm.
         limits: joint limits, one per joint.
         period: period of the commands [s].
-        smoothing: rate limits for joint positions and velocities, for an arm that is commanded without libfranka;
-            None: commands are not smoothed.
+        smoothing: limits for the rates of joint positions and velocities, for an arm that is commanded without
+            libfranka; None: commands are not smoothed.
         arm_limits: limits of the arm, for controllers; None: those of the Panda.
 
     Attributes:
@@ -79,7 +79,7 @@ class CommandSet:
         state: RobotState,
         limits: Sequence[JointLimits],
         period: float = PERIOD,
-        smoothing: RateLimits | None = None,
+        smoothing: FrankaLimits | None = None,
         arm_limits: FrankaLimits | None = None,
     ) -> None:
         self._state, self._period = state, period

@@ -76,6 +76,15 @@ def _with_margins(limit: CartesianLimit) -> CartesianLimit:
     return CartesianLimit(velocity, limit.acceleration - EPSILON, limit.jerk - EPSILON)
 
 
+def fr3_limits() -> FrankaLimits:
+    """Return the nominal limits of the FR3, without libfranka's margins."""
+    values = panda_description.config("limits_fr3")
+    names = ("lower", "upper", "velocity", "acceleration", "jerk", "effort", "effort_rate")
+    limits: dict[str, Any] = {name: tuple(values[name]) for name in names}
+    limits |= {name: CartesianLimit(**values[name]) for name in ("translation", "rotation", "elbow")}
+    return FrankaLimits(**limits)
+
+
 def franka_limits() -> FrankaLimits:
     """Return the nominal limits of the Panda, without libfranka's margins."""
     joints = list(panda_description.joint_limits().values())

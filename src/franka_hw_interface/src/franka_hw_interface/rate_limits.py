@@ -2,7 +2,8 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+
+from franka_hw_interface.limits import FrankaLimits
 
 PERIOD = 1e-3
 """Control period of libfranka [s]."""
@@ -15,21 +16,6 @@ ECHO_TOLERANCE = 1e-4
 
 Within it the sent value is used: it is more exact, since the FR3 sends its state in single precision.
 """
-
-
-@dataclass(frozen=True)
-class RateLimits:
-    """Rate limits of joint commands, 7 floats each.
-
-    Attributes:
-        effort_rate: maximum torque rates [N m/s].
-        velocity, acceleration, jerk: maximum values [rad/s], [rad/s^2], [rad/s^3].
-    """
-
-    effort_rate: tuple[float, ...]
-    velocity: tuple[float, ...]
-    acceleration: tuple[float, ...]
-    jerk: tuple[float, ...]
 
 
 def gain(cutoff_frequency: float) -> float:
@@ -48,11 +34,11 @@ class TorqueSmoother:
     """Low-pass filter for torque commands, followed by a limit of the torque rate.
 
     Args:
-        limits: rate limits; None: rates are not limited.
+        limits: limits of the arm, of which those of rates are used; None: rates are not limited.
         cutoff_frequency: cut-off frequency of the low-pass [Hz].
     """
 
-    def __init__(self, limits: RateLimits | None, cutoff_frequency: float) -> None:
+    def __init__(self, limits: FrankaLimits | None, cutoff_frequency: float) -> None:
         self._gain = gain(cutoff_frequency)
         self._change = [math.inf] * 7 if limits is None else [(rate - MARGIN) * PERIOD for rate in limits.effort_rate]
         self._sent = [0.0] * 7
@@ -103,14 +89,14 @@ class JointSmoother:
     braked, in addition to the velocity of the desired motion.
 
     Args:
-        limits: rate limits; None: rates are not limited.
+        limits: limits of the arm, of which those of rates are used; None: rates are not limited.
         cutoff_frequency: cut-off frequency of the low-pass [Hz].
         positions: True if the commands are positions; False: velocities.
         period: period of the commands [s].
     """
 
     def __init__(
-        self, limits: RateLimits | None, cutoff_frequency: float, positions: bool, period: float = PERIOD
+        self, limits: FrankaLimits | None, cutoff_frequency: float, positions: bool, period: float = PERIOD
     ) -> None:
         self._gain, self._positions, self._period = gain(cutoff_frequency), positions, period
         self._rows: list[tuple[float, float, float]] = []

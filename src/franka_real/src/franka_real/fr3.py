@@ -10,7 +10,6 @@ from franka_hw_interface.command_set import ArmCommand
 from franka_hw_interface.modes import ArmMode, Kind
 from franka_hw_interface.rate_limits import JointSmoother, TorqueSmoother
 from franka_real.backend import Backend, Cycle, RobotError, clean
-from franka_real.settings import fr3_limits
 from hric_core.errors import HricError
 
 _START = {
@@ -87,7 +86,7 @@ class Fr3Backend(Backend):
 
     def _builder(self, mode: ArmMode) -> Build:
         """Return a function that filters, limits and converts commands, as libfranka's C++ loops do."""
-        limits = fr3_limits() if self.settings.rate_limiting else None
+        limits = self.settings.limits if self.settings.rate_limiting else None
         cutoff = self.settings.cutoff_frequency
         if mode.generator is Kind.POSE:
             return lambda raw, command: libfranka.CartesianPose(command.O_T_EE)

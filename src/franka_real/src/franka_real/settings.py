@@ -6,7 +6,7 @@ from typing import Any
 
 from franka_hw_interface.arm_parameters import ARM_ID, collision_config
 from franka_hw_interface.arm_services import CollisionThresholds
-from franka_hw_interface.rate_limits import RateLimits
+from franka_hw_interface.limits import FrankaLimits, fr3_limits, franka_limits
 from hric_control.limits import ENFORCE_LIMITS
 from hric_control.plants import rotor_inertia
 from hric_core.node import REQUIRED
@@ -24,12 +24,6 @@ WAIT_FOR_ARM: Any = number(
     name="wait_for_arm",
     text="time for which a refused connection is tried again, as while the control box starts",
 )
-
-
-def fr3_limits() -> RateLimits:
-    """Return the rate limits of the FR3's joints."""
-    limits = package_yaml(__file__, "franka_real")["fr3_rate_limits"]
-    return RateLimits(**{name: tuple(values) for name, values in limits.items()})
 
 
 @dataclass(frozen=True)
@@ -78,6 +72,11 @@ class FrankaRealSettings(Base):
         above=0.0, unit="s", text="the same while the arm recovers, takes a setting or sends its model"
     )
     connect_timeout: float = number(above=0.0, unit="s", text="the same while libfranka connects")
+
+    @property
+    def limits(self) -> FrankaLimits:
+        """Nominal limits of the arm, without libfranka's margins."""
+        return fr3_limits() if self.robot == "fr3" else franka_limits()
 
     @classmethod
     def defaults(cls) -> Mapping[str, object]:

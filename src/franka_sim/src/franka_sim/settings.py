@@ -8,8 +8,7 @@ from typing import Any, TypeVar
 from franka_hw_interface.arm_parameters import ARM_ID, collision_config, read_arm_id
 from franka_hw_interface.arm_services import CollisionThresholds
 from franka_hw_interface.kdl_model import KdlFrankaModel
-from franka_hw_interface.limits import franka_limits
-from franka_hw_interface.rate_limits import RateLimits
+from franka_hw_interface.limits import FrankaLimits, franka_limits
 from franka_sim.box.config import BoxConfig, CollisionBehavior
 from franka_sim.box.internal_impedance import JointImpedanceLaw, defaults
 from franka_sim.realism import IDEAL, Realism, parse
@@ -107,11 +106,9 @@ class SimulatedArmSettings(BoxSettings):
     )
 
     @property
-    def rate_limits(self) -> RateLimits | None:
+    def rate_limits(self) -> FrankaLimits | None:
         """Limits of libfranka's control loops for joint positions and velocities; None if `rate_limiting` is false."""
-        limits = franka_limits().with_margins()
-        rates = RateLimits(limits.effort_rate, limits.velocity, limits.acceleration, limits.jerk)
-        return rates if self.rate_limiting else None
+        return franka_limits().with_margins() if self.rate_limiting else None
 
     def box(
         self, plant: Mapping[str, object], rotors: Mapping[str, float], time_step: float, realism: Realism

@@ -2,14 +2,11 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
 from xml.etree import ElementTree
 
 import panda_description
-from franka_hw_interface.limits import FrankaLimits, franka_limits
-from franka_sim.box.config import read_config
+from franka_hw_interface.limits import FrankaLimits, fr3_limits, franka_limits
 from hric_core.errors import DescriptionError
-from panda_description import CartesianLimit
 
 JOINTS = 7
 MAX_LOST_PACKETS = 20
@@ -37,15 +34,6 @@ class RobotKind:
     limits: Callable[[], FrankaLimits]
 
 
-def fr3_limits() -> FrankaLimits:
-    """Return the limits of the FR3's joints and end effector."""
-    values = read_config("fr3")
-    names = ("lower", "upper", "velocity", "acceleration", "jerk", "effort", "effort_rate")
-    limits: dict[str, Any] = {name: tuple(values[name]) for name in names}
-    limits |= {name: CartesianLimit(**values[name]) for name in ("translation", "rotation", "elbow")}
-    return FrankaLimits(**limits)
-
-
 def _joint(root: ElementTree.Element, name: str) -> ElementTree.Element:
     for joint in root.iterfind("joint"):
         if joint.get("name") == name:
@@ -61,7 +49,7 @@ def fr3_limited(urdf_xml: str, arm_id: str) -> str:
         arm_id: prefix of the joint names.
     """
     root = ElementTree.fromstring(urdf_xml)
-    values = read_config("fr3")
+    values = panda_description.config("limits_fr3")
     for i in range(JOINTS):
         joint = _joint(root, f"{arm_id}_joint{i + 1}")
         limits = {name: str(values[name][i]) for name in ("lower", "upper", "velocity", "effort")}
@@ -86,7 +74,7 @@ def fr3_served_urdf() -> str:
     of the arm.
     """
     root = ElementTree.fromstring(fr3_urdf(hand=False, collision=False))
-    values = read_config("fr3")
+    values = panda_description.config("limits_fr3")
     for i in range(JOINTS):
         limits = {name: str(values[name][i]) for name in ("velocity_offset", "deceleration_limit")}
         ElementTree.SubElement(_joint(root, f"fr3_joint{i + 1}"), "position_based_velocity_limits", limits)
