@@ -12,10 +12,11 @@ import opensim
 import pytest
 from rosbags.highlevel import AnyReader
 
-from hric_analysis import human, human_difference, muscle_metrics, stability
+from hric_analysis import human, human_difference, human_values, muscle_metrics, stability
 from hric_analysis.human import SimulatedPerson
 from hric_bags.export import exporting, recording
-from hric_bags.records.human_record import GripRecord, HumanRecord, RecordedHumanEvent
+from hric_bags.records.human_event import RecordedHumanEvent
+from hric_bags.records.human_record import GripRecord, HumanRecord
 from hric_bags.records.muscle_record import MuscleMessages
 from hric_core.trial.opensim_text import read_storage
 from hric_report import headless as runner
@@ -84,7 +85,7 @@ def test_a_grip_that_never_closes_has_no_force_and_the_report_says_why() -> None
 
 @pytest.mark.parametrize(
     ("until", "verdict", "after"),
-    [(3.5, human.SETTLES, 1.0), (6.0, human.UNSTABLE, 3.5), (9.0, human.UNSTABLE, None)],
+    [(3.5, human_values.SETTLES, 1.0), (6.0, human_values.UNSTABLE, 3.5), (9.0, human_values.UNSTABLE, None)],
 )
 def test_a_grip_that_pulls_longer_than_three_seconds_after_the_motion_is_unstable(
     until: float, verdict: str, after: float | None
@@ -99,9 +100,9 @@ def test_a_run_whose_human_does_not_come_to_rest_is_unstable_and_says_why() -> N
         return metrics(record([grip(force=pulse(5.0, 1.0, until))])).settling
 
     judged = stability.Stability(stability.STABLE, stability.STABLE, (), {}, stability.Thresholds())
-    assert judged.also(human.instability_reasons(settling(3.5))) == judged
-    assert judged.also(human.instability_reasons(None)) == judged
-    found = judged.also(human.instability_reasons(settling(9.0)))
+    assert judged.also(human_values.instability_reasons(settling(3.5))) == judged
+    assert judged.also(human_values.instability_reasons(None)) == judged
+    found = judged.also(human_values.instability_reasons(settling(9.0)))
     assert (found.verdict, found.loop) == (stability.UNSTABLE, stability.STABLE)
     (reason,) = found.reasons
     assert "do not come to rest within 3 s after the motion" in reason and "guide never" in reason
@@ -136,7 +137,7 @@ def test_humans_without_a_common_joint_or_time_have_no_difference() -> None:
 
 def test_a_force_below_a_twentieth_of_the_peak_has_faded() -> None:
     force = pulse(5.0, 1.0, 2.0) + pulse(0.24, 2.1, 9.0)
-    assert metrics(record([grip(force=force)])).settling.verdict == human.SETTLES
+    assert metrics(record([grip(force=force)])).settling.verdict == human_values.SETTLES
 
 
 def test_a_run_that_ends_too_early_is_not_judged() -> None:
@@ -245,7 +246,9 @@ def test_a_run_is_called_unstable_where_all_of_their_impedance_is_late(
         experiment.load("hand_guidance", overrides), overrides, root=tmp_path, progress=False, figures=False
     )
     assert result.metrics["stability"]["verdict"] == verdict
-    assert result.metrics["human"]["settling"]["verdict"] == (human.SETTLES if verdict == "stable" else human.UNSTABLE)
+    assert result.metrics["human"]["settling"]["verdict"] == (
+        human_values.SETTLES if verdict == "stable" else human_values.UNSTABLE
+    )
     assert ("stability: UNSTABLE" in result.metrics["report"]) is (verdict == "unstable")
 
 

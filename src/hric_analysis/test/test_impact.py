@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hric_analysis.human import HumanMetrics
+from hric_analysis.human_values import HumanMetrics
 from hric_assessment.contact import impact
 from hric_bags.run_folder import RunFolder
 from hric_core.command import main

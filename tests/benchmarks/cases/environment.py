@@ -19,6 +19,7 @@ from hric_assessment.ergonomics.rula import Rula
 from hric_core import plugins
 from hric_core.geometry import Pose, stamped
 from hric_core.processes import quiet_collector
+from hric_gym.environment import CollaborationEnv
 from hric_human.participant.settings import HUMAN, HumanSettings
 from hric_run.definition import experiment
 from hric_run.simulation import Simulation
@@ -159,3 +160,21 @@ def reset(drive: str = "") -> Iterator[Block]:
     with quiet_collector():
         yield block
     environment.simulation.close()
+
+
+@contextmanager
+def episode(population: str) -> Iterator[Block]:
+    """Measure the reset of `CollaborationEnv`, with another motion of the person in each episode.
+
+    population: population from which the body is drawn; empty: the body remains the same."""
+    environment = CollaborationEnv("Reach", population=population)
+
+    def block() -> float:
+        begin = time.thread_time()
+        environment.reset()
+        return time.thread_time() - begin
+
+    environment.reset(seed=0)
+    with quiet_collector():
+        yield block
+    environment.close()

@@ -14,6 +14,7 @@ from itertools import combinations
 import numpy as np
 import numpy.typing as npt
 
+from hric_analysis.human_values import ShareSpread, TransportMetrics
 from hric_assessment.ergonomics.effort import log_dimensionless_jerk
 from hric_bags.reader import FloatArray
 from hric_bags.records.human_record import GripRecord
@@ -184,46 +185,6 @@ def _excess(
     acceleration = np.gradient(np.gradient(com, time, axis=0), time, axis=0)
     acceleration[:2] = acceleration[-2:] = np.nan  # one-sided differences are of first order
     return np.asarray(force.sum(axis=0) - mass.mass * (acceleration - gravity))
-
-
-@dataclass(frozen=True)
-class ShareSpread:
-    """Mean, smallest and largest share of the weight that a grip carries [1]."""
-
-    mean: float
-    min: float
-    max: float
-
-
-@dataclass(frozen=True)
-class TransportMetrics:
-    """Metrics of a body carried by two grips, during the motion of the person.
-
-    Attributes:
-        object: full name of the body.
-        weight: weight [N]; None: not known.
-        time: time for which both grips held the body [s].
-        load_share: share of the weight on each grip, by its name; None: weight not known.
-        squeeze_max, stretch_max: largest compression and tension [N]; squeeze_mean: mean of the internal force [N].
-        tilt_max: largest inclination of the line between the grips [rad].
-        path, lift: path length of the midpoint between the grips, and range of its height [m].
-        smoothness: log dimensionless jerk of the midpoint [1]; None: it did not move.
-        excess_rms, excess_max: RMS and maximum of the sum of both forces minus m (a - g) [N]; None: not known.
-    """
-
-    object: str
-    weight: float | None
-    time: float
-    load_share: dict[str, ShareSpread] | None
-    squeeze_max: float
-    stretch_max: float
-    squeeze_mean: float
-    tilt_max: float
-    path: float
-    lift: float
-    smoothness: float | None
-    excess_rms: float | None
-    excess_max: float | None
 
 
 def metrics(transport: Transport, begin: float, end: float) -> TransportMetrics | None:

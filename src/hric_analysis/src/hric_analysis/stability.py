@@ -1,8 +1,8 @@
 """Stability verdict of the control loop of a run.
 
 A run is unstable if the simulation diverged, if the arm stopped with `instability_detected`, if human and robot do not
-come to rest after the person's motion (`human.instability_reasons`), or if a joint chatters (oscillates at a high
-frequency), as defined here.
+come to rest after the person's motion (`human_values.instability_reasons`), or if a joint chatters (oscillates at a
+high frequency), as defined here.
 
 tau_k is the torque of a joint in cycle k: the requested torque if it is effort-controlled, else the measured torque.
 The log is cut into pieces of PIECE cycles. r_k is tau_k minus its least-squares parabola over the piece; this removes

@@ -3,13 +3,13 @@
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from hric_analysis import collection, collection_record, differences, human, metrics, stability, supervised
+from hric_analysis import collection, collection_record, differences, metrics, stability, supervised
 from hric_analysis import tracking_run as tracking_analysis
 from hric_analysis.collection import CollectionMetrics, SourceMetrics, StreamMetrics
 from hric_analysis.differences import Difference
-from hric_analysis.human import HumanMetrics, SimulatedPerson
+from hric_analysis.human_values import HumanMetrics, instability_reasons
 from hric_analysis.metrics import MotionMetrics
 from hric_analysis.stability import Stability
 from hric_analysis.supervised import SupervisorMetrics
@@ -22,6 +22,9 @@ from hric_bags.records.contact_record import ForceHeld, PairForce
 from hric_bags.records.safety_record import SafetyRecord
 from hric_bags.run_file import Definition, RunFile
 from hric_core.json_values import to_json
+
+if TYPE_CHECKING:
+    from hric_analysis.human import SimulatedPerson
 
 
 @dataclass(frozen=True)
@@ -121,8 +124,12 @@ class Values(Mapping[str, object]):
         return tracking_analysis.analyse(self._description, self._bag, self._run, self._record)
 
     @cached_property
-    def person(self) -> SimulatedPerson | None:
+    def person(self) -> "SimulatedPerson | None":
         """Data of the simulated human, with contacts and carried objects; None: there was no human."""
+        if self._definition.get("human") is None:
+            return None
+        from hric_analysis import human  # imported only for runs with a person: it is slow to import
+
         return human.analyse(self._bag, self._run, self._description, self._record)
 
     @cached_property
@@ -142,7 +149,11 @@ class Values(Mapping[str, object]):
 
     @cached_property
     def _human(self) -> HumanMetrics | None:
-        return None if self.person is None else human.metrics(self.person, self._definition["human"] or {})
+        if self.person is None:
+            return None
+        from hric_analysis import human  # as in `person`
+
+        return human.metrics(self.person, self._definition["human"] or {})
 
     @cached_property
     def _compared(self) -> tuple[ReferenceSetup, tuple[Difference, ...]]:
@@ -154,7 +165,7 @@ class Values(Mapping[str, object]):
 
     def _stability(self) -> Stability:
         judged = stability.judge(self._run, self._record.log, self._limits)
-        return judged.also([] if self._human is None else human.instability_reasons(self._human.settling))
+        return judged.also([] if self._human is None else instability_reasons(self._human.settling))
 
     def _part(self, key: str) -> Any:
         if key not in self._parts:

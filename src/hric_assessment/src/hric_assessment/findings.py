@@ -15,6 +15,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from hric_assessment.disclaimer import DISCLAIMER as DISCLAIMER
 from hric_assessment.tables import verdict_table
 from hric_core.errors import HricError
 from hric_core.geometry import FloatArray
@@ -112,11 +113,6 @@ def unknown(
     return [(float(edges[k]), float(edges[k + 1])) for k in long]
 
 
-DISCLAIMER = (
-    "Estimate of a model: no risk assessment (ISO 12100), no proof of conformity, no measurement (ISO/PAS 5672), "
-    "no certified safety function."
-)
-"""Disclaimer that is printed with the findings."""
 EFFORTS = LIFT, REPETITION, PUSHING = ("lift", "repetition", "pushing")
 """Groups of findings about tasks of a person."""
 GROUPS = CONTACT, ENERGY, SEPARATION, POSTURE, *_ = ("contact", "energy", "separation", "posture", *EFFORTS)

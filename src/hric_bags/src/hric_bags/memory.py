@@ -3,13 +3,13 @@
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 from rosbags.typesys.store import Typestore
 
 from hric_bags.parts import typestore_of
+from hric_core.message_bytes import message_bytes
 
 FIRST = 1
 """Smallest recording time of a bag [ns]; ROS does not load messages that were recorded at time 0."""
@@ -62,11 +62,9 @@ class MemoryBag:
 
     def write(self, topic: str, message: Any, time: float) -> int:
         """Store a message at a robot time [s], in the order of arrival; return its recording time [ns]."""
-        connection, data = self.announce(topic, type(message)), BytesIO()
-        message.serialize(data)
-        stamp = nanoseconds(time)
+        connection, stamp = self.announce(topic, type(message)), nanoseconds(time)
         connection.msgcount += 1
-        self._messages.append((connection, stamp, data.getvalue()))
+        self._messages.append((connection, stamp, message_bytes(message)))
         return stamp
 
     @cached_property

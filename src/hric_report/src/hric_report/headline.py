@@ -4,10 +4,10 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from hric_analysis import human, stability
+from hric_analysis import human_values, stability
 from hric_analysis.collection import SourceMetrics, StreamMetrics
 from hric_analysis.comparison import SetpointDifference
-from hric_analysis.human import HumanMetrics
+from hric_analysis.human_values import HumanMetrics
 from hric_analysis.metrics import SetpointMetrics
 from hric_analysis.supervised import SupervisorMetrics
 from hric_analysis.tracking import TrackingMetrics
@@ -104,8 +104,8 @@ def _human(values: HumanMetrics) -> list[KeyFigure]:
     meaning = f"{joint}, the most loaded joint of the human, {OF_MODEL}"
     figures.append(KeyFigure("Share of strength", f"{100 * load.share_max:.0f} %", meaning))
     if values.settling is not None:
-        kind = GOOD if values.settling.verdict == human.SETTLES else BAD
-        meaning = f"grip force and hand speed within {human.SETTLING_TIME:g} s after the motion"
+        kind = GOOD if values.settling.verdict == human_values.SETTLES else BAD
+        meaning = f"grip force and hand speed within {human_values.SETTLING_TIME:g} s after the motion"
         figures.append(KeyFigure("After the motion", values.settling.verdict, meaning, kind))
     return figures
 

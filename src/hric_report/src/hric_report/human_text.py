@@ -4,9 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hric_analysis.carrying import TransportMetrics
-from hric_analysis.human import ClampingMetrics, ContactMetrics, Handover, HumanMetrics
 from hric_analysis.human_difference import HumanDifference
+from hric_analysis.human_values import ClampingMetrics, ContactMetrics, Handover, HumanMetrics, TransportMetrics
 from hric_analysis.muscle_metrics import MusclesMetrics
 
 SAMPLE = "between two people 2.28 s and 7.3 N in one published sample"

@@ -2,8 +2,8 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from hric_analysis.human import SimulatedPerson
 from hric_analysis.values import Values
 from hric_assessment.typed_json import JsonObject
 from hric_bags import files, run_notes
@@ -14,6 +14,9 @@ from hric_bags.run_folder import RunFolder
 from hric_control.plants import WindowlessConfig
 from hric_core.json_values import to_json
 from hric_report import text as report_text
+
+if TYPE_CHECKING:
+    from hric_analysis.human import SimulatedPerson
 
 OPENSIM = "opensim_ros_control/OpenSimPlant"
 """Plant type (physics engine plug-in) whose runs are also exported as files for OpenSim."""
@@ -67,7 +70,7 @@ def analyse(
     return {**to_json(result), "report": report}
 
 
-def _export(folder: RunFolder, run: RunFile, record: RunRecord, person: SimulatedPerson | None) -> None:
+def _export(folder: RunFolder, run: RunFile, record: RunRecord, person: "SimulatedPerson | None") -> None:
     """Write files that OpenSim can replay, if the run used the OpenSim plant."""
     definition = run.get("definition") or {}
     if (definition.get("robot") or {}).get("plant_type") != OPENSIM:

@@ -7,11 +7,11 @@ from hric_analysis import stability
 from hric_analysis.metrics import JointMetrics, SetpointMetrics
 from hric_analysis.supervised import SupervisorMetrics
 from hric_analysis.values import RunMetrics
-from hric_assessment.findings import DISCLAIMER
+from hric_assessment.disclaimer import DISCLAIMER
 from hric_bags import text
 from hric_bags.records import contact_record
 from hric_bags.run_file import RunFile
-from hric_report import human_text, sensor_text
+from hric_report import sensor_text
 
 SHOWN_EVENTS = 12
 """Maximum number of supervisor events in the text; metrics.json has all of them. Project default, unconfirmed."""
@@ -26,6 +26,8 @@ def render(run: RunFile, metrics: RunMetrics) -> str:
     parts.append(_stability(metrics.stability))
     parts += [_setpoint(setpoint, metrics.joints) for setpoint in metrics.setpoints]
     if metrics.human:
+        from hric_report import human_text  # imported only for runs with a person: it is slow to import
+
         parts.append(human_text.render(metrics.human))
     if metrics.supervisor:
         parts.append(_supervisor(metrics.supervisor))

@@ -2,7 +2,6 @@
 
 import contextlib
 from collections.abc import Iterator
-from io import BytesIO
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -12,6 +11,7 @@ from rosbags.interfaces import Connection
 from hric_bags import files
 from hric_bags.chunked_writer import ChunkedWriter
 from hric_bags.memory import nanoseconds
+from hric_core.message_bytes import message_bytes
 
 
 class BagWriter:
@@ -48,11 +48,10 @@ class BagWriter:
         """
         kind = type(message)
         connection = self._connections.get((topic, kind)) or self._connect(topic, kind)
-        data = BytesIO()
-        message.serialize(data)
+        data = message_bytes(message)
         stamp = nanoseconds(time)
         try:  # not `_errors`: a context manager takes longer than all of this
-            self._writer.write(connection, stamp, data.getbuffer())
+            self._writer.write(connection, stamp, data)
         except OSError as error:
             raise files.cannot_write(self._active, error) from error
         return stamp

@@ -8,6 +8,7 @@ import numpy as np
 from hric_control.plants import reciprocals
 from hric_core.errors import HricError
 from hric_core.geometry import FloatArray, homogeneous
+from hric_core.geometry.quaternions import cross
 from mujoco_ros_control.joints import install_laws
 from mujoco_ros_control.scene_spec import UNSOLVED, Geom, Law, SceneSpec
 
@@ -227,4 +228,4 @@ class CompiledScene:
         """Return the twist of a body's material at a point [m], linear then angular, world axes, shape (6,)."""
         result = np.empty(6)  # angular, linear, about the origin of the body
         mujoco.mj_objectVelocity(self.m, self.d, mujoco.mjtObj.mjOBJ_XBODY, body, result, 0)
-        return np.concatenate([result[3:] + np.cross(result[:3], point - self.d.xpos[body]), result[:3]])
+        return np.concatenate([result[3:] + cross(result[:3], point - self.d.xpos[body]), result[:3]])

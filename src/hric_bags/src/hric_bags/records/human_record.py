@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from hric_bags.parts import Bag
 from hric_bags.reader import FloatArray, opened, seconds
+from hric_bags.records.human_event import RecordedHumanEvent
 from hric_bags.records.muscle_record import MuscleMessages, MuscleRecord
 from hric_bags.records.region_contacts import (
     CONTACTS_TYPE,
@@ -51,17 +52,6 @@ class GripRecord:
     torque: FloatArray
     point: FloatArray
     slipped: FloatArray
-
-
-@dataclass(frozen=True)
-class RecordedHumanEvent:
-    """Event of a simulated person at a robot time [s], with the fields of hric_msgs/HumanEvent."""
-
-    time: float
-    kind: str
-    name: str
-    value: float
-    text: str
 
 
 @dataclass(frozen=True)

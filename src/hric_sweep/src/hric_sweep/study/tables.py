@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hric_analysis import human, tracking_run
+from hric_analysis import human_values, tracking_run
 from hric_analysis.tracking import STEP
 from hric_analysis.tracking_run import MarkerTracking
 from hric_bags import reader as bag_reader
@@ -139,7 +139,7 @@ def human_figure(runs: Mapping[str, PlainData], abscissa: str) -> Figure | None:
         name, _, unit = column.heading.rpartition(" [")
         curves = Curve("", "measured", at, numbers), Curve("", "samples", at, numbers)
         panels.append(Panel(name, curves, unit=f"[{unit}"))
-    unstable = ", ".join(f"{x:g}" for x, run in people if run["settling"] == human.UNSTABLE)
+    unstable = ", ".join(f"{x:g}" for x, run in people if run["settling"] == human_values.UNSTABLE)
     caption = "Estimates from a model of the human." + f" Unstable after the motion in the runs {unstable}." * bool(
         unstable
     )

@@ -1,0 +1,14 @@
+"""Recorded event of a simulated person."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class RecordedHumanEvent:
+    """Event of a simulated person at a robot time [s], with the fields of hric_msgs/HumanEvent."""
+
+    time: float
+    kind: str
+    name: str
+    value: float
+    text: str
