@@ -79,11 +79,12 @@ def test_arrays_and_bytes_are_as_good_as_lists() -> None:
 @pytest.mark.parametrize("wrong", [{"seq": -1}, {"seq": 2**32}, {"frame_id": 3}, {"frame_id": b"base"}])
 def test_a_wrong_value_is_the_error_of_genpy(wrong: dict[str, Any]) -> None:
     message = Header(**{"seq": 0, "stamp": genpy.Time(), "frame_id": "", **wrong})
-    with pytest.raises(Exception) as expected:  # noqa: PT011  (compared with the other error)
-        by_genpy(message)
-    with pytest.raises(expected.type, match=".*") as raised:
-        message_bytes(message)
-    assert str(raised.value) == str(expected.value)
+    errors = []
+    for serialise in (by_genpy, message_bytes):
+        with pytest.raises((genpy.SerializationError, AttributeError)) as error:
+            serialise(message)
+        errors.append(str(error.value))
+    assert errors[0] == errors[1]
 
 
 def test_a_fixed_array_of_the_wrong_length_is_the_error_of_genpy() -> None:

@@ -104,7 +104,10 @@ def _environments() -> dict[str, Case]:
     for name, drive in (("arm", ""), ("person", "torque"), ("muscles", "muscle")):
         what = f"a reset in place: {name}"
         found[f"reset/{name}"] = Case(what, "reset", ("environment", "reset"), {"drive": drive}, reference=PANDA)
-    for name, population, text in (("motion", "", "another motion"), ("body", "adult_mixed", "another body and motion")):
+    for name, population, text in (
+        ("motion", "", "another motion"),
+        ("body", "adult_mixed", "another body and motion"),
+    ):
         what, given = f"an episode of Reach begins, with {text} of the person", {"population": population}
         found[f"reset/{name}"] = Case(what, "reset", ("environment", "episode"), given, reference=PANDA)
     return found

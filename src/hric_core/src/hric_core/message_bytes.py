@@ -21,7 +21,7 @@ _serialised: Callable[[tuple[Field, ...], Any], bytes] = load("hric_messages").s
 
 def message_bytes(message: Any) -> bytes:
     """Return a message as ROS sends it. Raises genpy.SerializationError if the value of a field is wrong."""
-    kind = type(message)
+    kind: Any = type(message)
     if _is_generated(kind):
         try:
             return _serialised(_fields(kind), message)
@@ -48,4 +48,6 @@ def _field(name: str, kind: str) -> Field:
     assert match is not None, "a type that genpy has parsed"
     plain, array, length = match.groups()
     count = int(length or _VARIABLE) if array else _SINGLE
-    return (name, _CODES[plain], count, ()) if plain in _CODES else (name, "m", count, _fields(get_message_class(plain)))
+    if plain in _CODES:
+        return name, _CODES[plain], count, ()
+    return name, "m", count, _fields(get_message_class(plain))

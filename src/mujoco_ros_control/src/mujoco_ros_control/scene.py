@@ -228,4 +228,5 @@ class CompiledScene:
         """Return the twist of a body's material at a point [m], linear then angular, world axes, shape (6,)."""
         result = np.empty(6)  # angular, linear, about the origin of the body
         mujoco.mj_objectVelocity(self.m, self.d, mujoco.mjtObj.mjOBJ_XBODY, body, result, 0)
-        return np.concatenate([result[3:] + cross(result[:3], point - self.d.xpos[body]), result[:3]])
+        about_point = cross(result[:3].tolist(), (point - self.d.xpos[body]).tolist())
+        return np.concatenate([result[3:] + np.array(about_point), result[:3]])
