@@ -15,7 +15,7 @@ from rosbags.highlevel import AnyReader
 from hric_analysis import human, human_difference, human_values, muscle_metrics, stability
 from hric_analysis.human import SimulatedPerson
 from hric_bags.export import exporting, recording
-from hric_bags.records.human_event import RecordedHumanEvent
+from hric_bags.records import RecordedHumanEvent
 from hric_bags.records.human_record import GripRecord, HumanRecord
 from hric_bags.records.muscle_record import MuscleMessages
 from hric_core.trial.opensim_text import read_storage

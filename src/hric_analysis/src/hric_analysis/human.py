@@ -29,7 +29,7 @@ from hric_assessment.contact.impact import ExpectedContact, expected_contacts
 from hric_assessment.ergonomics.effort import effort, log_dimensionless_jerk
 from hric_bags.parts import Bag
 from hric_bags.reader import FloatArray, RunRecord
-from hric_bags.records.human_event import RecordedHumanEvent
+from hric_bags.records import RecordedHumanEvent
 from hric_bags.records.human_record import GripRecord, HumanRecord, read
 from hric_bags.run_file import Definition, NodeParameters, RunFile
 from hric_core.json_values import from_json

@@ -6,7 +6,7 @@ All values are estimates of a model, never measurements of a person.
 from dataclasses import dataclass
 
 from hric_analysis.muscle_metrics import MusclesMetrics
-from hric_bags.records.human_event import RecordedHumanEvent
+from hric_bags.records import RecordedHumanEvent
 from hric_core.geometry import Vector
 
 SETTLED, SETTLING_TIME = 0.05, 3.0

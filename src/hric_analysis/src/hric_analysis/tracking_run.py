@@ -8,7 +8,8 @@ import numpy.typing as npt
 import scipy
 
 from hric_analysis import tracking, tracking_record
-from hric_analysis.tracking import FollowedMarker, TrackingMetrics
+from hric_analysis.tracking import FollowedMarker
+from hric_analysis.tracking import TrackingMetrics as TrackingMetrics
 from hric_analysis.tracking_record import TrackingRecord
 from hric_bags.parts import Bag
 from hric_bags.reader import BagError, ControlRecord, RunRecord

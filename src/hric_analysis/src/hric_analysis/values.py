@@ -13,8 +13,7 @@ from hric_analysis.human_values import HumanMetrics, instability_reasons
 from hric_analysis.metrics import MotionMetrics
 from hric_analysis.stability import Stability
 from hric_analysis.supervised import SupervisorMetrics
-from hric_analysis.tracking import TrackingMetrics
-from hric_analysis.tracking_run import MarkerTracking
+from hric_analysis.tracking_run import MarkerTracking, TrackingMetrics
 from hric_bags.parts import Bag
 from hric_bags.reader import RunRecord
 from hric_bags.records import contact_record, safety_record

@@ -15,7 +15,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from hric_assessment.disclaimer import DISCLAIMER as DISCLAIMER
+from hric_assessment import DISCLAIMER as DISCLAIMER
 from hric_assessment.tables import verdict_table
 from hric_core.errors import HricError
 from hric_core.geometry import FloatArray

@@ -7,7 +7,7 @@ from hric_analysis import stability
 from hric_analysis.metrics import JointMetrics, SetpointMetrics
 from hric_analysis.supervised import SupervisorMetrics
 from hric_analysis.values import RunMetrics
-from hric_assessment.disclaimer import DISCLAIMER
+from hric_assessment import DISCLAIMER
 from hric_bags import text
 from hric_bags.records import contact_record
 from hric_bags.run_file import RunFile

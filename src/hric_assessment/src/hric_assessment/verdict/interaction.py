@@ -7,7 +7,7 @@ from hric_assessment.findings import UnjudgedValue
 from hric_assessment.tables import verdict_table
 from hric_assessment.verdict.inputs import AssessmentInput
 from hric_assessment.verdict.separating import PersonSeparation
-from hric_bags.records.human_event import RecordedHumanEvent
+from hric_bags.records import RecordedHumanEvent
 from hric_bags.records.human_record import GripRecord
 from hric_bags.records.safety_record import SLOWED, STOPPED, SafetyRecord
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from hric_bags.parts import Bag
 from hric_bags.reader import FloatArray, opened, seconds
-from hric_bags.records.human_event import RecordedHumanEvent
+from hric_bags.records import RecordedHumanEvent
 from hric_bags.records.muscle_record import MuscleMessages, MuscleRecord
 from hric_bags.records.region_contacts import (
     CONTACTS_TYPE,
