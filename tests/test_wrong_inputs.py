@@ -98,7 +98,10 @@ TOOLS = [
         r"no link 'panda_elbow' in .*/watches; valid: panda_hand",
     ),
     ("hric_experiments run not.yaml", r"not\.yaml is not YAML: .*line 2, column 1"),
-    ("hric_experiments run wrong.yaml", r"2 mistakes\n +no parameter 'controlers'; valid: controllers.*\n +duration"),
+    (
+        "hric_experiments run wrong.yaml",
+        r"2 mistakes\n +no parameter 'controlers'; valid: arms, controllers.*\n +duration",
+    ),
     ("hric_experiments run study.yaml", r"forms\.a\.compared\[0\]\.runs is 'c'; valid: two of b"),
     ("hric_experiments describe robott pd_step", r"no description 'robott'; valid: controllers.*did you mean robot\?"),
     ("hric_experiments report nowhere", r"no run folder 'nowhere' .*newest in .*/runs: none"),

@@ -166,6 +166,7 @@ def check(arguments: Mapping[str, str], valid_names: Iterable[str], known: Choic
 Check = Callable[[str, str], str]
 
 ONLY_SIMULATED = (
+    "arms",
     "simulator",
     "gui",
     "world",
@@ -199,6 +200,9 @@ def _check_environment(arguments: Mapping[str, str]) -> None:
             "env:=real needs the address of the arm's control box, for example robot_ip:=172.16.0.2, or "
             "robot_ip:=emulated"
         )
+    alone = [name for name in ("arm_id", "load_gripper") if name in arguments]
+    if alone and arguments.get("arms", "none") != "none":
+        raise ArgumentError(f"{', '.join(alone)} can be given for one arm only; valid: without arms")
     unrecorded = [name for name in arguments if name in ONLY_RECORDED]
     if unrecorded and arguments.get("record", "").lower() == "false":
         raise ArgumentError(
@@ -313,6 +317,7 @@ def _checks(known: Choices) -> dict[str, Check]:
         "mocap_calibration": lambda name, value: value if value == "none" else _existing_file(name, value),
         "friction": _friction,
         "ns": _namespace,
+        "arms": _arms,
         "arm_id": _matching(r"[^\W\d]\w*", "is not a name; letters, digits and underscores, for example NAME:=panda"),
         "xyz": _vector,
         "rpy": _vector,
@@ -408,6 +413,14 @@ def _namespace(name: str, value: str) -> str:
             f"{name}:={value} is not a namespace; letters, digits and underscores, for example {name}:=left"
         )
     return "/".join(parts)
+
+
+def _arms(name: str, value: str) -> str:
+    names = [part.strip() for part in value.split(",")]
+    valid = all(part.isidentifier() for part in names) and len(set(names)) == len(names) > 1
+    if value != "none" and not valid:
+        raise ArgumentError(f"{name}:={value} is not possible; valid: different names, for example {name}:=left,right")
+    return ",".join(names)
 
 
 def _numbers(name: str, value: object, example: str) -> list[float]:

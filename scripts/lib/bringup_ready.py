@@ -87,12 +87,17 @@ def _robot(arguments: Mapping[str, str]) -> str:
         return arm(arguments)
     factor = float(arguments["real_time_factor"])
     pace = "as fast as possible" if factor == 0.0 else "real time" if factor == 1.0 else f"{factor:g} times real time"
-    return f"simulated Panda ({engine(arguments)}, {pace})"
+    arms = arguments["arms"]
+    what = "simulated Panda" if arms == "none" else f"simulated arms {arms.replace(',', ', ')} in one world"
+    return f"{what} ({engine(arguments)}, {pace})"
 
 
 def _move(arguments: Mapping[str, str], space: str) -> str:
     """Return a command that moves the arm; the manual describes the commands of other controllers."""
-    name = arguments["controller"]
+    name, arm_id = arguments["controller"], arguments["arm_id"]
+    if arguments["arms"] != "none":
+        arm_id = arguments["arms"].partition(",")[0]
+        space = f"{space}/{arm_id}"
     if arguments["experiment"] != "none":
         return f"automatically, by the experiment {arguments['experiment']}"
     if name == "none":
@@ -100,7 +105,7 @@ def _move(arguments: Mapping[str, str], space: str) -> str:
     if name == "joint_pd_controller":
         return f"rostopic pub -1 {space}/{name}/command std_msgs/Float64MultiArray '{{data: {POSITIONS}}}'   # [rad]"
     if name.endswith("joint_trajectory_controller"):
-        joints = ", ".join(f"{arguments['arm_id']}_joint{number}" for number in range(1, 8))
+        joints = ", ".join(f"{arm_id}_joint{number}" for number in range(1, 8))
         points = f"points: [{{positions: {POSITIONS}, time_from_start: {{secs: 3}}}}]"
         return (
             f"rostopic pub -1 {space}/{name}/command trajectory_msgs/JointTrajectory "

@@ -5,7 +5,7 @@ import math
 import pytest
 from double_integrator_robot import DoubleIntegrator, ToyRobot
 
-from hric_control.sim.simulated_robot import SimulatedRobot
+from hric_control.sim.simulated_robot import PlantInput, SimulatedRobot
 from hric_core import plugins
 from hric_core.errors import CommandError, HricError
 from hric_core.local.node import LocalNode
@@ -60,7 +60,7 @@ def test_what_fails_after_the_plant_was_made_closes_it(monkeypatch: pytest.Monke
     def build(real_time_factor: float, failure: Exception | None) -> SimulatedRobot:
         robot = SimulatedRobot()
         node = LocalNode({"real_time_factor": real_time_factor})
-        with robot._new_plant(node, DESCRIPTION, ["j1", "j2"], {"rotor_inertia": {"j2": 0.3}}):
+        with robot._new_plant(node, PlantInput(DESCRIPTION, ["j1", "j2"], {"rotor_inertia": {"j2": 0.3}})):
             if failure is not None:
                 raise failure
         return robot

@@ -41,6 +41,7 @@ def test_the_experiments_of_the_workspace_are_valid() -> None:
         ),
         "thesis_step",
         "try_contact",
+        "two_arms",
         "ur5e_contact",
         "ur5e_hand_guidance",
         "ur5e_shared_workspace",
@@ -232,7 +233,7 @@ def test_an_unknown_experiment_lists_those_that_exist() -> None:
 def test_unknown_and_missing_keys_of_a_file_are_named(tmp_path: Path) -> None:
     path = tmp_path / "own.yaml"
     path.write_text("robot: {hw: a/B}\ncontrollers: [c]\nduration: 1\ncolour: red\n")
-    with pytest.raises(ExperimentError, match="experiment own: no parameter 'colour'; valid: controllers, description"):
+    with pytest.raises(ExperimentError, match="experiment own: no parameter 'colour'; valid: arms, controllers"):
         experiment.parse("own", experiment.read(str(path)))
     path.write_text("robot: {}\ncontrollers: [c]\nduration: 1\n")
     with pytest.raises(ExperimentError, match=r"robot\.hw is not set"):

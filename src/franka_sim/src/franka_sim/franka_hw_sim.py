@@ -13,7 +13,7 @@ from franka_sim.box.requests import ControllerMode, GeneratorMode, MoveRequest, 
 from franka_sim.box_adapter import BoxAdapter
 from hric_control.limits import check_start
 from hric_control.robot_hw import OnCycle
-from hric_control.sim.simulated_robot import SimulatedRobot
+from hric_control.sim.simulated_robot import PlantInput, SimulatedRobot
 from hric_core.errors import HricError
 from hric_core.node import Node
 
@@ -53,6 +53,14 @@ class FrankaHWSim(SimulatedRobot, CommandedArm):
         model: the box's model of the arm.
     """
 
+    def plant_input(self, root_node: Node, robot_hw_node: Node) -> PlantInput:
+        """Read what the arm needs of its plant: the description and the parameters, both with the chosen realism."""
+        description = root_node.search_param("robot_description")
+        parameters, realism = settings.read(robot_hw_node, settings.SimulatedArmSettings)
+        arm_id = parameters.arm_id
+        config = realism.with_friction(parameters.plant, arm_id)
+        return PlantInput(realism.body(description, arm_id), settings.joint_names(arm_id), config)
+
     def init(self, root_node: Node, robot_hw_node: Node) -> None:
         """Read the parameters, build plant, model and box, and put the arm at its start pose."""
         node = self._node = robot_hw_node
@@ -64,7 +72,7 @@ class FrankaHWSim(SimulatedRobot, CommandedArm):
         names = self.model.joint_names
         check_start(self.description, names, self.q_start, node.resolve("q_start"))
         limits = read_limits(self.description, root_node, node, self.arm_id, names)
-        with self._new_plant(node, realism.body(self.description, self.arm_id), names, plant_config):
+        with self._new_plant(node, self.plant_input(root_node, node)):
             period, states = self.plant.time_step, self.states
             rotors = dict(zip(names, self.rotor_inertia, strict=True))
             config = parameters.box(plant_config, rotors, period, realism)
@@ -87,18 +95,15 @@ class FrankaHWSim(SimulatedRobot, CommandedArm):
 
     # -- the cycle -----------------------------------------------------------------------------------------------------
 
-    def run(self, on_cycle: OnCycle) -> None:
-        """Run the control loop: read the state, update the controllers, write the command, step the plant.
-
-        The result of `on_cycle` (True: commands are complete) is ignored, since the mode changes within the cycle.
-        """
+    def guarded(self, on_cycle: OnCycle) -> OnCycle:
+        """Return a callback that begins a requested motion before the controllers are updated."""
 
         def begin_and_go_on(time: float, period: float, reset_controllers: bool) -> bool:
             if self.mode is HOLD and self._requested.commanded and not self.error:
                 reset_controllers = self._begin() or reset_controllers
             return on_cycle(time, period, reset_controllers)
 
-        super().run(begin_and_go_on)
+        return begin_and_go_on
 
     def read(self, time: float, period: float) -> None:
         """Read the plant's joint state with sensor noise, and pass it to the control box."""

@@ -11,7 +11,7 @@ from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.limits import FrankaLimits, franka_limits
 from franka_sim.box.config import BoxConfig, CollisionBehavior
 from franka_sim.box.internal_impedance import JointImpedanceLaw, defaults
-from franka_sim.realism import IDEAL, Realism, parse
+from franka_sim.realism import IDEAL, JOINTS, Realism, parse
 from hric_control.limits import ENFORCE_LIMITS
 from hric_control.plants import DEFAULT_PLANT, GRAVITY, rotor_inertia
 from hric_control.sim.sim_loop import REAL_TIME_FACTOR
@@ -121,9 +121,14 @@ class SimulatedArmSettings(BoxSettings):
         return replace(config, collision_behavior=CollisionBehavior(*astuple(thresholds)))
 
 
+def joint_names(arm_id: str) -> tuple[str, ...]:
+    """Return the names of a Franka arm's joints; `arm_id`: their prefix."""
+    return tuple(f"{arm_id}_joint{i}" for i in range(1, JOINTS + 1))
+
+
 def read(node: Node, kind: type[AnyBoxSettings]) -> tuple[AnyBoxSettings, Realism]:
     """Read the parameters of a node; return them, and the realism that they select. Raises ParameterError."""
-    settings = kind.read(node, [f"{read_arm_id(node)}_joint{i}" for i in range(1, 8)])
+    settings = kind.read(node, joint_names(read_arm_id(node)))
     return settings, parse(settings.realism, node.resolve("realism"))
 
 
@@ -144,7 +149,7 @@ def make_model(node: Node, urdf_xml: str, arm_id: str, plant: Mapping[str, objec
         model = KdlFrankaModel(urdf_xml, arm_id, gravity_world=gravity)
     except UnknownNameError as error:
         raise ParameterError(f"{node.resolve('arm_id')} is {arm_id!r}, but {error}") from None
-    expected = tuple(f"{arm_id}_joint{i}" for i in range(1, 8))
+    expected = joint_names(arm_id)
     if model.joint_names != expected:
         raise DescriptionError(
             f"the joints of the robot description are {', '.join(model.joint_names)}; those of a Franka arm with "

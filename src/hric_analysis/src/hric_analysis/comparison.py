@@ -129,7 +129,10 @@ def _pairs(
         return [_Pair(float(a.time[0]), float(a.time[-1]), float(b.time[0]), float(b.time[-1]), None)]
     pairs = []
     for k, (move, other) in enumerate(zip(moves_a, moves_b, strict=True)):
-        difference = float(np.abs(move.target - other.target[columns]).max())
+        apart = np.where(
+            np.isnan(move.target) & np.isnan(other.target[columns]), 0.0, move.target - other.target[columns]
+        )
+        difference = float(np.nan_to_num(np.abs(apart), nan=np.inf).max())
         if difference > SAME_TARGET:
             raise ComparisonError(f"the runs have different setpoints: number {k + 1} differs by {difference:.3g} rad")
         ends = [float(log.time[last - 1]) for log, last in ((a, move.last), (b, other.last))]

@@ -1,7 +1,7 @@
 """Metrics of the robot's motion: settling, overshoot and error at setpoints, and peak values relative to limits."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -22,7 +22,7 @@ class Move:
 
     Attributes:
         setpoint: setpoint as recorded.
-        target: target positions in the joint order of the log, shape (j,) [rad].
+        target: target positions in the joint order of the log, shape (j,) [rad]; NaN: joint of another arm.
         first, last: index of the first cycle, and of the cycle after the last.
     """
 
@@ -33,7 +33,9 @@ class Move:
 
 
 def moves(record: RunRecord, joints_of: Mapping[str, Sequence[str]]) -> list[Move]:
-    """Return the valid setpoints (finite, for all joints), each with its range of cycles until the next setpoint.
+    """Return the valid setpoints, each with its range of cycles until the next setpoint of one of its joints.
+
+    Valid are finite positions for joints of the log.
 
     Args:
         record: recording of the run.
@@ -46,13 +48,16 @@ def moves(record: RunRecord, joints_of: Mapping[str, Sequence[str]]) -> list[Mov
         if (
             len(setpoint.positions) == len(names)
             and np.isfinite(setpoint.positions).all()
-            and set(names) == set(log.joint_names)
+            and set(names) <= set(log.joint_names)
         ):
-            usable.append((setpoint, setpoint.positions[[names.index(joint) for joint in log.joint_names]]))
-    starts = [int(np.searchsorted(log.time, setpoint.time)) for setpoint, _ in usable]
-    ends = [*starts[1:], log.cycles][: len(starts)]
-    rows = zip(usable, starts, ends, strict=True)
-    return [Move(setpoint, target, first, last) for (setpoint, target), first, last in rows if first < last]
+            target = np.full(len(log.joint_names), np.nan)
+            target[[log.joint_names.index(name) for name in names]] = setpoint.positions
+            usable.append(Move(setpoint, target, int(np.searchsorted(log.time, setpoint.time)), log.cycles))
+    result = []
+    for k, move in enumerate(usable):
+        later = (other.first for other in usable[k + 1 :] if np.isfinite(move.target + other.target).any())
+        result.append(replace(move, last=next(later, log.cycles)))
+    return [move for move in result if move.first < move.last]
 
 
 def settling_time(time: FloatArray, error: FloatArray, tolerance: float) -> float | None:
@@ -119,8 +124,8 @@ def setpoint_metrics(log: ControlRecord, move: Move, tolerances: Sequence[float]
     part = slice(move.first, move.last)
     time = log.time[part]
     joints = {}
-    for j, name in enumerate(log.joint_names):
-        position, target = log.position[part, j], float(move.target[j])
+    for j in np.flatnonzero(np.isfinite(move.target)):
+        name, position, target = log.joint_names[j], log.position[part, j], float(move.target[j])
         error = target - position
         times = {f"{tolerance:g}": settling_time(time, error, tolerance) for tolerance in tolerances}
         joints[name] = JointStep(float(position[0]), target, times, overshoot(position, target), float(error[-1]))

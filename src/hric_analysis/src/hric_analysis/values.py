@@ -183,8 +183,10 @@ class Values(Mapping[str, object]):
 
 def joint_orders(run: RunFile) -> dict[str, list[str]]:
     """Return the order of the joints in each controller with a parameter `joints`; `run`: contents of run.yaml."""
-    orders = {}
-    for name, values in (run.get("parameters") or {}).items():
+    orders, parameters = {}, dict(run.get("parameters") or {})
+    for arm in (run.get("definition") or {}).get("arms") or {}:
+        parameters |= {f"{arm}/{name}": values for name, values in parameters.get(arm, {}).items()}
+    for name, values in parameters.items():
         if isinstance(values, Mapping) and isinstance(values.get("joints"), list) and values["joints"]:
             orders[name] = [str(joint) for joint in values["joints"]]
     return orders

@@ -85,7 +85,7 @@ class SentSetpoint:
 
     Attributes:
         time: robot time of the recording [s].
-        controller: namespace of the controller.
+        controller: name of the controller, of one of several arms with the arm's name: `left/joint_pd_controller`.
         positions: joint positions, shape (j,) [rad].
     """
 
@@ -159,9 +159,9 @@ class RunMessages:
     """
 
     def __init__(self) -> None:
-        self._log = _JoinedLog()
+        self._log, self._namespace = _JoinedLog(), "/"
         self._commands: list[tuple[str, float, Any]] = []
-        self._counts: Any = None
+        self._counts: dict[str, Any] = {}
         self._desired: dict[str, list[tuple[float, Any, tuple[str, ...]]]] = {}
         self._errors: dict[str, tuple[str, ...]] = {}
         self._reflexes: list[tuple[float, tuple[str, ...]]] = []
@@ -177,8 +177,9 @@ class RunMessages:
         """
         if kind == LOG_TYPE:
             self._log.add(message)
+            self._namespace = f"{topic.rpartition('/')[0]}/"
         elif kind == COUNTS_TYPE:
-            self._counts = message
+            self._counts[topic] = message
         elif kind == COMMAND_TYPE and _CONTROLLER_COMMAND.search(topic):
             self._commands.append((topic, time * 1e-9, message))
         elif kind == STATE_TYPE and len(message.desired.positions) == len(message.joint_names):
@@ -205,14 +206,22 @@ class RunMessages:
         robot_time = robot_time_of(self._log.clock)
         return RunRecord(
             self._log.record(),
-            [_setpoint(*item, robot_time) for item in self._commands],
-            {topic.strip("/").split("/")[-2]: _profile(rows, robot_time) for topic, rows in self._desired.items()},
-            self._counts,
+            [
+                SentSetpoint(robot_time(stamp), self._controller(topic), np.asarray(message.data, dtype=float))
+                for topic, stamp, message in self._commands
+            ],
+            {self._controller(topic): _profile(rows, robot_time) for topic, rows in self._desired.items()},
+            self._counts.get(f"{self._namespace}limit_counts") or next(iter(self._counts.values()), None),
             topics,
             bag.duration * 1e-9 if bag.message_count else 0.0,
             [(robot_time(stamp), errors) for stamp, errors in self._reflexes],
             robot_time,
         )
+
+    def _controller(self, topic: str) -> str:
+        """Return the name of a controller from one of its topics, with the arm's name if there are several."""
+        name = topic.rpartition("/")[0]
+        return name.removeprefix(self._namespace) if name.startswith(self._namespace) else name.rpartition("/")[2]
 
 
 def read(bag: Path | Bag, known: RunMessages | None = None) -> RunRecord:
@@ -318,10 +327,6 @@ def robot_time_of(clock: Sequence[tuple[float, float]]) -> RobotTime:
         offset = clock[0][0] - clock[0][1]
         return lambda stamp: stamp - offset
     return lambda stamp: float(stamp - np.interp(stamp, stamps, offsets))
-
-
-def _setpoint(topic: str, stamp: float, message: Any, robot_time: RobotTime) -> SentSetpoint:
-    return SentSetpoint(robot_time(stamp), topic.strip("/").split("/")[-2], np.asarray(message.data, dtype=float))
 
 
 def _profile(

@@ -29,6 +29,7 @@ class Definition(TypedDict, total=False):
     setpoints: Sequence[NodeParameters]
     metrics: NodeParameters
     duration: float
+    arms: Mapping[str, NodeParameters]
     mocap: NodeParameters | None
     force_plate: NodeParameters | None
     human: NodeParameters | None
@@ -83,6 +84,17 @@ class RunFile(RunNotes, total=False):
     state_sha256: str
     salvaged: bool
     refined: Refinement
+
+
+def robots(definition: Definition | Mapping[str, Any]) -> list[NodeParameters]:
+    """Return the robots of an experiment: those of its arms, or the only one."""
+    common = definition.get("robot") or {}
+    return [{**common, **(arm.get("robot") or {})} for arm in (definition.get("arms") or {}).values()] or [common]
+
+
+def held_mass(definition: Definition | Mapping[str, Any]) -> float:
+    """Return the mass of the configured payload; of several arms, the largest, which is the safe choice [kg]."""
+    return max(float((robot.get("load") or {}).get("mass", 0.0)) for robot in robots(definition))
 
 
 def robot_parameters(run: RunFile) -> NodeParameters:

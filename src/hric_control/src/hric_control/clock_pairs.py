@@ -78,7 +78,8 @@ class ClockPairs:
 class RobotClock:
     """Publisher of robot time on /clock and hric/clock.
 
-    For a real robot, which has its own clock (no `loop`), /clock is not published, and its nodes use ROS time.
+    For a real robot, which has its own clock (no `loop`), /clock is not published, and its nodes use ROS time. For a
+    robot that shares its plant, neither is published: this is the task of the robots' common RobotHW.
 
     Args:
         hw: the robot, initialised.
@@ -94,13 +95,16 @@ class RobotClock:
         self, hw: RobotHW, nodes: tuple[Node, ...], live: bool, on_clock: Callable[[Any], None] | None
     ) -> None:
         self._hw, self._on_clock = hw, on_clock
+        live = live and hw.shared is None
+        self.pairs = ClockPairs(nodes[0], self.stamp, hw.loop) if live else None
         self._publisher: realtime.RealtimePublisher | None = None
         if (loop := hw.loop) is not None:
             for node in nodes:  # also the clock of their children
                 node.clock = lambda: loop.time  # type: ignore[attr-defined]  # LocalNode and RosNode have it
+            if hw.shared is not None:
+                return
             loop.on_pause = self.pair_now
             self._publisher = realtime.publisher(nodes[0], "/clock", Clock, newest_only=True)
-        self.pairs = ClockPairs(nodes[0], self.stamp, hw.loop) if live else None
 
     @property
     def time(self) -> float:

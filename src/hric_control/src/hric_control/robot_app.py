@@ -101,8 +101,12 @@ class RobotApp:
         offered = ScopedNode(root)
         self._closers += [self.manager.shutdown, offered.close]
         self._scale = self.hw.speed_scale
-        self._scale_topics = SpeedScaleTopics(offered, self._scale, self._clock.stamp)
+        self._scale_topics: SpeedScaleTopics | None = None
         ManagerServices(self.manager, offered)
+        self.simulated = False
+        if self.hw.shared is not None:
+            return  # the robots' common RobotHW has the topics and services of world, speed scale and loop
+        self._scale_topics = SpeedScaleTopics(offered, self._scale, self._clock.stamp)
         self.simulated = sim_services(self.hw, offered) is not None
         if self._live:
             gate = None if self._pairs is None else self._pairs.gate
@@ -133,7 +137,7 @@ class RobotApp:
             self._pairs.send_due(time)
         if self._hook is not None:
             self._hook(time)
-        if self._scale.active:
+        if self._scale.active and self._scale_topics is not None:
             self._scale_topics.advance(time, period)
         self.manager.update(time, period, reset_controllers)
         if log is not None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from hric_control.hardware_interface import InterfaceManager
 from hric_control.limits import LimitCounts
@@ -10,6 +11,9 @@ from hric_control.sim.sim_loop import SimLoop
 from hric_control.speed_scale import SpeedScale, SpeedScaleInterface
 from hric_core.errors import ResourceConflictError
 from hric_core.node import Node
+
+if TYPE_CHECKING:
+    from hric_control.sim.shared_plant import SharedPlant
 
 OnCycle = Callable[[float, float, bool], bool]
 """Callback (time [s], period [s], reset_controllers) for each cycle.
@@ -63,6 +67,8 @@ class RobotHW(InterfaceManager):
         """Physics engine plant of a simulated robot; None: the robot has none in this process."""
         self.rotor_inertia: Sequence[float] | None = None
         """Rotor inertia at each joint, n floats [kg m^2], with which controllers check their gains; None: unknown."""
+        self.shared: SharedPlant | None = None
+        """Plant that the robot shares with others, as one of two arms; None: it has a plant and a clock of its own."""
         self.error = ""
         """Reason why the robot has aborted a motion, until it has recovered; else empty."""
 

@@ -108,7 +108,7 @@ class DescribeCommand(Command):
         from hric_run.definition import parameters, robot_description
 
         if arguments.what == "urdf":
-            print(robot_description.description(definition.robot))
+            print(robot_description.of_experiment(definition))
         elif arguments.what == "human_urdf":
             print(parameters.human_description(definition))
         else:

@@ -19,7 +19,7 @@ from hric_core.errors import FailureError, HricError, failing
 from hric_core.local.node import LocalNode
 from hric_msgs.msg import ControlLog
 from hric_run import provenance, stepping
-from hric_run.definition import experiment, parameters, robot_description
+from hric_run.definition import experiment, parameters
 from hric_run.definition.experiment import Experiment, Setpoint
 from hric_run.definition.overrides import in_yaml
 
@@ -60,6 +60,7 @@ class Simulation:
         seed: seed of all random numbers.
         node: node of the robot's namespace, to publish, subscribe, and call services.
         app: robot and controller manager.
+        parts: each controller manager with its robot and controllers: of `app`, and then of each arm of several.
         tree: all parameters of the run.
         limits: limits by joint name, see `provenance.joint_limits`.
         early: messages that were published before the first cycle.
@@ -91,18 +92,20 @@ class Simulation:
         added = [section.headless(node, self.seed) for section in self.definition.added_sections.values()]
         steppers += [stepper for stepper in added if stepper is not None]
         self.app = RobotApp(node, node.child(parameters.ROBOT))
+        self.parts = stepping.controlled_robots(self.app, node, self.definition)
         try:
             self.limits, self.early = self._prepare()
         except BaseException:
             self.app.shutdown()
             raise
-        self.tree[parameters.ROBOT] = node.param(parameters.ROBOT)  # includes values that the plant chose
+        for part in self.parts:  # includes values that the plant chose
+            self.tree |= {part.prefix.rstrip("/") or parameters.ROBOT: node.param(part.prefix or parameters.ROBOT)}
         starts = [] if self.definition.human is None else [parameters.HUMAN_START]
         if self.definition.supervisor is not None:
             steppers.append(self._supervised(node))
-        self._timeline = Timeline(node, self.definition.setpoints, steppers, starts)
+        self._timeline = Timeline(node, self.definition.all_setpoints, steppers, starts)
         self._observer: Observer | None = None
-        self._commands = stepping.Commands(node, self.definition.controllers)
+        self._commands = stepping.Commands(node, [name for part in self.parts for name in part.controllers])
         self._log: list[Any] = []
         node.subscribe("control_log", ControlLog, self._log.append)
 
@@ -128,16 +131,14 @@ class Simulation:
         app, node, definition = self.app, self.node, self.definition
         names = app.hw.get(JointStateInterface).names
         limits = provenance.joint_limits(node.param("robot_description"), node, names)
-        for setpoint in definition.setpoints:
+        for setpoint in definition.all_setpoints:
             setpoint.check_reachable(node.param(setpoint.controller, {}).get("joints", names), limits)
         early: list[Message] = []
         tap = node.tap(lambda topic, message, time: early.append((topic, copy.deepcopy(message), time)))
-        for name in definition.controllers:
-            app.manager.load(name)
-        self._set_load()
-        app.manager.switch(list(definition.controllers), [], loop_running=False)
+        for part in self.parts:
+            part.load_controllers()
         tap.unregister()
-        for name in dict.fromkeys(setpoint.controller for setpoint in definition.setpoints):
+        for name in dict.fromkeys(setpoint.controller for setpoint in definition.all_setpoints):
             command = node.advertise(f"{name}/command", Float64MultiArray)
             if not command.subscribers():
                 raise HricError(
@@ -146,14 +147,6 @@ class Simulation:
                 )
             command.unregister()
         return limits, early
-
-    def _set_load(self) -> None:
-        request = parameters.load_request(self.definition.robot)
-        if request is None:
-            return
-        response = self.node.call(parameters.LOAD_SERVICE, request)
-        if not response.success:
-            raise HricError(f"robot.load: {response.error}")
 
     # -- running -------------------------------------------------------------------------------------------------------
 
@@ -188,7 +181,7 @@ class Simulation:
 
     def _refuse_stopped(self) -> None:
         """Raise an error if a controller was stopped by an error."""
-        failed = [f"controller {item.name} was stopped, {item.error}" for item in self.app.manager.list() if item.error]
+        failed = [text for part in self.parts for text in part.failures()]
         if failed:
             raise FailureError(f"experiment {self.definition.name}: {'; '.join(failed)}")
 
@@ -288,14 +281,14 @@ class Simulation:
         if q_start is not None:
             stepping.set_start(self.app, self.node, q_start)
         self.seed = seed
-        stepping.return_to_start(self.app, self.node, self.definition, seed)
+        stepping.return_to_start(self.app, self.node, self.definition, self.parts, seed)
         self._flush_log()
         self._log.clear()
         if self._observer is not None:
             self._observer.restart()
         starts = [] if self.definition.human is None else [parameters.HUMAN_START]
         self._timeline.close()
-        self._timeline = Timeline(self.node, self.definition.setpoints, [], starts)
+        self._timeline = Timeline(self.node, self.definition.all_setpoints, [], starts)
 
     def _flush_log(self) -> None:
         """Complete the control log, of which `advance` leaves the last rows."""
@@ -357,11 +350,10 @@ def _definition(name: str | Experiment, overrides: dict[str, object]) -> Experim
 
 def _tree(definition: Experiment, seed: int) -> dict[str, Any]:
     """Return all parameters of a run, as a live run has them on the parameter server."""
+    namespace = parameters.namespace(definition, seed)
     return {
-        "robot_description": robot_description.description(definition.robot),
-        "joint_limits": parameters.joint_limits(definition),
-        **parameters.controllers(definition),
-        parameters.ROBOT: parameters.robot(definition, seed) | {"real_time_factor": 0.0},
+        **namespace,
+        parameters.ROBOT: namespace[parameters.ROBOT] | {"real_time_factor": 0.0},
         **parameters.mocap(definition, seed),
         **parameters.sensors(definition, seed),
         **parameters.supervisor(definition),

@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 
 from hric_control.plant import Surface
-from hric_control.plants import ContactLaw, Losses, Model, combine, masked
+from hric_control.plants import ContactLaw, Losses, Model, combine, never_touching
 from hric_control.plants.faces import Solid
 from hric_control.plants.models import moving_body
 from hric_core.errors import DescriptionError
@@ -261,7 +261,7 @@ def _may_touch(
     """Yield the pairs of shapes that may touch.
 
     These are shapes of different models, unless both are fixed, and shapes of two links of the robot, unless these have
-    a common joint or are masked.
+    a common joint or are masked; see `never_touching`.
 
     Args:
         models: models by name.
@@ -271,13 +271,12 @@ def _may_touch(
         itself: True if links of the robot may touch each other.
     """
     groups = {name: model.tree.rigid_groups() for name, model in models.items()}
-    neighbours = robot.tree.neighbours()
+    exempt = never_touching(robot.tree, masks) if itself else set()
     for a, b in combinations(geoms, 2):
         links = a.link.partition("::")[2], b.link.partition("::")[2]
         tops = [groups[geom.model][link][0] for geom, link in zip((a, b), links, strict=True)]
         if a.model == b.model:
-            apart = a.link != b.link and frozenset(links) not in neighbours
-            if a.model == robot.name and itself and apart and not masked(*links, masks):
+            if a.model == robot.name and itself and a.link != b.link and frozenset(links) not in exempt:
                 yield a, b
         elif not all(
             models[geom.model].fixed and top == models[geom.model].tree.root
@@ -318,7 +317,9 @@ def build(
     by_name = {model.name: model for model in models}
     for a, b in _may_touch(by_name, models[0], list(result.geoms.values()), masks, self_collision):
         first, second = surfaces[a.link], surfaces[b.link]
-        law = combine(first, second) if a.model != b.model else None  # within the robot contact is rigid
+        links = [geom.link.partition("::")[2] for geom in (a, b)]
+        inside = a.model == b.model and not models[0].tree.apart(*links)
+        law = None if inside else combine(first, second)  # within an arm contact is rigid
         pair = result.spec.add_pair(geomname1=a.name, geomname2=b.name, condim=3)
         if law is not None:
             result.springs.append((a, b, law))

@@ -3,13 +3,13 @@
 A pair that is far apart is checked again only when the motion since the last check could have closed its gap.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from hric_control.plants import faces, masked
+from hric_control.plants import faces
 from hric_core.geometry import FloatArray
 from hric_core.urdf import Robot
 from hric_core.urdf.shapes import FAR
@@ -204,26 +204,25 @@ def colliding_pairs(
     description: Robot,
     colliders: Sequence[Collider],
     robot: str,
-    masks: Sequence[tuple[str, str]],
+    exempt: Set[frozenset[str]],
     self_collision: bool,
     connected: Iterable[tuple[str, str]],
 ) -> list[tuple[Collider, Collider]]:
     """Return the pairs of colliders that may touch.
 
     These are colliders of different models, unless both are fixed, and of two links of the robot, unless these have a
-    common joint or are masked. Links that a bushing connects do not touch.
+    common joint or are masked (`exempt`). Links that a bushing connects do not touch.
 
     Args:
         description: description of the complete model.
         colliders: all colliders.
         robot: name of the robot's model.
-        masks: pairs of patterns of the robot's links that do not collide.
+        exempt: pairs of the robot's links that do not collide.
         self_collision: True if links of the robot may touch each other.
         connected: pairs of links, by "model::link", that bushings connect.
     """
     top = {link: name for link, (name, _) in description.rigid_groups().items()}
     name = {link if "::" in link else f"{robot}::{link}": link for link in description.links}
-    neighbours = description.neighbours()
     held = set(map(frozenset, connected))
     result = []
     for i, a in enumerate(colliders):
@@ -232,10 +231,7 @@ def colliding_pairs(
             if top[link_a] == top[link_b] or frozenset((a.link, b.link)) in held:
                 continue
             if a.model != b.model or (
-                a.model == robot
-                and self_collision
-                and frozenset((link_a, link_b)) not in neighbours
-                and not masked(link_a, link_b, masks)
+                a.model == robot and self_collision and frozenset((link_a, link_b)) not in exempt
             ):
                 result.append((a, b))
     return result

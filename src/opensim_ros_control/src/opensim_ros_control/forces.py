@@ -117,7 +117,9 @@ class Forces:
         pair = (a.link, b.link)
         if pair not in self._laws:
             first, second = self._surfaces[a.link], self._surfaces[b.link]
-            law = combine(first, second) if a.model != b.model else None  # within the robot contact is rigid
+            links = [link.partition("::")[2] for link in pair]
+            inside = a.model == b.model and not self._robot.model.robot.apart(*links)
+            law = None if inside else combine(first, second)  # within an arm contact is rigid
             self._laws[pair] = law or (None, first.friction * second.friction)
         return self._laws[pair]
 

@@ -6,7 +6,7 @@ import numpy as np
 import opensim
 
 from hric_control.plant import JointReaction
-from hric_control.plants import DrivenJoints, Model, Models, Surfaces, WorldObject
+from hric_control.plants import DrivenJoints, Model, Models, Surfaces, WorldObject, never_touching
 from hric_core.geometry import FloatArray, homogeneous
 from hric_core.urdf import Robot as Description
 from opensim_ros_control import collision, shapes
@@ -52,7 +52,8 @@ class OpenSimWorld(Models[OpenSimModelJoints]):
         masks: Sequence[tuple[str, str]],
     ) -> None:
         super().__init__(robot.model.robot, objects, rules, robot.config)
-        self.robot, self._masks, self._R_ground_world = robot, list(masks), T_ground_world[:3, :3]
+        self.robot, self._R_ground_world = robot, T_ground_world[:3, :3]
+        self._exempt = never_touching(robot.model.robot, masks)
         self.forces = Forces(robot, self._R_ground_world, self.wrenches, self.springs)
         self.bushings = OpenSimBushings(self.full_name, self.near, self._R_ground_world)
         self._bound: OpenSimEngine | None = None
@@ -186,7 +187,7 @@ class OpenSimWorld(Models[OpenSimModelJoints]):
             engine.built.description,
             self._colliders,
             self._name,
-            self._masks,
+            self._exempt,
             self._config.self_collision,
             self.bushings.apart(),
         )

@@ -6,9 +6,9 @@ centre of the overlap area (`hric_control.plants.faces`), with the mean force of
 (`hric_control.plants.spring_step`). The engine's own contact is switched off for these pairs.
 """
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
-from itertools import product
+from itertools import combinations, product
 from typing import Any
 
 import numpy as np
@@ -62,6 +62,17 @@ class _Link:
         return np.array([v - cross(point - self.T[:3, 3], w) for v, w in zip(self.linear, self.angular, strict=True)])
 
 
+def _of_two_arms(body: LoadedBody) -> Iterator[tuple[int, int]]:
+    """Yield the pairs of links of different arms, by their engine indices, unless both are fixed."""
+    if body.model is None or not body.model.description.arms():
+        return
+    robot = body.model.description
+    neighbours = robot.neighbours()
+    for (name_a, a), (name_b, b) in combinations(body.links.items(), 2):
+        if robot.apart(name_a, name_b) and frozenset((name_a, name_b)) not in neighbours:
+            yield a, b
+
+
 def _names(body: LoadedBody, index: int) -> str:
     return f"{body.name}::{body.link_names[index]}"
 
@@ -105,9 +116,10 @@ class PybulletPenaltyContact:
         self._mobility.clear()
         ordered = list(bodies.values())
         for i, a in enumerate(ordered):
-            for b in ordered[i + 1 :]:
+            for b in ordered[i:]:
                 laws: Laws = {}
-                for link_a, link_b in product(a.links.values(), b.links.values()):
+                links = product(a.links.values(), b.links.values()) if a is not b else _of_two_arms(a)
+                for link_a, link_b in links:
                     ends = (a.id, link_a), (b.id, link_b)
                     if ends in apart or ends[::-1] in apart:
                         continue

@@ -1,13 +1,13 @@
 """Robot in PyBullet: its joints, their efforts, and one step of the simulation."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence, Set
 from itertools import combinations
 
 import numpy as np
 import pybullet
 
 from hric_control.plant import Mode
-from hric_control.plants import EngineRobot, Losses, MovingJoints, PlantConfig, masked
+from hric_control.plants import EngineRobot, Losses, MovingJoints, PlantConfig, never_touching
 from hric_core import urdf
 from hric_core.geometry import FloatArray, MassProperties
 from pybullet_ros_control.engine import LoadedBody, PhysicsClient
@@ -42,8 +42,8 @@ class PybulletRobot(EngineRobot):
         masks: list[tuple[str, str]],
     ) -> None:
         self.engine, self._client = engine, engine.client
-        self._tree, self._config, self._masks = tree, config, masks
-        self._neighbours = tree.neighbours()
+        self._tree, self._config = tree, config
+        self._exempt = never_touching(tree, masks)
         self._model = self._prepare(None)
         self._load_body()
         moving = [tree.joints[name] for name in sorted(self.body.joints, key=self.body.joints.__getitem__)]
@@ -76,7 +76,7 @@ class PybulletRobot(EngineRobot):
     def mask(self) -> None:
         """Switch self-collision off for links with a common joint and for pairs in the collision masks."""
         if self._config.self_collision:
-            apply_masks(self.engine, self.body, self._neighbours, self._masks)
+            apply_masks(self.engine, self.body, self._exempt)
 
     def _bind(self) -> None:
         """Create the compiled joint dynamics of the present model."""
@@ -219,19 +219,16 @@ class PybulletRobot(EngineRobot):
         motors.drive(targets)
 
 
-def apply_masks(
-    engine: PhysicsClient, body: LoadedBody, neighbours: Collection[frozenset[str]], masks: list[tuple[str, str]]
-) -> list[tuple[str, str]]:
-    """Switch self-collision off for links with a common joint and pairs that match the masks; return these pairs.
+def apply_masks(engine: PhysicsClient, body: LoadedBody, exempt: Set[frozenset[str]]) -> list[tuple[str, str]]:
+    """Switch self-collision off for some pairs of links; return these pairs.
 
     Args:
         engine: engine with the body.
         body: loaded body.
-        neighbours: pairs of links with a common joint.
-        masks: pairs of patterns of link names.
+        exempt: pairs of links with a common joint, and pairs that match the masks.
     """
     names = sorted(body.links, key=body.links.__getitem__)
-    off = [(a, b) for a, b in combinations(names, 2) if frozenset((a, b)) in neighbours or masked(a, b, masks)]
+    off = [(a, b) for a, b in combinations(names, 2) if frozenset((a, b)) in exempt]
     for a, b in off:
         pybullet.setCollisionFilterPair(
             body.id, body.id, body.links[a], body.links[b], 0, physicsClientId=engine.client

@@ -18,6 +18,7 @@ from hric_assessment.tables import MASS, ROTORS, STIFFNESS, episode_table, verdi
 from hric_assessment.typed_json import Content, JsonObject
 from hric_bags.reader import ControlRecord, FloatArray, RunRecord
 from hric_bags.records.human_record import HumanRecord
+from hric_bags.run_file import robots
 from hric_control.plant import Surface
 from hric_control.plants import PlantConfig, Surfaces, combine, load_surfaces, rotor_inertia
 from hric_core import urdf
@@ -221,7 +222,7 @@ class ClosedFormModels:
         }
         self._heavier = factors.get(MASS, 1.0)
         self._hull = rules.of_model(self._name, self._robot.tree.links, Surface())
-        self._torque = definition.get("robot", {}).get("hw") in OWN_WEIGHT
+        self._torque = all(robot.get("hw") in OWN_WEIGHT for robot in robots(definition))
 
     def expected(self, contact: RegionContact) -> ExpectedContact:
         """Return a contact with the forces that are expected of it."""

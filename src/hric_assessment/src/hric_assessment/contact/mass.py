@@ -57,7 +57,6 @@ class Mechanism:
     ) -> None:
         self.tree, self.joints, self._rotors = tree, tuple(joints), np.diag(rotors)
         self._dynamics = Tree(tree, joints)
-        self._moving = {link for joint in joints for link in _beyond(tree, tree.joints[joint].child)}
         self._T_root_world = np.eye(4) if T_world_root is None else inverse(T_world_root)
 
     def at(self, q: FloatArray, link: str, point: Sequence[float]) -> tuple[FloatArray, FloatArray]:
@@ -98,16 +97,31 @@ class Mechanism:
         J, W = self.at(q, link, point)
         return float(np.array(normal) @ np.linalg.solve(J @ W @ J.T, J @ W @ tau))
 
-    def locked_mass(self, q: FloatArray, point: Sequence[float], normal: Sequence[float]) -> float:
+    def chain_of(self, link: str) -> tuple[str, ...]:
+        """Return the joints beyond the first joint that moves a link, with this: those of one of several arms.
+
+        They are all joints if none moves the link.
+        """
+        above = {joint.name for joint in self.tree.path(self.tree.root, link)}
+        first = next((joint for joint in self.joints if joint in above), None)
+        if first is None:
+            return self.joints
+        beyond = set(_beyond(self.tree, self.tree.joints[first].child))
+        return tuple(joint for joint in self.joints if self.tree.joints[joint].child in beyond)
+
+    def locked_mass(
+        self, q: FloatArray, point: Sequence[float], normal: Sequence[float], joints: Sequence[str] | None = None
+    ) -> float:
         """Return the mass at a point along a normal with all joints locked [kg]; NaN if the links have no mass.
 
         All links beyond the first joint are one free rigid body. Point and normal are in the world frame. The mass is
-        infinite if a joint position is not known (NaN).
+        infinite if a joint position is not known (NaN). `joints`: those of one of several arms; None: all.
         """
+        moving = {link for joint in joints or self.joints for link in _beyond(self.tree, self.tree.joints[joint].child)}
         if not np.isfinite(q).all():
             return math.inf
         T = self.tree.poses(dict(zip(self.joints, q, strict=True)))
-        links = [(link.mass, T[name]) for name, link in self.tree.links.items() if name in self._moving]
+        links = [(link.mass, T[name]) for name, link in self.tree.links.items() if name in moving]
         body = sum((mass.moved(T_link) for mass, T_link in links if mass is not None), MassProperties())
         if not body.mass > 0.0:
             return math.nan
@@ -124,8 +138,9 @@ class Mechanism:
 
         load: mass that the arm holds, which only the standard's estimate considers [kg].
         """
-        moving, tool = moving_masses(self.tree, self.joints)
-        reflected, locked = self.reflected_mass(q, link, point, normal), self.locked_mass(q, point, normal)
+        joints = self.chain_of(link)
+        moving, tool = moving_masses(self.tree, joints)
+        reflected, locked = self.reflected_mass(q, link, point, normal), self.locked_mass(q, point, normal, joints)
         return RobotMasses(reflected, half_mass(moving - tool, tool + load), locked)
 
 

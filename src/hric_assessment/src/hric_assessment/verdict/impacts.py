@@ -12,6 +12,7 @@ from hric_assessment.findings import NotAssessableError
 from hric_assessment.verdict.choices import AssessmentChoices
 from hric_assessment.verdict.inputs import AssessmentInput
 from hric_bags.records.human_record import HumanRecord
+from hric_bags.run_file import held_mass
 from hric_core.errors import HricError
 from hric_human.contact import RegionContact
 
@@ -53,7 +54,7 @@ class ExpectedImpacts:
         except HricError as error:
             self._why = f"for the closed form: {error}"
             return
-        self._load = float((source.definition.get("robot", {}).get("load") or {}).get("mass", 0.0))
+        self._load = held_mass(source.definition)
 
     def form(self, contact: RegionContact) -> ClosedFormImpact | None:
         """Return the closed form of a contact; None: it has none, or the motion at that time is not known."""

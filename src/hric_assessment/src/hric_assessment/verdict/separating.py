@@ -23,6 +23,7 @@ from hric_assessment.verdict.inputs import AssessmentInput
 from hric_assessment.verdict.person import AssessedPerson
 from hric_assessment.verdict.result import SeparationCurve, thinned
 from hric_bags.reader import ControlRecord
+from hric_bags.run_file import held_mass, robots
 from hric_core import urdf
 from hric_core.geometry import FloatArray
 
@@ -123,7 +124,7 @@ def separated(source: AssessmentInput, person: AssessedPerson, choices: Assessme
         raise NotAssessableError("arm and person were not recorded at the same time")
     distances = separation(float(begin), float(end), arm, robot.radii, bodies, body.radii)
     speed = speeds(arm, distances.time)
-    load = float((source.definition.get("robot") or {}).get("load", {}).get("mass", 0.0))
+    load = held_mass(source.definition)
     human, terms = _protective(speed, person, choices.braking, load)
     notes = _notes(person, choices.braking.text(load), unknown_share)
     relied = _relied(person, notes)
@@ -148,7 +149,7 @@ def separated(source: AssessmentInput, person: AssessedPerson, choices: Assessme
 def _unbraked(source: AssessmentInput, choices: AssessmentChoices) -> str:
     """Return the robot's name if its stopping is not known: no stops of it, and it is not a Franka; empty: known."""
     name, stops = urdf.read(source.description).name, choices.braking.stops
-    franka = not (source.definition.get("robot") or {}).get("urdf")
+    franka = not any(robot.get("urdf") for robot in robots(source.definition))
     own = franka if stops is None or stops.robot is None else stops.robot == name
     return "" if own else name
 

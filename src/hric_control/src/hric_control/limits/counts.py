@@ -88,6 +88,18 @@ class LimitCounts:
             setattr(snapshot, name, value[:] if isinstance(value, list) else value)
         return snapshot
 
+    @classmethod
+    def joined(cls, parts: "Sequence[LimitCounts]") -> "LimitCounts":
+        """Return the present counts of several robots as those of one robot with all their joints."""
+        result = cls([name for part in parts for name in part.names], [])
+        for key in cls.__slots__:
+            values = [getattr(part, key) for part in parts]
+            if isinstance(values[0], list):
+                setattr(result, key, [value for part in values for value in part])
+        result.cycles, result.run = max(part.cycles for part in parts), max(part.run for part in parts)
+        result.start_checked = all(part.start_checked for part in parts)
+        return result
+
     @staticmethod
     def publisher(node: Node) -> RealtimePublisher:
         """Return a publisher of `message` on the topic `limit_counts` of a node."""

@@ -25,7 +25,15 @@ from hric_control.plants.moving_joints import Losses, MovingJoints
 from hric_control.plants.spring_step import Springs
 from hric_control.plants.stops import StopLaw, StopMemory, reciprocals
 from hric_control.plants.surfaces import SurfaceRule, Surfaces, combine
-from hric_control.plants.worlds import PLAIN_LINK, WorldObject, load_masks, load_surfaces, load_world, masked
+from hric_control.plants.worlds import (
+    PLAIN_LINK,
+    WorldObject,
+    load_masks,
+    load_surfaces,
+    load_world,
+    masked,
+    never_touching,
+)
 from hric_control.plants.wrenches import Wrenches
 
 __all__ = [
@@ -66,6 +74,7 @@ __all__ = [
     "masked",
     "model_of_object",
     "model_of_urdf",
+    "never_touching",
     "payload",
     "reciprocals",
     "refuse_other_joints",

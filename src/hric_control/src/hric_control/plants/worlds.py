@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
+from itertools import combinations
 from pathlib import Path
 
 from hric_control.plant import Surface
@@ -13,6 +14,7 @@ from hric_core.geometry import FloatArray, transform_from_rpy
 from hric_core.node import REQUIRED
 from hric_core.parameters import Settings, choice, listing, number, numbers, read_yaml, refused, section, text
 from hric_core.resources import resolve
+from hric_core.urdf import Robot
 
 DENSEST = 2.3e4
 """Largest valid density of an object [kg/m^3]; the densest element, osmium, has 2.26e4."""
@@ -188,6 +190,15 @@ def load_masks(address: str) -> list[tuple[str, str]]:
     """
     path = resolve(address or MASKS)
     return [pair.links for pair in _Masks.of(read_yaml(path), f"{path}:").pairs]
+
+
+def never_touching(robot: Robot, masks: Iterable[tuple[str, str]]) -> set[frozenset[str]]:
+    """Return the pairs of a robot's links whose collision is not simulated: neighbours, and masked pairs of one arm.
+
+    `masks`: pairs of patterns of link names."""
+    known = list(masks)
+    pairs = ((a, b) for a, b in combinations(robot.links, 2) if masked(a, b, known))
+    return robot.neighbours() | {frozenset(pair) for pair in pairs if not robot.apart(*pair)}
 
 
 def masked(a: str, b: str, masks: Iterable[tuple[str, str]]) -> bool:

@@ -15,7 +15,7 @@ from hric_control.hardware_interface import (
 from hric_control.pid import Pid, PidGains
 from hric_control.plant import DrivenPlant, Mode
 from hric_control.robot_hw import ControllerInfo, LogRow
-from hric_control.sim.simulated_robot import SimulatedRobot
+from hric_control.sim.simulated_robot import PlantInput, SimulatedRobot
 from hric_control.transmission import parse_transmissions
 from hric_core.errors import DescriptionError, HricError, ResourceConflictError
 from hric_core.node import Node
@@ -62,6 +62,12 @@ class RobotHWSim(SimulatedRobot):
         modes: present command mode of each joint.
     """
 
+    def plant_input(self, root_node: Node, robot_hw_node: Node) -> PlantInput:
+        """Read what the robot needs of its plant: the joints are those with a transmission."""
+        description = root_node.search_param("robot_description")
+        names = [transmission.joint for transmission in parse_transmissions(description)]
+        return PlantInput(description, names, mapping(default={}).read(robot_hw_node, "plant"))
+
     def init(self, root_node: Node, robot_hw_node: Node) -> None:
         """Read the parameters, construct the plant, and set the robot to its start pose."""
         node = robot_hw_node
@@ -85,7 +91,7 @@ class RobotHWSim(SimulatedRobot):
             settings.brake_unclaimed and set(t.interfaces) != {"JointStateInterface"} for t in self.transmissions
         ]
         self._pids = self._read_pids(root_node, names)
-        with self._new_plant(node, self.description, names, mapping(default={}).read(node, "plant")):
+        with self._new_plant(node, self.plant_input(root_node, node)):
             self._check_drives()
             self._make_storage()
             self._put(self.q_start, self._reset_plant)

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 
 from hric_control.hardware_interface import JointStates
 from hric_control.plant import DEFAULT_PLANT, Plant
@@ -11,15 +12,31 @@ from hric_control.robot_hw import OnCycle, RobotHW
 from hric_control.sim.participants import Participants
 from hric_control.sim.sim_loop import SimLoop
 from hric_core import plugins
-from hric_core.errors import CommandError
+from hric_core.errors import CommandError, HricError
 from hric_core.node import Node
 from hric_core.urdf import read
+
+
+@dataclass(frozen=True)
+class PlantInput:
+    """Description, joints and parameters with which a simulated robot constructs its plant.
+
+    Attributes:
+        urdf_xml: URDF for the plant, which may differ from the robot's description.
+        joint_names: the actuated joints.
+        config: parameters of the plant.
+    """
+
+    urdf_xml: str
+    joint_names: Sequence[str]
+    config: Mapping[str, object]
 
 
 class SimulatedRobot(RobotHW):
     """Base class of robots that are simulated by a plant.
 
-    A subclass initialises itself in a `with self._new_plant(...)` block, and implements `write` and `_settle`.
+    A subclass initialises itself in a `with self._new_plant(...)` block, and implements `plant_input`, `write` and
+    `_settle`.
 
     Attributes:
         description: URDF of the robot.
@@ -37,29 +54,38 @@ class SimulatedRobot(RobotHW):
     loop: SimLoop
     rotor_inertia: tuple[float, ...]
 
+    def plant_input(self, root_node: Node, robot_hw_node: Node) -> PlantInput:
+        """Read what the robot needs of its plant from the parameters; may be called before `init`.
+
+        The arguments are those of `init`.
+
+        Raises:
+            HricError: a parameter is invalid, or such a robot cannot share a plant.
+        """
+        raise HricError(f"a {type(self).__name__} cannot share a plant with other robots")
+
     @contextmanager
-    def _new_plant(
-        self, node: Node, urdf_xml: str, joint_names: Sequence[str], config: Mapping[str, object]
-    ) -> Iterator[None]:
-        """Construct the plant selected by the parameter `plant_type`, its loop and the joint states.
+    def _new_plant(self, node: Node, needed: PlantInput) -> Iterator[None]:
+        """Construct the plant selected by the parameter `plant_type`, its loop and the joint states; or share a plant.
 
         If the block raises an error, the plant is closed.
 
         Args:
             node: node with the robot's private parameters.
-            urdf_xml: URDF for the plant, which may differ from the robot's description.
-            joint_names: the actuated joints.
-            config: parameters of the plant.
+            needed: description, joints and parameters for the plant.
         """
-        self.rotor_inertia = rotor_inertia(config, joint_names, read(urdf_xml))
-        make_plant = plugins.find(plugins.PLANT, node.param("plant_type", DEFAULT_PLANT))
+        self.rotor_inertia = rotor_inertia(needed.config, needed.joint_names, read(needed.urdf_xml))
         with ExitStack() as held:
-            self.plant = make_plant(urdf_xml, joint_names, config)
-            held.callback(self.plant.close)
+            if self.shared is None:
+                make_plant = plugins.find(plugins.PLANT, node.param("plant_type", DEFAULT_PLANT))
+                self.plant = make_plant(needed.urdf_xml, needed.joint_names, needed.config)
+                held.callback(self.plant.close)
+                self.loop = SimLoop(self.plant.time_step, node.param("real_time_factor", 1.0))
+            else:
+                self.plant, self.loop = self.shared.part(needed.joint_names), self.shared.loop
             self._participants = Participants(self.plant, node)
             held.callback(self._participants.close)
-            self.loop = SimLoop(self.plant.time_step, node.param("real_time_factor", 1.0))
-            self.states = JointStates(joint_names)
+            self.states = JointStates(needed.joint_names)
             node.set_param("plant/integrator", self.plant.integrator)  # for the record of the run
             yield
             self._held = held.pop_all()
@@ -69,10 +95,15 @@ class SimulatedRobot(RobotHW):
         states = self.states
         self.plant.read_state(states.position, states.velocity, states.effort)
 
+    def guarded(self, on_cycle: OnCycle) -> OnCycle:
+        """Return the callback of a cycle between `read` and `write`: by default `on_cycle` itself."""
+        return on_cycle
+
     def run(self, on_cycle: OnCycle) -> None:
         """Run cycles: read, `on_cycle` (the controllers), write, step the plant.
 
         The result of `on_cycle` is ignored, as a simulated robot changes its command mode without a new run."""
+        on_cycle = self.guarded(on_cycle)
         read, write, step = self.read, self.write, self._participants.step
 
         def cycle(time: float, period: float, reset_controllers: bool) -> bool:

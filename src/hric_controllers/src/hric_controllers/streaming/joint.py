@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
@@ -19,9 +20,9 @@ from hric_controllers.state.messages import Point, build_state
 from hric_controllers.streaming.follower import KEPT, StreamFollower, StreamLimits
 from hric_controllers.trajectory.message import read_waypoints
 from hric_core import realtime
-from hric_core.errors import CommandError
+from hric_core.errors import CommandError, check_known
 from hric_core.node import Node
-from hric_core.parameters import Settings, names, number, per_joint, refused
+from hric_core.parameters import Settings, names, number, per_joint, refused, text
 
 
 @dataclass(frozen=True)
@@ -102,12 +103,28 @@ class StreamedJoints(Controller):
         self._running = False
 
 
+@dataclass(frozen=True)
+class LeaderSettings(Settings):
+    """Parameter of a joint streaming controller that follows another arm."""
+
+    leader: str = text(
+        "",
+        text="topic with the joint states of another arm, whose positions are then the targets, such as "
+        "`left/joint_states`; relative to the namespace above that of the own arm. Joints correspond by the part of "
+        "their names after the last `_`. Empty: none",
+    )
+
+
 class JointStreamingController(StreamedJoints):
     """Controller that follows the targets of its topics. INTERFACE.md lists its parameters and topics."""
+
+    settings = (JointStreamingSettings, LeaderSettings)
 
     def init(self, robot_hw: RobotHW, root_node: Node, controller_node: Node) -> None:
         """Read the parameters, get the hardware interfaces, and subscribe to the topics."""
         super().init(robot_hw, root_node, controller_node)
+        if leader := LeaderSettings.read(controller_node).leader:
+            controller_node.subscribe(root_node.beside(leader), JointState, self._on_leader, queue_size=KEPT)
         controller_node.subscribe("command", Float64MultiArray, self._on_command, queue_size=KEPT)
         controller_node.subscribe("trajectory", JointTrajectory, self._on_trajectory, queue_size=KEPT)
 
@@ -126,6 +143,19 @@ class JointStreamingController(StreamedJoints):
         waypoints = read_waypoints(message, self.joints, allow_partial=False)
         stamp = message.header.stamp.to_sec() + message.points[-1].time_from_start.to_sec()
         self._take([one[-1].position for one in waypoints if one], stamp if message.header.stamp.to_sec() else None)
+
+    def _on_leader(self, message: Any) -> None:
+        """Pass the positions of another arm, with the stamp of their header, to the loop, while it runs.
+
+        Raises:
+            CommandError: a joint of the other arm is missing, or its position is outside the range of this arm.
+        """
+        if not self._running:
+            return
+        positions = {name.rpartition("_")[2]: x for name, x in zip(message.name, message.position, strict=True)}
+        wanted = [joint.rpartition("_")[2] for joint in self.joints]
+        check_known("joint", wanted, positions, "the joint states of the leader")
+        self._take([positions[name] for name in wanted], message.header.stamp.to_sec())
 
     def _take(self, values: Sequence[float], stamp: float | None) -> None:
         if not self._running:

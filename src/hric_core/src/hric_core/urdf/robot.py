@@ -13,6 +13,8 @@ from hric_core.geometry import FloatArray, MassProperties
 from hric_core.geometry.transforms import rotation_about
 from hric_core.urdf.shapes import Shape
 
+WORLD = "world"
+"""Root link that several arms share."""
 ONE_COORDINATE = ("revolute", "continuous", "prismatic")
 JOINT_TYPES = (*ONE_COORDINATE, "planar", "floating", "fixed")
 BOUNDED = ("revolute", "prismatic")
@@ -244,13 +246,39 @@ class Robot:
     def neighbours(self) -> set[frozenset[str]]:
         """Return the pairs of neighbouring links: joined by fixed joints and at most one moving joint.
 
-        Collisions within these pairs are not simulated."""
+        Collisions within these pairs are not simulated. Links of two arms are no neighbours, unless both are fixed."""
+        arms = self.arms()
         tops = {link: top for link, (top, _) in self.rigid_groups().items()}
         adjacent = {frozenset((tops[joint.parent], tops[joint.child])) for joint in self.joints.values()}
         pairs = combinations(tops.items(), 2)
-        return {frozenset((a, b)) for (a, top_a), (b, top_b) in pairs if top_a == top_b or {top_a, top_b} in adjacent}
+        return {
+            frozenset((a, b))
+            for (a, top_a), (b, top_b) in pairs
+            if top_a == top_b or ({top_a, top_b} in adjacent and not _differ(arms, a, b))
+        }
+
+    def arms(self) -> dict[str, str]:
+        """Return the first link of the arm to which each link belongs; links of no arm are left out.
+
+        Several arms are subtrees of a root link `world` that have a moving joint. Any other robot has no such arms.
+        """
+        below: dict[str, list[Joint]] = {}
+        first: dict[str, str] = {}
+        for joint in self.joints.values() if self.root == WORLD else ():
+            first[joint.child] = first.get(joint.parent, joint.child)
+            below.setdefault(first[joint.child], []).append(joint)
+        moving = {link for link, joints in below.items() if any(joint.type != "fixed" for joint in joints)}
+        return {link: arm for link, arm in first.items() if arm in moving} if len(moving) > 1 else {}
+
+    def apart(self, a: str, b: str) -> bool:
+        """Return True if two links belong to different arms."""
+        return _differ(self.arms(), a, b)
 
     def near(self, link: str) -> list[str]:
         """Return a link and its neighbours, e.g. a hand and its fingers; what grips it does not collide with them."""
         neighbours = self.neighbours()
         return [other for other in self.links if other == link or {link, other} in neighbours]
+
+
+def _differ(arms: Mapping[str, str], a: str, b: str) -> bool:
+    return a in arms and b in arms and arms[a] != arms[b]

@@ -59,7 +59,7 @@ class LiveExperiment:
             raise HricError(
                 f"sections not available in a live run: {', '.join(added)}; valid: hric run {settings.experiment}"
             )
-        controllers = dict.fromkeys(setpoint.controller for setpoint in self.experiment.setpoints)
+        controllers = dict.fromkeys(setpoint.controller for setpoint in self.experiment.all_setpoints)
         self._publishers = {
             name: rospy.Publisher(f"{name}/command", Float64MultiArray, queue_size=10) for name in controllers
         }
@@ -83,7 +83,7 @@ class LiveExperiment:
         rospy.loginfo(
             "experiment %s: %d setpoints, %g s",
             self.experiment.name,
-            len(self.experiment.setpoints),
+            len(self.experiment.all_setpoints),
             self.experiment.duration,
         )
         interval, factor = self._send()
@@ -119,7 +119,7 @@ class LiveExperiment:
             self._wait_recording(self._recording)
         self._wait(lambda: self._unconnected(1), "controllers have not subscribed to their command topics: {}")
         limits = {} if self._recording is None else self._recording.folder.read().get("limits", {})
-        for setpoint in self.experiment.setpoints:
+        for setpoint in self.experiment.all_setpoints:
             joints = rospy.get_param(f"{setpoint.controller}/joints", None)
             setpoint.check_reachable(joints or [""] * len(setpoint.positions), limits)
         self._wait(
@@ -167,13 +167,16 @@ class LiveExperiment:
             live_node.sleep(5 * live_node.POLL)
 
     def _missing_controllers(self) -> list[str]:
-        service = "controller_manager/list_controllers"
-        try:
-            listed = live_node.call(service, ListControllers, ROBOT_TIMEOUT).controller
-        except (rospy.ServiceException, rospy.ROSException, TimeoutError):
-            return [service]
-        running = {controller.name for controller in listed if controller.state == "running"}
-        return [name for name in self.experiment.controllers if name not in running]
+        missing: list[str] = []
+        for prefix, part in self.experiment.robots().items():
+            service = f"{prefix}controller_manager/list_controllers"
+            try:
+                listed = live_node.call(service, ListControllers, ROBOT_TIMEOUT).controller
+            except (rospy.ServiceException, rospy.ROSException, TimeoutError):
+                return [service]
+            running = {controller.name for controller in listed if controller.state == "running"}
+            missing += [f"{prefix}{name}" for name in part.controllers if name not in running]
+        return missing
 
     def _send(self) -> tuple[list[float], float]:
         """Send the setpoints at their times; return begin and end in robot time [s], and the real-time factor."""
@@ -183,7 +186,7 @@ class LiveExperiment:
             silent = f"the simulated human does not respond (service {parameters.HUMAN_START})"
             live_node.trigger(parameters.HUMAN_START, silent, "the simulated human cannot start its motion")
         begin, wall = rospy.get_time(), time.monotonic()
-        for setpoint in self.experiment.setpoints:
+        for setpoint in self.experiment.all_setpoints:
             self._sleep_until(begin + setpoint.time)
             self._publishers[setpoint.controller].publish(Float64MultiArray(data=list(setpoint.positions)))
         self._sleep_until(begin + self.experiment.duration)

@@ -31,77 +31,101 @@ def configure(definition: Experiment) -> None:
 
     For a robot other than Franka's, they replace those of controllers.yaml, which the bring-up loads for a Franka arm.
     """
-    configured = parameters.controllers(definition)
-    for name in definition.controllers:
-        present = None if definition.robot.urdf else rospy.get_param(name, None)
-        changes = configured[name] if present is None else definition.parameters.get(name, {})
-        rospy.set_param(name, parameters.overlay(present or {}, changes))
+    for prefix, part in definition.robots().items():
+        configured = parameters.controllers(part)
+        for name in part.controllers:
+            present = None if part.robot.urdf else rospy.get_param(f"{prefix}{name}", None)
+            changes = configured[name] if present is None else part.parameters.get(name, {})
+            rospy.set_param(f"{prefix}{name}", parameters.overlay(present or {}, changes))
 
 
 def start(definition: Experiment, timeout: float = READY_TIMEOUT) -> None:
-    """Load the experiment's controllers that are not loaded yet, and start all of them in one switch.
+    """Load the experiment's controllers that are not loaded yet, and start those of each manager in one switch.
 
     Raises:
-        SpawnError: the controller manager does not respond, or rejects a request.
+        SpawnError: a controller manager does not respond, or rejects a request.
     """
-    _wait_for_manager(timeout)
-    loaded = {controller.name: controller.state for controller in _call("list_controllers", ListControllers).controller}
+    for prefix, part in definition.robots().items():
+        _start(part, _Manager(prefix), timeout)
+
+
+def _start(definition: Experiment, manager: "_Manager", timeout: float) -> None:
+    manager.wait(timeout)
+    listed = manager.call("list_controllers", ListControllers).controller
+    loaded = {controller.name: controller.state for controller in listed}
     for name in definition.controllers:
-        if name not in loaded and not _call("load_controller", LoadController, name=name).ok:
-            raise SpawnError(f"controller {name} could not be loaded: {_reason()}")
-    _set_load(definition)
+        if name not in loaded:
+            manager.load(name)
+    if not definition.arms:
+        _set_load(definition, manager.prefix)
     waiting = [name for name in definition.controllers if loaded.get(name) != "running"]
     request = {"start_controllers": waiting, "stop_controllers": [], "strictness": SwitchControllerRequest.STRICT}
-    if waiting and not _call("switch_controller", SwitchController, **request).ok:
-        raise SpawnError(f"controllers {', '.join(waiting)} could not be started: {_reason()}")
+    if waiting and not manager.call("switch_controller", SwitchController, **request).ok:
+        raise SpawnError(f"controllers {', '.join(waiting)} could not be started: {manager.reason()}")
 
 
-def _set_load(definition: Experiment) -> None:
+def _set_load(definition: Experiment, prefix: str) -> None:
     """Set the payload of the experiment; an arm accepts it only while no controller moves it."""
     request = parameters.load_request(definition.robot)
     if request is None:
         return
     try:
-        response = rospy.ServiceProxy(parameters.LOAD_SERVICE, SetLoad)(request)
+        response = rospy.ServiceProxy(f"{prefix}{parameters.LOAD_SERVICE}", SetLoad)(request)
     except rospy.ServiceException as error:
-        raise SpawnError(f"{parameters.LOAD_SERVICE}: {error}") from error
+        raise SpawnError(f"{prefix}{parameters.LOAD_SERVICE}: {error}") from error
     if not response.success:
-        raise SpawnError(f"the robot rejected the payload robot.load: {response.error}")
+        raise SpawnError(f"the robot rejected the payload {prefix}robot.load: {response.error}")
 
 
 def load_others(definition: Experiment) -> None:
     """Load all other configured controllers without starting them, so that one call can switch to any of them.
 
     Raises:
-        SpawnError: the controller manager rejects a request.
+        SpawnError: a controller manager rejects a request.
     """
-    for name in parameters.defaults(definition.robot.arm_id):
-        if name not in definition.controllers and not _call("load_controller", LoadController, name=name).ok:
-            raise SpawnError(f"controller {name} could not be loaded: {_reason()}")
+    for prefix, part in definition.robots().items():
+        manager = _Manager(prefix)
+        for name, values in () if part.arms else parameters.defaults(part.robot.arm_id).items():
+            if name not in part.controllers:
+                if prefix:  # those of the only arm are parameters of the bring-up
+                    rospy.set_param(f"{prefix}{name}", values)
+                manager.load(name)
 
 
-def _wait_for_manager(timeout: float) -> None:
-    deadline = time.monotonic() + timeout
-    while not rospy.is_shutdown():
+class _Manager:
+    """Client of a controller manager; `prefix`: namespace of an arm with a slash at its end, or empty."""
+
+    def __init__(self, prefix: str) -> None:
+        self.prefix, self._name = prefix, f"{prefix}{MANAGER}"
+
+    def wait(self, timeout: float) -> None:
+        """Wait until the manager responds, at most `timeout` [s of wall time]."""
+        deadline = time.monotonic() + timeout
+        while not rospy.is_shutdown():
+            try:
+                rospy.wait_for_service(f"{self._name}/switch_controller", 0.2)
+                return
+            except rospy.ROSException as error:
+                if time.monotonic() > deadline:
+                    raise SpawnError(
+                        f"the controller manager {rospy.resolve_name(self._name)} does not respond after {timeout:g} s"
+                    ) from error
+
+    def load(self, name: str) -> None:
+        """Load a controller."""
+        if not self.call("load_controller", LoadController, name=name).ok:
+            raise SpawnError(f"controller {self.prefix}{name} could not be loaded: {self.reason()}")
+
+    def reason(self) -> str:
+        """Return the reason of the last refusal."""
+        return str(rospy.get_param(f"{self._name}/{REFUSAL}", "see the log of the robot node for the reason"))
+
+    def call(self, service: str, service_type: type, **request: Any) -> Any:
+        """Call a service of the manager."""
         try:
-            rospy.wait_for_service(f"{MANAGER}/switch_controller", 0.2)
-            return
-        except rospy.ROSException as error:
-            if time.monotonic() > deadline:
-                raise SpawnError(
-                    f"the controller manager {rospy.resolve_name(MANAGER)} does not respond after {timeout:g} s"
-                ) from error
-
-
-def _reason() -> str:
-    return str(rospy.get_param(f"{MANAGER}/{REFUSAL}", "see the log of the robot node for the reason"))
-
-
-def _call(service: str, service_type: type, **request: Any) -> Any:
-    try:
-        return rospy.ServiceProxy(f"{MANAGER}/{service}", service_type)(**request)
-    except rospy.ServiceException as error:
-        raise SpawnError(f"{MANAGER}/{service}: {error}") from error
+            return rospy.ServiceProxy(f"{self._name}/{service}", service_type)(**request)
+        except rospy.ServiceException as error:
+            raise SpawnError(f"{self._name}/{service}: {error}") from error
 
 
 @dataclass(frozen=True)
@@ -118,9 +142,10 @@ def run() -> None:
     definition = experiments.load(settings.experiment or experiments.NONE, overrides.separate(settings.overrides))
     configure(definition)
     start(definition)
-    rospy.loginfo("started the controllers %s", ", ".join(definition.controllers))
+    started = [f"{prefix}{name}" for prefix, part in definition.robots().items() for name in part.controllers]
+    rospy.loginfo("started the controllers %s", ", ".join(started))
     if definition.name == experiments.NONE:
         load_others(definition)
-    rospy.set_param("~started", list(definition.controllers))
+    rospy.set_param("~started", started)
     while not rospy.is_shutdown():
         live_node.sleep(0.05)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, cast
 from hric_bags.run_file import Definition, NodeParameters
 from hric_control.plant import REPLACEMENT
 from hric_core import plugins, resources
-from hric_core.errors import HricError, ParameterError, UnknownNameError, message_about
+from hric_core.errors import HricError, ParameterError, ParameterErrors, UnknownNameError, message_about
 from hric_core.geometry import ORIGIN, Vector
 from hric_core.magnitudes import likely_unit
 from hric_core.node import REQUIRED
@@ -46,6 +46,7 @@ class ExperimentError(HricError):
     """Mistake in an experiment file or an override; the message names file, key and valid values."""
 
 
+_ARM_NAME = re.compile("[A-Za-z][A-Za-z0-9_]*")
 _PI = re.compile(
     r"\s*(?P<sign>[-+]?)\s*(?:(?P<factor>\d+(?:\.\d*)?)\s*\*\s*)?pi\s*(?:/\s*(?P<divisor>\d+(?:\.\d*)?))?\s*"
 )
@@ -206,6 +207,31 @@ class MetricsSpec(Settings):
             raise unknown("reference", self.reference, names("references"), where.rstrip("."))
 
 
+CONTROLLERS: Any = names_(text="names of the controllers, started in this order")
+PARAMETERS: Any = mapping(
+    mapping(), {}, text="parameters that override those of controllers.yaml, by name of the controller"
+)
+SETPOINTS: Any = listing(
+    section(Setpoint),
+    default=(),
+    made=lambda values: tuple(sorted(values, key=lambda setpoint: setpoint.time)),
+    text="joint setpoints sent during the run; sorted by time",
+)
+
+
+@dataclass(frozen=True)
+class ArmSection(Settings):
+    """One of several arms in one world: its robot, controllers and setpoints, in its own namespace."""
+
+    separator = "."
+    robot: NodeParameters = mapping(
+        default={}, text="keys of `robot` that differ from those of the experiment; `arm_id` is the name of the arm"
+    )
+    controllers: tuple[str, ...] = CONTROLLERS
+    parameters: Mapping[str, NodeParameters] = PARAMETERS
+    setpoints: tuple[Setpoint, ...] = SETPOINTS
+
+
 def _optional(name: str) -> Any:
     """Return the parameter of an optional section, whose settings class is imported only if a file has the section.
 
@@ -244,16 +270,15 @@ class _Motion(Settings):
     name: str = ""
     description: str = text("", figures=True, text="description in one line")
     robot: RobotSpec = section(RobotSpec, REQUIRED)
-    controllers: tuple[str, ...] = names_(text="names of the controllers, started in this order")
-    parameters: Mapping[str, NodeParameters] = mapping(
-        mapping(), {}, text="parameters that override those of controllers.yaml, by name of the controller"
+    arms: Mapping[str, ArmSection] = mapping(
+        section(ArmSection),
+        {},
+        text="two or more arms in one world, by name, each with the keys below; `robot` then has what they have in "
+        "common, and `controllers` those that read the joints of all arms",
     )
-    setpoints: tuple[Setpoint, ...] = listing(
-        section(Setpoint),
-        default=(),
-        made=lambda values: tuple(sorted(values, key=lambda setpoint: setpoint.time)),
-        text="joint setpoints sent during the run; sorted by time",
-    )
+    controllers: tuple[str, ...] = CONTROLLERS
+    parameters: Mapping[str, NodeParameters] = PARAMETERS
+    setpoints: tuple[Setpoint, ...] = SETPOINTS
     duration: float = number(above=0.0, unit="s", text="robot time of the complete run")
     metrics: MetricsSpec = section(MetricsSpec)
     mocap: "MocapSection | None" = _OPTIONAL["mocap"]
@@ -276,6 +301,40 @@ class Experiment(_Sensed):
     human: NodeParameters | None = _OPTIONAL["human"]
     person: NodeParameters | None = _OPTIONAL["person"]
     supervisor: NodeParameters | None = _OPTIONAL["supervisor"]
+
+    def each_arm(self) -> "dict[str, Experiment]":
+        """Return the part of the experiment that concerns one arm, by name of the arm; empty unless there are `arms`.
+
+        Such a part is an experiment with this robot alone: without surroundings, sensors and person.
+
+        Raises:
+            HricError: a key of an arm's robot is invalid.
+        """
+        return {name: self._arm(name) for name in self.arms}
+
+    def _arm(self, name: str) -> "Experiment":
+        arm, common = self.arms[name], {**asdict(self.robot), "arm_id": name}
+        groups = {
+            key: {**common[key], **value} for key, value in arm.robot.items() if isinstance(common.get(key), dict)
+        }
+        robot = RobotSpec.of({**common, **arm.robot, **groups}, f"arms.{name}.robot")
+        part: dict[str, Any] = {key: getattr(arm, key) for key in ("controllers", "parameters", "setpoints")}
+        left_out: dict[str, Any] = dict.fromkeys((*_OPTIONAL, *SENSORS, *ADDED))
+        return replace(self, arms={}, robot=robot, **part, **left_out)
+
+    def robots(self) -> "dict[str, Experiment]":
+        """Return the experiment and the part of each arm, by the namespace of their controllers: "" and "left/"."""
+        return {"": self} | {f"{name}/": part for name, part in self.each_arm().items()}
+
+    @property
+    def all_setpoints(self) -> list[Setpoint]:
+        """Setpoints of the experiment and its arms, sorted by time; the controller of an arm is `ARM/CONTROLLER`."""
+        of_arms = [
+            replace(setpoint, controller=f"{name}/{setpoint.controller}")
+            for name, arm in self.arms.items()
+            for setpoint in arm.setpoints
+        ]
+        return sorted([*self.setpoints, *of_arms], key=lambda setpoint: setpoint.time)
 
     @property
     def sensor_sections(self) -> "list[SensorSection]":
@@ -332,6 +391,7 @@ class Experiment(_Sensed):
                     raise ParameterError(
                         f"{key}.program is body, which does not support a walking human; valid: no human.walk"
                     )
+        self._check_arms(mistakes)
         with mistakes.noted():
             self._check_supervisor()
         if (area := (self.human or {}).get("contact_area")) is not None:
@@ -340,6 +400,29 @@ class Experiment(_Sensed):
             with mistakes.noted():
                 check_area(as_number(area), name="human.contact_area")
         mistakes.raise_all()
+
+    def _check_arms(self, mistakes: Mistakes) -> None:
+        """Refuse arms of which one is alone or has an invalid key, and devices that know one arm only."""
+        if not self.arms:
+            return
+        with mistakes.noted():
+            if len(self.arms) < 2:
+                raise ParameterError(f"arms has only {', '.join(self.arms)}; valid: two arms or more")
+        with mistakes.noted():
+            if wrong := [name for name in self.arms if not _ARM_NAME.fullmatch(name)]:
+                raise ParameterError(
+                    f"arms: {wrong[0]!r} is no name of an arm; valid: a letter, then letters, digits, _"
+                )
+        with mistakes.noted():
+            if self.mocap is not None:
+                raise ParameterError("mocap follows one arm, and this experiment has several; valid: no section mocap")
+        for name in self.arms:
+            with mistakes.noted():
+                try:
+                    self._arm(name).check("")
+                except HricError as error:
+                    lines = str(error).splitlines()
+                    raise ParameterErrors([ParameterError(f"arms.{name}: {line}") for line in lines]) from error
 
     def _check_supervisor(self) -> None:
         """Refuse a supervisor whose source of the person's pose is missing."""

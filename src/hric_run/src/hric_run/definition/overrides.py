@@ -75,20 +75,25 @@ An override can add a sensor to an experiment by the key `device`, which only th
 ADDED_BY = {"supervisor": ["mode"]}
 """Keys by which an override adds a section to an experiment: `supervisor.mode`; `device` for all sensors."""
 DOTTED = (
-    "parameters.<controller>.<name>, robot.<key>, metrics.<key>, "
+    "parameters.<controller>.<name>, robot.<key>, arms.<arm>.<key>, metrics.<key>, "
     + "".join(f"{group}.<key>, " for group in SENSORS)
     + "setpoints.<i>.<key>"
 )
 GROUPS = {"robot": RobotSpec, "metrics": MetricsSpec}
 VALUES = ("controllers", "description", "duration", "setpoints")
+ARMS = "arms"
+ARMS_TEXT = "several arms in place of the robot, for example left,right; each with the controllers of the experiment"
+SPACING = 1.0
+"""Distance of the bases of two arms that replace one robot [m] (project default, unconfirmed)."""
 PLANT_FRICTION = ["robot", "plant", "friction"]
 FRICTIONS = ("none", "coulomb", "identified")
 
 
 def help_text() -> str:
     """Return the table of shortcuts for --help: name and description, one per line."""
-    width = max(len(name) for name in SHORTCUTS)
-    return "\n".join(f"  {name:<{width}}  {text}" for name, (_, text) in SHORTCUTS.items())
+    texts = {name: text for name, (_, text) in SHORTCUTS.items()} | {ARMS: ARMS_TEXT}
+    width = max(map(len, texts))
+    return "\n".join(f"  {name:<{width}}  {text}" for name, text in texts.items())
 
 
 def apply(raw: NodeParameters, overrides: Iterable[str]) -> dict[str, Any]:
@@ -106,8 +111,11 @@ def apply(raw: NodeParameters, overrides: Iterable[str]) -> dict[str, Any]:
     """
     result: dict[str, Any] = copy.deepcopy(dict(raw))
     keys: dict[tuple[str, ...], str] = {}
-    for text in sorted(overrides, key=lambda text: text.partition(":=")[0] not in ("urdf", "robot.urdf")):
+    for text in sorted(overrides, key=_order):
         key, value = split(text)
+        if key == ARMS:
+            _divide(result, value, text)
+            continue
         path = resolve(key, result)
         if key == "friction":
             value = _friction(result, value, text)
@@ -118,6 +126,35 @@ def apply(raw: NodeParameters, overrides: Iterable[str]) -> dict[str, Any]:
         if path == ["robot", "urdf"] and value:
             result["robot"].pop("description", None)
     return result
+
+
+def _order(text: str) -> int:
+    """Return the rank of an override: another robot first; the arms after what they have in common."""
+    key = text.partition(":=")[0]
+    return 0 if key in ("urdf", "robot.urdf") else 3 if key.startswith(f"{ARMS}.") else 2 if key == ARMS else 1
+
+
+def _divide(raw: dict[str, Any], value: Any, text: str) -> None:
+    """Replace the robot of an experiment by several arms, each with its controllers, parameters and setpoints.
+
+    The arms stand next to each other along y, `SPACING` apart and centred at the place of the robot.
+    """
+    names = [name.strip() for name in value.split(",")] if isinstance(value, str) else list(value or [])
+    if raw.get(ARMS):
+        raise ExperimentError(f"no override {text!r}: this experiment has the arms {', '.join(raw[ARMS])} already")
+    if len(set(names)) != len(names) or len(names) < 2 or not all(isinstance(name, str) and name for name in names):
+        raise ExperimentError(f"cannot apply override {text!r}; valid: different names, for example arms:=left,right")
+    base = raw["robot"].get("description", {}).get("xyz") or "0 0 0"
+    x, y, z = map(float, base.split() if isinstance(base, str) else base)
+    own = {key: raw.pop(key) for key in ("controllers", "parameters", "setpoints") if key in raw}
+    raw[ARMS] = {
+        name: {
+            "robot": {"description": {"xyz": [x, y + SPACING * (0.5 * (len(names) - 1) - i), z]}},
+            **copy.deepcopy(own),
+        }
+        for i, name in enumerate(names)
+    }
+    raw["controllers"] = ["joint_state_controller"]
 
 
 def once(words: tuple[str, ...]) -> tuple[str, ...]:
@@ -187,6 +224,12 @@ def resolve(key: str, raw: NodeParameters) -> list[str]:
         ExperimentError: the key is unknown; the message lists valid ones.
     """
     short = key in SHORTCUTS
+    if short and raw.get(ARMS) and SHORTCUTS[key][0].startswith("parameters."):
+        arm = next(iter(raw[ARMS]))
+        raise ExperimentError(
+            f"no override {key!r}: this experiment has several arms; valid: for example "
+            f"arms.{arm}.parameters.CONTROLLER.{key}"
+        )
     path = (SHORTCUTS[key][0].format(controller=_controller(raw)) if short else key).split(".")
     if path[0] in SENSORS and not raw.get(path[0]) and path[1:] != ADDED_BY.get(path[0], ["device"]):
         raise ExperimentError(f"no override {key!r}: this experiment has no {SENSORS[path[0]]}")
@@ -215,6 +258,8 @@ def _keys(group: str, raw: NodeParameters) -> list[str]:
         from hric_run.definition.sections import section_of  # imported only for these overrides
 
         return sorted(declared(section_of(group)))
+    if group == ARMS:
+        return list(raw.get(ARMS) or {})
     return sorted(declared(GROUPS[group])) if group in GROUPS else []
 
 

@@ -16,8 +16,12 @@ from hric_core.geometry import quaternion_from_rotation, transform_from_rpy
 from hric_core.trial.c3d import located
 from hric_core.urdf import read
 from hric_run.definition.experiment import Experiment, ExperimentError, RobotSpec, package_path
-from hric_run.definition.robot_description import actuated_joints, base_link, description, with_joints
+from hric_run.definition.robot_description import all_joints, base_link, description, of_experiment, with_joints
 
+COMBINED = "hric_control/CombinedHWSim"
+"""Type of the RobotHW of several arms in one world."""
+SEED_STEP = 1_000_003
+"""Difference of the seeds of two arms (prime, so that runs with neighbouring seeds share none)."""
 ROBOT = "robot"
 """Private namespace of the robot node, relative to the robot's namespace."""
 
@@ -148,9 +152,18 @@ def controllers(experiment: Experiment) -> dict[str, dict[str, object]]:
 def robot(experiment: Experiment, seed: int = 0) -> dict[str, object]:
     """Return the private parameters of the robot node for an experiment, with the seed of its plant.
 
+    Of several arms, each has another seed, so that their noise differs.
+
     Raises:
         HricError: the value of `realism` is not valid, or the robot does not support it.
     """
+    if experiment.arms:
+        own = {key: value for key, value in experiment.robot.parameters.items() if key == "control_log"}
+        arms = {
+            name: namespace(part, seed + index * SEED_STEP)
+            for index, (name, part) in enumerate(experiment.each_arm().items())
+        }
+        return {"robot_hw": COMBINED, "arms": arms, **own, **participants(experiment, seed)}
     spec = experiment.robot
     plant = _realistic(spec, {"seed": seed, **spec.plant, **_friction(spec)})
     values: dict[str, object] = {"robot_hw": spec.hw, "arm_id": spec.arm_id, **spec.parameters, "plant": plant}
@@ -159,6 +172,20 @@ def robot(experiment: Experiment, seed: int = 0) -> dict[str, object]:
     if spec.q_start is not None:
         values["q_start"] = dict(spec.q_start) if isinstance(spec.q_start, Mapping) else list(spec.q_start)
     return values | participants(experiment, seed)
+
+
+def namespace(experiment: Experiment, seed: int = 0) -> dict[str, Any]:
+    """Return all parameters of the robot's namespace for an experiment: description, limits, controllers, robot node.
+
+    Raises:
+        HricError: the experiment has a mistake.
+    """
+    return {
+        "robot_description": of_experiment(experiment),
+        "joint_limits": joint_limits(experiment),
+        **controllers(experiment),
+        ROBOT: robot(experiment, seed),
+    }
 
 
 def load_request(spec: RobotSpec) -> Any:
@@ -228,6 +255,8 @@ def joint_limits(experiment: Experiment) -> Mapping[str, Mapping[str, object]]:
 
     They are the Panda's limits with ros_control's names, including the torque rate, which a URDF cannot contain.
     """
+    if experiment.arms:
+        return {name: limit for part in experiment.each_arm().values() for name, limit in joint_limits(part).items()}
     return {} if experiment.robot.urdf else panda_description.joint_limit_parameters(experiment.robot.arm_id)
 
 
@@ -317,7 +346,7 @@ def _joints(experiment: Experiment) -> list[str]:
         joints = values.get("joints")
         if isinstance(joints, list) and joints:
             return [str(joint) for joint in joints]
-    return actuated_joints(experiment.robot)
+    return all_joints(experiment)
 
 
 def overlay(base: Mapping[str, object], changes: Mapping[str, object]) -> dict[str, object]:

@@ -3,11 +3,13 @@
 from collections.abc import Mapping, Sequence
 
 import panda_description
+from hric_control.sim.combined_hw_sim import MODEL
 from hric_control.transmission import parse_transmissions
 from hric_core import resources
 from hric_core.errors import HricError, check_known
 from hric_core.urdf import read
-from hric_run.definition.experiment import RobotSpec
+from hric_core.urdf.combining import combined
+from hric_run.definition.experiment import Experiment, RobotSpec
 
 
 def description(spec: RobotSpec) -> str:
@@ -21,6 +23,17 @@ def description(spec: RobotSpec) -> str:
     valid = [name for name in panda_description.arguments() if name not in ("arm_id", "robot_sim_type")]
     check_known("key", spec.description, valid, "robot.description")
     return str(panda_description.load(arm_id=spec.arm_id, robot_sim_type=spec.hw, **spec.description))
+
+
+def of_experiment(definition: Experiment) -> str:
+    """Return the `robot_description` of an experiment's robot; of several arms, one that has all of them.
+
+    Raises:
+        HricError: a description is not usable, or two arms have a link or joint of the same name.
+    """
+    if not definition.arms:
+        return description(definition.robot)
+    return combined(MODEL, {name: description(part.robot) for name, part in definition.each_arm().items()})
 
 
 def _description_of(address: str) -> str:
@@ -58,6 +71,12 @@ def base_link(spec: RobotSpec) -> str:
     if not spec.urdf:
         return f"{spec.arm_id}_link0"
     return read(description(spec)).joints[actuated_joints(spec)[0]].parent
+
+
+def all_joints(definition: Experiment) -> list[str]:
+    """Return the joints that controllers can command, of all arms."""
+    parts = definition.each_arm() or {"": definition}
+    return [joint for part in parts.values() for joint in actuated_joints(part.robot)]
 
 
 def with_joints(controllers: Mapping[str, Mapping[str, object]], spec: RobotSpec) -> dict[str, dict[str, object]]:

@@ -1,0 +1,207 @@
+"""Experiments with several arms in one world: each arm as alone, one clock and one log, and refusals by name."""
+
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from std_msgs.msg import Float64MultiArray
+
+from hric_control.sim.combined_hw_sim import CombinedHWSim
+from hric_core.errors import HricError
+from hric_run.definition import experiment
+from hric_run.simulation import Simulation
+
+ENGINES = ("mujoco", "pybullet", "opensim")
+BROADCASTERS = ["joint_state_controller", "franka_state_controller"]
+MOST = 2.1
+"""Largest cost of two arms beside one."""
+
+
+def two_arms(**changes: Any) -> dict[str, Any]:
+    """Return the contents of an experiment file with two arms that move in opposite directions."""
+    arms = {}
+    for name, side in (("left", 1.0), ("right", -1.0)):
+        positions = [0.3 * side, "-pi/4", 0, "-3*pi/4", 0, "pi/2", "pi/4"]
+        arms[name] = {
+            "robot": {"description": {"xyz": [0.0, 0.5 * side, 0.0]}},
+            "controllers": [*BROADCASTERS, "joint_pd_controller"],
+            "parameters": {"joint_pd_controller": {"kp": 100.0, "kd": 20.0}},
+            "setpoints": [{"time": 0.1, "controller": "joint_pd_controller", "positions": positions}],
+        }
+    common = {"hw": "franka_sim/FrankaHWSim", "plant_type": "mujoco_ros_control/MujocoPlant"}
+    return {"robot": common, "controllers": ["joint_state_controller"], "arms": arms, "duration": 0.6, **changes}
+
+
+def one_arm(name: str) -> dict[str, Any]:
+    """Return the contents of an experiment file with one arm of `two_arms` alone."""
+    raw = two_arms()
+    arm = raw.pop("arms")[name]
+    return raw | arm | {"robot": raw["robot"] | arm["robot"] | {"arm_id": name}}
+
+
+def simulation(raw: dict[str, Any], **options: Any) -> Simulation:
+    return Simulation(experiment.parse("arms", raw), **options)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_each_arm_moves_as_it_does_alone(engine: str) -> None:
+    def on_engine(raw: dict[str, Any]) -> dict[str, Any]:
+        return raw | {"robot": raw["robot"] | {"plant_type": f"{engine}_ros_control/{PLANTS[engine]}"}}
+
+    with simulation(on_engine(two_arms())) as both:
+        both.run()
+    signals = both.signals
+    assert signals.joint_names == tuple(f"{arm}_joint{k}" for arm in ("left", "right") for k in range(1, 8))
+    assert set(signals.interfaces) == {"effort"} and not signals.gaps
+    for index, name in enumerate(("left", "right")):
+        with simulation(on_engine(one_arm(name))) as alone:
+            alone.run()
+        columns = slice(7 * index, 7 * index + 7)
+        assert abs(alone.signals.position[-1, 0] - alone.signals.position[0, 0]) > 0.1
+        np.testing.assert_allclose(signals.position[:, columns], alone.signals.position, atol=1e-9)
+        np.testing.assert_allclose(signals.command[:, columns], alone.signals.command, atol=1e-6)
+
+
+PLANTS = {"mujoco": "MujocoPlant", "pybullet": "PyBulletPlant", "opensim": "OpenSimPlant"}
+
+
+@pytest.mark.parametrize("changes", [{}, {"arms.left.robot.parameters.realism": "measured"}])
+def test_a_reset_in_place_has_the_bits_of_a_new_simulation(changes: dict[str, Any], tmp_path: Path) -> None:
+    path = tmp_path / "arms.yaml"
+    path.write_text(yaml.safe_dump(two_arms(duration=0.3)))
+    with Simulation(str(path), seed=3, **changes) as first:
+        first.run()
+        bits = first.state_sha256
+    with Simulation(str(path), seed=1, **changes) as again:
+        again.run()
+        assert (again.state_sha256 == bits) != bool(changes)
+        again.reset(seed=3, in_place=True)
+        again.run()
+        assert again.state_sha256 == bits
+
+
+def test_noise_of_two_arms_differs() -> None:
+    raw = two_arms(duration=0.2)
+    raw["robot"]["parameters"] = {"realism": {"preset": "ideal", "q_noise": 1e-5}}
+    with simulation(raw) as both:
+        both.run()
+    noise = np.diff(both.signals.position[:100], axis=0)
+    assert noise[:, [1, 8]].std(axis=0) == pytest.approx([2**0.5 * 1e-5] * 2, rel=0.3)
+    assert abs(np.corrcoef(noise[:, 1], noise[:, 8])[0, 1]) < 0.4
+
+
+def test_topics_of_an_arm_are_below_its_name_and_those_of_the_world_are_not() -> None:
+    with simulation(two_arms()) as both:
+        topics = set(both.node.topics())
+        services = set(both.node.services())
+    for name in ("left", "right"):
+        assert {f"/{name}/joint_states", f"/{name}/franka_state_controller/franka_states"} <= topics
+        assert f"/{name}/controller_manager/switch_controller" in services
+        assert f"/{name}/franka_control/set_load" in services
+    assert {"/clock", "/control_log", "/joint_states", "/sim/contacts", "/limit_counts"} <= topics
+    assert not {"/left/control_log", "/left/sim/contacts", "/left/clock"} & topics
+
+
+def test_a_reflex_of_one_arm_leaves_the_other_moving() -> None:
+    raw = two_arms()
+    raw["arms"]["right"]["robot"]["parameters"] = {"rate_limiting": False}
+    with simulation(raw) as both:
+        both.run(0.3)
+        hw = both.app.hw
+        assert isinstance(hw, CombinedHWSim)
+        hw.plant.apply_wrench("right_hand", (0.0, 0.0, 150.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.05)
+        both.run(0.3)
+        assert "right: the motion was aborted: cartesian_reflex" in hw.error and "left" not in hw.error
+        assert both.signals.interfaces[:7] == ("effort",) * 7 and both.signals.interfaces[7:] == ("none",) * 7
+
+
+def test_a_setpoint_is_sent_to_the_controller_of_an_arm() -> None:
+    with simulation(two_arms()) as both:
+        heard: list[Any] = []
+        both.node.subscribe("right/joint_pd_controller/command", Float64MultiArray, heard.append)
+        both.run()
+        both.command("left/joint_pd_controller", [0.0, -0.7, 0.0, -2.3, 0.0, 1.5, 0.7])
+        with pytest.raises(HricError, match=r"nothing subscribes to joint_pd_controller/command.*right/joint_pd"):
+            both.command("joint_pd_controller", [0.0] * 7)
+    assert [message.data[0] for message in heard] == [-0.3]
+
+
+def test_one_experiment_with_one_robot_runs_with_several_arms() -> None:
+    changes: dict[str, Any] = {"arms": "a,b,c", "kp": 150, "arms.c.robot.description.inertials": "fr3", "duration": 0.1}
+    with Simulation("pd_step", **changes) as arms:
+        arms.run()
+        bases = [arms.app.hw.plant.link_state(f"{name}_link0")[0][1, 3] for name in "abc"]
+        assert arms.node.param("b/joint_pd_controller/kp") == 150
+    assert bases == pytest.approx([1.0, 0.0, -1.0])
+    assert arms.signals.position.shape == (100, 21)
+
+
+def refused(match: str, **arms: Any) -> None:
+    raw = two_arms()
+    for name, values in arms.items():
+        raw["arms"].setdefault(name, {})
+        for key, value in values.items():
+            raw["arms"][name][key] = {**raw["arms"][name].get(key, {}), **value} if isinstance(value, dict) else value
+    with pytest.raises(HricError, match=match):
+        simulation(raw).close()
+
+
+def test_what_cannot_be_one_world_is_refused_by_name() -> None:
+    refused(
+        "plant/time_step is None for left, 0.002 for right; valid: the same",
+        right={"robot": {"plant": {"time_step": 0.002}}},
+    )
+    refused("left and right both have a link left_link0", right={"robot": {"arm_id": "left"}})
+    refused(
+        r"plant_type is '.*MujocoPlant' for left, '.*PyBullet",
+        right={"robot": {"plant_type": "pybullet_ros_control/PyBulletPlant"}},
+    )
+    payload = {"robot": {"plant": {"payload": {"mass": 1.0}}}}
+    refused("plant/payload is set for left and right; valid: for one", left=payload, right=payload)
+    refused(
+        r"2 mistakes\s+arms.right: setpoints.*not started.*\s+arms.right: parameters for",
+        right={"controllers": ["joint_state_controller"]},
+    )
+    refused(r"arms: '3rd' is no name", **{"3rd": {"controllers": ["joint_state_controller"]}})
+    with pytest.raises(HricError, match="arms has only left; valid: two arms or more"):
+        experiment.parse("arms", two_arms(arms={"left": two_arms()["arms"]["left"]}))
+    with pytest.raises(HricError, match="mocap follows one arm"):
+        experiment.parse("arms", two_arms(mocap={}))
+
+
+def test_overrides_that_have_no_single_meaning_are_refused() -> None:
+    with pytest.raises(HricError, match=r"several arms; valid: for example arms\.left\.parameters\.CONTROLLER\.kp"):
+        Simulation("two_arms", kp=100)
+    with pytest.raises(HricError, match="has the arms left, right already"):
+        Simulation("two_arms", arms="a,b")
+    with pytest.raises(HricError, match="valid: different names, for example arms:=left,right"):
+        Simulation("pd_step", arms="a,a")
+    with pytest.raises(HricError, match="'mid' is not one of left, right"):
+        Simulation("two_arms", **{"arms.mid.robot.q_start": [0.0] * 7})
+
+
+def test_a_payload_of_one_arm_is_carried_by_this_arm() -> None:
+    raw = two_arms(duration=0.5)
+    raw["arms"]["right"]["robot"]["plant"] = {"payload": {"mass": 2.0}}
+    with simulation(raw) as both:
+        both.run()
+    sag = both.signals.position[-1] - both.signals.position[0]
+    assert abs(sag[8]) > 10 * abs(sag[1])
+
+
+def test_two_arms_cost_at_most_a_little_more_than_twice_one() -> None:
+    """Processor time per cycle, in alternating pieces of one process; the smallest ratio counts, as load only adds."""
+    raw = two_arms(duration=100.0)
+    with simulation(raw) as both, simulation(one_arm("left")) as one:
+
+        def cost(run: Simulation) -> float:
+            began = time.process_time()
+            run.advance(500)
+            return time.process_time() - began
+
+        cost(both), cost(one)
+        ratios = [cost(both) / cost(one) for _ in range(8)]
+    assert min(ratios) <= MOST
