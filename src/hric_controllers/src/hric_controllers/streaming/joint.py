@@ -153,9 +153,9 @@ class JointStreamingController(StreamedJoints):
         if not self._running:
             return
         positions = {name.rpartition("_")[2]: x for name, x in zip(message.name, message.position, strict=True)}
-        wanted = [joint.rpartition("_")[2] for joint in self.joints]
-        check_known("joint", wanted, positions, "the joint states of the leader")
-        self._take([positions[name] for name in wanted], message.header.stamp.to_sec())
+        names = [joint.rpartition("_")[2] for joint in self.joints]
+        check_known("joint", names, positions, "the joint states of the leader")
+        self._take([positions[name] for name in names], message.header.stamp.to_sec())
 
     def _take(self, values: Sequence[float], stamp: float | None) -> None:
         if not self._running:
