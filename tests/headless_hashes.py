@@ -151,6 +151,9 @@ def _runs() -> dict[str, Run]:
         "marker_tracking by effort on pybullet": replace(tracking, without=("parameters",)).on("pybullet", by_effort),
         "identify_load on pybullet": Run("identify_load", ("duration:=2.0",)).on("pybullet", quick=True),
         "polish on mujoco": Run("polish", ("duration:=3.0",)).on("mujoco"),
+        "two_arms on pybullet": Run("two_arms", ("duration:=1.5",)).on("pybullet", quick=True),
+        "two_arms_contact on mujoco": Run("two_arms_contact", ()).on("mujoco", quick=True),
+        "leader_follower on opensim": Run("leader_follower", ("duration:=3.0",)).on("opensim"),
         "ur5e_hand_guidance on mujoco": Run("ur5e_hand_guidance", ("duration:=0.5",)).on("mujoco", quick=True),
     }
 
