@@ -1,4 +1,4 @@
-"""Commands from the page of a running system: checks of who has control, of keys and of values; no ROS master needed."""
+"""Commands from the page of a running system: checks of control, keys and values; needs no ROS master."""
 
 import math
 import threading
@@ -33,7 +33,7 @@ class Actions(Protocol):
     """
 
     def begin(self) -> None:
-        """Delete the setpoints sent so far, since another viewer has taken control; motions start at measured values."""
+        """Delete the setpoints sent so far, since another viewer has taken control; motions start at measured ones."""
 
     def pause(self) -> None:
         """Pause the simulation."""

@@ -222,7 +222,7 @@ class SystemActions:
             self._commanded = "", None
             raise HricError(
                 f"the end effector does not follow: it would be {behind[0]:.2f} m and {behind[1]:.2f} rad from its "
-                f"commanded pose; valid: up to {BEHIND[0]} m, {BEHIND[1]} rad. The next step starts at the measured pose"
+                f"commanded pose; valid: up to {BEHIND[0]} m, {BEHIND[1]} rad. The next step starts at its present pose"
             )
         pose = stamped.pose_stamped(stamped.header(rospy.Time.now(), ""), pose_of_transform(target))
         self._publish(f"{controller}/equilibrium_pose", pose)

@@ -131,7 +131,7 @@ class LivePace(LiveState):
             self._since = at, run
 
     def frame(self) -> dict[str, object]:
-        """Return real-time factors every PACE_PERIOD: requested (0: as fast as possible), achieved (null: not known)."""
+        """Return real-time factors each PACE_PERIOD: requested (0: as fast as possible), achieved (null: not known)."""
         now, message = time.monotonic(), self.get()
         if now - self._reported < PACE_PERIOD:
             return {}
