@@ -146,7 +146,12 @@ def test_a_motion_that_is_too_fast_is_limited_and_the_report_says_so(tmp_path: P
     ("values", "names", "options", "reason"),
     [
         (np.degrees(motion(0.4)), JOINTS, [], "observation.state reaches 135; valid: joint positions in rad"),
-        (motion(0.4), ["x", "y", "z", "a", "b", "c", "grip"], [], "not 7 joints by name; name them by --signals"),
+        (
+            motion(0.4),
+            ["x", "y", "z", "a", "b", "c", "grip"],
+            [],
+            "do not show the 7 joints; list them in order with --signals",
+        ),
         (motion(0.4), JOINTS, ["--episode", "2"], "no episode 2 in data; valid: 0 to 1"),
         (motion(0.4), JOINTS, ["--feature", "action"], "no feature 'action' in data; valid: observation.state"),
         (motion(0.4), JOINTS, ["--signals", "0", "1"], "--signals has 2 signals; valid: 7"),

@@ -67,12 +67,12 @@ def test_ctrl_c_leaves_a_policy_and_a_checkpoint_from_which_the_training_goes_on
 
 
 def test_without_a_checkpoint_nothing_is_resumed(tmp_path: Path) -> None:
-    with pytest.raises(HricError, match="there is no checkpoint"):
+    with pytest.raises(HricError, match="of which one is missing"):
         train(agreed(), tmp_path / "policy.onnx", resume=True)
 
 
 def test_a_resumed_training_takes_no_other_settings() -> None:
-    with pytest.raises(HricError, match="valid: without --steps"):
+    with pytest.raises(HricError, match="valid: --resume without --steps"):
         perform(["train", "Reach", "--resume", "--steps", "2000"])
 
 

@@ -116,7 +116,7 @@ def test_each_spoiled_channel_has_its_own_reason(values: dict[str, Any]) -> None
     assert reasons == {
         "Noraxon.LT_Triceps": "it is a flat line",
         "RBIC": "it is clipped: 3 or more successive samples have the smallest value",
-        "BrachioradR": "it keeps one value for 0.2 s: samples are lost",
+        "BrachioradR": "it has a constant value for 0.2 s: samples were lost",
         "Rect_Fem_L EMG": "no muscle of the model",
         "L RF": "no muscle of the model",
         "Biceps": "its label names no side",

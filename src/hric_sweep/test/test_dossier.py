@@ -88,7 +88,7 @@ def test_folder_with_other_files_is_refused(run: Path, tmp_path: Path) -> None:
 
 
 def test_same_run_given_twice_is_refused(run: Path) -> None:
-    with pytest.raises(HricError, match="is given 2 times; valid: each run and sweep once"):
+    with pytest.raises(HricError, match=r"2 runs or sweeps have the name .*; valid: each name once"):
         page(run, run)
 
 

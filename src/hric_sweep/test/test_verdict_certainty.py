@@ -57,5 +57,5 @@ def test_a_heavier_body_has_a_larger_peak(nominal: AssessmentInput) -> None:
 
 
 def test_too_few_rows_are_refused() -> None:
-    with pytest.raises(HricError, match="--rows is 8; valid: a power of two from 16 on"):
+    with pytest.raises(HricError, match="--rows is 8; valid: a power of two, 16 or more"):
         AssessSobolCommand().run(Namespace(rows=8))

@@ -109,7 +109,7 @@ def refuse_defaults(values: Mapping[str, float]) -> str:
     [
         ({"speed": 2.0}, "the process of the run has died"),
         ({"speed": 0.2}, "not ended within 5 s"),
-        ({"stiffness": 20.0}, "error of this program: .*nowhere"),
+        ({"stiffness": 20.0}, "because of a programming error: .*nowhere"),
     ],
 )
 def test_a_broken_run_ends_with_one_message(values: dict[str, Any], text: str) -> None:

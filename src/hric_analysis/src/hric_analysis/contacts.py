@@ -32,7 +32,7 @@ def given_of(run: RunFile, bag: Bag, description: str) -> AssessmentInput:
 def findings(source: AssessmentInput) -> list[Finding]:
     """Return one finding (assessment result) on each contact; CONTACT_AREA replaces an unknown area.
 
-    Of the findings about force and energy of a contact the worse counts; it has the values of both.
+    Force and energy of a contact are assessed separately; the finding is the worse of the two, with the values of both.
     """
     contacts = list[Finding]()
     for finding in contact_findings(source, AssessmentChoices(contact_area=CONTACT_AREA)):

@@ -44,7 +44,7 @@ class ReferenceSetup:
 
 @dataclass(frozen=True, kw_only=True)
 class RunMetrics(MotionMetrics):
-    """Contents of metrics.json; None: the run has no such part. See also INTERFACE.md of hric_experiments.
+    """Contents of metrics.json; None: the run has no such data. See also INTERFACE.md of hric_experiments.
 
     Attributes:
         real_time_factor: robot time per wall time [1].

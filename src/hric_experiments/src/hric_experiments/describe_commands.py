@@ -25,7 +25,7 @@ DESCRIBED = {
 }
 """Choices of `describe` that are printed as YAML, with the name of the function in `parameters` that returns them."""
 ENGINE = "simulator:=mujoco"
-"""Override that chooses the engine whose scene is described as MJCF."""
+"""Override of the physics engine that `describe mjcf` uses, as only MuJoCo has scenes in MJCF."""
 WORDS = (
     "urdf",
     "human_urdf",
@@ -37,7 +37,8 @@ WORDS = (
     "person",
     "supervisor",
 )
-"""Choices of `describe` apart from the nodes of sensors, whose packages are slow to import; the last five are nodes."""
+"""Choices of `hric describe` without the nodes of sensors, whose packages are slow to import; the last five are nodes.
+"""
 
 
 class SchemaCommand(Command):
@@ -120,7 +121,12 @@ class DescribeCommand(Command):
 
 
 def _mjcf(name: str, changes: Sequence[str]) -> str:
-    """Return the scene of an experiment at its start as MJCF. Raises HricError if its engine has no MJCF."""
+    """Return the scene at the start of an experiment as MJCF. Raises HricError if its engine is not MuJoCo.
+
+    Args:
+        name: name or path of the experiment.
+        changes: overrides `KEY:=VALUE`.
+    """
     from hric_run.simulation import Simulation
 
     chosen = any(change.startswith("simulator:=") for change in changes)
@@ -132,7 +138,7 @@ def _mjcf(name: str, changes: Sequence[str]) -> str:
 
 
 def _words() -> list[str]:
-    """Return all choices of `describe`."""
+    """Return all choices of `hric describe`, with the nodes of sensors."""
     sensors: list[Any] = [plugins.find(plugins.SENSOR, name) for name in plugins.names(plugins.SENSOR)]
     return [*WORDS, *(name for sensor in sensors for name in (sensor.name, sensor.emulated_name))]
 

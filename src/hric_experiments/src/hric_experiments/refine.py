@@ -1,4 +1,4 @@
-"""Twin of a run with half the time step, from which a verdict has error bars (`hric run --refine`)."""
+"""Option `hric run --refine`: a second run (twin) with half the time step, which gives the verdict error bars."""
 
 import argparse
 
@@ -43,7 +43,13 @@ def run_twin(definition: Experiment, arguments: argparse.Namespace) -> tuple[Run
 
 
 def add_errors(folder: RunFolder, twin: RunFolder, step: float) -> None:
-    """Write to run.yaml how the twin of a run with a smaller time step [s] differs, and print the error bars."""
+    """Write the differences between a run and its twin to the run's run.yaml, and print the error bars.
+
+    Args:
+        folder: run folder of the run.
+        twin: run folder of the twin.
+        step: time step of the twin's plant [s].
+    """
     values = refinement(*(judge(opened(str(path))).findings for path in (folder.path, twin.path)))
     folder.update(refined={"run": twin.path.name, "time_step": step, "values": values})
     for row in values:

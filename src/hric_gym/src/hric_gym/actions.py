@@ -1,4 +1,4 @@
-"""Actions of the robot: what a policy commands, and the controller that executes it through the control box."""
+"""Action modes: the meaning of a policy's numbers, and the controller that executes them through the control box."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -16,11 +16,12 @@ from hric_run.simulation import Simulation
 
 PD, IMPEDANCE = "joint_pd_controller", "cartesian_impedance_controller"
 JOINT_SPEED = 1.0
-"""Joint velocity of an action of 1 [rad/s] (project default)."""
+"""Joint velocity that an action of 1 commands [rad/s] (project default)."""
 SPEED, ROTATION = 0.5, 1.0
-"""Velocity of the equilibrium pose for an action of 1 [m/s], [rad/s] (project default)."""
+"""Linear [m/s] and angular [rad/s] velocity of the equilibrium pose for an action of 1 (project default)."""
 STREAM_SPEED = 0.7
-"""Velocity of a streamed end effector for an action of 1 [m/s]: limit of cartesian_streaming_controller."""
+"""Velocity of the end effector for an action of 1 in EndEffectorStream [m/s]: limit of cartesian_streaming_controller.
+"""
 LEAD = 0.1
 """Largest distance of the equilibrium position from the end effector, per axis [m] (project default)."""
 STIFFNESS = (50.0, 1000.0), (5.0, 60.0)
@@ -33,14 +34,14 @@ class ActionMode(ABC):
     """Meaning of a policy's numbers from -1 to 1; the arm's control box is always between them and the arm.
 
     Args:
-        simulation: simulation with the controller.
-        period: time between two actions [s].
+        simulation: simulation in which the controller of this mode is loaded.
+        period: robot time between two actions [s].
 
     Attributes:
         controller: name of the controller.
-        parameters: parameters of the controller that this mode needs, over those of the experiment.
-        space: space of actions.
-        command: command in force.
+        parameters: parameters of the controller that this mode needs; they replace those of the experiment.
+        space: Gymnasium space of the actions.
+        command: present command, as in the field `command` of the observation.
     """
 
     controller: ClassVar[str] = PD
@@ -56,15 +57,20 @@ class ActionMode(ABC):
         )
 
     def prepare(self) -> None:  # noqa: B027  (most modes change nothing that a reset keeps)
-        """Undo what an episode changed and a reset of the simulation keeps; before each reset."""
+        """Undo changes of an episode that a reset of the simulation does not undo; called before each reset."""
 
     @abstractmethod
     def start(self, observation: SimulationState) -> None:
-        """Set the command to the state at the start of an episode."""
+        """Set the command so that the arm stays where it is at the start of an episode."""
 
     @abstractmethod
     def apply(self, action: FloatArray, observation: SimulationState) -> None:
-        """Command an action; `observation`: present state."""
+        """Send the command of an action to the controller.
+
+        Args:
+            action: numbers from -1 to 1, of the shape of `space`.
+            observation: present state of the simulation.
+        """
 
 
 class JointVelocity(ActionMode):
@@ -73,11 +79,11 @@ class JointVelocity(ActionMode):
     parameters: ClassVar = {"profile": {"enabled": False}, "kp": 200.0, "kd": 20.0}
 
     def start(self, observation: SimulationState) -> None:
-        """Hold the present position."""
+        """Set the setpoint to the present joint positions."""
         self.command = np.clip(observation.arm.q, self._low, self._high)
 
     def apply(self, action: FloatArray, observation: SimulationState) -> None:
-        """Move the setpoint for one period."""
+        """Move the setpoint by the commanded velocity times the period."""
         self.command = np.clip(self.command + JOINT_SPEED * self._period * action, self._low, self._high)
         self._simulation.command(PD, self.command.tolist())
 
@@ -88,41 +94,42 @@ class JointPosition(JointVelocity):
     parameters: ClassVar = {"profile": {"enabled": True, "velocity": 1.0, "acceleration": 5.0}, "kp": 200.0, "kd": 20.0}
 
     def apply(self, action: FloatArray, observation: SimulationState) -> None:
-        """Set the setpoint."""
+        """Set the setpoint to the commanded joint positions."""
         self.command = np.clip(self._low + 0.5 * (action + 1.0) * (self._high - self._low), self._low, self._high)
         self._simulation.command(PD, self.command.tolist())
 
 
 class EndEffectorStream(ActionMode):
-    """Velocity of the end effector, axes of the base, which moves a stream of joint positions.
+    """Linear velocity of the end effector in the axes of the base, converted to joint positions for each period.
 
-    The stream is commanded at limited velocity, acceleration and jerk, as by `hric_controllers/PolicyController`.
+    joint_streaming_controller moves to them with limited velocity, acceleration and jerk, as
+    `hric_controllers/PolicyController` does on the arm.
     """
 
     controller: ClassVar[str] = "joint_streaming_controller"
     space: ClassVar[Box] = unit_box(3)
 
     def start(self, observation: SimulationState) -> None:
-        """Hold the present position."""
+        """Set the commanded joint positions to the present ones."""
         self._model = self._simulation.app.hw.get(FrankaModelInterface).model
         self.command = within(observation.arm.q, self._low, self._high)
 
     def apply(self, action: FloatArray, observation: SimulationState) -> None:
-        """Move the target for one period."""
+        """Move the commanded joint positions by the velocity times the period."""
         after = moved(self._model, self.command, STREAM_SPEED * self._period * action, self._period)
         self.command = within(after, self._low, self._high)
         self._simulation.command(self.controller, self.command.tolist())
 
 
 class EndEffectorDelta(ActionMode):
-    """Displacement and rotation of the equilibrium pose of the Cartesian impedance controller, axes of the base."""
+    """Velocity of the equilibrium pose of the Cartesian impedance controller: 3 linear, 3 angular, axes of the base."""
 
     controller: ClassVar[str] = IMPEDANCE
     parameters: ClassVar = {"filter_time": 0.02}
     space: ClassVar[Box] = unit_box(6)
 
     def start(self, observation: SimulationState) -> None:
-        """Set the equilibrium to the present pose."""
+        """Set the equilibrium pose to the present pose of the end effector."""
         self._pose = Pose.of_column_major(_matrix(observation).T.ravel().tolist())
         self._hold()
 
@@ -130,7 +137,7 @@ class EndEffectorDelta(ActionMode):
         self.command = np.array([*self._pose.position, *self._pose.orientation])
 
     def apply(self, action: FloatArray, observation: SimulationState) -> None:
-        """Move the equilibrium for one period, at most LEAD ahead of the end effector."""
+        """Move the equilibrium pose by the velocity times the period, at most LEAD [m] ahead of the end effector."""
         present = _matrix(observation)[:3, 3]
         position = np.array(self._pose.position) + SPEED * self._period * action[:3]
         x, y, z = np.clip(position, present - LEAD, present + LEAD).tolist()
@@ -141,24 +148,24 @@ class EndEffectorDelta(ActionMode):
 
 
 def _stiffness(action: FloatArray) -> dict[str, float]:
-    """Return the live parameters of the controller for the two numbers of an action."""
+    """Return the stiffness parameters of the Cartesian impedance controller; `action`: two numbers from -1 to 1."""
     names = ("translational_stiffness", "rotational_stiffness")
     ranges = zip(names, STIFFNESS, action.tolist(), strict=True)
     return {name: low * (high / low) ** (0.5 * (value + 1.0)) for name, (low, high), value in ranges}
 
 
 class ImpedanceTarget(EndEffectorDelta):
-    """Equilibrium pose as EndEffectorDelta, and translational and rotational stiffness on a logarithmic scale."""
+    """Actions of EndEffectorDelta, then translational and rotational stiffness on a logarithmic scale (STIFFNESS)."""
 
     parameters: ClassVar = EndEffectorDelta.parameters | _stiffness(np.zeros(2))
     space: ClassVar[Box] = unit_box(8)
 
     def prepare(self) -> None:
-        """Set the stiffness to the middle of its range, with which the controller starts."""
+        """Set the stiffness back to the middle of its range, which the controller has at its start."""
         self._soften(np.zeros(2))
 
     def start(self, observation: SimulationState) -> None:
-        """Set the equilibrium to the present pose."""
+        """Set the equilibrium pose to the present pose of the end effector."""
         self._soften(np.zeros(2))
         super().start(observation)
 
@@ -171,13 +178,13 @@ class ImpedanceTarget(EndEffectorDelta):
         self.command = np.array([*self.command, *self._stiffness.values()])
 
     def apply(self, action: FloatArray, observation: SimulationState) -> None:
-        """Move the equilibrium for one period, and set the stiffness."""
+        """Set the stiffness, and move the equilibrium pose by the velocity times the period."""
         self._soften(action[6:])
         super().apply(action, observation)
 
 
 class JointTorque(ActionMode):
-    """Joint torques beyond the compensation of gravity, at the limited rate of hric_gym/JointTorqueController."""
+    """Joint torques in addition to gravity compensation; hric_gym/JointTorqueController limits their rate."""
 
     controller: ClassVar[str] = "joint_torque_controller"
     parameters: ClassVar = {
@@ -186,11 +193,11 @@ class JointTorque(ActionMode):
     }
 
     def start(self, observation: SimulationState) -> None:
-        """Command no torque."""
+        """Set the commanded torques to zero."""
         self.command = np.zeros(7)
 
     def apply(self, action: FloatArray, observation: SimulationState) -> None:
-        """Command the torques."""
+        """Command the shares TORQUE of the effort limits, times the action."""
         self.command = TORQUE * self._effort * action
         self._simulation.command(self.controller, self.command.tolist())
 
@@ -209,4 +216,4 @@ MODES: dict[str, type[ActionMode]] = {
     "impedance": ImpedanceTarget,
     "torque": JointTorque,
 }
-"""Action modes by name."""
+"""Action modes by the name that the argument `action` of an environment has."""

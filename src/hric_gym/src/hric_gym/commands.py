@@ -1,4 +1,4 @@
-"""Commands `train` and `check_policy`: train a policy, and evaluate it on its task."""
+"""Commands `hric train` and `hric check_policy`: train a policy, and evaluate it on its task."""
 
 import argparse
 from pathlib import Path
@@ -9,23 +9,25 @@ from hric_core.parameters import number, whole
 from hric_core.processes import INTERRUPTED_CODE
 
 STEPS = 28_000
-"""Default number of steps of a training (project default)."""
+"""Number of actions in a training, without --steps (project default)."""
 EPISODES = 200
-"""Default number of episodes of an evaluation."""
+"""Number of episodes of an evaluation, without --episodes (project default)."""
 
 
 class TrainCommand(Command):
     """Train a policy that moves the end effector to goals, and write it for hric_controllers/PolicyController.
 
-    The training is SAC of stable-baselines3 in the environment of the task. Ctrl-C ends it and writes the policy so far
-    with a checkpoint, from which --resume continues.
+    The policy is trained by SAC of stable-baselines3 in the environment of the task. Ctrl-C ends the training and
+    writes the policy so far, with a checkpoint from which --resume continues.
     """
 
     def arguments(self) -> list[Argument]:
-        """Return the command-line arguments."""
+        """Return the task and the options of `hric train`."""
         return [
             Argument("task", metavar="TASK", help="task of hric_gym whose goal is a point: Reach"),
-            Argument("--output", type=Path, default=Path("policy.onnx"), metavar="FILE", help="(default: policy.onnx)"),
+            Argument(
+                "--output", type=Path, default=Path("policy.onnx"), metavar="FILE", help="policy (default: policy.onnx)"
+            ),
             Argument("--steps", type=int, help=f"actions in the training (default: {STEPS})"),
             Argument("--seed", type=int, help="seed of all random numbers (default: 0)"),
             Argument(
@@ -42,7 +44,7 @@ class TrainCommand(Command):
         ]
 
     def run(self, arguments: argparse.Namespace) -> int:
-        """Train, and write the policy."""
+        """Train the policy, and write it and its checkpoint."""
         from hric_controllers.policy.network import PolicyNetwork
         from hric_gym.environment import WEIGHTS
         from hric_gym.policy_env import contract
@@ -51,7 +53,9 @@ class TrainCommand(Command):
         output = arguments.output
         given = {name for name in ("steps", "seed", "weight") if getattr(arguments, name) not in (None, [])}
         if arguments.resume and given:
-            raise HricError(f"--resume continues with the checkpoint's own values; valid: without --{min(given)}")
+            raise HricError(
+                f"--resume takes --{min(given)} from the checkpoint; valid: --resume without --{min(given)}"
+            )
         steps = whole(minimum=1000).checked(STEPS if arguments.steps is None else arguments.steps, "--steps")
         if output.suffix != ".onnx" or not output.parent.is_dir():
             raise HricError(f"--output is {output}; valid: a file with the suffix .onnx in a folder that exists")
@@ -60,12 +64,12 @@ class TrainCommand(Command):
         settings["weights"] = WEIGHTS | weights
         agreed = PolicyNetwork(output).contract if arguments.resume else contract(arguments.task, settings)
         completed = train(agreed, output, resume=arguments.resume)
-        print(f"{output} written" if completed else f"interrupted; {output} is the policy so far; --resume continues")
+        print(f"{output} written" if completed else f"interrupted; {output} has the policy so far; --resume continues")
         return 0 if completed else INTERRUPTED_CODE
 
 
 def _weight(text: str) -> float:
-    """Return a weight of the command line. Raises ParameterError if it is not a number of 0 or more."""
+    """Return the number of a --weight option. Raises ParameterError if it is not a number of 0 or more."""
     try:
         value: object = float(text)
     except ValueError:
@@ -74,11 +78,12 @@ def _weight(text: str) -> float:
 
 
 class CheckPolicyCommand(Command):
-    """Evaluate a policy on its own task over fresh episodes, next to a scripted straight reach, and the resting arm.
+    """Evaluate a policy on the task it was trained for, next to a scripted straight reach and an arm at rest.
 
-    The table has mean score, episodes that reached the goal and their mean time [s], largest share of a contact limit,
-    mean share of the protective separation distance (up to 10), and episodes above each limit with the exact 95 %
-    interval.
+    All three run in the same episodes, which the training has not used. The table has mean score, number of episodes
+    that reached the goal and their mean time [s], largest force as share of its contact limit [1], mean ratio of
+    protective separation distance to distance [1] (counted up to 10), and the number of episodes above each limit, with
+    the exact 95 % interval.
     """
 
     epilog = (
@@ -87,10 +92,10 @@ class CheckPolicyCommand(Command):
     )
 
     def arguments(self) -> list[Argument]:
-        """Return the command-line arguments."""
+        """Return the policy file and the options of `hric check_policy`."""
         return [
             Argument("policy", type=Path, metavar="FILE", help="ONNX file of hric train"),
-            Argument("--episodes", type=int, default=EPISODES, help=f"(default: {EPISODES})"),
+            Argument("--episodes", type=int, default=EPISODES, help=f"number of episodes (default: {EPISODES})"),
             Argument("--first", type=int, default=None, help="seed of the first episode (default: 1000000)"),
             Argument(
                 "--speed", type=float, default=None, help="largest speed of the scripted reach [m/s] (default: 0.7)"

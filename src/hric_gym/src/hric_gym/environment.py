@@ -24,18 +24,18 @@ from hric_run.definition.parameters import HUMAN, overlay
 from hric_run.simulation import Simulation
 
 STEP = 0.04
-"""Default time between two actions [s] (project default)."""
+"""Robot time between two actions, unless the argument `step` is given [s] (project default)."""
 HAND_SPEED = 1.0
-"""Velocity of the target of a guided hand for an action of 1 [m/s] (project default)."""
+"""Velocity of the target of the person's hand for an action of 1, with person="policy" [m/s] (project default)."""
 HAND_LEAD = 0.15
-"""Largest distance of that target from the hand, per axis [m] (project default)."""
+"""Largest distance of the target of the person's hand from the hand, per axis [m] (project default)."""
 LARGEST = 10.0
-"""Bound of a cost's share in reward and observation [1]."""
+"""Largest share of a limit that a cost has in reward and observation [1]; larger shares count as this."""
 REFLEX_COST = 20.0
-"""Cost of a reflex in the reward [1]: without it an episode that a reflex ends would cost less than one that goes on
-(project default)."""
+"""Amount by which a reflex of the control box reduces the reward [1] (project default). Without it, an episode that
+ends by a reflex would have a higher score than one that continues."""
 WEIGHTS = {"force": 0.1, "effort": 0.1}
-"""Default weights of the costs' shares in the reward."""
+"""Weights in the reward, by cost, unless the argument `weights` is given (project default)."""
 
 # Reflexes are in `info`; without a handler, Python would print each of them.
 logging.getLogger("hric").addHandler(logging.NullHandler())
@@ -44,28 +44,28 @@ logging.getLogger("hric").addHandler(logging.NullHandler())
 class CollaborationEnv(Env):
     """Environment of one task: arm, control box and person, with one action per step.
 
-    Each step is a number of cycles of 1 ms: the action goes to a controller, the controller's command through the
-    emulated control box. A reflex of the box ends the episode; `info["reflex"]` has its names.
+    Each step runs `step` / 1 ms control cycles: the action is sent to a controller, whose command passes through the
+    emulated control box. A reflex of the box ends the episode; `info["reflex"]` names the errors of the arm.
 
-    The reward is -distance from the goal [m], minus weighted shares of the costs, and minus REFLEX_COST for a reflex.
-    `info` has `distance`, `costs` (share of the limit by name), `violations`, `not_known`, `findings`, and `cost`: the
-    number of violated constraints.
+    The reward is -distance from the goal [m], minus the weighted costs, each as share of its limit, and minus
+    REFLEX_COST for a reflex. `info` has `distance` [m], `success`, `reflex`, the fields of `judge.Costs` (`costs`: its
+    shares), and `cost`: the number of constraints of the task that the step violated.
 
     Args:
         task: name of a task, one of `tasks.TASKS`.
         action: name of an action mode, one of `actions.MODES`.
-        person, trial, population, drive: see `tasks.PersonChoice`.
-        step: time between two actions, a multiple of 1 ms [s].
-        weights: weights of the costs' shares in the reward, by name; None: WEIGHTS.
+        person, trial, population, drive: person next to the arm, see `tasks.PersonChoice` (person: its `kind`).
+        step: robot time between two actions, a multiple of 1 ms [s].
+        weights: weights of the costs in the reward, by name (force, separation, posture, effort); None: WEIGHTS.
         changes: overrides of the experiment, `key:=value`.
-        render_mode: "rgb_array", or None.
+        render_mode: "rgb_array", or None: without pictures.
 
     Raises:
-        HricError: a name does not exist, or the task cannot run so.
+        HricError: a name does not exist, or the task cannot run with these arguments.
     """
 
     period: float
-    """Time between two actions [s]."""
+    """Robot time between two actions [s]."""
     metadata: Mapping[str, Any] = {"render_modes": ["rgb_array"], "render_fps": round(1.0 / STEP)}
 
     def __init__(
@@ -113,11 +113,11 @@ class CollaborationEnv(Env):
         return replace(definition, controllers=(*shown, mode.controller), parameters={mode.controller: parameters})
 
     def _open(self, simulation: Simulation) -> None:
-        """Use a new simulation."""
+        """Replace the simulation by a new one. Raises HricError if its robot is not a Franka arm at the origin."""
         self.close()
         self._simulation, hw = simulation, simulation.app.hw
         if not isinstance(hw, FrankaHWSim):
-            raise HricError(f"{simulation.app.name} is no simulated Franka arm; valid: franka_sim/FrankaHWSim")
+            raise HricError(f"robot.hw is {simulation.app.name}; valid in hric_gym: franka_sim/FrankaHWSim")
         if not np.array_equal(hw.plant.link_state(f"{hw.arm_id}_link0")[0], np.eye(4)):
             raise HricError(
                 "the base of the arm must be at the world's origin; valid: robot.description without xyz, rpy"
@@ -139,20 +139,20 @@ class CollaborationEnv(Env):
 
     @property
     def simulation(self) -> Simulation:
-        """The simulation."""
+        """Simulation of the present episode. Raises HricError after `close`."""
         if self._simulation is None:
-            raise HricError("the environment is closed")
+            raise HricError("the environment is closed; make a new one")
         return self._simulation
 
     def hand_goal(self) -> FloatArray:
         """Return the position at which the person wants their hand to be, shape (3,) [m]."""
         if self._intended is None:
-            raise HricError(f"the intention of the person is not known with person {self._choice.kind!r}")
+            raise HricError(f"hand_goal is not known with person={self._choice.kind!r}; valid: scripted, policy")
         return self._intended.at(self._observation.time)
 
     @property
     def person_space(self) -> Box:
-        """Space of the action of a guided person: velocity of the target of the hand, world axes."""
+        """Space of the person's action, with person="policy": velocity of the hand's target, world axes, shape (3,)."""
         return unit_box(3)
 
     # -- episodes ------------------------------------------------------------------------------------------------------
@@ -161,11 +161,11 @@ class CollaborationEnv(Env):
         """Begin an episode; return the observation and `info`.
 
         Args:
-            seed: seed of all random numbers of this and the following episodes; None: they go on.
-            options: none.
+            seed: seed of all random numbers of this and the following episodes; None: continue the present sequence.
+            options: none are valid.
 
         Raises:
-            HricError: an option, or in DRAWS draws no person can reach the points of the task.
+            HricError: an option is given, or the person cannot reach the points of the task in any of DRAWS draws.
         """
         super().reset(seed=seed)
         if options:
@@ -196,13 +196,16 @@ class CollaborationEnv(Env):
             except OutOfReachError:
                 continue
             return seed
-        raise HricError(f"in {DRAWS} draws the person cannot reach the points of the task; valid: nearer points")
+        raise HricError(
+            f"the person cannot reach the points of the task in any of {DRAWS} draws of body and motion; "
+            "valid: points nearer to the person (argument changes)"
+        )
 
     def step(self, action: Any) -> tuple[Values, float, bool, bool, dict[str, Any]]:
-        """Execute an action; return observation, reward, whether the episode has ended, False, and `info`.
+        """Execute an action; return observation, reward, terminated, truncated (always False) and `info`.
 
         Args:
-            action: numbers from -1 to 1, of the shape of `action_space`; larger ones are cut.
+            action: numbers from -1 to 1, of the shape of `action_space`; numbers outside are clipped.
 
         Raises:
             HricError: the episode has ended, a number is not finite, or the simulation failed.
@@ -210,14 +213,14 @@ class CollaborationEnv(Env):
         return self.step_with(action, None)
 
     def step_with(self, action: Any, hand: Any) -> tuple[Values, float, bool, bool, dict[str, Any]]:
-        """Execute an action of the robot and one of a guided person; see `step`.
+        """Execute an action of the robot and, with person="policy", one of the person; see `step`.
 
         Args:
             action: numbers from -1 to 1 of the robot.
-            hand: 3 numbers from -1 to 1 that move the target of the person's hand; None: it stays.
+            hand: 3 numbers from -1 to 1 that move the target of the person's hand; None: the target does not move.
         """
         if self._ended:
-            raise HricError("the episode has ended, or none has begun; valid: reset()")
+            raise HricError("no episode is running: it has ended, or none has begun; call reset() first")
         self._mode.apply(_checked(action, self.action_space), self._observation)
         if hand is not None:
             self._guide(_checked(hand, self.person_space))
@@ -234,7 +237,7 @@ class CollaborationEnv(Env):
         return self._values(costs), float(reward), self._ended, False, info
 
     def _guide(self, hand: FloatArray) -> None:
-        """Move the target of the guided hand for one step, at most HAND_LEAD from the hand."""
+        """Move the target of the person's hand for one step, at most HAND_LEAD [m] from the hand on each axis."""
         channel, person = self._scene.channel, self._observation.person
         if not channel or person is None:
             raise HricError(f"the person is {self._choice.kind!r} and cannot be guided; valid: person='policy'")
@@ -264,10 +267,10 @@ class CollaborationEnv(Env):
         }
 
     def render(self) -> Any:
-        """Return a picture of the scene, shape (480, 640, 3); None without a render mode.
+        """Return a picture of the scene, uint8, shape (480, 640, 3); None if `render_mode` is None.
 
         Raises:
-            HricError: there is no OpenGL.
+            HricError: OpenGL is not available.
         """
         if self.render_mode is None:
             return None
@@ -276,7 +279,7 @@ class CollaborationEnv(Env):
         return self._renderer.picture(self._observation)
 
     def close(self) -> None:
-        """Release simulation and renderer; may be called again."""
+        """Release simulation and renderer; a second call does nothing."""
         if self._renderer is not None:
             self._renderer.close()
             self._renderer = None
@@ -286,7 +289,7 @@ class CollaborationEnv(Env):
 
 
 def _checked(action: Any, space: Box) -> FloatArray:
-    """Return an action within its space. Raises HricError for a wrong shape and numbers that are not finite."""
+    """Return an action clipped to -1 to 1. Raises HricError for a wrong shape or numbers that are not finite."""
     values = np.asarray(action, np.float64)
     if values.shape != space.shape or not np.isfinite(values).all():
         raise HricError(f"the action is {action}; valid: {space.shape[0]} finite numbers from -1 to 1")

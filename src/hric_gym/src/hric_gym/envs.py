@@ -6,7 +6,7 @@ from hric_gym.tasks import TASKS
 
 __all__ = ["IDS", "CollaborationEnv"]
 IDS = {f"hric/{name}-v0": name for name in TASKS}
-"""Names of the tasks by id of the environment."""
+"""Name of the task of each environment, by the environment's id such as hric/Reach-v0."""
 
 for identity, name in IDS.items():
     register(

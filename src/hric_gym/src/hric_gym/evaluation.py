@@ -1,4 +1,4 @@
-"""Evaluation of a policy on its own task, over fresh episodes, next to a scripted reach in the same episodes."""
+"""Evaluation of a policy on the task it was trained for, next to a scripted straight reach in the same episodes."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -20,16 +20,16 @@ from hric_gym.tasks import FORCE, SEPARATION
 from hric_sweep.statistics.intervals import LEVEL, clopper_pearson
 
 FIRST = 1_000_000
-"""Seed of the first episode; training draws all its episodes from one smaller seed."""
+"""Seed of the first episode, without --first; a training starts from a smaller seed, so its episodes differ."""
 PEAK = 1.875
-"""Ratio of the largest to the mean speed of the minimum-jerk course [1]."""
+"""Ratio of largest to mean speed in a minimum-jerk motion [1]."""
 LARGEST = 0.01
-"""Largest share of episodes in which force or reflex may exceed a limit [1] (project default)."""
+"""Largest share of episodes with an exceeded force limit or a reflex, in a policy that passes [1] (project default)."""
 REFLEX = "reflex"
 POLICY, SCRIPTED, RESTING = "policy", "scripted", "resting"
-"""Names of the three ways to move the arm."""
+"""Names of the rows of the table: the arm moved by the policy, by ScriptedReach, or not at all."""
 Act = Callable[[Any, dict[str, Any]], Any]
-"""Function (observation of the policy, fields of the environment) -> action."""
+"""Function (scaled observation, `PolicyEnv.fields` and `first`: True in the first step) -> action, shape (3,)."""
 
 
 @dataclass(frozen=True)
@@ -37,11 +37,12 @@ class EpisodeResult:
     """Result of one episode.
 
     Attributes:
-        score: sum of the rewards [1].
+        score: sum of the rewards of all steps [1].
         success: True if the end effector reached the goal.
         seconds: robot time until the end [s].
-        violations: limits that were exceeded: costs, or the reflex of the arm.
-        force, separation: largest share of the contact limit, and mean share of the separation distance up to 10 [1].
+        violations: names of the costs that exceeded their limits, and REFLEX if the control box stopped the arm.
+        force: largest contact force as share of its limit [1].
+        separation: mean ratio of protective separation distance to distance, counted up to 10 [1].
     """
 
     score: float
@@ -53,10 +54,10 @@ class EpisodeResult:
 
 
 class ScriptedReach:
-    """Straight line of the end effector to the goal, with the minimum-jerk course of Flash and Hogan (1985).
+    """Scripted straight motion of the end effector to the goal, with minimum jerk (Flash and Hogan, 1985).
 
     Args:
-        env: environment.
+        env: environment in which the arm moves, with the actions of EndEffectorStream.
         speed: largest speed of the end effector [m/s].
     """
 
@@ -66,7 +67,11 @@ class ScriptedReach:
         self._model, self._speed, self._period = hw.model, speed, env.period
 
     def __call__(self, _: Any, fields: dict[str, Any]) -> FloatArray:
-        """Return the action; `fields`: observation of the environment, whose first one begins the motion."""
+        """Return the action of a step, shape (3,).
+
+        Args:
+            fields: observation of the environment, and `first`: True in the first step, which starts the motion.
+        """
         position = self._model.pose(FrankaFrame.END_EFFECTOR, fields["command"].tolist())[:3, 3]
         if fields["first"]:
             self._start, self._step = position, 0
@@ -79,7 +84,13 @@ class ScriptedReach:
 
 
 def played(env: PolicyEnv, act: Act, seed: int) -> EpisodeResult:
-    """Return the result of an episode; `env`: as `policy_env.environment` returns it."""
+    """Run an episode and return its result.
+
+    Args:
+        env: environment, from `policy_env.environment`.
+        act: function that chooses the actions.
+        seed: seed of the episode.
+    """
     plain, score, seconds = env.unwrapped, 0.0, 0.0
     observation, info = env.reset(seed=seed)
     violations: set[str] = set()
@@ -97,12 +108,14 @@ def played(env: PolicyEnv, act: Act, seed: int) -> EpisodeResult:
 
 
 def evaluated(network: PolicyNetwork, episodes: int, first: int, speed: float) -> dict[str, list[EpisodeResult]]:
-    """Return the results of policy and scripted reach in the same episodes, and of the resting arm in a tenth of them.
+    """Run the episodes with the policy, the scripted reach and the arm at rest; return the results by these names.
+
+    The arm at rest is run in the first tenth of the episodes only.
 
     Args:
         network: the policy.
         episodes: number of episodes.
-        first: seed of the first episode; the others have the seeds after it.
+        first: seed of the first episode; the following episodes have the following seeds.
         speed: largest speed of the scripted reach [m/s].
     """
     env = environment(network.contract)
@@ -121,14 +134,14 @@ def evaluated(network: PolicyNetwork, episodes: int, first: int, speed: float) -
 
 
 def better_by(policy: Sequence[EpisodeResult], scripted: Sequence[EpisodeResult]) -> tuple[float, float]:
-    """Return mean and half width of the 95 % interval (Student's t) of the difference of scores in equal episodes."""
+    """Return the mean of the policy's score minus the scripted one in the same episodes, and half its 95 % interval."""
     differences = [a.score - b.score for a, b in zip(policy, scripted, strict=True)]
     half = float(stdtrit(len(differences) - 1, 0.5 + 0.5 * LEVEL)) * float(np.std(differences, ddof=1))
     return float(np.mean(differences)), half / len(differences) ** 0.5
 
 
 def table(results: dict[str, list[EpisodeResult]]) -> str:
-    """Return the table of results for the terminal."""
+    """Return the text table of the results of `evaluated`."""
     columns = "".join(f"{name:>9}" for name in ("episodes", "score", "reached", "time", "force"))
     lines = [f"{'':10}{columns}{'separation':>12}   episodes above a limit"]
     for name, episodes in results.items():
@@ -144,12 +157,15 @@ def table(results: dict[str, list[EpisodeResult]]) -> str:
             f"{np.mean([episode.separation for episode in episodes]):12.2f}   {', '.join(counts)}"
         )
     mean, half = better_by(results[POLICY], results[SCRIPTED])
-    lines.append(f"score of the policy less that of the scripted reach: {mean:.2f} +- {half:.2f} (95 %)")
+    lines.append(f"score of the policy minus score of the scripted reach: {mean:.2f} +- {half:.2f} (95 %)")
     return "\n".join(lines)
 
 
 def passed(results: dict[str, list[EpisodeResult]]) -> bool:
-    """Return True if the policy beats the scripted reach and force or reflex exceed a limit in at most LARGEST."""
+    """Return True if the policy scores better and exceeds a force limit, or causes a reflex, in few episodes (LARGEST).
+
+    Better: the 95 % interval of the difference to the scripted reach is above 0.
+    """
     episodes = results[POLICY]
     above = sum(bool(episode.violations & {FORCE, REFLEX}) for episode in episodes)
     mean, half = better_by(episodes, results[SCRIPTED])

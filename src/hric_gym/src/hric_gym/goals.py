@@ -1,4 +1,4 @@
-"""Goals of the tasks: where the end effector, or the person's hand, is to be at each time."""
+"""Goals of the tasks: the desired position of the end effector, or of the person's hand, over time."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
@@ -24,11 +24,16 @@ class Goal(ABC):
 
     @abstractmethod
     def restart(self, random: np.random.Generator, seed: int) -> None:
-        """Begin an episode; random: generator of the environment, seed: seed of its simulation."""
+        """Choose the goal of a new episode.
+
+        Args:
+            random: random generator of the environment.
+            seed: seed of the simulation in this episode.
+        """
 
     @abstractmethod
     def at(self, time: float) -> FloatArray:
-        """Return the goal at a robot time [s], world, shape (3,) [m]."""
+        """Return the goal in the world at a robot time [s], shape (3,) [m]."""
 
     def distance(self, observation: SimulationState) -> float:
         """Return the distance of the end effector from the goal [m]."""
@@ -42,11 +47,11 @@ class DrawnGoal(Goal):
     near = NEAR
 
     def restart(self, random: np.random.Generator, seed: int) -> None:
-        """Draw a point."""
+        """Draw the point from BOX."""
         self._point = random.uniform(*BOX)
 
     def at(self, time: float) -> FloatArray:
-        """Return the point."""
+        """Return the drawn point in the world, shape (3,) [m], which is the same at all times."""
         return self._point
 
 
@@ -67,7 +72,7 @@ class SetpointGoal(Goal):
         """Do nothing: the setpoints are those of the experiment."""
 
     def at(self, time: float) -> FloatArray:
-        """Return the position at the newest setpoint; before the first one that of the first."""
+        """Return the end effector's position at the newest setpoint, shape (3,) [m]; before any, at the first one."""
         sent = [point for begin, point in self._points if begin <= time]
         return sent[-1] if sent else self._points[0][1]
 
@@ -76,7 +81,7 @@ class HandGoal(Goal):
     """Position at which the person wants their hand to be.
 
     Args:
-        intention: content of the motion program of the hand.
+        intention: motion program of the hand, as `human.control.parameters.reference` has it.
         start: robot time at which the motion starts [s].
     """
 
@@ -84,11 +89,11 @@ class HandGoal(Goal):
         self._intention, self._zero = intention, start + float(intention.get("begin", 0.0))
 
     def restart(self, random: np.random.Generator, seed: int) -> None:
-        """Vary the motion as the person with this seed does."""
+        """Read the motion program with the variation that the person has with this seed."""
         self._program = read_program(dict(self._intention), seed)
 
     def at(self, time: float) -> FloatArray:
-        """Return the position of the program."""
+        """Return the position of the hand in its motion program, world, shape (3,) [m]."""
         return np.array(self._program.pose(time - self._zero).position)
 
     def distance(self, observation: SimulationState) -> float:

@@ -1,7 +1,7 @@
-"""Person whose hand is guided during the run: by a policy through a channel, or by the reactions of hric_human.
+"""Controller of a person whose hand follows a target: that of a policy, or that of the reactions in hric_human.
 
-The environment writes the target of the hand into a channel of this process; the controller `hric_gym/GuidedArm` reads
-it. The reference of the hand moves towards the target at a limited speed, and stays where the arm cannot follow.
+The environment writes the policy's target to TARGETS; the controller `hric_gym/GuidedArm` reads it. The reference of
+the hand moves towards the target at a limited speed, and stops where the person's arm cannot reach farther.
 """
 
 from dataclasses import dataclass
@@ -20,14 +20,14 @@ from hric_human.hand import Hand
 from hric_human.hand.reactive import Reaction, Reactive
 
 TARGETS: dict[str, FloatArray] = {}
-"""Target of each guided hand in the world, shape (3,) [m], by name of its channel."""
+"""Target of each guided hand in the world, shape (3,) [m], by the parameter `channel` of its controller."""
 
 
 @dataclass(frozen=True)
 class GuidedArmSettings(ImpedanceArmSettings):
-    """Parameters of GuidedArm; `reference` has no effect."""
+    """Parameters of GuidedArm; the inherited parameter `reference` has no effect."""
 
-    channel: str = text("", text="name of the channel with the hand's target; empty: the hand reacts to the robot")
+    channel: str = text("", text="key of the hand's target in TARGETS; empty: the hand reacts to the robot")
     start: Vector = numbers(3, unit="m", text="position of the hand at the start, world")
     speed: float = number(
         1.0, above=0.0, maximum=5.0, unit="m/s", text="largest speed of the hand's reference (project default)"
@@ -35,7 +35,7 @@ class GuidedArmSettings(ImpedanceArmSettings):
 
 
 class GuidedReference(Reference):
-    """Joint angles for a hand that moves towards the target of a channel, or of its own reactions.
+    """Reference of the person's joints, so that the hand moves towards its target in TARGETS or reacts to the robot.
 
     Args:
         person: person whose hand moves.
@@ -56,7 +56,7 @@ class GuidedReference(Reference):
         self._rows = AngleRows(KNOT, [self._last], self._next)
 
     def start(self, time: float) -> None:
-        """Start to follow the target."""
+        """Start to follow the target at a robot time [s]."""
         self._rows.start(time)
         self._hand.start(time)
 
@@ -69,7 +69,7 @@ class GuidedReference(Reference):
         self._hand.feel(time, force)
 
     def at(self, time: float) -> tuple[Joints, Joints]:
-        """Return the positions and velocities of the joints."""
+        """Return the joint positions [rad] and velocities [rad/s] at a robot time [s]."""
         return self._rows.at(time)
 
     def _pose(self, p: FloatArray) -> Pose:
@@ -93,12 +93,12 @@ class GuidedReference(Reference):
 
 
 class GuidedArm(ImpedanceArm):
-    """Joint impedance of `hric_human/ImpedanceArm` about the reference of a guided hand."""
+    """Controller of the person's joints as `hric_human/ImpedanceArm`, with GuidedReference as reference."""
 
     settings = GuidedArmSettings
 
     def init(self, person: Person, settings: Any) -> None:
-        """Set the impedance, and put the hand at its start."""
+        """Read the impedance, and set the reference to the start position of the hand."""
         super().init(person, settings)
         self._reference = GuidedReference(person, settings)
         self.end = self._reference.end

@@ -1,4 +1,4 @@
-"""Costs of a step by the judge of hric_assessment: force, separation, posture and effort, as shares of limits."""
+"""Costs of a step by the rules of hric_assessment: force, separation, posture and effort, as shares of their limits."""
 
 import math
 from collections.abc import Iterable
@@ -23,7 +23,7 @@ from hric_supervisor.separation import Protective, StoppingModel, nearness
 from hric_supervisor.settings import SupervisorSettings
 
 TINY = 1e-9
-"""Replacement for a distance of zero or less, which would be a divisor [m]."""
+"""Distance that replaces distances of zero or less as divisor [m]."""
 
 
 @dataclass(frozen=True)
@@ -31,10 +31,10 @@ class Costs:
     """Costs of one step.
 
     Attributes:
-        shares: each known cost as share of its limit [1]; above 1 it violates the limit.
+        shares: each known cost as share of its limit [1], by name; above 1 it violates the limit.
         violations: names of the costs that are above their limits, or not proven to be within them.
         not_known: names of the costs that are not known, such as the posture of a body without a trunk.
-        findings: sentences of the judge about contacts that are not within limits.
+        findings: a sentence about each contact that is above its limit, or not proven to be within it.
     """
 
     shares: dict[str, float] = field(default_factory=dict)
@@ -44,11 +44,11 @@ class Costs:
 
 
 class ContactWatch:
-    """Recorder of the contacts of the person in each cycle, as the judge needs them.
+    """Recorder of the person's contacts in each cycle, which compares them with the limits of hric_assessment.
 
     Args:
         hw: the simulated robot.
-        settings: settings of the person.
+        settings: section `human` of the experiment.
     """
 
     def __init__(self, hw: SimulatedRobot, settings: HumanSettings) -> None:
@@ -58,7 +58,7 @@ class ContactWatch:
         hw.loop.after_cycle.append(self._record)
 
     def restart(self) -> None:
-        """Forget all contacts; to be called after each reset."""
+        """Delete all recorded contacts; to be called after each reset."""
         self._contacts = RegionContacts(self._body, HUMAN)
         self._rows: dict[int, tuple[RegionContact, list[tuple[float, ...]]]] = {}
         self._touched: set[int] = set()
@@ -79,7 +79,7 @@ class ContactWatch:
             self._touched.add(key)
 
     def findings(self) -> list[Finding]:
-        """Return the judge's findings about the contacts since the last call, from the begin of each until now."""
+        """Return a finding for each contact that was present since the last call, over its time from start to now."""
         touched, self._touched = self._touched, set()
         groups: dict[tuple[tuple[str, ...], str, str], list[RegionContact]] = {}
         for key in touched:
@@ -101,11 +101,11 @@ class ContactWatch:
 
 
 class Judge:
-    """Judge of the steps of an environment.
+    """Computation of the costs of each step of an environment.
 
     Args:
         hw: the simulated robot.
-        settings: settings of the person beside it.
+        settings: section `human` of the experiment.
         period: robot time of a step [s].
     """
 
@@ -117,12 +117,12 @@ class Judge:
         self._before: FloatArray | None = None
 
     def restart(self) -> None:
-        """Forget the episode; to be called after each reset."""
+        """Delete the data of the last episode; to be called after each reset."""
         self._watch.restart()
         self._before = None
 
     def costs(self, observation: SimulationState) -> Costs:
-        """Return the costs of the step that ended with an observation."""
+        """Return the costs of the step since the last call; `observation`: state at its end."""
         person = observation.person
         assert person is not None, "the judge has a person"
         findings = self._watch.findings()
@@ -144,7 +144,7 @@ class Judge:
         )
 
     def _separation(self, observation: SimulationState) -> float:
-        """Return the largest ratio of protective separation distance to distance; infinite if they overlap."""
+        """Return the largest ratio of protective separation distance to distance [1]; infinite in a contact."""
         person = observation.person
         assert person is not None
         ends = person.capsules.ends
@@ -159,9 +159,9 @@ class Judge:
 
     @staticmethod
     def _posture(joints: tuple[str, ...], q: FloatArray) -> float:
-        """Return the RULA score of the worse arm divided by the highest one that is no violation.
+        """Return the RULA score of the worse arm, divided by the highest score that is not "above limits" [1].
 
-        What the simulation does not know, such as loads and repetitions, counts as favourable: a lower bound.
+        Loads and repetitions, which the simulation does not know, count as favourable: the result is a lower bound.
         """
         method = Rula()
         scores = [

@@ -16,22 +16,23 @@ except ImportError:
 
 ROBOT, PERSON = "robot", "person"
 SHOWN = ("person_q", "person_dq", "person_root", "hand_position", "separation", "ee_position", "goal", "force_share")
-"""Fields of the robot's observation that the person's observation has, too."""
+"""Fields of the robot's observation that are also in the person's."""
 
 
 class CollaborationParallelEnv(ParallelEnv):
     """Environment of one task with the agents `robot` and `person`, who act at the same time.
 
     The robot acts as in `CollaborationEnv`. The person moves the target of their hand; their observation has
-    `hand_goal`, the position at which they want their hand to be. The robot's reward is that of the task; the person's
-    is -distance of their hand from `hand_goal` [m], minus a tenth of their effort.
+    `hand_goal`, the position at which they want their hand to be. The robot's reward is that of `CollaborationEnv`; the
+    person's is -distance of their hand from `hand_goal` [m], minus a tenth of the cost `effort`, the largest share of
+    their joint strength [1].
 
     Args:
         task: name of a task.
-        settings: further arguments of `CollaborationEnv`, but for `person` and `trial`.
+        settings: further arguments of `CollaborationEnv`, except `person` and `trial`.
 
     Raises:
-        HricError: a name does not exist, or the task cannot run so.
+        HricError: a name does not exist, or the task cannot run with these arguments.
     """
 
     metadata: ClassVar[dict[str, Any]] = {"name": "hric_collaboration_v0", "render_modes": ["rgb_array"]}
@@ -59,13 +60,18 @@ class CollaborationParallelEnv(ParallelEnv):
         return {ROBOT: values, PERSON: {name: values[name] for name in SHOWN} | hand_goal}
 
     def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, Any]:
-        """Begin an episode; return observations and infos by agent; seed: see `CollaborationEnv`, options: ignored."""
+        """Begin an episode; return observations and infos by agent.
+
+        Args:
+            seed: as in `CollaborationEnv.reset`.
+            options: without effect.
+        """
         values, info = self._env.reset(seed=seed)
         self.agents, self._step = list(self.possible_agents), 0
         return self._values(values), dict.fromkeys(self.agents, info)
 
     def step(self, actions: dict[str, Any]) -> tuple[Any, Any, Any, Any, Any]:
-        """Execute an action of each agent; return observations, rewards, ends, time limits and infos by agent."""
+        """Execute an action of each agent; return observations, rewards, terminated, truncated and infos by agent."""
         values, reward, ended, _, info = self._env.step_with(actions[ROBOT], actions[PERSON])
         observations, agents = self._values(values), self.agents
         self._step += 1
@@ -79,7 +85,7 @@ class CollaborationParallelEnv(ParallelEnv):
         return observations, rewards, ends, limits, infos
 
     def render(self) -> Any:
-        """Return a picture, see `CollaborationEnv.render`."""
+        """Return a picture of the scene, see `CollaborationEnv.render`."""
         return self._env.render()
 
     def close(self) -> None:

@@ -13,19 +13,22 @@ VIEW = {"width": 640, "height": 480, "xyz": [0.7, -3.2, 1.1], "rpy": [0.0, 0.25,
 
 
 def prepare() -> None:
-    """Choose rendering without a display; before MuJoCo is loaded. MUJOCO_GL=osmesa: without graphics drivers."""
+    """Set MUJOCO_GL=egl, for rendering without a display, unless it is set; call this before MuJoCo is loaded.
+
+    MUJOCO_GL=osmesa renders without graphics drivers.
+    """
     os.environ.setdefault("MUJOCO_GL", "egl")
 
 
 class Renderer:
-    """Camera at a fixed place that draws arm, person and objects.
+    """Camera at the fixed pose VIEW that draws arm, person and objects.
 
     Args:
         hw: the simulated robot.
         definition: experiment with the world file and the person.
 
     Raises:
-        HricError: there is no OpenGL, or MuJoCo was loaded before `prepare` was called.
+        HricError: OpenGL is not available, or MuJoCo was loaded before `prepare` was called.
     """
 
     def __init__(self, hw: SimulatedRobot, definition: Experiment) -> None:
@@ -39,11 +42,11 @@ class Renderer:
             self._camera = Camera(hw.description, str(definition.robot.plant.get("world", "")), settings, person)
         except HricError as error:
             raise HricError(
-                f"{error}; the variable MUJOCO_GL (egl or osmesa) must be set when MuJoCo is loaded"
+                f"{error}; set the environment variable MUJOCO_GL to egl or osmesa before MuJoCo is imported"
             ) from error
 
     def picture(self, observation: SimulationState) -> object:
-        """Return the picture of an observation, shape (480, 640, 3)."""
+        """Return the picture of an observation, uint8, shape (480, 640, 3)."""
         plant, person = self._plant, observation.person
         poses = {name: plant.link_state(f"{name}::{plant.base_link(name)}")[0] for name in plant.model_names()}
         if person is not None:

@@ -1,4 +1,7 @@
-"""Environment of a policy: the observation that the arm itself can make, by the contract of the policy."""
+"""Environment of a policy: its observations have only fields that the real arm can measure, scaled for the network.
+
+The contract of a policy (`hric_controllers.policy.contract.PolicyContract`) lists these fields.
+"""
 
 import math
 from collections.abc import Mapping
@@ -16,11 +19,16 @@ from hric_gym.spaces import Box, ObservationWrapper, Values, make
 from hric_gym.tasks import DRAWN, TASKS
 
 READY = (0.0, -math.pi / 4, 0.0, -3 * math.pi / 4, 0.0, math.pi / 2, math.pi / 4)
-"""Joint positions around which observations are scaled: the start of the arm [rad]."""
+"""Joint positions that are 0 in scaled observations: the start position of the arm, 7 values [rad]."""
 
 
 def contract(task: str, training: Mapping[str, object]) -> PolicyContract:
-    """Return the contract of policies for a task: fields of the observation with their scaling, rate, action."""
+    """Return the contract of policies for a task: fields of the observation with their scaling, period, action.
+
+    Args:
+        task: name of the task.
+        training: settings of the training, which the policy's file also has: `steps`, `seed`, `weights`.
+    """
     middle, half = 0.5 * (BOX[0] + BOX[1]), 0.25
     scaling: dict[str, tuple[Any, float]] = {
         "q": (READY, 1.0),
@@ -38,14 +46,14 @@ def contract(task: str, training: Mapping[str, object]) -> PolicyContract:
 
 
 class PolicyEnv(ObservationWrapper):
-    """Environment with the observation of a contract.
+    """Environment whose observation is the vector of scaled fields that a contract lists.
 
     Args:
         env: environment of the task.
         agreed: contract of the policy.
 
     Attributes:
-        fields: newest observation of `env`.
+        fields: newest observation of `env`, not scaled.
     """
 
     fields: Values
@@ -56,20 +64,20 @@ class PolicyEnv(ObservationWrapper):
         self.observation_space = Box(-np.inf, np.inf, (agreed.size,), np.float32)
 
     def observation(self, observation: Values) -> Vector:
-        """Return the scaled fields of the contract."""
+        """Return the scaled fields of the contract, shape (`agreed.size`,); `observation`: that of `env`."""
         self.fields = observation
         return self._contract.observation({name: values.tolist() for name, values in observation.items()})
 
 
 def environment(agreed: PolicyContract, person: str = "scripted") -> PolicyEnv:
-    """Return the environment in which a policy with this contract learns, and is evaluated.
+    """Return the environment in which a policy with this contract is trained and evaluated.
 
     Args:
         agreed: contract of the policy, with task and weights in its `training`.
-        person: as in `CollaborationEnv`.
+        person: kind of person, as in `CollaborationEnv`.
 
     Raises:
-        HricError: the contract does not say the task, or the goal of the task is none that an arm can be given.
+        HricError: the contract names no task, or one whose goal is not a point; the real arm receives only points.
     """
     task, weights = str(agreed.training.get("task")), agreed.training.get("weights")
     check_known("task", [task], [name for name, item in TASKS.items() if item.goal == DRAWN])

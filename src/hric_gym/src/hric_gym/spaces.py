@@ -34,7 +34,7 @@ __all__ = [
     "unit_box",
 ]
 Values = dict[str, npt.NDArray[np.float32]]
-"""Values of an observation by name of the field."""
+"""Observation: array of values by name of the field, see FIELDS."""
 
 
 @dataclass(frozen=True)
@@ -42,9 +42,10 @@ class Field:
     """Field of an observation.
 
     Attributes:
-        shape: shape, as text for the table; n: joints of the person, m: their muscles.
+        shape: shape as text for the table in INTERFACE.md; n: number of the person's joints, m: of their muscles, k:
+            size of the command.
         unit: unit of the values.
-        text: what the values are.
+        text: description of the values.
     """
 
     shape: str
@@ -78,17 +79,17 @@ def unit_box(count: int) -> Box:
 
 
 def dict_space(values: Values) -> Dict:
-    """Return the space of observations like `values`."""
+    """Return the space of observations with the fields and shapes of `values`."""
     return Dict({name: Box(-np.inf, np.inf, value.shape, np.float32) for name, value in values.items()})
 
 
 def as_values(numbers: dict[str, FloatArray]) -> Values:
-    """Return an observation with the element type of Gymnasium's spaces."""
+    """Return an observation converted to float32, the element type of Gymnasium's spaces."""
     return {name: np.asarray(value, np.float32) for name, value in numbers.items()}
 
 
 def arm_values(observation: SimulationState) -> Values:
-    """Return the fields of the arm."""
+    """Return the fields of an observation that describe the arm."""
     arm = observation.arm
     assert arm.T_base_ee is not None and arm.wrench_base is not None, "the environment has refused other robots"
     x, y, z, w = quaternion_from_rotation(arm.T_base_ee[:3, :3])
@@ -100,7 +101,7 @@ def arm_values(observation: SimulationState) -> Values:
 
 
 def person_values(observation: SimulationState) -> Values:
-    """Return the fields of the person; empty if there is none."""
+    """Return the fields of an observation that describe the person; empty if there is no person."""
     person = observation.person
     if person is None:
         return {}

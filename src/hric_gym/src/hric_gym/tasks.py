@@ -16,17 +16,17 @@ from hric_sweep import populations
 
 REACH = Path(__file__).resolve().parents[2] / "config" / "reach.yaml"
 DRAWN, SETPOINTS, HAND = "drawn", "setpoints", "hand"
-"""Goals: a point drawn from a box, the end effector's position at the setpoints, the person's intention."""
+"""Kinds of goals: a random point, the end effector's position at the experiment's setpoints, the person's motion."""
 FORCE, SEPARATION, POSTURE, EFFORT = "force", "separation", "posture", "effort"
-"""Costs by the judge of hric_assessment, each as share of its limit."""
+"""Names of the costs of a step, each of which is a share of a limit; see `judge.Costs`."""
 START = 0.05
-"""Deviation of a joint at the start of an episode [rad] (project default)."""
+"""Largest random deviation of a joint from its start position at the start of an episode [rad] (project default)."""
 RATE = 25.0
-"""Rate of the person's messages [Hz]: one in each step of an environment, from which it knows their torques."""
+"""Rate at which the person publishes joint torques [Hz]: one message per step of STEP, for the cost `effort`."""
 CORRELATION = 0.4
 """Correlation of the normal scores of mass and height in a population (project default, unconfirmed)."""
 DRAWS = 20
-"""Largest number of draws of body and motion until the person can reach the points of the task (project default)."""
+"""Largest number of draws of body and motion at a reset, if the person cannot reach the points (project default)."""
 _channels = itertools.count()
 
 
@@ -36,11 +36,11 @@ class TaskDefinition:
 
     Attributes:
         experiment: name or path of the experiment.
-        goal: kind of goal, see DRAWN.
+        goal: kind of goal: DRAWN, SETPOINTS or HAND.
         seconds: robot time of an episode [s].
-        constraints: costs that have to stay at or below 1.
-        changes: overrides of the experiment.
-        text: description for the table of tasks.
+        constraints: names of the costs that have to stay at or below 1.
+        changes: overrides of the experiment, `key:=value`.
+        text: description for the table of tasks in INTERFACE.md.
         deviation: largest random deviation of a joint from the start position [rad] (project default); 0 where the arm
             holds an object or a grip at the start.
     """
@@ -56,7 +56,7 @@ class TaskDefinition:
 
 _VARIED = "human.control.parameters.reference.variation:={position: 0.01, time: 0.05}"
 _AREA = "human.contact_area:=1.0e-4"
-"""Contact area as in the experiment contact: the edge of the robot's hand, assumed."""
+"""Override of the contact area [m^2], as in the experiment contact: edge of the robot's hand (assumed)."""
 TASKS = {
     "Reach": TaskDefinition(
         str(REACH),
@@ -110,7 +110,7 @@ TASKS = {
         START,
     ),
 }
-"""Tasks by name; the id of an environment is hric/NAME-v0."""
+"""Tasks by name; the id of a task's environment is hric/NAME-v0."""
 
 
 @dataclass(frozen=True)
@@ -118,12 +118,13 @@ class PersonChoice:
     """Choice of the person in an environment.
 
     Attributes:
-        kind: "scripted", the motion of the experiment; "reactive", a hand that takes an object over from the resting
-            arm and draws back from a near one; "trial", the motion of a recorded trial; "policy", a hand that an agent
-            guides; "none", nobody.
-        trial: path of a c3d, .trc or .mot file; only with "trial".
-        population: name of a population from which each episode draws mass, height and sex; empty: the experiment's.
-        drive: "torque" or "muscle".
+        kind: "scripted", the motion of the experiment; "reactive", a hand that takes an object from the arm when the
+            arm rests, and draws back when the arm comes near; "trial", the motion of a recorded trial; "policy", a hand
+            whose target an agent moves; "none", no person.
+        trial: path of a c3d, .trc or .mot file; only with kind "trial".
+        population: name of a population from which each episode draws mass, height and sex of the person; empty: those
+            of the experiment.
+        drive: "torque": joint torques move the person; "muscle": muscles do.
     """
 
     kind: str = "scripted"
@@ -136,7 +137,7 @@ class PersonChoice:
         check_known("drive", [self.drive], ("torque", "muscle"))
         if bool(self.trial) != (self.kind == "trial"):
             raise HricError(
-                f"trial is {self.trial!r} with person {self.kind!r}; valid: a path, with person 'trial' only"
+                f"trial is {self.trial!r} with person={self.kind!r}; valid: a path with person='trial', else none"
             )
         if self.population:
             check_known("population", [self.population], populations.names())
@@ -148,8 +149,8 @@ class Scene:
 
     Attributes:
         definition: the experiment, without setpoints and supervisor.
-        intention: content of the motion program of the person's hand; None: unknown, or there is nobody.
-        channel: channel of the guided hand; empty: it is not guided.
+        intention: motion program of the person's hand; None: it is not known, or there is no person.
+        channel: key of the hand's target in `guided.TARGETS`; empty: no agent moves it.
         setpoints: (time [s], joint positions [rad]) of the experiment.
     """
 
@@ -161,6 +162,11 @@ class Scene:
 
 def scene(task: TaskDefinition, choice: PersonChoice, changes: tuple[str, ...]) -> Scene:
     """Return the experiment of a task with the chosen person.
+
+    Args:
+        task: the task.
+        choice: the person.
+        changes: overrides of the experiment, `key:=value`, in addition to those of the task.
 
     Raises:
         HricError: the task needs a person, or a change or a file has a mistake.
@@ -179,8 +185,8 @@ def scene(task: TaskDefinition, choice: PersonChoice, changes: tuple[str, ...]) 
     intention = shown if human and choice.kind in ("scripted", "policy") else None
     if task.goal == HAND and intention is None:
         raise HricError(
-            f"{definition.name} has the person's intention as goal, which is not known with person {choice.kind!r}; "
-            "valid: scripted, policy"
+            f"the goal of {definition.name} is the motion of the person, which is not known with "
+            f"person={choice.kind!r}; valid: scripted, policy"
         )
     setpoints = tuple((item.time, item.positions) for item in definition.setpoints)
     definition = replace(definition, human=human or None, supervisor=None, setpoints=())
@@ -188,7 +194,7 @@ def scene(task: TaskDefinition, choice: PersonChoice, changes: tuple[str, ...]) 
 
 
 def _choose(human: dict[str, Any], reference: Mapping[str, Any], choice: PersonChoice) -> str:
-    """Change the control of a person to the choice; return the channel of a guided hand, or an empty text."""
+    """Change the section `human` of an experiment to the chosen person; return `Scene.channel`."""
     control = human["control"]
     parameters = dict(control["parameters"])
     first = [float(value) for value in reference["points"][0][1:4]]
@@ -197,7 +203,9 @@ def _choose(human: dict[str, Any], reference: Mapping[str, Any], choice: PersonC
         parameters["reference"] = {"program": Path(choice.trial).suffix.lstrip("."), "path": choice.trial}
     elif choice.kind in ("reactive", "policy"):
         if human.get("walk"):
-            raise HricError(f"person {choice.kind!r} cannot walk, as the task demands; valid: scripted, trial, none")
+            raise HricError(
+                f"the task needs a walking person, which person={choice.kind!r} is not; valid: scripted, trial, none"
+            )
         del parameters["reference"]
         parameters |= {"channel": channel, "start": first}
         control, human["watches"] = control | {"type": "hric_gym/GuidedArm"}, "panda_hand"
@@ -211,7 +219,7 @@ def drawn_body(definition: Experiment, population: str, random: np.random.Genera
     Args:
         definition: experiment with a person.
         population: name of the population.
-        random: generator of all random numbers.
+        random: random generator.
     """
     a, b = random.standard_normal(2)
     scores = a, CORRELATION * a + (1.0 - CORRELATION**2) ** 0.5 * b

@@ -1,4 +1,4 @@
-"""Controller that commands the joint torques of a topic, for policies that act by torque."""
+"""Controller that commands the joint torques received on its topic `command`, for the action mode `torque`."""
 
 import math
 from dataclasses import dataclass
@@ -21,14 +21,14 @@ class TorqueSettings(Settings):
 
     joints: tuple[str, ...] = names()
     rotatum_limit: float = number(
-        500.0, above=0.0, unit="N m/s", text="largest rate of torque; half of the limit of the arm"
+        500.0, above=0.0, unit="N m/s", text="largest change of a commanded torque per time; half of the arm's limit"
     )
 
 
 class JointTorqueController(Controller):
-    """Torques of the topic `command` (Float64MultiArray) [N m], at a limited rate, held until the next command.
+    """Controller that commands the torques of its topic `command` (Float64MultiArray) [N m], with limited rate.
 
-    Before the first command the torques are zero: the arm itself compensates gravity.
+    A command is held until the next one. Before the first the torques are zero: the arm itself compensates gravity.
     """
 
     settings = (TorqueSettings,)
@@ -45,17 +45,17 @@ class JointTorqueController(Controller):
         values = [float(value) for value in message.data]
         if len(values) != len(self._joints) or not all(map(math.isfinite, values)):
             raise CommandError(
-                f"torques {values}; valid: {len(self._joints)} finite numbers, {', '.join(self._joints)}"
+                f"torques {values}; valid: {len(self._joints)} finite numbers [N m], for {', '.join(self._joints)}"
             )
         self._target.set(values)
 
     def starting(self, time: float) -> None:
-        """Start from zero torque."""
+        """Reset command and torques to zero."""
         self._target.set([0.0] * len(self._joints))
         self._last = [0.0] * len(self._joints)
 
     def update(self, time: float, period: float) -> None:
-        """Command the torques of one cycle."""
+        """Change the torques towards the newest command, by at most rotatum_limit times the period [s]."""
         step = self._rate * period
         pairs = zip(self._target.get(), self._last, strict=True)
         self._last = [min(max(value, last - step), last + step) for value, last in pairs]

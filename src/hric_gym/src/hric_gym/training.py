@@ -34,20 +34,24 @@ SETTINGS: Mapping[str, Any] = {
     "ent_coef": "auto_0.05",
     "policy_kwargs": {"net_arch": [64, 64]},
 }
-"""Parameters of SAC that differ from its defaults (project default)."""
+"""Parameters of stable-baselines3's SAC that differ from its defaults (project default)."""
 TIME_COST = 0.2
-"""Cost of a step in training beyond the reward of the task [1]: without it a policy learns to stay near the goal
-(project default)."""
+"""Amount by which training reduces the reward of each step [1] (project default). Without it, a policy learns to stay
+near the goal instead of reaching it."""
 PHASES = (("none", 0.36, 1e-3), ("scripted", 0.72, 1e-3), ("none", 1.0, 3e-4))
-"""Phases of a training: person, share of the steps at its end, learning rate (project default). The arm learns to move
-where nobody is, which costs half, then to avoid contacts, then to stop at the goal."""
+"""Phases of a training: kind of person, share of all steps at which the phase ends [1], learning rate [1] (project
+default). The arm learns to move without a person, where a step takes half the computing time, then to avoid contacts,
+then to stop at the goal."""
 RECENT = 50
 """Number of episodes over which the progress bar averages."""
 Ends = list[tuple[float, bool, bool]]
 
 
 class _Progress(BaseCallback):
-    """Progress bar with score, successes, and excessive forces or reflexes of the newest episodes; ends at Ctrl-C."""
+    """Progress bar with mean score, and shares of episodes with success and with a violation; it ends at Ctrl-C.
+
+    The figures are those of the newest RECENT episodes. A violation is a force above its limit, or a reflex.
+    """
 
     def __init__(self, steps: int, person: str, interrupted: threading.Event) -> None:
         super().__init__()
@@ -71,12 +75,12 @@ class _Progress(BaseCallback):
 
 
 def train(agreed: PolicyContract, output: Path, *, resume: bool = False) -> bool:
-    """Train a policy, and write it with a checkpoint; return False if Ctrl-C ended the training.
+    """Train a policy, and write it and a checkpoint; return True if all steps were done, False after Ctrl-C.
 
     Args:
         agreed: contract of the policy; its `training` has the task, `steps`, `seed` and `weights` of the reward.
         output: ONNX file; the checkpoint is next to it, with the suffixes .zip and .replay.
-        resume: True to go on from the checkpoint.
+        resume: True: continue from the checkpoint; False: start a new training.
 
     Raises:
         HricError: there is no checkpoint, or the environment refuses the settings.
@@ -87,7 +91,10 @@ def train(agreed: PolicyContract, output: Path, *, resume: bool = False) -> bool
     env = _environment(agreed, "none")
     if resume:
         if not (checkpoint.is_file() and replay.is_file()):
-            raise HricError(f"there is no checkpoint {checkpoint} with {replay}; valid: without --resume")
+            raise HricError(
+                f"--resume needs the checkpoint {checkpoint} and {replay}, of which one is missing; "
+                "valid: --output of an earlier training, or no --resume"
+            )
         model = SAC.load(checkpoint, env)
         model.load_replay_buffer(replay)
     else:
@@ -117,7 +124,13 @@ def _environment(agreed: PolicyContract, person: str) -> Any:
 
 
 def export(model: Any, agreed: PolicyContract, output: Path) -> None:
-    """Write the deterministic policy of SAC, the tanh of its mean, as an ONNX network with the contract."""
+    """Write the deterministic policy of SAC, the tanh of its mean action, as an ONNX file with the contract.
+
+    Args:
+        model: trained SAC of stable-baselines3.
+        agreed: contract of the policy.
+        output: ONNX file.
+    """
     actor = model.actor
     layers = [layer for layer in (*actor.latent_pi, actor.mu) if isinstance(layer, torch.nn.Linear)]
     nodes, weights, value = [], [], INPUT

@@ -116,13 +116,13 @@ class Observations(Mapping[str, object]):
     """Metrics of a run by group, including the groups that only sweeps have (SWEEP_GROUPS).
 
     Args:
-        run: those contents of run.yaml that analyses read.
+        run: contents of run.yaml that analyses read.
         bag: recorded messages.
         record: control log of the run with its accompanying data.
         description: URDF of the robot.
 
     Attributes:
-        description: the same.
+        description: URDF of the robot.
     """
 
     def __init__(self, run: RunFile, bag: MemoryBag, record: RunRecord, description: str) -> None:
@@ -135,7 +135,7 @@ class Observations(Mapping[str, object]):
 
     @cached_property
     def metrics(self) -> Values:
-        """Metrics of the run, as in its metrics.json."""
+        """Metrics of the run, with the keys of metrics.json."""
         return Values(self._run, self._bag, self._record, self.description)
 
     def _messages(self, kind: str) -> list[Any]:
@@ -144,7 +144,7 @@ class Observations(Mapping[str, object]):
 
     @cached_property
     def verdict_input(self) -> AssessmentInput:
-        """Recording, as the verdict reads it."""
+        """Recorded data of the run in the form that the verdict reads."""
         return contacts.given_of(self._run, self._bag, self.description)
 
     @cached_property

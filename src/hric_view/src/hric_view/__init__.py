@@ -1,7 +1,7 @@
-"""Window in a browser: arm, person and forces of a running system.
+"""Window in a browser that shows arm, person and forces of a running system, or recorded runs.
 
-The page has everything in it and requests nothing from other hosts. After the handshake the server sends messages of
-JSON without NaN by a WebSocket:
+The page contains all its scripts and requests nothing from other hosts. The server sends messages over a WebSocket, in
+JSON without NaN:
 
 - first the scene, `{"data": {"scene": ..., "notes": [...]}, "numbers": ...}`: robots, persons and meshes in the form
   that `report.html` has them in (`hric_report.html.scene`), and all arrays of numbers in base64;

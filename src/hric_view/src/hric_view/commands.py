@@ -1,4 +1,4 @@
-"""Command `hric view`: recorded runs in the browser."""
+"""Commands `hric view`, recorded runs in the browser, and `hric try`, a contact under chosen conditions."""
 
 import argparse
 import threading
@@ -19,18 +19,18 @@ ADDRESS = (
     ),
     Argument("--port", type=int, default=0, help="TCP port (default: 8090, or a free one if 8090 is taken)"),
 )
-"""Options of commands that serve a window."""
+"""Options of both commands: address and port of the web server."""
 
 
 class ViewCommand(Command):
     """Show recorded runs in the browser: a list, replays, two runs together, and reports.
 
-    Prints the address to open, and runs until Ctrl-C. Runs without a ROS master are recorded runs, too. The page also
-    starts them: it runs `hric run` with an experiment of the workspace.
+    Prints the address to open in the browser, and runs until Ctrl-C. Shows live and headless runs. A page also starts
+    new headless runs: it calls `hric run` with an experiment of the workspace.
     """
 
     def arguments(self) -> list[Argument]:
-        """Return the command-line arguments."""
+        """Return the runs and the options of `hric view`."""
         return [
             Argument(
                 "run",
@@ -44,7 +44,7 @@ class ViewCommand(Command):
         ]
 
     def run(self, arguments: argparse.Namespace) -> None:
-        """Serve the window until Ctrl-C."""
+        """Serve the pages until Ctrl-C."""
         from hric_view.recordings import RecordedWindow
 
         root, query = Path(arguments.runs), ""
@@ -61,16 +61,16 @@ class ViewCommand(Command):
 class TryCommand(Command):
     """Try a contact of the arm with a person in the browser: sliders, and the figures of each run.
 
-    Each change runs the experiment try_contact again, without a ROS master. Prints the address to open, and runs until
-    Ctrl-C.
+    Each change of a slider runs the experiment try_contact again, without a ROS master. Prints the address to open in
+    the browser, and runs until Ctrl-C.
     """
 
     def arguments(self) -> list[Argument]:
-        """Return the command-line arguments."""
+        """Return the options of `hric try`."""
         return [*ADDRESS]
 
     def run(self, arguments: argparse.Namespace) -> None:
-        """Serve the window until Ctrl-C."""
+        """Serve the pages until Ctrl-C."""
         from hric_view.tryout import Tryout
         from hric_view.tryout_window import TryoutWindow
 
@@ -89,14 +89,14 @@ def serve(
     query: str = "",
     receiver: "Receiver | None" = None,
 ) -> None:
-    """Serve a window until Ctrl-C.
+    """Print the address of a window and serve its pages until Ctrl-C.
 
     Args:
         window: pages and scenes.
-        arguments: values of the options ADDRESS.
+        arguments: parsed command line, with --host and --port.
         path: path of the page whose address is printed.
         query: query of that address, without the token.
-        receiver: receiver of the messages of viewers; None: the window takes none.
+        receiver: receiver of the messages from browsers; None: the connection of a browser that sends one is closed.
 
     Raises:
         FailureError: the port is taken, or the host is not an address of this machine.

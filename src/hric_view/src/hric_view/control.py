@@ -1,4 +1,4 @@
-"""Commands of a window: who controls, which messages are commands, and whether their values are possible. No node."""
+"""Commands from the page of a running system: checks of control, keys and values; needs no ROS master."""
 
 import math
 import threading
@@ -10,26 +10,30 @@ from hric_core.errors import HricError, UnknownNameError
 from hric_view.server import ForeignMessageError, Viewer
 
 MAX_PUSH = 50.0
-"""Largest force with which the mouse pushes [N]; project default, unconfirmed."""
+"""Largest force that a viewer can apply to a link with the mouse [N]; project default, unconfirmed."""
 MAX_STEP = 1000
-"""Largest number of cycles of one step."""
+"""Largest number of control cycles that one command `step` simulates; project default."""
 MAX_JOG = (0.05, 0.2)
-"""Largest displacement of the end effector by one command: translation [m], rotation [rad]; project default."""
+"""Largest displacement of the end effector per axis by one command: translation [m], rotation [rad]; project default.
+"""
 MAX_WIDTH = 0.08
 """Largest opening of the Franka hand [m]; Franka's data sheet of the hand."""
 PERIOD = 0.5
-"""Time after which the viewers learn again what can be commanded [s]."""
+"""Time between two messages to the browsers on who controls and which commands are available [s of wall time]."""
 BUTTONS = ("user_stop", "guiding")
-"""Buttons that a person presses on an arm, and that an emulated arm has as services `franka_control/set_<button>`."""
+"""Buttons on an arm; an emulated arm has them as services `franka_control/set_user_stop` and `set_guiding`."""
 MAX_NAME = 40
 """Largest number of characters of a viewer's name."""
 
 
 class Actions(Protocol):
-    """Implementation of the commands. Each method raises HricError if the system refuses or does not respond."""
+    """Interface to the system that executes the commands.
+
+    Each method raises HricError if the system refuses the command or does not respond.
+    """
 
     def begin(self) -> None:
-        """Forget the commands so far: another viewer has taken control."""
+        """Delete the setpoints sent so far, since another viewer has taken control; motions start at measured ones."""
 
     def pause(self) -> None:
         """Pause the simulation."""
@@ -38,46 +42,62 @@ class Actions(Protocol):
         """Continue the simulation."""
 
     def step(self, cycles: int) -> None:
-        """Simulate a number of cycles of a paused simulation."""
+        """Simulate a number of control cycles of a paused simulation."""
 
     def reset(self) -> None:
-        """Reset the simulation to its start."""
+        """Reset the simulation to its start state."""
 
     def set_pace(self, factor: float) -> None:
-        """Change the robot time per wall time of the simulation."""
+        """Set the real-time factor of the simulation; 0: as fast as possible."""
 
     def switch(self, start: str, stop: Sequence[str]) -> None:
-        """Stop controllers and start one; start: "": none."""
+        """Stop controllers and start another one in the same cycle.
+
+        Args:
+            start: name of the controller to start; "": none.
+            stop: names of the controllers to stop.
+        """
 
     def move_joints(self, positions: Mapping[str, float]) -> None:
-        """Move joints to positions [rad] by the controller that runs."""
+        """Move joints with the running controller; positions: target by joint name [rad]."""
 
     def jog(self, displacement: Sequence[float]) -> None:
-        """Move the end effector: translation [m] and rotation [rad] about the axes of the base."""
+        """Move the end effector; displacement: 3 translations [m] and a rotation vector [rad], axes of the base."""
 
     def push(self, link: str, point: Sequence[float], force: Sequence[float]) -> None:
-        """Push a link for a moment: point in its frame [m], force in the world [N]."""
+        """Apply a force to a link for a short time; the viewer repeats the command while the mouse is held.
+
+        Args:
+            link: name of the link.
+            point: point of application in the frame of the link, x, y, z [m].
+            force: force in the axes of the world, x, y, z [N].
+        """
 
     def grip(self, width: float) -> None:
-        """Move the fingers to an opening [m]."""
+        """Move the fingers of the Franka hand; width: distance between them [m]."""
 
     def recover(self) -> None:
-        """Recover from an error of the arm."""
+        """Start the error recovery of the arm after a reflex."""
 
     def press(self, button: str, pressed: bool) -> None:
-        """Press or release one of BUTTONS of an emulated arm."""
+        """Press or release a button of an emulated arm.
+
+        Args:
+            button: one of BUTTONS.
+            pressed: True: press; False: release.
+        """
 
     def summary(self) -> Mapping[str, object]:
-        """Return what can be commanded at present: plain values for the page."""
+        """Return the state of arm and controllers and the available commands, as values that JSON can represent."""
 
 
 class Controls:
-    """Receiver of commands: one viewer at a time controls, after they have taken control.
+    """Receiver of the viewers' commands; it executes those of the viewer who has taken control, one at a time.
 
     Args:
-        actions: execute the commands.
-        limits: lowest and highest position of each joint that can be moved [rad].
-        links: links that can be pushed.
+        actions: system that executes the commands.
+        limits: lowest and highest position [rad] of each joint that can be moved, by its name.
+        links: names of the links that can be pushed.
     """
 
     def __init__(self, actions: Actions, limits: Mapping[str, tuple[float, float]], links: Sequence[str]) -> None:
@@ -112,12 +132,12 @@ class Controls:
         }
 
     def scene(self) -> dict[str, object]:
-        """Return the limits of the page's controls; see page.Part."""
+        """Return the limits of joints, forces, displacements and finger width for the controls on the page."""
         limits = {name: list(bounds) for name, bounds in self._limits.items()}
         return {"control": {"limits": limits, "push": MAX_PUSH, "jog": MAX_JOG, "width": MAX_WIDTH}}
 
     def frame(self) -> dict[str, object]:
-        """Return who controls and what can be commanded, every PERIOD; see page.Part."""
+        """Return who controls, and `Actions.summary`; empty if less than PERIOD has passed since the last one."""
         now = time.monotonic()
         if now - self._reported < PERIOD:
             return {}
@@ -126,12 +146,21 @@ class Controls:
 
     @property
     def holder(self) -> str:
-        """Name and address of the viewer who controls; "": nobody does."""
+        """Name and address of the viewer who has control; "": no viewer has."""
         with self._lock:
             return "" if self._holder is None else f"{self._name} ({self._holder.name})"
 
     def receive(self, viewer: Viewer, message: Mapping[str, Any]) -> None:
-        """Execute a message; see server.Receiver."""
+        """Execute the command in a message of a viewer, or hand control over.
+
+        Args:
+            viewer: sender of the message.
+            message: key `command`, and the arguments of this command.
+
+        Raises:
+            ForeignMessageError: no page sends such a message; the connection is closed.
+            HricError: the viewer does not have control, a value is outside its range, or the system refuses.
+        """
         kind = message.get("command")
         if kind == "take" and set(message) == {"command", "name"}:
             return self._take(viewer, _text(message, "name"))
@@ -140,7 +169,7 @@ class Controls:
         if not isinstance(kind, str) or kind not in self._commands:
             raise ForeignMessageError(f"no command {kind!r}")
         if set(message) != {"command"} | self._keys.get(kind, set()):
-            raise ForeignMessageError(f"keys of {kind}: {', '.join(message)}")
+            raise ForeignMessageError(f"command {kind} has the keys {', '.join(message)}")
         with self._lock:
             holder = self._holder
         if holder is not viewer:
@@ -148,7 +177,7 @@ class Controls:
         self._commands[kind](message)
 
     def leave(self, viewer: Viewer) -> None:
-        """Release control if this viewer has it."""
+        """Release the control of a viewer who releases it or has disconnected; do nothing if they have none."""
         with self._lock:
             if self._holder is viewer:
                 self._holder, self._name = None, ""
@@ -163,30 +192,32 @@ class Controls:
             self._actions.begin()
             viewer.tell({"type": "control", "held": True})
         else:
-            raise HricError(f"{self.holder} controls this robot; one viewer at a time can")
+            raise HricError(f"{self.holder} controls this robot; take control after they have released it")
 
     def _switch(self, message: Mapping[str, Any]) -> None:
         stop = message["stop"]
         if not isinstance(stop, list) or not all(isinstance(name, str) for name in stop):
-            raise ForeignMessageError("stop is not a list of names")
+            raise ForeignMessageError("the key stop is not a list of names")
         self._actions.switch(_text(message, "start"), stop)
 
     def _joints(self, message: Mapping[str, Any]) -> None:
         positions = message["positions"]
         if not isinstance(positions, dict) or not positions:
-            raise ForeignMessageError("positions is not a mapping")
+            raise ForeignMessageError("the key positions is empty, or not a mapping")
         for name in positions:
             if name not in self._limits:
                 raise UnknownNameError("joint", name, self._limits)
             lower, upper = self._limits[name]
             if not lower <= (value := _number(positions, name)) <= upper:
-                raise HricError(f"{name} at {value:.3f} rad is outside its range; valid: {lower:.3f} to {upper:.3f}")
+                raise HricError(
+                    f"{name} at {value:.3f} rad is outside its range; valid: {lower:.3f} to {upper:.3f} rad"
+                )
         self._actions.move_joints(positions)
 
     def _jog(self, message: Mapping[str, Any]) -> None:
         displacement = _vector(message, "displacement", 6)
         if any(abs(value) > MAX_JOG[k // 3] for k, value in enumerate(displacement)):
-            raise HricError(f"one step of the end effector is at most {MAX_JOG[0]} m and {MAX_JOG[1]} rad")
+            raise HricError(f"one step of the end effector is too large; valid: up to {MAX_JOG[0]} m, {MAX_JOG[1]} rad")
         self._actions.jog(displacement)
 
     def _push(self, message: Mapping[str, Any]) -> None:
@@ -200,7 +231,7 @@ class Controls:
     def _press(self, message: Mapping[str, Any]) -> None:
         button, pressed = _text(message, "button"), message["pressed"]
         if not isinstance(pressed, bool):
-            raise ForeignMessageError("pressed is not true or false")
+            raise ForeignMessageError("the key pressed is not true or false")
         if button not in BUTTONS:
             raise UnknownNameError("button", button, BUTTONS)
         self._actions.press(button, pressed)
@@ -209,7 +240,7 @@ class Controls:
 def _number(message: Mapping[str, Any], key: str, lower: float = -math.inf, upper: float = math.inf) -> float:
     value = message[key]
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ForeignMessageError(f"{key} is not a number")
+        raise ForeignMessageError(f"the key {key} is not a number")
     if not lower <= value <= upper:
         raise HricError(f"{key} {value:g} is outside its range; valid: {lower:g} to {upper:g}")
     return float(value)
@@ -217,18 +248,18 @@ def _number(message: Mapping[str, Any], key: str, lower: float = -math.inf, uppe
 
 def _whole(message: Mapping[str, Any], key: str, upper: int) -> int:
     if not isinstance(message[key], int):
-        raise ForeignMessageError(f"{key} is not a whole number")
+        raise ForeignMessageError(f"the key {key} is not a whole number")
     return int(_number(message, key, 1, upper))
 
 
 def _text(message: Mapping[str, Any], key: str) -> str:
     if not isinstance(message[key], str):
-        raise ForeignMessageError(f"{key} is not a text")
+        raise ForeignMessageError(f"the key {key} is not a text")
     return str(message[key])
 
 
 def _vector(message: Mapping[str, Any], key: str, size: int) -> list[float]:
     values = message[key]
     if not isinstance(values, list) or len(values) != size:
-        raise ForeignMessageError(f"{key} is not a list of {size} numbers")
+        raise ForeignMessageError(f"the key {key} is not a list of {size} numbers")
     return [_number({key: value}, key) for value in values]

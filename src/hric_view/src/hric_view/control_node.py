@@ -1,4 +1,4 @@
-"""Commands of a window on a running system: services, topics and actions; and what can be commanded at present."""
+"""Execution of the page's commands on a running ROS system, by its services, topics and actions."""
 
 import threading
 import time
@@ -31,19 +31,21 @@ from hric_view.feeds import Feeds
 from hric_view.live import LiveJoints
 
 PATIENCE = 2.0
-"""Longest wait for a service [s]; project default."""
+"""Longest wait for the response of a service, or for a subscriber [s of wall time]; project default."""
 PUSH = 0.3
-"""Time for which a push lasts after the last message [s]; a slow page renews it three times a second."""
+"""Robot time for which a force acts after a command `push` [s]; the page repeats the command at least 3 times a second.
+"""
 SPEED = 0.5
-"""Joint speed of trajectories that the window sends [rad/s]; project default."""
+"""Mean speed of the fastest joint in the trajectories that the window sends [rad/s]; project default."""
 DAMPING = 0.05
-"""Damping of the inverse of the Jacobian [m or rad per rad], which keeps steps short near singular poses."""
+"""Damping of the inverse of the Jacobian [m or rad per rad], which keeps joint steps short near singular poses;
+project default."""
 BEHIND = (0.2, 0.8)
 """Largest difference of measured and commanded pose of the end effector [m], [rad]; project default.
 
-It covers the sag of a soft controller, and bounds the force with which the arm presses against an obstacle."""
+It is large enough for the sag of a soft controller, and limits the force with which the arm presses on an obstacle."""
 GRIP_SPEED = 0.1
-"""Speed of the fingers [m/s]."""
+"""Speed of the fingers of the Franka hand [m/s]; project default."""
 PD, CARTESIAN = "hric_controllers/JointPDController", "hric_controllers/CartesianImpedanceController"
 TRAJECTORIES = "JointTrajectoryController"
 MODES = {
@@ -51,18 +53,18 @@ MODES = {
     for name in dir(FrankaState)
     if name.startswith("ROBOT_MODE_")
 }
-"""Names of the modes of the arm."""
+"""Names of the arm's modes by their number in franka_msgs/FrankaState."""
 
 
 class SystemActions:
-    """Commands to the running system, each with a limited wait; see control.Actions.
+    """Executor of the commands of `control.Actions` on a running ROS system; each waits at most PATIENCE.
 
     Args:
         root: node in the namespace of the robot.
         feeds: topics of the window.
-        robot: description of the robot.
-        joints: present positions of its joints.
-        moved: joints that can be moved, in the order of the arm.
+        robot: URDF of the robot.
+        joints: newest joint positions of the robot.
+        moved: names of the joints that can be moved, from the base to the tip.
     """
 
     def __init__(self, root: RosNode, feeds: Feeds, robot: Robot, joints: LiveJoints, moved: Sequence[str]) -> None:
@@ -73,7 +75,7 @@ class SystemActions:
         self._lock = threading.Lock()
         self._controllers: list[Any] = []
         self._names: frozenset[str] = frozenset()
-        """Published topics and services."""
+        """Full names of all published topics and services."""
         self._state: Any = None
         self._seen, self._stood, self._pushed = 0.0, False, 0.0
         self._simulated = root.has_param("/use_sim_time") and bool(root.param("/use_sim_time"))
@@ -81,13 +83,19 @@ class SystemActions:
         self._recovery = root.advertise("franka_control/error_recovery/goal", ErrorRecoveryActionGoal)
         self._publishers: dict[str, Any] = {}
         self._commanded: tuple[str, Any] = ("", None)
-        """Controller of the last motion, and what the window commanded: positions by joint, or T_base_ee.
+        """Name of the controller that the last motion command went to, and its setpoint.
 
-        An arm that sags keeps its setpoint."""
+        The setpoint is positions by joint [rad], or T_base_ee, shape (4, 4). The next command starts from it and not
+        from the measured pose, so that a sagging arm does not sag further with each command."""
         feeds.keep("franka_state_controller/franka_states", FrankaState, self._note)
 
     def watch(self, stop: threading.Event, needed: Callable[[], bool]) -> None:
-        """Read regularly what can be commanded, while somebody needs to know it, until the event is set."""
+        """Read controllers, topics and services every PERIOD until the event `stop` is set.
+
+        Args:
+            stop: event that ends the call.
+            needed: function that returns True if a viewer is connected; else nothing is read.
+        """
         while not stop.wait(PERIOD):
             if needed():
                 self._look()
@@ -105,7 +113,7 @@ class SystemActions:
             self._controllers, self._names, self._stood = controllers, names, stood
 
     def summary(self) -> dict[str, object]:
-        """Return what can be commanded at present, for the page."""
+        """Return the mode of the arm, the controllers, and the available commands, as last read by `watch`."""
         with self._lock:
             state, controllers, names = self._state, self._controllers, self._names
             return {
@@ -121,37 +129,37 @@ class SystemActions:
             }
 
     def begin(self) -> None:
-        """Forget what was commanded: another program may have moved the arm since; see control.Actions."""
+        """Delete the last setpoint, since another program may have moved the arm: the next motion starts measured."""
         self._commanded = "", None
 
     def pause(self) -> None:
-        """See control.Actions."""
+        """Call the service sim/pause_physics."""
         self._call("sim/pause_physics", Empty)
 
     def proceed(self) -> None:
-        """See control.Actions."""
+        """Call the service sim/unpause_physics."""
         self._call("sim/unpause_physics", Empty)
 
     def step(self, cycles: int) -> None:
-        """See control.Actions."""
+        """Call the service sim/step; cycles: number of control cycles."""
         _demand(self._call("sim/step", StepSimulation, cycles))
 
     def set_pace(self, factor: float) -> None:
-        """See control.Actions."""
+        """Call the service sim/set_real_time_factor; factor: robot time per wall time [1], 0: as fast as possible."""
         _demand(self._call("sim/set_real_time_factor", SetRealTimeFactor, factor))
 
     def reset(self) -> None:
-        """See control.Actions."""
+        """Call the service sim/reset_simulation."""
         self._call("sim/reset_simulation", Empty)
         self._commanded = "", None
 
     def switch(self, start: str, stop: Sequence[str]) -> None:
-        """See control.Actions."""
+        """Start a controller ("": none) and stop others, by the service controller_manager/switch_controller."""
         self._wait(lambda: self._manager.switch([start] if start else [], stop))
         self._commanded = "", None
 
     def move_joints(self, positions: Mapping[str, float]) -> None:
-        """See control.Actions."""
+        """Send joint positions by name [rad] to the running controller, on its topic `command`."""
         one = self._mover()
         names = list(self._root.param(f"{one.name}/joints"))
         if unknown := sorted(set(positions) - set(names)):
@@ -161,7 +169,7 @@ class SystemActions:
         if one.type == PD:
             if self._root.param(f"{one.name}/profile/enabled", True) is not True:
                 raise HricError(
-                    f"{one.name} has no velocity profile, so the arm would jump; valid: profile/enabled: true"
+                    f"{one.name} has no velocity profile, so the arm would jump; valid: parameter profile/enabled: true"
                 )
             message: Any = Float64MultiArray(data=target)
         elif TRAJECTORIES in one.type:
@@ -175,11 +183,18 @@ class SystemActions:
         self._commanded = one.name, dict(zip(names, target, strict=True))
 
     def jog(self, displacement: Sequence[float]) -> None:
-        """See control.Actions."""
+        """Move the end effector by the running controller: its pose if it is Cartesian, else joint positions.
+
+        Args:
+            displacement: 3 translations [m] and a rotation vector [rad], in the axes of the base.
+        """
         with self._lock:
             state = self._state
         if state is None:
-            raise HricError("the pose of the end effector is not known: no FrankaState has been received")
+            raise HricError(
+                "the pose of the end effector is not known: nothing was received on "
+                "franka_state_controller/franka_states; is this controller running?"
+            )
         one, T_base_ee = self._mover(), np.reshape(state.O_T_EE, (4, 4)).T
         if one.type == CARTESIAN:
             return self._lead(one.name, T_base_ee, displacement)
@@ -190,7 +205,16 @@ class SystemActions:
         self.move_joints({name: float(value + d) for name, value, d in zip(self._tree.joints, q, dq, strict=True)})
 
     def _lead(self, controller: str, T_base_ee: FloatArray, displacement: Sequence[float]) -> None:
-        """Move the commanded pose of a Cartesian controller; the first one begins at the measured pose."""
+        """Move the commanded pose of a Cartesian controller by a displacement; the first starts at the measured pose.
+
+        Args:
+            controller: name of the controller.
+            T_base_ee: measured pose of the end effector, shape (4, 4).
+            displacement: 3 translations [m] and a rotation vector [rad], in the axes of the base.
+
+        Raises:
+            HricError: the end effector is too far from the new commanded pose (BEHIND).
+        """
         target = _moved(self._commanded[1] if self._commanded[0] == controller else T_base_ee, displacement)
         R = target[:3, :3] @ T_base_ee[:3, :3].T
         behind = np.linalg.norm(target[:3, 3] - T_base_ee[:3, 3]), Rotation.from_matrix(R).magnitude()
@@ -198,14 +222,20 @@ class SystemActions:
             self._commanded = "", None
             raise HricError(
                 f"the end effector does not follow: it would be {behind[0]:.2f} m and {behind[1]:.2f} rad from its "
-                f"commanded pose; valid: up to {BEHIND[0]} m and {BEHIND[1]} rad. The next step begins where it is"
+                f"commanded pose; valid: up to {BEHIND[0]} m, {BEHIND[1]} rad. The next step starts at its present pose"
             )
         pose = stamped.pose_stamped(stamped.header(rospy.Time.now(), ""), pose_of_transform(target))
         self._publish(f"{controller}/equilibrium_pose", pose)
         self._commanded = controller, target
 
     def push(self, link: str, point: Sequence[float], force: Sequence[float]) -> None:
-        """Push for PUSH from now on, without adding to what is left of earlier pushes; see control.Actions."""
+        """Apply a force from now on for PUSH seconds by the service sim/apply_body_wrench; it replaces earlier ones.
+
+        Args:
+            link: name of the link.
+            point: point of application in the frame of the link, x, y, z [m].
+            force: force in the axes of the world, x, y, z [N].
+        """
         now, wrench = rospy.get_time(), Wrench(force=Vector3(*force))
         start = self._pushed if now < self._pushed <= now + PUSH else now
         if start == now + PUSH:
@@ -215,17 +245,22 @@ class SystemActions:
         self._pushed = now + PUSH
 
     def grip(self, width: float) -> None:
-        """See control.Actions."""
+        """Send a goal to the action franka_gripper/move; width: distance between the fingers [m]."""
         goal = MoveActionGoal(Header(stamp=rospy.Time.now()), _goal_id(), MoveGoal(width=width, speed=GRIP_SPEED))
         self._send(self._gripper, goal, "franka_gripper/move")
 
     def recover(self) -> None:
-        """See control.Actions."""
+        """Send a goal to the action franka_control/error_recovery."""
         goal = ErrorRecoveryActionGoal(header=Header(stamp=rospy.Time.now()), goal_id=_goal_id())
         self._send(self._recovery, goal, "franka_control/error_recovery")
 
     def press(self, button: str, pressed: bool) -> None:
-        """See control.Actions."""
+        """Call the service franka_control/set_user_stop or franka_control/set_guiding of an emulated arm.
+
+        Args:
+            button: one of control.BUTTONS.
+            pressed: True: press; False: release.
+        """
         response = self._call(f"franka_control/set_{button}", SetBool, pressed)
         if not response.success:
             raise HricError(f"{button.replace('_', ' ')}: {response.message}")
@@ -238,21 +273,21 @@ class SystemActions:
             self._commanded = "", None  # after a reflex or a user stop the arm may be elsewhere
 
     def _setpoint(self, controller: str) -> dict[str, float]:
-        """Return what the window has commanded the controller; before that, the present positions."""
+        """Return the last setpoint for a controller, by joint [rad]; without one, the measured positions."""
         return self._commanded[1] if self._commanded[0] == controller else self._present()
 
     def _present(self) -> dict[str, float]:
         known = dict(zip(self._joints.names, self._joints.state()["q"], strict=True))
         if missing := [name for name in self._moved if known[name] is None]:
-            raise HricError(f"the position of {', '.join(missing)} is not known: no joint states have been received")
+            raise HricError(f"the position of {', '.join(missing)} is not known: nothing was received on joint_states")
         return {name: value for name, value in known.items() if value is not None}
 
     def _mover(self) -> Any:
-        """Return the running controller that moves the arm."""
+        """Return the running controller that has claimed joints or the arm. Raises HricError if there is none."""
         with self._lock:
             running = [one for one in self._controllers if one.state == "running" and _resources(one)]
         if not running:
-            raise HricError("no controller that moves the arm is running; start one first")
+            raise HricError("no controller that moves the arm is running; start one first, e.g. joint_pd_controller")
         return running[0]
 
     def _publish(self, topic: str, message: Any) -> None:
@@ -261,11 +296,13 @@ class SystemActions:
         self._send(self._publishers[topic], message, topic)
 
     def _send(self, publisher: Any, message: Any, name: str) -> None:
-        """Publish a message once somebody subscribes."""
+        """Publish a message as soon as the topic has a subscriber. Raises FailureError after PATIENCE without one."""
         deadline = time.monotonic() + PATIENCE
         while not publisher.subscribers():
             if time.monotonic() > deadline:
-                raise FailureError(f"nobody takes {self._root.resolve(name)}: is its node or controller running?")
+                raise FailureError(
+                    f"nothing subscribes to {self._root.resolve(name)}: is its node or controller running?"
+                )
             time.sleep(0.02)
         publisher.publish(message)
 
@@ -282,7 +319,10 @@ class SystemActions:
         return self._wait(call)
 
     def _wait(self, call: Callable[[], Any]) -> Any:
-        """Return the result of a call in a daemon thread, which neither blocks other calls nor the end of the node."""
+        """Run a function in a daemon thread and return its result. Raises FailureError if it takes over PATIENCE.
+
+        A call that hangs therefore blocks neither other calls nor the shutdown of the node.
+        """
         result: Future[Any] = Future()
 
         def work() -> None:
@@ -295,17 +335,17 @@ class SystemActions:
         try:
             return result.result(PATIENCE)
         except TimeoutError:
-            raise FailureError(f"the robot's node has not responded within {PATIENCE:g} s") from None
+            raise FailureError(f"the robot has not responded within {PATIENCE:g} s; is the bring-up running?") from None
 
 
 def controls_of(root: RosNode, feeds: Feeds, description: str, joints: LiveJoints) -> tuple[Controls, SystemActions]:
-    """Return the receiver of commands for an arm, and what executes them.
+    """Return the receiver of the viewers' commands for an arm, and the object that executes them.
 
     Args:
         root: node in the namespace of the robot.
         feeds: topics of the window.
         description: URDF of the arm.
-        joints: present positions of its joints.
+        joints: newest joint positions of the arm.
     """
     robot = read(description)
     moved = {
@@ -323,12 +363,12 @@ def _demand(response: Any) -> None:
 
 
 def _resources(controller: Any) -> list[str]:
-    """Return what a controller claims: joints, or the arm."""
+    """Return the names of the joints, or of the arm, that a controller claims."""
     return [name for claimed in controller.claimed_resources for name in claimed.resources]
 
 
 def _moved(T_base_ee: FloatArray, displacement: Sequence[float]) -> FloatArray:
-    """Return a pose after a displacement: translation [m], rotation vector [rad], both in the axes of the base."""
+    """Return a pose after a displacement in the axes of the base: 3 translations [m], rotation vector [rad]."""
     T = T_base_ee.copy()
     T[:3, 3] += np.asarray(displacement[:3])
     T[:3, :3] = Rotation.from_rotvec(displacement[3:]).as_matrix() @ T_base_ee[:3, :3]

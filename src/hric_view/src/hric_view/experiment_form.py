@@ -1,7 +1,8 @@
-"""Form of an experiment: its parameters with text, unit, range and value, from the schema of experiment files.
+"""Fields of the web form that starts a run: the parameters of an experiment with text, unit, range and value.
 
-The values are those of the file and of its controllers, or defaults. Keys without a schema, such as the arguments of
-the robot's description, are offered if the file sets them.
+Text, unit and range come from the schema of experiment files; values are those of the file and of its controllers, or
+defaults. Keys without a schema, such as the xacro arguments of the robot's description, are offered if the file sets
+them.
 """
 
 import re
@@ -17,9 +18,9 @@ from hric_run.definition import experiment, overrides, parameters
 from hric_run.simulation import refuse_wires
 
 NOT_OFFERED = ("robot.hw", "robot.urdf")
-"""Keys that no form offers, so that a run that a page starts has the simulated robot of its file."""
+"""Keys that the form does not offer, so that a page cannot start a run with another robot than that of the file."""
 PLAIN = re.compile(r"(?:[\w :,;()+-]|\.(?=\d))*|[-+*.\d ]*pi *(?:/ *[.\d]+)?")
-"""Texts that a page may send: words and multiples of pi; a path has a slash, or a dot before a letter."""
+"""Pattern of texts that a page may send: words and multiples of pi, but no paths (slash, or dot before a letter)."""
 TYPES: dict[str, Any] = {
     "boolean": bool,
     "integer": int | float,
@@ -28,22 +29,23 @@ TYPES: dict[str, Any] = {
     "array": list,
     "object": Mapping,
 }
-"""Python type of each type in a JSON schema."""
+"""Python type by the name of the type in a JSON schema."""
 
 
 @dataclass(frozen=True)
 class FormField:
-    """Parameter that a form offers.
+    """Parameter that the form offers.
 
     Attributes:
-        key: key of its override, a dotted path in the experiment file.
-        group, label: heading of its part of the form, and its name below that heading.
-        kind: "flag", "choice", "list" (of numbers or words), "number" or "text".
-        value: value without an override; None: it is not set.
-        text: description.
-        unit: unit; "": none, or the schema has none.
-        valid: range; "": the schema has none.
-        choices: valid words of a choice.
+        key: dotted path of the parameter in the experiment file, as in an override `KEY:=VALUE`.
+        group: heading of the part of the form with this parameter.
+        label: name of the parameter below this heading.
+        kind: kind of input: "flag", "choice", "list" (of numbers or words), "number" or "text".
+        value: value without an override; None: the experiment does not set it.
+        text: description of the parameter.
+        unit: unit of the value; "": the schema has none.
+        valid: range of the value as text; "": the schema has none.
+        choices: valid words, for the kind "choice".
     """
 
     key: str
@@ -58,24 +60,24 @@ class FormField:
 
     @property
     def shown(self) -> str:
-        """Value as text for an input: items of a list are separated by commas."""
+        """Value as text for the input field; items of a list are separated by commas."""
         items = self.value if isinstance(self.value, list) else [] if self.value is None else [self.value]
         return ", ".join(item if isinstance(item, str) else repr(item) for item in items)
 
 
 def hindrance(name: str) -> str:
-    """Return why an experiment of the workspace cannot run without a ROS master and a real robot; "": it can."""
+    """Return the reason why an experiment of the workspace cannot be a headless simulation; "": it can."""
     try:
         definition = experiment.load(name)
         refuse_wires(definition)
         simulated = issubclass(plugins.find(plugins.ROBOT_HW, definition.robot.hw), SimulatedRobot)
     except HricError as error:
         return str(error)
-    return "" if simulated else f"{definition.robot.hw} is not simulated; valid: scripts/bringup experiment:={name}"
+    return "" if simulated else f"{definition.robot.hw} is not simulated; run:  scripts/bringup experiment:={name}"
 
 
 def fields(name: str) -> list[FormField]:
-    """Return the parameters of an experiment of the workspace.
+    """Return the parameters that the form of an experiment of the workspace offers.
 
     Raises:
         HricError: there is no such experiment, or its file has a mistake.
@@ -101,14 +103,16 @@ def fields(name: str) -> list[FormField]:
 
 
 def words(name: str, values: Mapping[str, Any]) -> list[str]:
-    """Return the overrides `KEY:=VALUE` of changed parameters.
+    """Return the overrides `KEY:=VALUE` for the parameters that a viewer has changed.
+
+    Ranges are checked later, when the experiment is loaded with the overrides.
 
     Args:
         name: name of an experiment of the workspace.
-        values: new values by key.
+        values: new values by `FormField.key`.
 
     Raises:
-        HricError: the form does not offer a key, or a value is not plain; all else is checked by the experiment.
+        HricError: the form does not offer a key, or a value is a path or a mapping.
     """
     check_known("parameter", values, [field.key for field in fields(name)])
     for key, value in values.items():
@@ -116,23 +120,23 @@ def words(name: str, values: Mapping[str, Any]) -> list[str]:
             isinstance(item, bool | int | float | str) and _plain(item)
             for item in (value if isinstance(value, list) else [value])
         ):
-            raise HricError(f"{key} is {value!r}; valid here: numbers, words and multiples of pi, but no paths")
+            raise HricError(f"{key} is {value!r}; valid in this form: numbers, words and multiples of pi, but no paths")
     return [f"{key}:={overrides.in_yaml(value)}" for key, value in values.items()]
 
 
 def _plain(value: Any) -> bool:
-    """Return False for a text that a page may not send."""
+    """Return True for a value that a page may send: a number, or a text that matches PLAIN."""
     return not isinstance(value, str) or PLAIN.fullmatch(value) is not None
 
 
 def _fields(schema: dict[str, Any], value: Any, path: tuple[str, ...], texts: Mapping[str, str]) -> Iterator[FormField]:
-    """Yield the parameters of a part of the file.
+    """Yield the parameters below one key of the experiment file.
 
     Args:
-        schema: schema of the part.
-        value: contents of the part; None: it is not there.
-        path: keys that lead to the part.
-        texts: descriptions by key, for parameters whose schema has none.
+        schema: JSON schema of the values below this key.
+        value: values below this key; None: the file does not have the key.
+        path: keys that lead to this one; empty: the complete file.
+        texts: descriptions by dotted key, for parameters whose schema has none.
     """
     forms = _alternatives(schema)
     form = next((one for one in forms if _fits(one, value)), forms[0])
@@ -156,7 +160,15 @@ def _fields(schema: dict[str, Any], value: Any, path: tuple[str, ...], texts: Ma
 def _field(
     forms: list[dict[str, Any]], form: dict[str, Any], value: Any, key: str, texts: Mapping[str, str]
 ) -> FormField:
-    """Return a parameter; forms: forms that a value may have; form: that of the present value."""
+    """Return one parameter of the form.
+
+    Args:
+        forms: JSON schemas of the alternatives that a value may have.
+        form: the alternative that the present value has.
+        value: present value; None: it is not set.
+        key: dotted path of the parameter.
+        texts: descriptions by dotted key, for parameters whose schema has none.
+    """
     path = key.split(".")
     above = 2 if path[0] == "parameters" else min(len(path) - 1, 1)
     group = path[above - 1] if above else "experiment"
@@ -179,13 +191,13 @@ def _kind(forms: list[dict[str, Any]], form: dict[str, Any], value: Any) -> str:
 
 
 def _range(form: dict[str, Any]) -> str:
-    """Return the range that a schema allows, as text."""
+    """Return the range of values that a schema allows as text; "": it has none."""
     words = (("exclusiveMinimum", "above"), ("minimum", "from"), ("maximum", "up to"))
     return " ".join(f"{word} {form[key]:g}" for key, word in words if key in form)
 
 
 def _alternatives(schema: dict[str, Any]) -> list[dict[str, Any]]:
-    """Return the forms that a value may have, each with the description and the unit that hold for all."""
+    """Return the alternatives of a schema (anyOf), each with the description and the unit that all have in common."""
     outer = {name: part for name, part in schema.items() if name != "anyOf"}
     if "anyOf" not in schema:
         return [outer]
@@ -193,7 +205,7 @@ def _alternatives(schema: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def _fits(form: dict[str, Any], value: Any) -> bool:
-    """Return True if a value, or None for no value, has the type of a form and the kind of a variant."""
+    """Return True if a value, or None for "not set", has the type and the `kind` that a schema demands."""
     if value is None:
         return form.get("type") != "null"
     if "enum" in form:

@@ -1,8 +1,8 @@
-"""Topics of a running system for the window; messages are decoded only for somebody who looks at them.
+"""Subscriptions of the window to topics of a running system, which decode only the messages that are drawn.
 
-With rospy, decoding a message and being woken for each cost more than all that the window does with them. So messages
-are received as bytes, which a frame decodes, and a thread that receives rests after a message that it waited for: those
-that arrive meanwhile are received together.
+In rospy, decoding each message and waking a thread for it cost more than everything else that the window does. So
+messages are received as bytes and decoded once per frame, and the receiving thread of a topic sleeps after a message,
+so that the messages of this time are received together.
 """
 
 import time
@@ -17,19 +17,21 @@ from hric_core.errors import HricError
 from hric_core.node import LogThrottle, Node
 
 REST = 0.03
-"""Rest of a thread that receives, after a message [s of wall time]: about the period of frames; project default."""
+"""Time for which a receiving thread sleeps after a message [s of wall time]: about the period of frames; project
+default."""
 WAITED = 1e-3
-"""Time without a message from which on a thread has waited for the next one [s of wall time]."""
+"""Time between two messages above which the receiving thread sleeps after the second [s of wall time]; project
+default."""
 STALE = 0.25
-"""Age from which a message is no longer shown to the first viewer [s of wall time]; project default."""
+"""Age above which a received message is no longer shown [s of wall time], unless it is lasting; project default."""
 
 
 class Feed:
-    """Messages of one topic.
+    """Newest messages of one topic, and their receivers.
 
     Args:
-        kind: type of the messages.
-        refuse: called with the reason for which a message cannot be shown.
+        kind: class of the messages.
+        refuse: callback that gets the reason why a message cannot be decoded or shown.
     """
 
     def __init__(self, kind: type, refuse: Callable[[str], object]) -> None:
@@ -38,16 +40,16 @@ class Feed:
         self._shown, self._kept = list[tuple[Callable[[Any], None], bool]](), list[Callable[[bytes], None]]()
 
     def show(self, receiver: Callable[[Any], None], depth: int, lasting: bool) -> None:
-        """Add a receiver; see Feeds.show."""
+        """Add a receiver of decoded messages, for which the last `depth` messages are stored; see Feeds.show."""
         self._waiting = deque(self._waiting, max(depth, self._waiting.maxlen or 0))
         self._shown.append((receiver, lasting))
 
     def keep(self, receiver: Callable[[bytes], None]) -> None:
-        """Add a receiver; see Feeds.keep."""
+        """Add a receiver of each message as bytes; see Feeds.keep."""
         self._kept.append(receiver)
 
     def receive(self, message: Any) -> None:
-        """Store a message of the type `undecoded(kind)`, and rest."""
+        """Store a message of the class `undecoded(kind)`, then sleep for REST; called by rospy."""
         now = time.monotonic()
         self._waiting.append((now, message.data))
         for receiver in self._kept:
@@ -57,7 +59,7 @@ class Feed:
         self._received = time.monotonic()
 
     def deliver(self) -> None:
-        """Decode the messages since the last call for the receivers that show them."""
+        """Decode the stored messages, pass them to the receivers of decoded messages, and delete them."""
         while self._waiting:
             received, data = self._waiting.popleft()
             stale = time.monotonic() - received > STALE
@@ -71,7 +73,7 @@ class Feed:
 
 
 class Feeds:
-    """Topics of the window.
+    """Subscriptions of the window, one for each topic.
 
     Args:
         root: node in the namespace of the robot.
@@ -83,23 +85,29 @@ class Feeds:
     def show(
         self, topic: str, kind: type, receiver: Callable[[Any], None], *, depth: int = 1, lasting: bool = False
     ) -> None:
-        """Show a topic: `receiver(message)` is called by `deliver` with the newest messages since its last call.
+        """Subscribe to a topic whose messages are drawn: `deliver` calls `receiver(message)` with the newest ones.
 
         Args:
             topic: name of the topic.
-            kind: type of its messages.
-            receiver: receiver of the messages.
-            depth: largest number of messages at once.
-            lasting: True: a message holds until the next one, however old it is.
+            kind: class of its messages.
+            receiver: callback for decoded messages.
+            depth: largest number of messages for one call of `deliver`.
+            lasting: True: a message is valid until the next one; False: messages older than STALE are not passed on.
         """
         self._feed(topic, kind).show(receiver, depth, lasting)
 
     def keep(self, topic: str, kind: type, receiver: Callable[[bytes], None]) -> None:
-        """Call `receiver(data)` with each message of a topic, serialised, as it arrives; kind: type of the messages."""
+        """Subscribe to a topic of which every message is needed: `receiver(data)` is called with its bytes on arrival.
+
+        Args:
+            topic: name of the topic.
+            kind: class of its messages.
+            receiver: callback for serialised messages.
+        """
         self._feed(topic, kind).keep(receiver)
 
     def deliver(self) -> None:
-        """Decode what is to be shown, and give it to its receivers, in this thread."""
+        """Decode the stored messages of all topics and pass them to the receivers of `show`, in the calling thread."""
         for feed in list(self._feeds.values()):
             feed.deliver()
 
@@ -114,7 +122,7 @@ class Feeds:
 
 @cache
 def undecoded(kind: type) -> type:
-    """Return the type by which messages of a type are received without being decoded; `data` has their bytes."""
+    """Return the message class that receives messages of class `kind` without decoding; `data` has their bytes."""
 
     def begin(message: Any) -> None:
         message.data = b""

@@ -93,7 +93,7 @@ class LiveForces:
             self._largest[contact.link] = Force(", ".join(contact.regions) or contact.link, point, (x, y, z))
 
     def scene(self) -> dict[str, object]:
-        """Return nothing: the forces are in the frames alone."""
+        """Return an empty dictionary: the forces are only in the frames."""
         return {}
 
     def frame(self) -> dict[str, object]:

@@ -16,10 +16,10 @@ PATH = "/new"
 
 
 class NewRun:
-    """Pages that start a run, and receiver of their messages.
+    """Pages of `hric view` that start a run, and receiver of their messages.
 
-    A page only chooses an experiment of the workspace and plain values of its parameters. The robot of the experiment
-    must be simulated, and no page can choose another one.
+    A page can only choose an experiment of the workspace, and numbers and words for its parameters. The robot of the
+    experiment must be simulated, and a page cannot change it.
 
     Args:
         root: folder of the runs.
@@ -29,7 +29,7 @@ class NewRun:
         self._process = RunProcess(root)
 
     def page(self, visit: Visit) -> WebPage:
-        """Return the list of experiments, or the form of the experiment that the query names.
+        """Return the page with the list of experiments, or the form of the experiment that the address names.
 
         Raises:
             HricError: there is no such experiment, or its file has a mistake.
@@ -60,11 +60,11 @@ class NewRun:
         )
 
     def state(self) -> dict[str, Any]:
-        """Return the state of the last run, as message for a page."""
+        """Return the state of the last run that a page has started, as a message for the pages."""
         return {"type": "state", **vars(self._process.state)}
 
     def receive(self, viewer: Viewer, message: Mapping[str, Any]) -> None:
-        """Execute a message of a viewer; see server.Receiver."""
+        """Execute the command in a message of a viewer: state, check, run or cancel; see server.Receiver."""
         match message:
             case {"command": "state"} if len(message) == 1:
                 pass
@@ -80,14 +80,14 @@ class NewRun:
                     raise HricError(reason)
                 self._process.start(name, words)
             case _:
-                raise ForeignMessageError(f"keys {', '.join(message)}")
+                raise ForeignMessageError(f"no command of this page; keys of the message: {', '.join(message)}")
         viewer.tell(self.state())
 
     def leave(self, viewer: Viewer) -> None:
-        """Do nothing: a run goes on without its viewers."""
+        """Do nothing: a run continues when its viewers disconnect."""
 
     def close(self) -> None:
-        """End the run."""
+        """Cancel the run, and wait for its end."""
         self._process.close()
 
 

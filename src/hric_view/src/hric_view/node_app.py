@@ -34,8 +34,8 @@ class WindowSettings(Settings):
     port: int = whole(
         0, minimum=0, maximum=65535, text="TCP port of the window; 0: 8090, or a free one if 8090 is taken"
     )
-    rate: float = number(30.0, minimum=1.0, maximum=120.0, unit="Hz", text="of the frames, in wall time")
-    control: bool = flag(False, text="take commands from the page; it is not a safety stop")
+    rate: float = number(30.0, minimum=1.0, maximum=120.0, unit="Hz", text="rate of the frames, in wall time")
+    control: bool = flag(False, text="execute commands from the page; the page is no safety stop")
     robot_description: str = text("robot_description", empty=False, text="parameter with the URDF of the arm")
 
 
@@ -86,16 +86,22 @@ class BrowserWindow(NodeApp):
         self._server.close()
 
     def page(self, visit: Visit) -> WebPage | None:
-        """Return the page of the window."""
+        """Return the page at the address "/"; None: another address."""
         control = self._controls is not None
         return page.render(self._title, visit, control=control, live=True) if visit.path == "/" else None
 
     def scene(self, visit: Visit) -> str:
-        """Return the first message of a viewer."""
+        """Return the first message of a viewer: all robots and persons, and the data of all parts."""
         return page.scene_message(self._robots, self._parts, live=True)
 
     def _add(self, description: str, topic: str, depth: int) -> SceneRobot:
-        """Add a robot or person whose joint states are on a topic; depth: largest number of messages in a frame."""
+        """Add a robot or person to the scene.
+
+        Args:
+            description: URDF of the robot or person.
+            topic: topic with its joint states.
+            depth: largest number of messages that a frame reads, 1 or more if several nodes publish on the topic.
+        """
         joints = read(description).joints
         laws = mimic_laws(joints)
         names = tuple(joint.name for joint in joints.values() if joint.type != "fixed" and joint.name not in laws)

@@ -15,17 +15,17 @@ ASSETS = Path(__file__).parent / "assets"
 
 
 class Part(Protocol):
-    """Part of the window besides the robots, e.g. forces or curves; a script of the page draws it.
+    """Part of the window in addition to the robots, e.g. forces or curves, which a script of the page draws.
 
-    The part contributes keys of its own to the scene and to each frame. Both methods are called in other threads than
-    those that receive the data.
+    The part adds its own keys to the first message of a viewer (the scene) and to each frame. Both methods are called
+    in other threads than those that receive the data.
     """
 
     def scene(self) -> Mapping[str, object]:
-        """Return what a new viewer needs to know, once: plain values without NaN."""
+        """Return the data that each new viewer gets once, as values that JSON can represent, without NaN."""
 
     def frame(self) -> Mapping[str, object]:
-        """Return the newest data: plain values without NaN."""
+        """Return the newest data for a frame, as values that JSON can represent, without NaN; empty: nothing new."""
 
 
 def render(
@@ -38,16 +38,16 @@ def render(
     waiting: str = "connecting",
     sliders: Sequence[Mapping[str, object]] = (),
 ) -> WebPage:
-    """Return the page.
+    """Return the HTML page that shows a scene.
 
     Args:
-        title: name of what is shown.
+        title: title of the page.
         visit: request of the viewer.
-        control: True: the page has the controls.
-        live: True: the page has the parts of a running system.
-        links: texts and addresses of links to other pages.
-        waiting: text until the scene is there.
-        sliders: conditions of a run that can be chosen; empty: none.
+        control: True: the page can send commands to a running system.
+        live: True: the page shows a running system; False: recorded runs.
+        links: text and address of each link to another page.
+        waiting: text that is shown until the scene has arrived.
+        sliders: conditions of a run that the viewer can change (tryout.Slider as mapping); empty: none.
 
     Raises:
         HricError: a library of the page is not installed.
@@ -73,8 +73,8 @@ def scene_message(
 
     Args:
         robots: robots and persons.
-        parts: other parts of the window.
-        notes: remarks for the viewer.
+        parts: other parts of the window, which add their keys.
+        notes: remarks that the page shows.
         live: True if frames follow; False: the motions of the robots are those of a recorded run.
 
     Raises:
@@ -97,7 +97,7 @@ def scene_message(
 
 
 def frame_message(robots: Sequence[LiveJoints], parts: Sequence[Part] = ()) -> str:
-    """Return the frame of the newest states."""
+    """Return a message with the newest joint positions of all robots and the newest data of all parts, as JSON."""
     times = [robot.time for robot in robots if not math.isnan(robot.time)]
     others = {name: value for part in parts for name, value in part.frame().items()}
     return _text(

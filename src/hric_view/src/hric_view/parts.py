@@ -1,6 +1,6 @@
-"""Parts of the window on topics of a running system: motion capture, end effector, plates, muscles, skin. No node.
+"""Parts of the window: motion capture, end effector, force plates, muscles, skin; they need no ROS master.
 
-Each part keeps the newest message, and forgets it when it is older than LOST: what is not known is not drawn.
+Each part stores the newest message of its topic, and no longer draws it when it is older than LOST.
 """
 
 import math
@@ -23,18 +23,20 @@ from hric_report.html.scene import SceneLines
 from hric_view.live import DIGITS
 
 LOST = 0.25
-"""Age from which a message no longer counts [s of wall time, at real time or faster]; project default."""
+"""Age above which a message is no longer drawn [s of wall time]; longer if a simulation is slower than real time;
+project default."""
 FORCE_DIGITS = 2
-"""Decimals of forces [N] and of activations and shares [1]."""
+"""Number of decimals of forces [N], activations [1] and shares of limits [1] in frames."""
 PLATE_FRAME = "force_plate_"
-"""Prefix of the frames of force plates; their id follows."""
+"""Prefix of the tf frames of force plates; the plate's id follows it."""
 
 
 class LiveState:
-    """Newest message of a topic, until it is old; thread-safe.
+    """Newest message of a topic, as long as it is not too old; thread-safe.
 
     Attributes:
-        patience: age from which a message is old [s of wall time]; longer while a simulation is slower than real time.
+        patience: age above which a message is too old [s of wall time]; LivePace makes it longer than LOST while a
+            simulation is slower than real time.
     """
 
     patience = LOST
@@ -47,21 +49,21 @@ class LiveState:
         self._newest = (time.monotonic(), message)
 
     def get(self) -> Any:
-        """Return the newest message; None if it is old."""
+        """Return the newest message; None: there is none, or it is older than `patience`."""
         received, message = self._newest
         return message if time.monotonic() - received < self.patience else None
 
     def scene(self) -> dict[str, object]:
-        """Return nothing: what is held is in the frames alone."""
+        """Return an empty dictionary: the data of this part are only in the frames."""
         return {}
 
 
 class LiveStatics:
-    """Static transforms that were received, as the replay uses them.
+    """Received static transforms (/tf_static), in the form that the replay of `hric_report` uses.
 
     Args:
-        links: links of the arm, to which other frames are related.
-        on_plate: called with the id of each new force plate.
+        links: names of the arm's links, in which the poses of other frames are expressed.
+        on_plate: callback that gets the id of each new force plate.
     """
 
     def __init__(self, links: Sequence[str], on_plate: Callable[[str], None]) -> None:
@@ -69,7 +71,7 @@ class LiveStatics:
         self.known: Statics = {}
 
     def push(self, message: Any) -> None:
-        """Store a tf2_msgs/TFMessage."""
+        """Store the transforms of a tf2_msgs/TFMessage."""
         for item in message.transforms:
             p, q = item.transform.translation, item.transform.rotation
             name, pose = item.child_frame_id, ([p.x, p.y, p.z], [q.x, q.y, q.z, q.w])
@@ -91,7 +93,7 @@ class LiveMocap(LiveState):
         self._statics = statics
 
     def frame(self) -> dict[str, object]:
-        """Return the positions [m] and poses of what is tracked, in the axes of a link."""
+        """Return the positions of markers [m] and the poses of rigid bodies, in the frame of a link of the arm."""
         if (message := self.get()) is None:
             return {}
         parent, R, p, _ = placement(message.header.frame_id, self._statics.links, self._statics.known)
@@ -112,7 +114,7 @@ class LiveHand(LiveState):
     """End effector and external force of the newest franka_msgs/FrankaState.
 
     Args:
-        base: link of the arm in whose axes they are.
+        base: name of the arm's base link, in whose frame pose and force are.
     """
 
     def __init__(self, base: str) -> None:
@@ -120,7 +122,7 @@ class LiveHand(LiveState):
         self._base = base
 
     def frame(self) -> dict[str, object]:
-        """Return the measured pose of the end effector, and the estimated force on the arm [N] at the origin of K."""
+        """Return the measured pose of the end effector (O_T_EE), and the estimated force on the arm [N] at frame K."""
         if (message := self.get()) is None:
             return {}
         T_base_ee, T_ee_k = (np.reshape(T, (4, 4), order="F") for T in (message.O_T_EE, message.EE_T_K))
@@ -135,7 +137,7 @@ class LiveHand(LiveState):
 
 
 class LivePlates:
-    """Force plates whose place is known, with the newest force on each.
+    """Force plates whose pose is known from static transforms, with the newest force on each.
 
     Args:
         statics: static transforms.
@@ -145,16 +147,16 @@ class LivePlates:
         self._statics, self._held = statics, dict[str, LiveState]()
 
     def add(self, plate: str) -> Callable[[Any], None]:
-        """Return the receiver of the geometry_msgs/WrenchStamped of another plate; plate: its id."""
+        """Add a force plate by its id, and return the callback for its geometry_msgs/WrenchStamped."""
         self._held = {**self._held, plate: LiveState()}
         return self._held[plate].push
 
     def scene(self) -> dict[str, object]:
-        """Return nothing: plates may appear later."""
+        """Return an empty dictionary: plates are in the frames, since they may appear later."""
         return {}
 
     def frame(self) -> dict[str, object]:
-        """Return place, size [m] and force [N] of each plate, in its axes; force null: not known."""
+        """Return pose, size [m] and force [N] of each plate, the force in the plate's axes; force null: not known."""
         return {"plates": [plate for name, held in self._held.items() for plate in self._plate(name, held.get())]}
 
     def _plate(self, name: str, message: Any) -> list[dict[str, object]]:
@@ -169,10 +171,10 @@ class LivePlates:
 
 
 class LiveMuscles(LiveState):
-    """Activation of the muscles of the person, in the order of their lines.
+    """Activation of the person's muscles (hric_msgs/MuscleActivation), in the order of `lines`.
 
     Args:
-        lines: by muscle, the points of its line: name of the link, and x, y, z in the link's frame [m].
+        lines: points of the line of action of each muscle: name of a link, and x, y, z in the link's frame [m].
     """
 
     def __init__(self, lines: Mapping[str, Sequence[Sequence[Any]]]) -> None:
@@ -182,7 +184,7 @@ class LiveMuscles(LiveState):
         self.lines = SceneLines(points, np.zeros(1), unknown, ACTIVATION_COLOURS, "activation of the muscles")
 
     def frame(self) -> dict[str, object]:
-        """Return the activations [1]; null: not known."""
+        """Return the activation of each muscle [1]; null: not known."""
         if (message := self.get()) is None:
             return {}
         activation = dict(zip(message.name, message.activation, strict=True))
@@ -191,14 +193,14 @@ class LiveMuscles(LiveState):
 
 
 class LiveTouches:
-    """Largest share of the limit of each region of the person since the last frame; thread-safe.
+    """Contact load of each body region as share of its limit, the largest since the last frame; thread-safe.
 
-    The share is that of the verdict: the larger of force and mean pressure over their limits; in the first
-    TRANSIENT_TIME of a contact over the transient limits. As in the verdict, a share below 1 is not known if one of the
-    two is not known. The verdict also judges the approach.
+    The share is the larger of force / force limit and mean pressure / pressure limit; the limits are the transient ones
+    in the first TRANSIENT_TIME of a contact, then the quasi-static ones. A share below 1 is not known if force or
+    pressure is not known. The verdict of `hric assess` has the same rule, and also judges the speed of the approach.
 
     Args:
-        limits: limits of contacts.
+        limits: contact limits of the body regions.
     """
 
     def __init__(self, limits: Limits) -> None:
@@ -206,7 +208,7 @@ class LiveTouches:
         self._shares: dict[str, float | None] = {}
 
     def push(self, message: Any) -> None:
-        """Store the contacts of a hric_msgs/RegionContacts; of ended ones the peaks."""
+        """Store the contacts of a hric_msgs/RegionContacts: present ones by their force, ended ones by their peak."""
         for contacts, attribute in ((message.touching, "force"), (message.ended, "peak")):
             for contact in contacts:
                 share = self.share(contact, getattr(contact, attribute))
@@ -216,7 +218,12 @@ class LiveTouches:
                         self._shares[key] = _worse(self._shares[key], share) if key in self._shares else share
 
     def share(self, contact: Any, force: float) -> float | None:
-        """Return the largest ratio of a force [N], or its pressure, to its limit; None: not known; 1: not permitted."""
+        """Return the load of a contact as share of its limit [1]; None: not known; 1: no contact is permitted there.
+
+        Args:
+            contact: hric_msgs/RegionContact with the regions and the area.
+            force: force of the contact [N].
+        """
         limit = self._limits.at(contact.regions, dominant=bool(contact.dominant)) if contact.regions else None
         if limit is None or not math.isfinite(force):
             return None
@@ -232,18 +239,18 @@ class LiveTouches:
         return None if worst is None else round(worst, FORCE_DIGITS)
 
     def scene(self) -> dict[str, object]:
-        """Return nothing: the shares are in the frames alone."""
+        """Return an empty dictionary: the shares are only in the frames."""
         return {}
 
     def frame(self) -> dict[str, object]:
-        """Return the shares [1] since the last call, by region of the skin; null: not known."""
+        """Return the largest share of the limit since the last call [1], by body region; null: not known."""
         with self._lock:
             shares, self._shares = self._shares, {}
         return {"touched": shares}
 
 
 def _worse(a: float | None, b: float | None) -> float | None:
-    """Return the worse of two shares of a limit [1]; None, not known, is worse than any below 1."""
+    """Return the worse of two shares of a limit [1]; None (not known) is worse than a share below 1."""
     known = max((share for share in (a, b) if share is not None), default=None)
     return known if known is None or known >= 1.0 or None not in (a, b) else None
 
@@ -253,7 +260,10 @@ def _xyz(v: Any) -> tuple[float, float, float]:
 
 
 def _pose(pose: Any, R: Rotation, p: Any) -> list[float]:
-    """Return a geometry_msgs/Pose in other axes: position [m] and quaternion x, y, z, w; NaN: it is not a pose."""
+    """Return a geometry_msgs/Pose after the transform R, p: x, y, z [m] and quaternion x, y, z, w.
+
+    A pose whose quaternion is far from unit length gives a single NaN.
+    """
     q = pose.orientation
     quaternion = (q.x, q.y, q.z, q.w)
     if not 0.5 < math.hypot(*quaternion) < 2.0:

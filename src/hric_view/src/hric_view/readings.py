@@ -1,4 +1,4 @@
-"""Readings beside the scene: efforts, limits that are near, EMG, setpoint, and the supervisor's decision. No node."""
+"""Values that the page shows next to the scene: efforts, near limits, EMG, setpoint, pace, supervisor's decision."""
 
 import math
 import time
@@ -12,16 +12,17 @@ from hric_view.live import DIGITS
 from hric_view.parts import FORCE_DIGITS, LOST, LiveState
 
 SETPOINTS = ("joint_pd_controller", "effort_joint_trajectory_controller", "position_joint_trajectory_controller")
-"""Controllers whose topic `state` has the commanded joint positions."""
+"""Names of the controllers whose topic `state` has the commanded joint positions."""
 
 PACE_PERIOD = 0.5
-"""Time over which the pace of a simulation is measured, and after which viewers learn it again [s of wall time]."""
+"""Time over which the pace of a simulation is measured, and after which it is sent again [s of wall time]; project
+default."""
 VALUES, UNKNOWN = ("position", "velocity", "effort"), (math.nan, math.nan, math.nan)
-"""State of a joint: names of its values, and the values of a joint that is silent."""
+"""Names of the values of a joint state, and the values of a joint of which no state was received."""
 
 
 class LiveLimits:
-    """Efforts of the arm's joints, and how near they are to their limits; thread-safe.
+    """Efforts of the arm's joints, and warnings of joints near their limits; thread-safe.
 
     Args:
         names: joints in the order of the frame.
@@ -34,11 +35,14 @@ class LiveLimits:
         self.push = self._joints.push
 
     def scene(self) -> dict[str, object]:
-        """Return nothing: all values are in the frames."""
+        """Return an empty dictionary: the values are only in the frames."""
         return {}
 
     def frame(self) -> dict[str, object]:
-        """Return efforts [N m], null: not known; by joint level (1: near a limit, 2: at it) and text."""
+        """Return the effort of each joint [N m] (null: not known), and a warning for each joint that has one.
+
+        A warning is a level (0: values not known, 1: near a limit, 2: at a limit) and a text, by joint.
+        """
         if (message := self._joints.take()) is None:
             return {}
         states = dict(
@@ -51,7 +55,12 @@ class LiveLimits:
         }
 
     def _near(self, name: str, state: tuple[float, float, float]) -> tuple[int, str]:
-        """Return the level and the text of a joint: limits that are near, and values that are not known."""
+        """Return level and text of the warning of a joint; text "": there is none.
+
+        Args:
+            name: name of the joint.
+            state: position, velocity and effort of the joint; NaN: not known.
+        """
         near = of_joint(self._limits[name], *state)
         unknown = [what for what, value in zip(VALUES, state, strict=True) if math.isnan(value)]
         texts = [near.text] * bool(near.text) + [f"{' and '.join(unknown)} not known"] * bool(unknown)
@@ -70,11 +79,11 @@ class LiveEmg:
         self.push = self._mean.push
 
     def scene(self) -> dict[str, object]:
-        """Return nothing: channels may appear later."""
+        """Return an empty dictionary: channels are in the frames, since they may appear later."""
         return {}
 
     def frame(self) -> dict[str, object]:
-        """Return the envelope, in shares of the maximum contraction or in the unit of the channel; null: not known."""
+        """Return the mean envelope by channel, as share of the MVC [1] or in the channel's unit; null: not known."""
         message = self._mean.take()
         if message is None:
             return {}
@@ -94,7 +103,7 @@ class LiveSetpoint(LiveState):
         self._names = names
 
     def frame(self) -> dict[str, object]:
-        """Return the positions [rad], null: this joint is not commanded."""
+        """Return the commanded positions [rad] in the order of the frame; null: the joint is not commanded."""
         if (message := self.get()) is None:
             return {}
         desired = dict(zip(message.joint_names, message.desired.positions, strict=False))
@@ -103,7 +112,7 @@ class LiveSetpoint(LiveState):
 
 
 class LivePace(LiveState):
-    """Pace of a simulation, from hric_msgs/ClockPair; while it is below real time, all LiveState wait longer."""
+    """Real-time factor of a simulation, from hric_msgs/ClockPair; below 1, it makes LiveState.patience longer."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -111,7 +120,7 @@ class LivePace(LiveState):
         self._achieved: float | None = None
 
     def push(self, message: Any) -> None:
-        """Store a pair of the robot's time and that of its machine; a real arm, whose pace is its own, is left out."""
+        """Store a pair of robot time and monotonic time of the machine; a pair from a real arm is ignored."""
         if not message.scheduled and message.real_time_factor:
             return
         super().push(message)
@@ -122,7 +131,7 @@ class LivePace(LiveState):
             self._since = at, run
 
     def frame(self) -> dict[str, object]:
-        """Return requested pace, 0: as fast as possible, and achieved one, null: not known, every PACE_PERIOD."""
+        """Return real-time factors each PACE_PERIOD: requested (0: as fast as possible), achieved (null: not known)."""
         now, message = time.monotonic(), self.get()
         if now - self._reported < PACE_PERIOD:
             return {}
@@ -135,7 +144,11 @@ class LiveSafety(LiveState):
     """Newest decision of a supervisor (hric_msgs/SafetyState)."""
 
     def frame(self) -> dict[str, object]:
-        """Return state, reason, distance and protective distance [m], null: not known, and the nearest points [m]."""
+        """Return the decision: state, reason, speed scale [1], distances [m] and nearest points, x, y, z [m].
+
+        `separation` is the distance of arm and person, `protective` the protective separation distance; null: not
+        known.
+        """
         if (message := self.get()) is None:
             return {}
         points = [[known(v, 4) for v in (p.x, p.y, p.z)] for p in (message.robot_point, message.person_point)]
@@ -145,5 +158,5 @@ class LiveSafety(LiveState):
 
 
 def known(value: float, digits: int) -> float | None:
-    """Return a value, rounded; None: it is not finite."""
+    """Return a value rounded to a number of decimals; None: it is not finite."""
     return round(value, digits) if math.isfinite(value) else None

@@ -1,4 +1,4 @@
-"""Recorded runs in the window: a list, the replay of one run or of two together, the reports, and new runs."""
+"""Pages of `hric view`: list of the recorded runs, replay of one or two of them, reports, and start of new runs."""
 
 import contextlib
 import json
@@ -18,9 +18,9 @@ from hric_view import new_run, page
 from hric_view.server import HTML, Visit, WebPage
 
 KEPT = 3
-"""Scenes of runs that are kept in memory; project default, unconfirmed."""
+"""Number of replays that stay in memory; project default, unconfirmed."""
 NAMED = 5
-"""Runs that an error message names."""
+"""Number of runs that the error message about an unknown run names."""
 
 
 @dataclass(frozen=True)
@@ -29,11 +29,11 @@ class RunEntry:
 
     Attributes:
         name: name of the run folder.
-        experiment, started, status: values of run.yaml; "": not known.
-        arguments: arguments that changed the experiment's file.
+        experiment, started, status: name of the experiment, start time and status, from run.yaml; "": not known.
+        arguments: overrides of the experiment file, as on the command line.
         mode: "headless" or "live"; "": not known.
-        verdict: outcome of the assessment, or why there is none.
-        fault: why the run cannot be shown; "": it can.
+        verdict: outcome of `hric assess`, or the reason why there is none.
+        fault: reason why the run cannot be replayed; "": it can.
     """
 
     name: str
@@ -47,7 +47,7 @@ class RunEntry:
 
 
 def run_names(root: Path) -> list[str]:
-    """Return the names of all run folders in a folder, the newest first; links such as `latest` are left out."""
+    """Return the names of all run folders in the folder of runs, the newest first, without links such as `latest`."""
     changed = dict[str, float]()
     for path in root.glob("*/run.yaml"):
         with contextlib.suppress(FileNotFoundError):  # removed in the meantime
@@ -57,7 +57,7 @@ def run_names(root: Path) -> list[str]:
 
 
 def entry(folder: RunFolder) -> RunEntry:
-    """Return the row of a run; a run that cannot be read has its fault in it."""
+    """Return the row of a run in the list; if the run cannot be read, the row has the reason in `fault`."""
     try:
         run = folder.read()
         outcome = _verdict(folder, run)
@@ -84,7 +84,7 @@ def _verdict(folder: RunFolder, run: RunFile) -> str:
 
 
 class RecordedWindow:
-    """Window on the runs of a folder, which also starts new ones.
+    """Pages on the recorded runs in a folder, which also start new runs.
 
     Args:
         root: folder of the runs.
@@ -99,7 +99,9 @@ class RecordedWindow:
         self._scene = lru_cache(maxsize=KEPT)(_scene)
 
     def page(self, visit: Visit) -> WebPage | None:
-        """Return the list of runs, the page that replays one or two runs, the report of a run, or that of a new run.
+        """Return the page at an address: list of runs, replay of one or two runs, report, or start of a new run.
+
+        Other addresses give None.
 
         Raises:
             HricError: there is no such run or experiment, or its report cannot be made.
@@ -120,7 +122,7 @@ class RecordedWindow:
         return page.render(" and ".join(names), visit, links=links, waiting="reading the recording")
 
     def scene(self, visit: Visit) -> str:
-        """Return the scene with the motions of one or two runs, or the state of the run that the window has started.
+        """Return the first message for a page: the replay of one or two runs, or the state of the run it has started.
 
         Raises:
             HricError: there is no such run, it cannot be read, or the motions of two runs do not match.
@@ -133,14 +135,14 @@ class RecordedWindow:
             return self._scene(changed)
 
     def _names(self, query: Mapping[str, str]) -> list[str]:
-        """Return the names of the runs that an address names."""
+        """Return the names of the one or two runs in a query (keys `run` and `other`)."""
         return [self._folder(query, key).path.name for key in ("run", "other") if key == "run" or key in query]
 
     def _folder(self, query: Mapping[str, str], key: str) -> RunFolder:
         names, name = run_names(self._root), query.get(key, "")
         if name not in names:
             newest = ", ".join(names[:NAMED]) or "none"
-            raise HricError(f"no run {name!r} in {self._root}; the newest: {newest}")
+            raise HricError(f"there is no run {name!r} in {self._root}; the newest runs: {newest}")
         return RunFolder(self._root / name)
 
     def _list(self, visit: Visit) -> WebPage:
@@ -160,7 +162,11 @@ class RecordedWindow:
 
 
 def _scene(changed: Sequence[tuple[str, int]]) -> str:
-    """Return the scene of runs; changed: path and time of the last change of each."""
+    """Return the first message for the replay of one or two runs, as JSON.
+
+    Args:
+        changed: run folder and time of the last change of run.yaml [ns] of each; a changed run is read again.
+    """
     folders = [RunFolder(Path(path)) for path, _ in changed]
     contents: Any = html.page_of(*folders) if len(folders) == 1 else html.comparison_of(folders)
     return page.scene_message(contents.robots, notes=contents.notes, live=False)

@@ -1,6 +1,6 @@
-"""Run that a window starts: `hric run` in a process of its own, its progress, and how it ended.
+"""Process `hric run` that a page of `hric view` starts, with its progress and its result.
 
-The process has a terminal of its own for its messages, so that it shows the progress bar that is read here.
+The standard error of the process is a pseudo-terminal, so that it prints a progress bar, which is read here.
 """
 
 import contextlib
@@ -20,26 +20,27 @@ from hric_core.processes import describe_exit, end_process, start_dependent
 RUNNING, DONE, CANCELLED, FAILED = "running", "done", "cancelled", "failed"
 """Phases of a run."""
 PATIENCE = 120.0
-"""Longest wait for the end of a cancelled run, which still writes its report [s]; project default."""
+"""Longest wait for the end of a cancelled run, which still writes its report, before it is killed [s]; project default.
+"""
 CLOSING = 10.0
-"""The same if the window is closed [s]; project default."""
+"""Longest wait for the end of the run when `hric view` ends [s]; project default."""
 CONTROL = re.compile(r"\x1b\[[\d;?]*[A-Za-z]")
-"""Control sequences of a terminal."""
+"""Pattern of control sequences of a terminal, which are removed from messages."""
 LONGEST = 10_000
-"""Longest part of the messages that is kept [characters]."""
+"""Number of characters of the process's last messages that are stored; project default."""
 
 
 @dataclass(frozen=True)
 class RunState:
-    """State of the run that a window has started last.
+    """State of the run that was started last.
 
     Attributes:
-        number: number of the run since the window opened; 0: there was none.
+        number: number of runs started since `hric view` began; 0: none yet.
         experiment: name of the experiment.
-        phase: RUNNING, DONE, CANCELLED or FAILED; "": there was no run.
+        phase: RUNNING, DONE, CANCELLED or FAILED; "": no run yet.
         time, duration: robot time simulated so far, and of the complete run [s]; None: not known yet.
-        text: what the process does now, or why it failed.
-        folder: name of the run folder; "": there is none.
+        text: present message of the process, or the reason of its failure.
+        folder: name of the run folder; "": the run has none (yet).
     """
 
     number: int = 0
@@ -52,7 +53,7 @@ class RunState:
 
 
 class RunProcess:
-    """Runs that a window starts, one at a time.
+    """Starter of runs, one at a time.
 
     Args:
         root: folder of the runs.
@@ -69,18 +70,23 @@ class RunProcess:
         self._thread: threading.Thread | None = None
 
     def command(self, name: str, words: Sequence[str]) -> list[str]:
-        """Return the command of a run; words: overrides `KEY:=VALUE`."""
+        """Return the command line of a run.
+
+        Args:
+            name: name of an experiment of the workspace.
+            words: overrides `KEY:=VALUE`.
+        """
         return ["hric", "run", name, *words, "--runs", str(self._root)]
 
     def start(self, name: str, words: Sequence[str]) -> None:
-        """Start a run.
+        """Start a run in the background.
 
         Args:
             name: name of an experiment of the workspace.
             words: overrides `KEY:=VALUE`.
 
         Raises:
-            HricError: the run before has not ended yet.
+            HricError: the previous run has not ended yet.
         """
         with self._lock:
             if self.state.phase == RUNNING:
@@ -96,14 +102,14 @@ class RunProcess:
             self._begun.wait()
 
     def cancel(self) -> None:
-        """Let the run end early, as Ctrl-C does, without waiting for its end; do nothing if none runs."""
+        """Send the run an interrupt, as Ctrl-C does, and do not wait for its end; do nothing if none is running."""
         with self._lock:
             if self._process is not None and not self._cancelled:
                 self._cancelled = True
                 threading.Thread(target=end_process, args=(self._process, PATIENCE), daemon=True).start()
 
     def close(self) -> None:
-        """End the run, and wait for its end."""
+        """Cancel the run, and wait for its end, at most CLOSING [s]."""
         with self._lock:
             if self._process is not None:
                 end_process(self._process, CLOSING)
@@ -131,7 +137,11 @@ class RunProcess:
             self._end(code, messages, output.read().decode(errors="replace"))
 
     def _followed(self, terminal: int) -> str:
-        """Show the messages of the process until it ends, and return the last ones; terminal: file descriptor."""
+        """Copy progress and messages of the process to `state` until it ends; return its last messages.
+
+        Args:
+            terminal: file descriptor of the pseudo-terminal.
+        """
         text, messages = b"", ""
         with contextlib.suppress(OSError):  # the process has closed its terminal
             while part := os.read(terminal, 4096):
@@ -145,7 +155,13 @@ class RunProcess:
         return messages
 
     def _end(self, code: int, messages: str, output: str) -> None:
-        """Store how the run ended; output: its standard output."""
+        """Store the result of the run in `state`.
+
+        Args:
+            code: exit code of the process.
+            messages: its last messages.
+            output: its standard output.
+        """
         phase = DONE if code == 0 else CANCELLED if self._cancelled else FAILED
         reason = messages.rpartition("hric run: ")[2] if code > 0 and "hric run: " in messages else ""
         text = (reason.strip() or describe_exit("hric run", code)) if phase == FAILED else ""

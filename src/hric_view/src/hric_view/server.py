@@ -1,9 +1,9 @@
 """Server of the windows: pages by HTTP, and a WebSocket that carries the scene and its frames to each viewer.
 
-Both require the token in the address that the server prints; the WebSocket also refuses pages of other origins, and
-both refuse other names of this host, which guards against DNS rebinding. A viewer gets the newest frame whenever the
-one before has left; a slow one gets fewer, and delays nobody. Messages of a viewer are accepted only by a window with a
-receiver; the connection of a viewer that sends anything else is closed.
+Both require the token in the address that the server prints, and refuse requests by another name of this host, which
+protects against DNS rebinding; the WebSocket also refuses pages of other origins. A viewer gets the newest frame as
+soon as the previous one has been sent: a slow viewer gets fewer frames, and does not delay others. A window accepts
+messages of viewers only if it has a receiver; the connection of a viewer that sends anything else is closed.
 """
 
 import contextlib
@@ -30,7 +30,7 @@ from hric_core.errors import FailureError, HricError
 
 LOOPBACK = "127.0.0.1"
 PORT = 8090
-"""TCP port of the window if it is free; project default."""
+"""TCP port of a window that is started with port 0, if this port is free; project default."""
 MAX_MESSAGE = 4096
 """Largest message that a viewer may send [bytes]."""
 MAX_VIEWERS = 20
@@ -47,7 +47,7 @@ HTML = "text/html"
 
 
 class WebPage(NamedTuple):
-    """Response to a request by HTTP: the media type and the content."""
+    """Content of the response to an HTTP request, with its media type."""
 
     kind: str
     body: bytes
@@ -55,11 +55,11 @@ class WebPage(NamedTuple):
 
 @dataclass(frozen=True)
 class Visit:
-    """Request of a viewer with the right token.
+    """Request of a browser whose token is right.
 
     Attributes:
         path: path of the address.
-        query: values of the query by name, without the token; of a name that is repeated the last value.
+        query: values of the query by name, without the token; if a name is repeated, its last value.
         socket: address of the WebSocket, without path and query.
         token: token of the server.
     """
@@ -70,22 +70,22 @@ class Visit:
     token: str = field(repr=False)
 
     def link(self, path: str, **query: str) -> str:
-        """Return a relative address on this server, with the token."""
+        """Return the relative address of another page of this server, with the token and the values of a query."""
         return f"{path}?{urlencode({**query, 'token': self.token})}"
 
 
 class ForeignMessageError(HricError):
-    """Message that no page of this project sends; the connection of its sender is closed."""
+    """Error of a message that no page of this project sends; the server closes the connection of its sender."""
 
 
 class Viewer:
-    """Connected viewer.
+    """Browser that is connected by a WebSocket.
 
     Attributes:
         name: address and port of the viewer.
 
     Raises:
-        OSError: the viewer has left.
+        OSError: the browser has disconnected.
     """
 
     def __init__(self, connection: ServerConnection) -> None:
@@ -93,56 +93,56 @@ class Viewer:
         self.name = ":".join(map(str, connection.remote_address[:2]))
 
     def tell(self, message: Mapping[str, object]) -> None:
-        """Send a message to this viewer; do nothing if it has left."""
+        """Send a message, as JSON, to this viewer; do nothing if it has disconnected."""
         self.send(json.dumps(message, allow_nan=False))
 
     def send(self, text: str) -> None:
-        """Send a message, as JSON, to this viewer; do nothing if it has left."""
+        """Send a message that is already JSON to this viewer; do nothing if it has disconnected."""
         with contextlib.suppress(ConnectionClosed):
             self._connection.send(text)
 
 
 class WindowContents(Protocol):
-    """Contents of a window."""
+    """Interface to the contents of a window: its pages and the first messages of its WebSocket."""
 
     def page(self, visit: Visit) -> WebPage | None:
-        """Return the page at an address; None: there is none.
+        """Return the page at an address; None: the window has no page there.
 
         Raises:
-            HricError: there is no such page; the message becomes the response.
+            HricError: the page cannot be made, e.g. the run does not exist; the browser shows the message.
         """
 
     def scene(self, visit: Visit) -> str:
-        """Return the first message of a viewer who connects to the WebSocket.
+        """Return the first message for a viewer who connects to the WebSocket, as JSON.
 
         Raises:
-            HricError: there is no such scene; the viewer gets the message.
+            HricError: the message cannot be made, e.g. the run does not exist; the page shows the reason.
         """
 
 
 class Receiver(Protocol):
-    """Receiver of the messages of viewers; both methods are called in the thread of the viewer."""
+    """Interface to the receiver of viewers' messages; both methods are called in a thread for each viewer."""
 
     def receive(self, viewer: Viewer, message: Mapping[str, Any]) -> None:
-        """Execute a message.
+        """Execute the request in a message.
 
         Raises:
-            ForeignMessageError: the message is none that a page sends; the connection is closed.
-            HricError: the request is refused; the viewer gets the reason.
+            ForeignMessageError: no page sends such a message; the connection is closed.
+            HricError: the request is refused; the page shows the reason.
         """
 
     def leave(self, viewer: Viewer) -> None:
-        """End what a viewer has begun: they have left."""
+        """Release what a viewer holds, such as control of the robot, since they have disconnected."""
 
 
 class ViewServer:
-    """Server of a window, which listens from its construction on.
+    """HTTP and WebSocket server of a window; it listens from its construction on.
 
     Args:
         window: pages and scenes.
         host: address of this machine on which it listens.
         port: TCP port; 0: PORT, or a free one if another program listens there.
-        receiver: receiver of the messages of viewers; None: the window takes none.
+        receiver: receiver of the viewers' messages; None: the connection of a viewer that sends one is closed.
 
     Attributes:
         address: address of the first page, with the token.
@@ -156,7 +156,7 @@ class ViewServer:
     ) -> None:
         if host in ("", "0.0.0.0", "::"):
             raise FailureError(
-                f"the window cannot listen on {host!r}, all addresses; valid: one address of this machine"
+                f"the window does not listen on {host!r}, all addresses of this machine; valid: one of them"
             )
         self._socket = _listening(host, port)
         self._token, self._window, self._receiver = secrets.token_urlsafe(16), window, receiver
@@ -186,7 +186,12 @@ class ViewServer:
         return len(self._viewers)
 
     def link(self, path: str, query: str = "") -> str:
-        """Return the address of a page, with the token; query: "NAME=VALUE" pairs joined by "&"."""
+        """Return the full address of a page, with the token.
+
+        Args:
+            path: path of the page, which begins with "/".
+            query: pairs "NAME=VALUE" joined by "&".
+        """
         begin, _, token = self.address.partition("/?")
         return f"{begin}{path}?{query}{'&' * bool(query)}{token}"
 
@@ -209,20 +214,29 @@ class ViewServer:
         address = urlsplit(request.path)
         token = parse_qs(address.query).get("token", [""])[0]
         if request.headers.get("Host", "") not in self._names:
-            return _text(http.HTTPStatus.FORBIDDEN, "another name of this host; valid: the address that was printed\n")
+            return _text(
+                http.HTTPStatus.FORBIDDEN,
+                "this name of the host is refused; open the address that the program printed\n",
+            )
         if not hmac.compare_digest(token.encode(), self._token.encode()):
-            return _text(http.HTTPStatus.FORBIDDEN, "wrong or missing token; valid: the address that was printed\n")
+            return _text(
+                http.HTTPStatus.FORBIDDEN, "wrong or missing token; open the address that the program printed\n"
+            )
         if address.path == "/socket":
             full = self.viewers >= MAX_VIEWERS
             return (
-                _text(http.HTTPStatus.SERVICE_UNAVAILABLE, f"{MAX_VIEWERS} viewers are connected\n") if full else None
+                _text(http.HTTPStatus.SERVICE_UNAVAILABLE, f"{MAX_VIEWERS} viewers are connected; close another page\n")
+                if full
+                else None
             )
         try:
             page = self._window.page(self._visit(request))
         except HricError as error:
             return _text(http.HTTPStatus.NOT_FOUND, f"{error}\n")
         if page is None:
-            return _text(http.HTTPStatus.NOT_FOUND, "nothing here; valid: the address that was printed\n")
+            return _text(
+                http.HTTPStatus.NOT_FOUND, "there is no such page; open the address that the program printed\n"
+            )
         return _response(http.HTTPStatus.OK, *page)
 
     def _visit(self, request: Request) -> Visit:
@@ -260,7 +274,7 @@ class ViewServer:
             return self._frame, self._number
 
     def _listen(self, connection: ServerConnection, viewer: Viewer) -> None:
-        """Hand the messages of a viewer to the receiver; close the connection at one that no page sends."""
+        """Pass the messages of a viewer to the receiver; close the connection at a message that no page sends."""
         try:
             while self._obeyed(viewer, connection.recv()):
                 pass
@@ -272,7 +286,7 @@ class ViewServer:
                 self._receiver.leave(viewer)
 
     def _obeyed(self, viewer: Viewer, text: str | bytes) -> bool:
-        """Execute a message of a viewer; return False if no page sends it."""
+        """Execute a message of a viewer; return False if it is one that no page sends."""
         if self._receiver is None:
             return False
         try:
@@ -286,10 +300,10 @@ class ViewServer:
 
 
 def from_text(text: str | bytes) -> dict[str, Any]:
-    """Return a message of a viewer: a JSON object without NaN, infinities and repeated keys.
+    """Return the object in a JSON text that a viewer has sent.
 
     Raises:
-        ForeignMessageError: the text is none.
+        ForeignMessageError: the text is no JSON object, or has NaN, infinities or repeated keys.
     """
 
     def pairs(items: list[tuple[str, Any]]) -> dict[str, Any]:

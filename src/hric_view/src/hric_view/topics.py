@@ -1,4 +1,4 @@
-"""Parts of the window on the topics of a running system."""
+"""Construction of the parts of the window on a running system, with their subscriptions."""
 
 from functools import partial
 
@@ -31,13 +31,13 @@ from hric_view.verdict import ARM, PERSON, LiveVerdict
 
 
 def of_arm(root: Node, feeds: Feeds, arm: SceneRobot, rate: float) -> list[Part]:
-    """Return the parts of the arm and of the sensors, with their topics.
+    """Return the parts that show the arm and the sensors, and subscribe to their topics.
 
     Args:
         root: node in the namespace of the robot.
         feeds: topics of the window.
-        arm: the arm.
-        rate: rate of the frames [Hz].
+        arm: the arm in the scene.
+        rate: rate of the frames [Hz of wall time].
     """
     tree = read(arm.description)
     hand = LiveHand(next((name for name in tree.links if name.endswith("_link0")), tree.root))
@@ -59,7 +59,13 @@ def of_arm(root: Node, feeds: Feeds, arm: SceneRobot, rate: float) -> list[Part]
 
 
 def of_person(root: Node, feeds: Feeds, person: SceneRobot) -> list[Part]:
-    """Return the parts of the simulated person, with their topics; `person` gets the lines of the muscles."""
+    """Return the parts that show muscles and contacts of the simulated person, and subscribe to their topics.
+
+    Args:
+        root: node in the namespace of the robot.
+        feeds: topics of the window.
+        person: the person in the scene, to which the lines of the muscles are added.
+    """
     touches = LiveTouches(Limits.named())
     feeds.show(f"hric/{HUMAN}/contacts", RegionContacts, touches.push, depth=100)
     if not (lines := root.param(f"hric/{HUMAN}/muscle_lines", {})):
@@ -71,7 +77,13 @@ def of_person(root: Node, feeds: Feeds, person: SceneRobot) -> list[Part]:
 
 
 def verdict(root: Node, feeds: Feeds, arm: SceneRobot) -> LiveVerdict:
-    """Return the verdict of the simulated person beside an arm, with their topics."""
+    """Return the part with the verdict on the simulated person next to an arm, and subscribe to the topics of both.
+
+    Args:
+        root: node in the namespace of the robot.
+        feeds: topics of the window.
+        arm: the arm in the scene.
+    """
     human = {key: value for key, value in root.param(f"robot/participants/{HUMAN}", {}).items() if key != "type"}
     parameters = {"robot": {"plant": root.param("robot/plant", {})}}
     run: RunFile = {"definition": {"human": human or None}, "parameters": parameters}

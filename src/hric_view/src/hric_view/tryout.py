@@ -1,6 +1,7 @@
-"""Contact of a person with the arm under chosen conditions: each change runs an experiment again, without a ROS master.
+"""Runs of `hric try`: the experiment try_contact, a contact of arm and person, under conditions that a viewer chooses.
 
-The experiment runs in a process that is kept, so that nothing is loaded again. It is judged as a recorded run is.
+It runs headless in a worker process, which is reused so that nothing is loaded again, and is assessed as by
+`hric assess`.
 """
 
 import os
@@ -34,24 +35,24 @@ EXPERIMENT = "try_contact"
 TIMEOUT = 60.0
 """Longest duration of one run [s]; project default."""
 MEMORY = 4 * 2**30
-"""Memory limit of the process [bytes]; project default."""
+"""Memory limit of the worker process [bytes]; project default."""
 RATE = 60.0
-"""Instants of the replay per second [Hz]."""
+"""Rate of the replayed instants [Hz of robot time]; project default."""
 PD, SUBJECT = "parameters.joint_pd_controller", "human.subject"
 SEXES = ("male", "female")
 
 
 @dataclass(frozen=True)
 class Slider:
-    """Condition that can be chosen.
+    """Condition of a run that the viewer can choose on the page.
 
     Attributes:
-        name: short name, key of the value.
+        name: short name, the key of the value in messages.
         text: label on the page.
-        unit: unit of the value.
-        lower, upper, default: range and default.
-        step: step of the slider.
-        choices: words for the values 0, 1, ..., which are chosen from a list; empty: a slider.
+        unit: unit of the value; "": none.
+        lower, upper, default: range and default in `unit`.
+        step: step of the slider in `unit`.
+        choices: words for the values 0, 1, ..., of which the page shows a list; empty: the page shows a slider.
     """
 
     name: str
@@ -72,11 +73,12 @@ SLIDERS = (
     Slider("sex", "sex of the person", "", 0.0, 1.0, 0.0, 1.0, choices=SEXES),
     Slider("hand", "height of the person's hand", "m", 0.45, 0.73, 0.58, 0.01),
 )
-"""Conditions; ranges are project defaults: bodies of adults, and postures in which the arm can reach the forearm."""
+"""All conditions. The ranges are project defaults: sizes of adults, and hand heights at which the arm reaches the
+forearm."""
 
 
 def checked(values: Mapping[str, Any]) -> dict[str, float]:
-    """Return the conditions of a run, with defaults for missing ones.
+    """Return the conditions of a run by `Slider.name`, checked, with defaults for missing ones.
 
     Raises:
         HricError: a condition is unknown, or its value is not a number within its range.
@@ -93,7 +95,7 @@ def checked(values: Mapping[str, Any]) -> dict[str, float]:
 
 
 def overrides(values: Mapping[str, float]) -> list[str]:
-    """Return the overrides of the experiment, as on the command line, for checked conditions."""
+    """Return the overrides `KEY:=VALUE` of the experiment for checked conditions."""
     sex = SEXES[round(values["sex"])]
     body = f"{{code: T01, mass: {values['mass']:g}, height: {values['height']:g}, sex: {sex}}}"
     return [
@@ -105,7 +107,10 @@ def overrides(values: Mapping[str, float]) -> list[str]:
 
 
 def run(values: Mapping[str, float]) -> str:
-    """Run the experiment and return the scene with its figures, as a message for the page.
+    """Run the experiment and return the replay with its figures, as a message for the page in JSON.
+
+    Args:
+        values: checked conditions.
 
     Raises:
         HricError: the run is not possible, or failed.
@@ -124,7 +129,7 @@ def run(values: Mapping[str, float]) -> str:
 
 
 def scene_of(observations: Observations, settings: HumanSettings) -> list[SceneRobot]:
-    """Return the arm and the person of a run."""
+    """Return arm and person of a run with their motions, for the replay."""
     log = observations.log
     arm = SceneRobot("", observations.description, log.joint_names, *joint_track(log, RATE))
     records = observations.verdict_input.recording.humans.values()  # read already, unlike observations.metrics.person
@@ -135,27 +140,27 @@ class Figures:
     """Part of the page with the figures of a run; see page.Part.
 
     Args:
-        figures: figures of the run.
-        values: conditions of the run.
+        figures: figures (key values) of the run, see tryout_figures.
+        values: checked conditions of the run.
     """
 
     def __init__(self, figures: list[TryoutFigure], values: Mapping[str, float]) -> None:
         self._figures, self._values = figures, values
 
     def scene(self) -> dict[str, object]:
-        """Return the figures."""
+        """Return figures and conditions of the run for the page."""
         return {"figures": [asdict(figure) for figure in self._figures], "values": dict(self._values)}
 
     def frame(self) -> dict[str, object]:
-        """Return nothing: there are no frames."""
+        """Return an empty dictionary: a recorded run has no frames."""
         return {}
 
 
 class Tryout:
-    """Process that runs the experiment under changing conditions, one run at a time.
+    """Worker process that runs the experiment under changing conditions, one run at a time.
 
     Args:
-        execute: function that makes the message of a run, of its conditions.
+        execute: function that returns the message of a run with these conditions, such as `run`.
         timeout: longest duration of one run [s].
     """
 
@@ -165,7 +170,7 @@ class Tryout:
         self._kept = lru_cache(maxsize=16)(self._run)
 
     def result(self, values: Mapping[str, Any]) -> str:
-        """Return the message of a run; one of the last 16 again is not run again.
+        """Return the message of a run with these conditions; the last 16 results are reused.
 
         Raises:
             HricError: a condition is not valid, or the run failed.
@@ -174,11 +179,11 @@ class Tryout:
 
     @property
     def alive(self) -> bool:
-        """True if the process is there; a dead one is replaced at the next run."""
+        """True if the worker process is running; if not, the next run starts another one."""
         return bool(self._pool.active)
 
     def close(self) -> None:
-        """End the process."""
+        """Stop the worker process."""
         self._pool.stop()
         self._pool.join()
 
@@ -189,17 +194,19 @@ class Tryout:
         try:
             message: str = self._pool.schedule(self._execute, (dict(values),), timeout=self._timeout).result()
         except FutureTimeoutError:
-            raise FailureError(f"the run has not ended within {self._timeout:g} s and was stopped") from None
+            raise FailureError(f"the run was stopped, since it took more than {self._timeout:g} s") from None
         except (ProcessExpired, BrokenProcessPool) as error:
-            raise FailureError(f"the process of the run has died ({error}); the next change starts another") from error
+            raise FailureError(
+                f"the process of the run has died ({error}); change a condition to start another"
+            ) from error
         except HricError:
             raise
         except Exception as error:  # it ends this run, not the page
-            raise FailureError(f"the run failed by an error of this program: {reason(error)}") from error
+            raise FailureError(f"the run failed because of a programming error: {reason(error)}") from error
         return message
 
 
 def _pool() -> ProcessPool:
-    """Return a pool of one process, which ends with this one."""
+    """Return a pool of one worker process, which ends when this process ends."""
     initial = (os.getpid(), MEMORY)
     return ProcessPool(max_workers=1, context=get_context("spawn"), initializer=begin_worker, initargs=initial)

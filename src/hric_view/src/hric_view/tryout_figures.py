@@ -1,4 +1,4 @@
-"""Figures of a run in `hric try`: what its verdict knows; whatever the verdict does not know has no value."""
+"""Figures (key values) of a run in `hric try`, from its verdict; a figure that is not known has no value."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -11,26 +11,26 @@ from hric_assessment.verdict.impacts import PERMITTED
 from hric_assessment.verdict.result import Verdict
 
 PEAKS = ("transient peak [N]", "quasi-static peak [N]")
-MET = "speed at contact [m/s]"
-"""Names of values in findings about contacts."""
+MET = "speed at which they met [m/s]"
+"""Name of the value of a contact finding that has the speed of arm and person at the first touch."""
 SCORE, WORST = "score that counts", "score that counts, unknown at its worst"
-"""Names of values in findings about postures."""
+"""Names of the values of a posture finding with its score, and with the worst score that unknown angles allow."""
 NO_CONTACT, NOTHING = "no contact", "nothing touched the person"
-"""Reply to the question about contacts without a contact, and its reason; it is not shown as "within"."""
+"""Reply and reason of the figure about contacts if there was no contact; "within limits" would be misleading."""
 
 
 @dataclass(frozen=True)
 class TryoutFigure:
-    """Figure of a run.
+    """Key value of a run with its limit.
 
     Attributes:
-        name: name for display, the same in all runs.
+        name: name that the page shows, the same in all runs.
         value: value in `unit`; None: not known.
         limit: limit in `unit`; None: there is none, or it is not known.
-        unit: unit.
-        reply: reply of the verdict to the figure's question, or NO_CONTACT; "": the figure has none.
-        reason: why the reply is as it is, or why the value is not known.
-        lower: True if values below the limit are beyond it.
+        unit: unit of value and limit; "": none.
+        reply: reply of the verdict to the question about this value, or NO_CONTACT; "": there is no question.
+        reason: reason of the reply, or reason why the value is not known.
+        lower: True: values below the limit violate it, as for distances; False: values above.
     """
 
     name: str
@@ -43,7 +43,7 @@ class TryoutFigure:
 
 
 def figures_of(verdict: Verdict) -> Iterator[TryoutFigure]:
-    """Yield the figures of a verdict."""
+    """Yield the figures of a verdict in the order of the page."""
     contacts = [finding for finding in verdict.findings if finding.group == CONTACT]
     yield from _contact(contacts)
     by_question = {conclusion.question: conclusion for conclusion in verdict.conclusions}
@@ -58,7 +58,12 @@ def figures_of(verdict: Verdict) -> Iterator[TryoutFigure]:
 
 
 def _concluded(name: str, item: Conclusion) -> TryoutFigure:
-    """Return the figure of a conclusion; a value that decides nothing is not shown."""
+    """Return the figure of a verdict's conclusion; without a decision (reply "not known") it has no value.
+
+    Args:
+        name: name of the figure.
+        item: conclusion of the verdict.
+    """
     known = item.reply != Reply.UNKNOWN
     remedy = f"to know it: {item.remedy}" if item.remedy else ""
     reason = "; ".join(filter(None, (item.subject, item.reason, remedy)))
@@ -67,11 +72,12 @@ def _concluded(name: str, item: Conclusion) -> TryoutFigure:
 
 
 def _contact(contacts: Sequence[Finding]) -> Iterator[TryoutFigure]:
-    """Yield the largest force of all contacts, the speed of the one nearest to its limit, and its permitted speed.
+    """Yield three figures: largest force of all contacts, speed of the contact nearest to its limit, permitted speed.
+
+    If a contact is not assessable, all three are not known, since its unknown values may be larger.
 
     Args:
-        contacts: findings about contacts. One that is not assessable leaves all three unknown: what it lacks may be
-            larger.
+        contacts: findings about contacts.
     """
     unknown = next((finding for finding in contacts if finding.outcome == Outcome.NOT_ASSESSABLE), None)
     touches = _touches(contacts)
@@ -97,16 +103,16 @@ def _contact(contacts: Sequence[Finding]) -> Iterator[TryoutFigure]:
 
 
 def _touches(contacts: Sequence[Finding]) -> list[Finding]:
-    """Return the findings about contacts that happened, or may have happened."""
+    """Return the findings about contacts, without those that prove that there was no contact."""
     return [finding for finding in contacts if not (finding.outcome == Outcome.WITHIN and finding.share == 0.0)]
 
 
 def _score(title: str, postures: Sequence[Finding]) -> TryoutFigure:
-    """Return the worst score of a posture method; a score that unknown angles could change is not known.
+    """Return the figure with the worst score of a posture method; not known if unknown angles could change the score.
 
     Args:
-        title: name of the method.
-        postures: its findings, sorted from the worst.
+        title: name of the method, e.g. RULA.
+        postures: findings of this method, the worst first.
     """
     if not postures:
         return TryoutFigure(title, None, None, "", Reply.UNKNOWN, "no posture of the person is assessed")

@@ -1,4 +1,4 @@
-"""Window of `hric try`: sliders, the run with their values, and its figures beside those of the run before."""
+"""Page of `hric try`: sliders, replay of the run with their values, and its figures next to those of the last run."""
 
 import json
 from collections.abc import Mapping
@@ -12,31 +12,31 @@ from hric_view.tryout import SLIDERS, Tryout, checked
 
 
 class TryoutWindow:
-    """Contents of the window, and receiver of the conditions that its viewers choose.
+    """Contents of the window of `hric try`, and receiver of the conditions that its viewers choose.
 
     Args:
-        tryout: runs the experiment.
+        tryout: worker process that runs the experiment.
     """
 
     def __init__(self, tryout: Tryout) -> None:
         self._tryout = tryout
 
     def page(self, visit: Visit) -> WebPage | None:
-        """Return the page with the sliders."""
+        """Return the page with the sliders; None: another address than "/"."""
         if visit.path != "/":
             return None
         sliders = [asdict(slider) for slider in SLIDERS]
         return page.render("Try a contact", visit, sliders=sliders, waiting="running the experiment for the first time")
 
     def scene(self, visit: Visit) -> str:
-        """Return the run with the default conditions, or why it failed: the page can then request another one."""
+        """Return the message of the run with the default conditions, or the reason why this run failed."""
         try:
             return self._tryout.result({})
         except HricError as error:
             return json.dumps({"type": "refused", "text": str(error)})
 
     def receive(self, viewer: Viewer, message: Mapping[str, Any]) -> None:
-        """Run the experiment with the conditions of a viewer, and send them the result; see server.Receiver."""
+        """Run the experiment with the conditions in a viewer's message, and send them the result."""
         if set(message) != {"command", "values"} or message["command"] != "run":
             raise ForeignMessageError(f"keys {', '.join(message)}")
         if not isinstance(message["values"], dict):
@@ -44,4 +44,4 @@ class TryoutWindow:
         viewer.send(self._tryout.result(checked(message["values"])))
 
     def leave(self, viewer: Viewer) -> None:
-        """Do nothing: a viewer who has left gets no result."""
+        """Do nothing: no result is sent to a viewer who has disconnected."""

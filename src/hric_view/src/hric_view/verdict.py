@@ -1,7 +1,7 @@
-"""Verdict of a running system so far: the same assessment as of a recorded run, on the data since the start. No node.
+"""Verdict on a running system: the assessment of `hric assess`, on the data received since the start of the run.
 
-It is computed in a thread of its own, which rests SHARE times the processor time that it took, so that frames stay on
-time: the longer the run, the older the shown verdict may be, and it says until when it holds.
+A thread computes it, and then sleeps for SHARE times the processor time that this took, so that frames are not delayed.
+In a long run the shown verdict may therefore be old; the page shows the time up to which it has data.
 """
 
 import threading
@@ -28,16 +28,17 @@ from hric_core.errors import HricError
 from hric_msgs.msg import HumanGrip, JointTorque, RegionContacts
 
 PERIOD, SHARE = 1.0, 79.0
-"""Shortest time between two verdicts [s], and rest after one as a multiple of its duration [1]; project default."""
+"""Shortest time between two verdicts [s], and time between them as a multiple of the processor time of one [1]; project
+default."""
 RATE = 50.0
-"""Highest rate at which postures, torques and grips are stored [Hz]; contacts are all stored."""
+"""Highest rate at which postures, torques and grips are stored [Hz]; project default. All contacts are stored."""
 NOT_YET = {
     TASK: "the run has not ended",
     EFFORT: "the load of joints and muscles is computed after the run, by hric assess",
 }
-"""Reasons for which a question has no reply while the system runs."""
+"""Reason why a question of the verdict has no reply while the system runs, by question."""
 ARM = "joint_states"
-"""Topic of the arm."""
+"""Topic with the joint states of the arm."""
 PERSON = {
     "joint_states": JointState,
     "joint_torque": JointTorque,
@@ -45,16 +46,16 @@ PERSON = {
     "grip": HumanGrip,
     "contacts": RegionContacts,
 }
-"""Topics of the person that are judged, by their last name, and the types of their messages."""
+"""Message classes of the person's topics that the verdict uses, by the last part of the topic's name."""
 
 
 class LiveVerdict:
-    """Verdict of the simulated person beside the arm; thread-safe.
+    """Verdict on the simulated person next to the arm; thread-safe.
 
     Args:
         description: URDF of the arm.
-        joints: joints of the arm.
-        run: what is known of the run: sections of its definition.
+        joints: names of the arm's joints.
+        run: known contents of the run's run.yaml, such as its section `human`.
         name: namespace of the person.
     """
 
@@ -70,11 +71,21 @@ class LiveVerdict:
         self._arm, self._person = RecordRows("position", "velocity", "effort"), HumanMessages(self._name, RATE)
 
     def push(self, topic: str, data: bytes) -> None:
-        """Store a serialised message; topic: ARM, or the full name of one of the person."""
+        """Store a message; may be called in any thread.
+
+        Args:
+            topic: ARM, or the full name of a topic of the person.
+            data: serialised message.
+        """
         self._queue.append((topic, data))
 
     def watch(self, stop: threading.Event, needed: Callable[[], bool]) -> None:
-        """Take over messages, and judge while somebody needs it, until the event is set."""
+        """Decode messages and compute verdicts until the event `stop` is set.
+
+        Args:
+            stop: event that ends the call.
+            needed: function that returns True if a viewer is connected; else no verdict is computed.
+        """
         due = 0.0
         while not stop.wait(PERIOD):
             self.collect()
@@ -82,7 +93,7 @@ class LiveVerdict:
                 due = self.judge() + time.monotonic()
 
     def collect(self) -> None:
-        """Take over the messages that were stored; called in the thread of `judge`."""
+        """Decode the messages that `push` has stored; to be called in the thread that calls `judge`."""
         while self._queue:
             topic, data = self._queue.popleft()
             stamp = 1e-9 * stamp_of(data)
@@ -110,7 +121,7 @@ class LiveVerdict:
             self._arm.add(stamp, _Row(self._joints, *zip(*(rows[name] for name in self._joints), strict=True)))
 
     def judge(self) -> float:
-        """Compute the verdict of all data so far; return the time until the next one is due [s of wall time]."""
+        """Compute the verdict on all data so far; return the time to wait before the next one [s of wall time]."""
         before = time.thread_time()
         self.collect()
         if (source := self._source()) is not None:
@@ -120,7 +131,7 @@ class LiveVerdict:
         return max(PERIOD, SHARE * (time.thread_time() - before))
 
     def _source(self) -> AssessmentInput | None:
-        """Return what has been received, as a recording; None: nothing of the person or the arm."""
+        """Return the received data in the form of a recording; None: nothing has been received from the person."""
         person, (at, q, dq, tau) = self._person.record(float), self._arm.columns(float)
         ends = [times[k] for times in (at, person.time) if len(times) for k in (0, -1)]
         if not ends or not len(person.time):
@@ -141,11 +152,11 @@ class LiveVerdict:
         return AssessmentInput("the running system", "run", Path(), recording, self._run, self._description)
 
     def scene(self) -> dict[str, object]:
-        """Return an empty scene: `frame` sends the verdict."""
+        """Return an empty dictionary: the verdict is only in frames."""
         return {}
 
     def frame(self) -> dict[str, object]:
-        """Return the verdict if it was not sent during the last PERIOD, else an empty frame."""
+        """Return the newest verdict; empty if it was returned less than PERIOD ago, or there is none."""
         with self._lock:
             if not self._lines or time.monotonic() - self._sent < PERIOD:
                 return {}
@@ -154,27 +165,27 @@ class LiveVerdict:
 
 
 class _Connection:
-    """Topic and type of a message, as a bag has them."""
+    """Topic and type of a message, with the attributes of a connection in a bag."""
 
     def __init__(self, topic: str, msgtype: str) -> None:
         self.topic, self.msgtype = topic, msgtype
 
 
 class _Row:
-    """Names and values of the joints of an arm, as a message has them."""
+    """Joint names and values of an arm, with the fields of a sensor_msgs/JointState."""
 
     def __init__(self, name: Sequence[str], position: Any, velocity: Any, effort: Any) -> None:
         self.name, self.position, self.velocity, self.effort = name, position, velocity, effort
 
 
 def _name_in_bags(kind: Any) -> str:
-    """Return the name of a message type as a reader of bags has it, e.g. "sensor_msgs/msg/JointState"."""
+    """Return the name of a message class in the form of the rosbags library, e.g. "sensor_msgs/msg/JointState"."""
     name: str = kind._type
     return name.replace("/", "/msg/")
 
 
 def _lines(source: AssessmentInput) -> list[dict[str, str]]:
-    """Return the five lines of the verdict of a recording; without one the reason for it."""
+    """Return the lines of the verdict, one for each question; if it cannot be computed, one line with the reason."""
     try:
         drawn: Sequence[Conclusion] = judge(source).conclusions
     except HricError as error:
@@ -183,7 +194,7 @@ def _lines(source: AssessmentInput) -> list[dict[str, str]]:
 
 
 def _live(item: Conclusion) -> Conclusion:
-    """Return a conclusion without what only the end of a run shows."""
+    """Return a conclusion, or "not known" with the reason in NOT_YET if only a finished run can decide it."""
     if item.question == TASK or (item.question == EFFORT and item.reply != Reply.NO and item.finding is None):
         return replace(item, reply=Reply.UNKNOWN, value=None, subject="", reason=NOT_YET[item.question], remedy="")
     return item

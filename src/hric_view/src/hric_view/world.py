@@ -15,7 +15,7 @@ from hric_view.live import LiveJoints
 
 
 def objects(root: Node, feeds: Feeds) -> list[tuple[SceneRobot, LiveJoints]]:
-    """Return the objects of the simulated world with their newest poses, with their topic."""
+    """Return the objects of the simulated world with their newest poses, and subscribe to the topic of the poses."""
     known = {model.name: model for model in models(root.param("robot/plant", {})) if not model.planes}
     live = {name: LiveJoints(()) for name in known}
 

@@ -1,4 +1,4 @@
-"""Command `identify_load`: find mass, centre of mass and inertia of a payload from two logs of the same motion."""
+"""Command `hric identify_load`: finds mass, centre of mass and inertia of a payload from two logs of a motion."""
 
 import argparse
 from pathlib import Path
@@ -17,17 +17,18 @@ from hric_core.command import Argument, Command
 from hric_experiments.check_model import csv_log, sources
 
 SERVICE = "franka_control/set_load"
-"""Service that sets the payload of the arm."""
+"""Name of the service that sets the payload in the control box."""
 
 
 class IdentifyLoadCommand(Command):
     """Find a payload's mass, centre of mass and inertia from two logs of the same motion, with and without it.
 
-    Errors of the arm's model and friction cancel. The motion is that of the experiment identify_load.
+    Errors of the arm's model, and friction, are in both logs and cancel. The experiment identify_load has a motion for
+    it.
     """
 
     def arguments(self) -> list[Argument]:
-        """Return the command-line arguments."""
+        """Return the logs and the options of `hric identify_load`."""
         return [
             *run_arguments(f"with the payload: bag, or CSV file with a header ({csv_log.USUAL})", "LOG"),
             Argument("--empty", required=True, metavar="LOG", help="run, bag or CSV file without the payload"),
@@ -43,7 +44,7 @@ class IdentifyLoadCommand(Command):
         ]
 
     def run(self, arguments: argparse.Namespace) -> None:
-        """Identify the payload; print and write it."""
+        """Identify the payload, print it, and write the request of the service that sets it."""
         model, loaded, name = _compared(arguments)
         _, empty, other = _compared(argparse.Namespace(**{**vars(arguments), "run": arguments.empty}))
         fit = fit_load(model, loaded, empty)
@@ -86,7 +87,7 @@ def _report(fit: LoadFit, loaded: str, empty: str, joints: tuple[str, ...]) -> s
 
 
 def _request(fit: LoadFit) -> dict[str, object]:
-    """Return the request of `set_load`."""
+    """Return the request of the service SERVICE with the payload."""
     inertia = np.zeros((3, 3)) if fit.inertia is None else fit.inertia
     return {
         "mass": round(fit.mass, 5),

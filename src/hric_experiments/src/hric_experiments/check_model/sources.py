@@ -47,9 +47,9 @@ class LogSource:
 
 
 def arm_arguments(without_run: str) -> list[Argument]:
-    """Return the options that select the signals of a log, and describe the arm.
+    """Return the options that select the signals of a log and describe the arm.
 
-    without_run: what decides about the hand of an arm that no run describes.
+    without_run: default of the option --hand if the log is not a run, as text for --help.
     """
     return [
         Argument(

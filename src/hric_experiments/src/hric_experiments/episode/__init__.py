@@ -1,1 +1,1 @@
-"""Motions of an arm from data sets of others, replayed as experiments."""
+"""Import of an arm's motions from robot learning data sets, and their replay in experiments."""

@@ -1,4 +1,4 @@
-"""Command `import`: an episode of a data set as an experiment."""
+"""Command `hric import`: writes an experiment that replays an episode of a data set."""
 
 import argparse
 from pathlib import Path
@@ -11,12 +11,12 @@ from hric_core.errors import HricError
 class ImportCommand(Command):
     """Write an experiment in which the emulated Panda moves as in an episode of a LeRobot data set.
 
-    The joint positions are replayed through the emulated control box: a report of the run names the reflex if the box
-    refuses the motion. `hric run FILE` runs the experiment.
+    `hric run FILE` runs the experiment. The joint positions pass through the emulated control box; if it stops the
+    motion by a reflex, the report of the run names it.
     """
 
     def arguments(self) -> list[Argument]:
-        """Return the command-line arguments."""
+        """Return the data set and the options of `hric import`."""
         return [
             Argument("dataset", type=Path, metavar="DATASET", help="folder of a LeRobot data set, version 2 or 3"),
             Argument("--episode", type=int, default=0, metavar="N", help="number of the episode (default: 0)"),

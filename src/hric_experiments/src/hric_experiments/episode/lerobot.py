@@ -14,18 +14,18 @@ from hric_core.errors import HricError
 from hric_experiments.episode.replay import JointPositions
 
 STATE = "observation.state"
-"""Feature with the measured state of the robot."""
+"""Name of the feature with the measured state of the robot in LeRobot data sets."""
 ARM = 7
 """Number of joints of a Panda."""
 LARGEST = 2.0 * np.pi
-"""Largest absolute joint position [rad]; larger ones are in degrees, or no joint positions (project default)."""
+"""Largest accepted absolute joint position [rad]; larger values are degrees or other quantities (project default)."""
 SETTLING = 1.0
 """Time of an experiment after the end of the trajectory [s]; project default, unconfirmed."""
 START = 0.5
 """Robot time at which the trajectory starts [s]; project default, unconfirmed."""
 CONTROLLER = "position_joint_trajectory_controller"
 _JOINT = re.compile(r"(?:^|[^a-z])(?:joint|j|q)_?(\d)(?:\.pos(?:ition)?)?$")
-"""Name of a joint's position: ends with joint, j or q and a number."""
+"""Pattern of a signal's name that is a joint position: it ends with joint, j or q and a number."""
 
 
 @dataclass(frozen=True)
@@ -65,14 +65,15 @@ class DatasetEpisode:
 def read(
     dataset: Path, number: int, joints: Sequence[str], feature: str = STATE, signals: Sequence[str] = ()
 ) -> DatasetEpisode:
-    """Read an episode.
+    """Read the joint positions of an episode.
 
     Args:
         dataset: folder of the data set, with meta/info.json.
         number: number of the episode.
         joints: names of the robot's joints.
         feature: feature with the joint positions [rad].
-        signals: names or indices of the signals in the feature, one per joint; empty: those named as joints.
+        signals: names or indices of the signals in the feature, one per joint in order; empty: the signals whose names
+            end with joint, j or q and a number.
 
     Raises:
         HricError: there is no such data set, episode or feature, or its values cannot be joint positions.
@@ -102,7 +103,13 @@ def read(
 
 
 def _file(dataset: Path, info: dict[str, Any], number: int) -> str:
-    """Return the path of the frames of an episode; the layout of version 3 names it in meta/episodes."""
+    """Return the path, in the data set, of the Parquet file with the frames of an episode.
+
+    Args:
+        dataset: folder of the data set; version 3 has the path in meta/episodes.
+        info: content of meta/info.json.
+        number: number of the episode.
+    """
     count = int(info["total_episodes"])
     if not 0 <= number < count:
         raise HricError(f"no episode {number} in {dataset.name}; valid: 0 to {count - 1}")
@@ -124,7 +131,10 @@ def _table(path: Path, number: int, feature: str) -> Any:
 
 
 def _flat(about: dict[str, Any]) -> list[str]:
-    """Return the signal names of a feature from its entry in info.json, which in older data sets is in groups."""
+    """Return the names of the signals of a feature; empty: the data set has no names.
+
+    about: description of the feature in meta/info.json; older data sets have groups of names there.
+    """
     names = about.get("names")
     if isinstance(names, dict):
         names = [name for group in names.values() for name in group]
@@ -132,14 +142,24 @@ def _flat(about: dict[str, Any]) -> list[str]:
 
 
 def _columns(names: list[str], shape: Sequence[int], signals: Sequence[str], count: int, feature: str) -> list[int]:
-    """Return the indices of the signals that are the joint positions."""
+    """Return the indices of the joint positions among the signals of a feature, in the order of the joints.
+
+    Args:
+        names: names of the signals; empty: none.
+        shape: shape of the feature.
+        signals: names or indices that the user has given (--signals); empty: find them by name.
+        count: number of joints.
+        feature: name of the feature, for error messages.
+    """
     width = int(np.prod(shape))
     listed = ", ".join(names) or f"{width} signals without names"
     if not signals:
         found = {int(match[1]): k for k, name in enumerate(names) if (match := _JOINT.search(name.lower()))}
         chosen = [found[key] for key in sorted(found)]
         if len(chosen) != count or len(found) != sum(bool(_JOINT.search(name.lower())) for name in names):
-            raise HricError(f"{feature} has {listed}; not {count} joints by name; name them by --signals, in order")
+            raise HricError(
+                f"{feature} has {listed}; these names do not show the {count} joints; list them in order with --signals"
+            )
         return chosen
     if len(signals) != count:
         raise HricError(f"--signals has {len(signals)} signals; valid: {count}, one per joint")

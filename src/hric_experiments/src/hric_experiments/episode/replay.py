@@ -25,8 +25,8 @@ class JointPositions:
 
     Attributes:
         joints: names of the joints.
-        time: rising times from the start, shape (n,) [s].
-        positions: positions, shape (n, joints) [rad].
+        time: increasing times since the start of the trajectory, shape (n,) [s].
+        positions: joint positions, shape (n, number of joints) [rad].
     """
 
     joints: tuple[str, ...]
@@ -38,7 +38,7 @@ class JointPositions:
         return np.asarray(CubicSpline(self.time, self.positions, bc_type="clamped")(self.time, 1))
 
     def write(self, path: Path) -> None:
-        """Write the positions as CSV: a line with the names, then a line per time."""
+        """Write the positions as CSV file: a line with `time` and the joint names, then a line per time [s], [rad]."""
         rows = np.column_stack([self.time, self.positions])
         np.savetxt(path, rows, fmt="%.9g", delimiter=",", header=",".join((TIME, *self.joints)), comments="")
 
@@ -54,7 +54,9 @@ def read(path: Path) -> JointPositions:
     if names[0] != TIME or len(names) < 2 or len(set(names)) < len(names) or rows.shape[1] != len(names):
         raise HricError(f"trajectory file {path} begins with {names}; valid: time and the name of each joint, once")
     if len(rows) < 2 or rows[0, 0] != 0.0 or not np.isfinite(rows).all() or not (np.diff(rows[:, 0]) > 0.0).all():
-        raise HricError(f"trajectory file {path}: valid: finite values, at least two times that rise from 0")
+        raise HricError(
+            f"trajectory file {path} has gaps or wrong times; valid: finite values, at least two times that rise from 0"
+        )
     return JointPositions(tuple(names[1:]), rows[:, 0], rows[:, 1:])
 
 
@@ -72,11 +74,11 @@ class ReplaySection(ExperimentSection):
     at: float = number(0.5, minimum=0.0, unit="s", text="robot time at which the trajectory starts")
 
     def check(self, where: str) -> None:
-        """Refuse a file that is no trajectory."""
+        """Raise HricError if the file is not a trajectory; where: path of the section in messages."""
         read(Path(self.trajectory_file))
 
     def headless(self, node: Any, seed: int) -> "Replay":
-        """Return the sender of the trajectory."""
+        """Return the sender of the trajectory for a headless run."""
         return Replay(node, self.controller, read(Path(self.trajectory_file)), self.at)
 
 
@@ -87,7 +89,7 @@ class Replay:
         node: node of the robot's namespace.
         controller: name of the controller.
         motion: trajectory.
-        at: robot time at which it is sent [s].
+        at: robot time at which the trajectory is sent [s].
     """
 
     def __init__(self, node: Any, controller: str, motion: JointPositions, at: float) -> None:
@@ -97,7 +99,11 @@ class Replay:
         self._at = at
 
     def advance(self, time: float) -> None:
-        """Send the trajectory at its time. Raises HricError if the controller does not run."""
+        """Send the trajectory once `time`, the robot time [s], has reached its start.
+
+        Raises:
+            HricError: the controller is not running.
+        """
         if self._motion is None or time < self._at - 1e-9:
             return
         listed = self._node.call("controller_manager/list_controllers", ListControllersRequest()).controller

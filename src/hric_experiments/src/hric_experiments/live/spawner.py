@@ -29,7 +29,7 @@ class SpawnError(FailureError):
 def configure(definition: Experiment) -> None:
     """Set the experiment's controller parameters on the parameter server; add missing controllers.
 
-    For a robot other than Franka's, they replace those of controllers.yaml, which the bring-up loads for a Franka arm.
+    For a robot that is no Franka arm, they replace those of controllers.yaml, which the bring-up loads.
     """
     for prefix, part in definition.robots().items():
         configured = parameters.controllers(part)

@@ -1,4 +1,4 @@
-"""Headless Chromium, controlled with the DevTools protocol on a pipe; draws in software, without a display."""
+"""Headless Chromium, controlled by its DevTools protocol over a pipe; it renders in software, without a display."""
 
 import base64
 import contextlib
@@ -33,11 +33,11 @@ FLAGS = (
     "--enable-unsafe-swiftshader",
 )
 WAIT = 90.0
-"""Time limit for a response, also on a busy machine [s]."""
+"""Time limit for a response of the browser, long enough for a busy machine [s]; project default."""
 
 
 def program() -> str | None:
-    """Return the path of the browser; None: it is not installed."""
+    """Return the path of Chromium; None: it is not installed."""
     return next(filter(None, map(shutil.which, PROGRAMS)), None)
 
 
@@ -46,7 +46,7 @@ class BrowserError(FailureError):
 
 
 class Browser:
-    """One browser with one page.
+    """Process of Chromium with one page.
 
     Args:
         profile: folder for the browser's own files.
@@ -55,7 +55,7 @@ class Browser:
         problems: errors and warnings of the page's console, and exceptions of its scripts.
 
     Raises:
-        BrowserError: also in all methods: the browser is not installed, has ended or does not respond.
+        BrowserError: the browser is not installed, has ended or does not respond; all methods raise it.
     """
 
     def __init__(self, profile: Path) -> None:
@@ -106,26 +106,28 @@ class Browser:
         self.close()
 
     def open(self, path: Path) -> None:
-        """Open a file, and wait until its scripts have run."""
+        """Open an HTML file in the page, and wait until its scripts have run."""
         self.open_address(path.resolve().as_uri())
 
     def open_address(self, address: str) -> None:
-        """Open an address, and wait until its scripts have run."""
+        """Open an address in the page, and wait until its scripts have run."""
         self.problems.clear()
         self._page = address
         self.call("Page.navigate", url=address)
         self.wait("document.readyState === 'complete'")
 
     def wait(self, expression: str, timeout: float = WAIT) -> None:
-        """Wait until a JavaScript expression is true in the page, for at most a time [s]."""
+        """Wait until a JavaScript expression is true in the page, at most `timeout` [s]."""
         deadline = time.monotonic() + timeout
         while not self.evaluate(expression):
             if time.monotonic() > deadline:
-                raise BrowserError(f"not within {timeout:g} s: {expression}; the console says: {self.problems}")
+                raise BrowserError(
+                    f"after {timeout:g} s the page has not reached {expression}; its console: {self.problems}"
+                )
             time.sleep(0.1)
 
     def evaluate(self, expression: str) -> Any:
-        """Return the value of a JavaScript expression in the page; of a promise, its result."""
+        """Return the value of a JavaScript expression in the page; for a promise, its result."""
         response = self.call("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
         if "exceptionDetails" in response:
             raise BrowserError(f"{expression}: {json.dumps(response['exceptionDetails'])[:2000]}")
@@ -136,7 +138,7 @@ class Browser:
         return base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"])
 
     def call(self, method: str, **parameters: Any) -> dict[str, Any]:
-        """Send a command of the protocol and return its response."""
+        """Send a command of the DevTools protocol, such as Page.navigate, and return its result."""
         self._number += 1
         message = {"id": self._number, "method": method, "params": parameters} | (
             {"sessionId": self._session} if self._session else {}
@@ -157,7 +159,7 @@ class Browser:
             raise BrowserError("the browser has ended") from error
 
     def _receive(self) -> dict[str, Any]:
-        """Return the next message; a part of it stays in the buffer if this is interrupted."""
+        """Return the next message of the browser; if this is interrupted, the received part stays in the buffer."""
         deadline = time.monotonic() + WAIT
         while b"\0" not in self._buffer:
             if not select.select([self._read], [], [], max(0.0, deadline - time.monotonic()))[0]:
@@ -171,7 +173,7 @@ class Browser:
         return content
 
     def on_event(self, method: str, values: dict[str, Any]) -> None:
-        """Note the problem that an event of the protocol reports, if any."""
+        """Append the error or warning that a DevTools event reports, if any, to `problems`."""
         if method == "Runtime.exceptionThrown":
             details = values["exceptionDetails"]
             self.problems.append(details.get("exception", {}).get("description") or details["text"])

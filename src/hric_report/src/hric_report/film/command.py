@@ -1,4 +1,4 @@
-"""Command `film`: writes a film of a run from the replay of its report."""
+"""Command `hric film`: writes a film of a run from the replay of its report."""
 
 import argparse
 import math
@@ -23,14 +23,15 @@ from hric_report.film.pictures import FilmView, opened
 from hric_report.html import run_data
 
 NAME = "film.mp4"
-"""File of the film in the run folder."""
+"""Name of the film's file in the run folder, without --output."""
 CODECS = {
     ".mp4": ("libx264", {"crf": "20"}, {"movflags": "faststart"}),
     ".webm": ("libvpx-vp9", {"crf": "30", "b": "0", "cpu-used": "4", "row-mt": "1"}, {}),
 }
-"""Codec, its options, and options of the container, by extension: H.264 is played by slides and browsers."""
+"""Codec, its options, and options of the container, by file extension; presentation programs and browsers play H.264.
+"""
 BT709 = 1
-"""Number of the colour space of high definition in the codecs."""
+"""Number of the colour space BT.709 (high definition) in FFmpeg's codecs."""
 SMALLEST, LARGEST = 64, 4096
 """Smallest and largest width and height of a film [px] (project default)."""
 SETUP = "scripts/setup --with pictures"
@@ -44,7 +45,7 @@ class FilmCommand(Command):
     """
 
     def arguments(self) -> list[Argument]:
-        """Return the command-line arguments."""
+        """Return the run and the options of `hric film`."""
         run, root = run_arguments("", "RUN")
         return [
             run,
@@ -78,7 +79,7 @@ class FilmCommand(Command):
         ]
 
     def run(self, arguments: argparse.Namespace) -> None:
-        """Draw all pictures and write the film."""
+        """Draw all pictures, write the film and print its path."""
         speed = number(minimum=1e-3, maximum=1e3).checked(arguments.speed, "--speed")
         rate = number(minimum=1.0, maximum=120.0).checked(arguments.fps, "--fps")
         folder = RunFolder.open(arguments.run, arguments.runs)
@@ -138,7 +139,13 @@ def write(path: Path, pictures: Iterable[Image.Image], size: tuple[int, int], ra
 
 
 def _span(arguments: argparse.Namespace, first: float, last: float) -> tuple[float, float]:
-    """Return the robot times at which the film begins and ends [s]; first, last: those of the replay."""
+    """Return the robot times at which the film begins and ends [s].
+
+    Args:
+        arguments: parsed command line, with --from and --to.
+        first: robot time at which the replay begins [s].
+        last: robot time at which the replay ends [s].
+    """
     begin = first if arguments.begin is None else arguments.begin
     end = last if arguments.end is None else arguments.end
     if not first - 1e-3 <= begin < end <= last + 1e-3:
@@ -149,7 +156,7 @@ def _span(arguments: argparse.Namespace, first: float, last: float) -> tuple[flo
 
 
 def _size(text: str) -> tuple[int, int]:
-    """Return width and height [px] of the option --size."""
+    """Return width and height [px] in the text of the option --size, e.g. "1280x720"."""
     match = re.fullmatch(r"(\d{1,4})x(\d{1,4})", text.lower())
     width, height = (int(part) for part in match.groups()) if match else (0, 0)
     if any(n % 2 or not SMALLEST <= n <= LARGEST for n in (width, height)):

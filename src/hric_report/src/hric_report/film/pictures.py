@@ -1,4 +1,4 @@
-"""Pictures of a run at any time, drawn by the replay of its report in headless Chromium."""
+"""Pictures of a run at any robot time, drawn by the replay of its report in headless Chromium."""
 
 import base64
 import contextlib
@@ -47,7 +47,13 @@ class Pictures:
         self.begin, self.end = (float(time) for time in browser.evaluate("[report.begin, report.end]"))
 
     def prepare(self, view: FilmView, begin: float, end: float) -> None:
-        """Set size and direction of the pictures; the camera sees all positions between two robot times [s]."""
+        """Set size and direction of the pictures, so that the camera sees all motions between two robot times.
+
+        Args:
+            view: size and direction.
+            begin: earlier robot time [s].
+            end: later robot time [s].
+        """
         content = {"begin": begin, "end": end, **vars(view)}
         self._browser.evaluate(f"report.replay.film({json.dumps(content)})")
 
@@ -66,7 +72,7 @@ def opened(data: RunData) -> Iterator[Pictures]:
     """
     name = data.folder.path.name
     if not (shown := robots(data, [])):
-        raise RunFolderError(f"{data.folder.path} has no robot.urdf, so that there is nothing to draw")
+        raise RunFolderError(f"{data.folder.path} has no robot.urdf, so the robot cannot be drawn")
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         page = Path(folder) / "page.html"
         page.write_text(render_page(Page(title=name, subtitle="", robots=shown)))

@@ -35,7 +35,7 @@ def write(folder: RunFolder, *, progress: bool = False) -> Path:
 
 
 def page_of(folder: RunFolder, *, progress: bool = False) -> Page:
-    """Return the contents of the page of a run; see `write`."""
+    """Return the contents of the report page of a run; `progress`: show a progress bar. See also `write`."""
     from hric_report.html import run_data, run_page
     from hric_report.html.verdict import verdict_of
 
@@ -64,7 +64,7 @@ def write_comparison(
 def comparison_of(
     runs: Sequence[RunFolder], labels: Sequence[str] = (), *, fit: bool = False, progress: bool = False
 ) -> Page:
-    """Return the contents of the page that compares runs; see `write_comparison`. labels: none: the folders' names."""
+    """Return the contents of the page that compares runs; see `write_comparison`. labels: empty: folder names."""
     from hric_report.compare import settings_of
     from hric_report.html import comparison_page, run_data
 

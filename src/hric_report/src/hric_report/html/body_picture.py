@@ -18,9 +18,9 @@ from hric_skin.outlines import outlines
 
 CONTACT, NOT_ASSESSABLE = "contact", "not assessable"
 PERSON = Subject(code="P50", mass=77.0, height=1.76, sex="male", parts="whole_body")
-"""Subject of the picture, whoever the assessed person is."""
+"""Subject whose body the picture shows, also if the assessed person has another size."""
 POSTURE = {f"{side}_sh_abd": 0.5 for side in SIDES}
-"""Posture of the picture, in which no limb hides another: joint angles that are not 0 [rad]."""
+"""Joint angles of the body in the picture that are not 0 [rad]; in this posture no limb hides another."""
 PER_METRE, WIDTH, HEIGHT = 200.0, 216.0, 372.0
 """Size of a view: units of the picture per metre, and width and height of one view in these units."""
 ARMS = ("upper arm, elbow", "lower arm, wrist", "hand, fingers")
@@ -36,7 +36,7 @@ class Touched:
         assessable: True if all contacts could be compared with limits.
         outcome: worst outcome of the findings.
         time: start of the worst contact [s]; None: unknown.
-        sided: True if it is known for all contacts that they were on this side of the body.
+        sided: True if the side of the body is known for all contacts; False: some may have been on the other side.
     """
 
     share: float | None
@@ -52,7 +52,7 @@ class Touched:
 
     @property
     def text(self) -> str:
-        """Outcome, largest share of the limit, and whether the side is known."""
+        """Text with outcome, largest share of the limit, and a remark if the side is not known."""
         share = "share of the limit not known" if self.share is None else f"{100.0 * self.share:.0f} % of the limit"
         return f"{self.outcome}, {share}" + ("" if self.sided else "; it is not known on which side")
 
@@ -60,7 +60,7 @@ class Touched:
 def touched(findings: Sequence[FindingEntry]) -> dict[str, Touched]:
     """Summarise the contact findings of a verdict by region (see `hric_skin.REGION_KEYS`).
 
-    A contact of which the side is not known counts on both sides.
+    A contact whose side is not known counts on both sides.
 
     Args:
         findings: all findings, the worst first.
@@ -89,7 +89,12 @@ def touched(findings: Sequence[FindingEntry]) -> dict[str, Touched]:
 
 
 def region_keys(region: str, side: str) -> tuple[str, ...]:
-    """Return the names of a region on a side, or on both if the side is "" and the body has two of them."""
+    """Return the keys of a region of the skin (see `hric_skin.REGION_KEYS`).
+
+    Args:
+        region: region of ISO/TS 15066.
+        side: "right" or "left"; "": not known, which gives the keys of both sides if the body has two such regions.
+    """
     return tuple(region_key(region, one) for one in SIDES if side in ("", one)) if region in PAIRED else (region,)
 
 
@@ -99,13 +104,16 @@ def colour(share: float | None) -> str:
 
 
 def shown_share(share: float | None, outcome: str) -> float | None:
-    """Return the share of the limit whose colour a contact gets [1]: 1 if it is above its limit by an unknown share."""
+    """Return the share of the limit by which a contact is coloured [1]; None: not known.
+
+    A contact whose outcome is "above limits" by an unknown amount gets 1.
+    """
     return 1.0 if share is None and outcome == "above limits" else share
 
 
 @cache
 def views() -> tuple[dict[str, str], dict[str, str]]:
-    """Return the SVG paths of the regions from the front and from behind, the farthest region first."""
+    """Return the SVG path of each region by its key, in the front view and in the back view, farthest regions first."""
     body = describe(PERSON)
     skin = fitted(body)
     vertices = skin.posed(read(body.urdf).poses(POSTURE))
@@ -116,7 +124,12 @@ def views() -> tuple[dict[str, str], dict[str, str]]:
 
 
 def _paths(loops: Sequence[FloatArray], low: float) -> Iterator[str]:
-    """Yield the SVG path of each polygon, shape (k, 2) [m], in a view whose lower edge is at a height [m]."""
+    """Yield the SVG path of each polygon.
+
+    Args:
+        loops: polygons, shape (k, 2) each [m].
+        low: height that the lower edge of the view shows [m].
+    """
     for loop in loops:
         xy = np.round((loop - (0.0, low)) * (PER_METRE, -PER_METRE) + (0.5 * WIDTH, HEIGHT - 8.0), 1)
         yield "M" + " ".join(f"{x:g} {y:g}" for x, y in xy) + "Z"

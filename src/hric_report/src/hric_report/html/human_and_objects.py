@@ -57,10 +57,10 @@ def simulated_person(
     """Return a simulated person as a robot of the replay; see `human`.
 
     Args:
-        simulated: data of the person.
-        settings: settings of the person, with their body and place.
+        simulated: recorded data of the person.
+        settings: section `human` of the experiment, with body and position.
         rate: maximum number of replayed instants per second [Hz].
-        role: colour role of the run; "": work clothes.
+        role: colour role of the run in a comparison; "": the person wears the colours of work clothes.
         shift: offset added to all times [s].
     """
     record, body = simulated.record, settings.body()
@@ -89,7 +89,13 @@ def simulated_person(
 
 
 def _touches(data: RunData, name: str, shift: float) -> list[SceneTouch]:
-    """Return the contacts of a person in the verdict; the share of one that is not assessable is not known."""
+    """Return the contacts of a person in the run's verdict, which colour their skin.
+
+    Args:
+        data: data of the run.
+        name: namespace of the person.
+        shift: offset added to all times [s].
+    """
     contacts = [] if data.verdict is None else data.verdict["findings"]
     return [
         SceneTouch(

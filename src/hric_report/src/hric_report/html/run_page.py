@@ -47,7 +47,7 @@ def build(data: RunData) -> Page:
 
 
 def robots(data: RunData, notes: list[str]) -> list[SceneRobot]:
-    """Return robot, person and objects of a run for the replay; append notes for the page's reader."""
+    """Return robot, person and objects of a run for the replay; append remarks on missing ones to `notes`."""
     if not data.description:
         notes.append("There is no replay: the run folder has no robot.urdf.")
         return []

@@ -111,7 +111,7 @@ class SceneLines:
 
 
 class SceneTouch(NamedTuple):
-    """Contact that colours regions of the skin.
+    """Contact on a person, which colours regions of the skin in the replay.
 
     Attributes:
         begin, end: time of the contact on the time axis of the page [s].
@@ -127,14 +127,15 @@ class SceneTouch(NamedTuple):
 
 @dataclass(frozen=True)
 class SceneSkin:
-    """Surface that follows the links of a body, drawn in place of their shapes.
+    """Skin of a person: a surface that follows the links of the body and is drawn instead of the links' shapes.
 
     Attributes:
-        links: links that move it.
+        links: names of the links that move the surface.
         inverses: inverse poses of the links in the bind pose, row by row, shape (k, 16).
         vertices: vertices in the bind pose, shape (n, 3) [m].
         colours: red, green, blue of each vertex, shape (n, 3).
-        indices, weights: four links of each vertex, and their share in its motion, each of shape (n, 4).
+        indices, weights: indices into `links` of four links for each vertex, and their weights in its motion [1],
+            shape (n, 4) each.
         faces: indices of vertices, shape (m, 3).
         regions: index into `keys` of each vertex, shape (n,).
         keys: names of the body regions, see `hric_skin.REGION_KEYS`.

@@ -68,7 +68,7 @@ def overview(run: RunFile, metrics: Content) -> PageTable:
 
 
 def notes_table(folder: Path) -> PageTable | None:
-    """Return the table of the notes that were added to a run afterwards; None: there are none."""
+    """Return the table of the notes that a user has added to a finished run; None: there are none."""
     notes = run_notes.read(folder)
     rows = tuple(("-" if note.at is None else f"{note.at:.3f}", note.text, note.by, note.written) for note in notes)
     return PageTable("Notes added after the run", ("time [s]", "note", "by", "written"), rows) if rows else None

@@ -46,7 +46,7 @@ def _text(folder: Path, name: str) -> str:
 
 
 def _in_the_dark(css: str) -> Markup:
-    """Return the rules of the dark theme again, for a system with a dark theme and pages without scripts."""
+    """Return a copy of the CSS rules of the dark theme for systems that prefer it, which pages without scripts need."""
     rules = "".join(f":root:not([data-theme]) {rule}" for rule in DARK.findall(css))
     return Markup(f"@media (prefers-color-scheme: dark) {{ {rules} }}")
 

@@ -7,7 +7,7 @@ from hric_assessment.typed_json import Content
 
 
 class FindingEntry(TypedDict):
-    """Assessment result. share: ratio to the limit [1]; window: begin and end, robot time [s]; None: unknown.
+    """Finding in verdict.json. share: ratio to the limit [1]; window: begin and end, robot time [s]; None: not known.
 
     side: "right" or "left" side of the person; "": the middle of the body, or not known.
     person: namespace of the person; "": there is one person only.

@@ -1,1 +1,1 @@
-"""Angles and moments of a recorded person from a trial of a laboratory: command, files and page."""
+"""Joint angles and moments of a person from a trial (recorded measurement): command, files and page."""

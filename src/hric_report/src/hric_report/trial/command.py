@@ -1,4 +1,4 @@
-"""Command `trial`: joint angles with their uncertainty, and joint moments, from the files of a laboratory."""
+"""Command `hric trial`: joint angles with their uncertainty, and joint moments, of a person from recorded trials."""
 
 import argparse
 import re
@@ -26,27 +26,34 @@ from hric_report.trial import emg, files, summary
 
 T = TypeVar("T")
 ALL = "all"
-"""Value of --prefix for all people of a file, one by one."""
+"""Value of --prefix that requests results for each person in a file."""
 
 
 def trial_arguments() -> list[Argument]:
-    """Return the arguments that name trials, their person and the folder of the results."""
+    """Return the arguments of `hric trial` and `hric validate human`: trials, person, and folder of the results."""
     person = "subject"
     return [
         Argument(
-            "motions", nargs="+", type=Path, metavar="MOTION", help="trial, folder of OpenCap or Pose2Sim, or several"
+            "motions",
+            nargs="+",
+            type=Path,
+            metavar="MOTION",
+            help="trial, or folder of OpenCap or Pose2Sim; several are possible",
         ),
         Argument(
-            "--static", type=Path, metavar="FILE", help="trial of the same person standing still, fitted together"
+            "--static",
+            type=Path,
+            metavar="FILE",
+            help="trial of the same person standing still; the body is fitted to both",
         ),
-        Argument("--up", choices=UP_AXES, default="", help="vertical axis in the files (default: as they state)"),
-        Argument("--prefix", metavar="P", help="prefix of the person's labels, or all: all people, one by one"),
+        Argument("--up", choices=UP_AXES, default="", help="vertical axis in the files (default: as stated in them)"),
+        Argument("--prefix", metavar="P", help="prefix of the labels of one person, or all: results for each person"),
         Argument(
             "--labels",
             type=Path,
             metavar="FILE",
-            help="YAML file with lines LABEL: MARKER, and muscles of EMG channels; one that does not exist is written, "
-            "to be edited",
+            help="YAML file with lines LABEL: MARKER, and muscles of EMG channels; if it does not exist, it is written "
+            "with all labels, to be edited",
         ),
         Argument(
             "-o",
@@ -64,7 +71,7 @@ def trial_arguments() -> list[Argument]:
 
 
 def _hand_arguments() -> list[Argument]:
-    """Return the arguments of the load on the hands."""
+    """Return the options about the load on the hands."""
     hands = "load on the hands"
     return [
         Argument("--load", type=float, metavar="KG", help="mass of a lifted object (needs --hand)", group=hands),
@@ -77,7 +84,7 @@ def _hand_arguments() -> list[Argument]:
             group=hands,
         ),
         Argument(
-            "--hand", choices=("right", "left", "both"), help="hand with the load; both: a half each", group=hands
+            "--hand", choices=("right", "left", "both"), help="hand with the load; both: half of it each", group=hands
         ),
         Argument("--from", dest="begin", type=float, metavar="S", help="time of lifting (default: start)", group=hands),
         Argument("--to", dest="end", type=float, metavar="S", help="time of putting down (default: end)", group=hands),
@@ -90,12 +97,12 @@ class TrialCommand(Command):
     A trial is a .c3d, .xdf, .trc, .csv (Motive) or .mvnx (Xsens) file, or the folder of a handover; a folder of trials
     is one of OpenCap or Pose2Sim.
 
-    A body is fitted to the markers; what markers and force plates do not determine is not known, and left empty. Writes
+    A body is fitted to the markers; values that markers and force plates do not determine are left empty. Writes
     angles.csv, moments.csv, a page (trial.html), the values (trial.json), and files for OpenSim. Needs no ROS master.
     """
 
     def arguments(self) -> list[Argument]:
-        """Return the command-line arguments."""
+        """Return the trials and the options of `hric trial`."""
         text = "trial of maximum voluntary contractions, or YAML file with lines LABEL: ENVELOPE; may be repeated"
         return [
             *trial_arguments(),
@@ -103,7 +110,7 @@ class TrialCommand(Command):
         ]
 
     def run(self, arguments: argparse.Namespace) -> int:
-        """Compute the motions, write their files, and print what is known."""
+        """Compute the motions, write their files, and print a summary of each; return the exit code."""
         written, code = of_each(arguments, _written)
         _print(written)
         return code
@@ -112,9 +119,13 @@ class TrialCommand(Command):
 def of_each(
     arguments: argparse.Namespace, function: Callable[[Path, str | None, argparse.Namespace], T]
 ) -> tuple[list[T], int]:
-    """Return the results of a function of file, prefix and arguments for each person of each trial; and the exit code.
+    """Call a function for each person of each trial, and return its results and the exit code.
 
     A trial that fails does not stop the others; its error is printed.
+
+    Args:
+        arguments: parsed command line.
+        function: function of the trial's file, the prefix of the person's labels (None: no prefix) and `arguments`.
 
     Raises:
         HricError: the arguments contradict each other, or the only trial fails.
@@ -141,12 +152,12 @@ def of_each(
 
 
 def _measures(arguments: argparse.Namespace) -> dict[str, float | str]:
-    """Return the measures of the subject that are given as options."""
+    """Return mass [kg], height [m] and sex of the subject, as far as options give them, by name."""
     return {key: getattr(arguments, key) for key in MEASURES if getattr(arguments, key)}
 
 
 def _write_mapping(motion: Path, target: Path) -> None:
-    """Write the mapping of a file's labels. Raises ParameterError to say so: it must be edited."""
+    """Write a mapping file with the labels of a trial. Always raises ParameterError: the user must edit the file."""
     labels = read(motion).labels
     write_text(target, mapping_text(labels) + emg.map_text(read(motion)))
     raise ParameterError(
@@ -156,12 +167,18 @@ def _write_mapping(motion: Path, target: Path) -> None:
 
 
 def _people(path: Path, prefix: str | None) -> list[tuple[Path, str | None]]:
-    """Return file and prefix of each person."""
+    """Return file and label prefix (None: no prefix) of each person in a trial; `prefix`: value of --prefix."""
     return [(path, one) for one in prefixes(path)] if prefix == ALL else [(path, prefix)]
 
 
 def moved(path: Path, prefix: str | None, arguments: argparse.Namespace) -> tuple[TrialMotion, JointMoments | None]:
-    """Return the motion of a person and their joint moments, None: not known; show the frames that are done."""
+    """Return the motion of a person in a trial and their joint moments (None: not known); show a progress bar.
+
+    Args:
+        path: file of the trial.
+        prefix: prefix of the person's labels; None: no prefix.
+        arguments: parsed command line.
+    """
     subject = None if arguments.subject is None else load(arguments.subject)
     hands = hand_load(arguments.hand, arguments.load, arguments.handle, arguments.begin, arguments.end)
     labels = arguments.labels if arguments.labels is not None and maps_markers(arguments.labels) else None
@@ -184,7 +201,7 @@ def moved(path: Path, prefix: str | None, arguments: argparse.Namespace) -> tupl
 
 
 def _written(path: Path, prefix: str | None, arguments: argparse.Namespace) -> Path:
-    """Compute one motion and write its files; return their folder."""
+    """Compute the motion of one person in a trial and write its files; return their folder."""
     mapped = {} if arguments.labels is None else emg.read_map(arguments.labels)
     result, moments = moved(path, prefix, arguments)
     compared = emg.compared(result.trial, moments, mapped, arguments.mvc)
@@ -196,7 +213,7 @@ def _written(path: Path, prefix: str | None, arguments: argparse.Namespace) -> P
 
 
 def _print(folders: Sequence[Path]) -> None:
-    """Print what is known of each trial, and the table of several."""
+    """Print the summary of each trial, and a table if there are several."""
     blocks = []
     for folder in folders:
         blocks.append(f"{summary.render(folder.name, files.values(folder))}\nfiles: {folder.absolute()}")

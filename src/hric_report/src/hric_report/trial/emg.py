@@ -1,8 +1,8 @@
-"""Measured EMG of a trial next to the estimated activation of the same muscles.
+"""Comparison of the measured EMG of a trial with the estimated activation of the same muscles.
 
-The envelope of each channel (`hric_perception.emg.envelope`, without its delay) is compared with the activations by
-inverse dynamics and static optimisation of the arms, which know no load in the hands, no co-contraction and no delay
-between activation and force.
+The envelope of each channel (`hric_perception.emg.envelope`, without its delay) is compared with the activations that
+inverse dynamics and static optimisation of the arms give. These neglect loads in the hands, co-contraction, and the
+delay between activation and force.
 """
 
 import re
@@ -30,17 +30,17 @@ SETTINGS = EnvelopeSettings(decimate=1)
 """Filters of the envelope: the defaults of the driver."""
 TABLE = Path(__file__).parent / "assets" / "emg_muscles.yaml"
 SETTLING = 0.25
-"""Time from the first sample in which the filters settle [s].
+"""Time after the first sample in which the filters of the envelope settle [s].
 
 The constants of this file are project defaults, unconfirmed."""
 SHORTEST = 1.0
 """Smallest time in which envelope and estimate must be known [s]."""
 LARGEST_LAG = 0.5
-"""Largest delay of the estimate that is tried, in both directions [s]."""
+"""Largest delay between estimate and envelope in the search for the best correlation, in both directions [s]."""
 CLIPPED = 3
-"""Number of successive samples at the largest or smallest value from which on a channel counts as clipped."""
+"""Smallest number of successive samples with the largest or smallest value at which a channel counts as clipped."""
 SKEW = 0.5
-"""Range of the samples below their median by that above it, below which on a channel counts as rectified [1]."""
+"""Ratio of the sample range below the median to that above it, below which a channel counts as rectified [1]."""
 FLAT = 1e-4
 """Standard deviation of the estimated activation below which it counts as constant [1]."""
 NO_MUSCLE, MVC, MAXIMUM = "no muscle of the model", "MVC", "maximum in the trial"
@@ -51,9 +51,9 @@ class EmgMuscle(NamedTuple):
     """Muscle below an electrode.
 
     Attributes:
-        side: "right" or "left"; "": the label does not say it.
+        side: "right" or "left"; "": the channel's label has no side.
         name: name of the muscle.
-        lines: lines of action of the model; none: the model does not have the muscle.
+        lines: names of the muscle's lines of action in the model; empty: the model does not have the muscle.
     """
 
     side: str
@@ -67,14 +67,15 @@ class EmgComparison:
 
     Attributes:
         label: label of the channel.
-        muscle: side and name of the muscle; "": no muscle is known.
-        reason: why they are not compared; "": they are.
-        reference: what the envelope is divided by, MVC or MAXIMUM; then the estimate is divided by its maximum, too.
+        muscle: side and name of the muscle; "": not known.
+        reason: reason why envelope and estimate are not compared; "": they are.
+        reference: divisor of the envelope: MVC, or MAXIMUM, its maximum in the trial; with MAXIMUM, the estimate is
+            also divided by its maximum.
         measured: envelope, shape (n,) [1]; NaN: not known.
         estimated: mean activation of the muscle's lines of action, shape (n,) [1]; NaN: not known.
         correlation: Pearson's correlation [1].
-        lag: delay of the estimate with the largest correlation, positive if the estimate is later than the measured
-            envelope [s]; NaN: there is no maximum within LARGEST_LAG.
+        lag: delay of the estimate at which the correlation is largest [s], positive: the estimate is later than the
+            envelope; NaN: there is no maximum within LARGEST_LAG.
         best: correlation at this delay [1].
         rms: root mean square difference [1].
     """
@@ -93,7 +94,7 @@ class EmgComparison:
 
 @dataclass(frozen=True)
 class TrialEmg:
-    """EMG of a trial: comparisons of its channels at these times, shape (n,) [s], and what is to be known of them."""
+    """EMG of a trial: times of the comparisons, shape (n,) [s], one comparison for each channel, and remarks."""
 
     time: FloatArray
     channels: tuple[EmgComparison, ...]
@@ -102,7 +103,7 @@ class TrialEmg:
 
 @cache
 def _table() -> tuple[dict[str, tuple[str, tuple[str, ...]]], dict[str, str], frozenset[str]]:
-    """Return name and lines of the muscles by label, sides by word, and words that mean nothing."""
+    """Return emg_muscles.yaml: muscle and its lines by label, side by word, and words in labels that are ignored."""
     tree = read_yaml(TABLE)
     muscles = {
         label: (name, tuple(entry.get("lines", ())))
@@ -114,7 +115,7 @@ def _table() -> tuple[dict[str, tuple[str, tuple[str, ...]]], dict[str, str], fr
 
 
 def muscle_of(label: str) -> EmgMuscle | None:
-    """Return the muscle that a label names; None: it names none that is known."""
+    """Return the muscle that a channel's label names; None: the label names no muscle in emg_muscles.yaml."""
     muscles, sides, ignored = _table()
     words = [word.lower() for word in WORD.findall(label)]
     side = next((sides[word] for word in words if word in sides), "")
@@ -128,10 +129,10 @@ def muscle_of(label: str) -> EmgMuscle | None:
 
 
 def read_map(path: Path) -> dict[str, EmgMuscle | None]:
-    """Return the muscles of channels by label that a mapping file has below `emg`; None: the channel is not used.
+    """Return the section `emg` of a mapping file (--labels): muscle by label; None: the channel is not used.
 
     Raises:
-        ParameterError: the file has another content there, or a muscle that is not known.
+        ParameterError: the section is not a mapping of labels to muscles, or a muscle is unknown.
     """
     tree = read_yaml(path)
     lines = tree.get(EMG, {}) if isinstance(tree, Mapping) else {}
@@ -147,7 +148,7 @@ def read_map(path: Path) -> dict[str, EmgMuscle | None]:
 
 
 def map_text(trial: Trial) -> str:
-    """Return the lines of a mapping file for the EMG channels of a trial; "": there are none."""
+    """Return the section `emg` of a new mapping file for the channels of a trial; "": the trial has no EMG."""
     lines = []
     for label, unit in zip(trial.channels, trial.units, strict=True):
         found = muscle_of(label)
@@ -167,13 +168,13 @@ def compared(
     mapped: Mapping[str, EmgMuscle | None],
     mvc_files: Sequence[Path] = (),
 ) -> TrialEmg | None:
-    """Compare the EMG channels of a trial with the estimated activations; None: there are no such channels.
+    """Compare the EMG channels of a trial with the estimated activations; return None if the trial has no EMG channels.
 
     Args:
         trial: trial with analog channels.
         moments: joint moments; None: not known.
-        mapped: muscles by label that the user names.
-        mvc_files: trials of maximum voluntary contractions, or YAML files with envelopes by label.
+        mapped: muscles by label in the user's mapping file; None: the channel is not used.
+        mvc_files: trials of maximum voluntary contractions, or YAML files with envelopes by label (option --mvc).
 
     Raises:
         HricError: a file of maximum voluntary contractions cannot be read, or has no channel of the trial.
@@ -200,7 +201,7 @@ def compared(
 
 
 def _estimated(moments: JointMoments) -> MuscleLoad:
-    """Return the load of the arms' muscles; an arm is lost where the moment of one of its joints is not known."""
+    """Return the load of the arms' muscles; NaN for an arm at times when a moment of its joints is not known."""
     anatomy, joints = load(BUILT_IN), list(moments.body.joints)
     estimate = load_of(moments.body, anatomy, moments.root, moments.motion, moments.loads)
     lost = {
@@ -211,7 +212,13 @@ def _estimated(moments: JointMoments) -> MuscleLoad:
 
 
 def _references(trial: Trial, named: Sequence[str], files: Sequence[Path]) -> tuple[dict[str, float], list[str]]:
-    """Return the envelopes at maximum contraction, in the units of the trial's channels, and notes."""
+    """Return the envelope at maximum contraction by label, in the unit of the trial's channel, and remarks.
+
+    Args:
+        trial: trial that is compared.
+        named: labels of its EMG channels.
+        files: trials of maximum voluntary contractions, or YAML files with envelopes.
+    """
     found, notes = dict[str, float](), list[str]()
     for path in files:
         values = _given(path) if path.suffix.lower() in (".yaml", ".yml") else _measured(path, trial, named, notes)
@@ -223,7 +230,7 @@ def _references(trial: Trial, named: Sequence[str], files: Sequence[Path]) -> tu
 
 
 def _given(path: Path) -> dict[str, float]:
-    """Return the envelopes by label in a YAML file. Raises ParameterError."""
+    """Return the envelopes by label in a YAML file. Raises ParameterError if it has anything else."""
     tree = read_yaml(path)
     if not isinstance(tree, Mapping) or not tree:
         raise ParameterError(f"{path} has no envelopes; valid: lines `LABEL: VALUE`, in the unit of the channel")
@@ -234,7 +241,14 @@ def _given(path: Path) -> dict[str, float]:
 
 
 def _measured(path: Path, trial: Trial, named: Iterable[str], notes: list[str]) -> dict[str, float]:
-    """Return the largest envelopes in a trial of maximum contractions, in the units of the other trial's channels."""
+    """Return the largest envelope by label in a trial of maximum contractions, in the units of the compared trial.
+
+    Args:
+        path: trial of maximum contractions.
+        trial: trial that is compared.
+        named: labels of the EMG channels of `trial`.
+        notes: list of remarks, to which reasons for unusable channels are appended.
+    """
     other, values = read_trial(path), dict[str, float]()
     for label in (label for label in named if label in other.channels):
         units = [one.units[one.channels.index(label)].lower() for one in (other, trial)]
@@ -252,7 +266,7 @@ def _measured(path: Path, trial: Trial, named: Iterable[str], notes: list[str]) 
 
 
 def unusable(raw: FloatArray, rate: float) -> str:
-    """Return why a channel of raw EMG has no envelope; "": it has one.
+    """Return the reason why no envelope can be computed for a channel of raw EMG; "": it can.
 
     Args:
         raw: samples, shape (n,).
@@ -272,7 +286,7 @@ def unusable(raw: FloatArray, rate: float) -> str:
         return "its samples have one sign, as after rectification: raw EMG is needed"
     gap = max((one.stop - one.start for one in intervals(np.diff(raw) == 0.0)), default=0) / rate
     if gap > SHORT_GAP:
-        return f"it keeps one value for {gap:.2g} s: samples are lost"
+        return f"it has a constant value for {gap:.2g} s: samples were lost"
     for end, word in ((raw.min(), "smallest"), (raw.max(), "largest")):
         if any(one.stop - one.start >= CLIPPED for one in intervals(raw == end)):
             return f"it is clipped: {CLIPPED} or more successive samples have the {word} value"
@@ -280,14 +294,17 @@ def unusable(raw: FloatArray, rate: float) -> str:
 
 
 def _no_raw_signal(raw: FloatArray, rate: float) -> bool:
-    """Return True for a signal that is not symmetric, or slower than the band of the filter; raw EMG has an offset."""
+    """Return True if a signal cannot be raw EMG: it is not symmetric about its median, or below the filter's band."""
     above = raw - np.median(raw)
     crossings = np.count_nonzero(np.diff(above > 0.0)) * rate / len(raw)
     return bool(-above.min() < SKEW * above.max() or crossings < 2.0 * SETTINGS.band[0])
 
 
 def envelope(raw: FloatArray, rate: float) -> tuple[FloatArray, FloatArray]:
-    """Return times since the first sample [s] and the envelope without its delay, shape (n,) each; NaN: it settles."""
+    """Return times since the first sample [s] and the envelope without its delay, shape (n,) each.
+
+    The envelope has the unit of `raw`, and is NaN while the filters settle.
+    """
     layout = Layout("", ("EMG",), ("",), rate)
     chunk = Envelope(SETTINGS, layout).add(Chunk(layout, 0.0, 0, (raw - np.median(raw))[:, None]))
     assert chunk is not None  # without decimation each sample has its envelope
@@ -298,7 +315,15 @@ def envelope(raw: FloatArray, rate: float) -> tuple[FloatArray, FloatArray]:
 def _compared(
     trial: Trial, label: str, muscle: EmgMuscle | None, estimate: MuscleLoad | None, mvc: float | None
 ) -> EmgComparison:
-    """Return the comparison of a channel; mvc: envelope at maximum contraction, in the unit of the channel."""
+    """Return the comparison of one channel with the estimate.
+
+    Args:
+        trial: trial with the channel.
+        label: label of the channel.
+        muscle: muscle of the channel; None: not known.
+        estimate: load of the arms' muscles; None: not known.
+        mvc: envelope at maximum contraction, in the unit of the channel; None: not known.
+    """
     if muscle is None or not muscle.lines:
         return EmgComparison(
             label, muscle.name if muscle else "", NO_MUSCLE if muscle else f"{NO_MUSCLE}: its label names none"
@@ -338,7 +363,10 @@ def _correlation(measured: FloatArray, estimated: FloatArray) -> float:
 
 
 def _lag(measured: FloatArray, estimated: FloatArray) -> tuple[float, float]:
-    """Return the delay of the estimate with the largest correlation [s], and this correlation; NaN: no maximum."""
+    """Return the delay of the estimate at which the correlation is largest [s], and this correlation [1].
+
+    Both are NaN if there is no maximum within LARGEST_LAG.
+    """
     largest, count = round(LARGEST_LAG * RATE), len(measured)
     steps = [k for k in range(-largest, largest + 1) if count - abs(k) >= SHORTEST * RATE]
     pairs = [(measured[max(0, -k) : count - max(0, k)], estimated[max(0, k) : count - max(0, -k)]) for k in steps]
@@ -351,7 +379,7 @@ def _lag(measured: FloatArray, estimated: FloatArray) -> tuple[float, float]:
 
 
 def content(emg: TrialEmg | None) -> dict[str, Any] | None:
-    """Return the comparisons in trial.json; None: the trial has no EMG."""
+    """Return the key `emg` of trial.json; None: the trial has no EMG."""
     if emg is None:
         return None
     numbers = "correlation", "lag", "best", "rms"
@@ -385,7 +413,7 @@ def _sentence(one: Mapping[str, Any]) -> str:
         return f"not compared: {one['reason']}"
     parts = [f"correlation {one['correlation']:.2f}", f"RMS difference {one['rms']:.2f} of the {one['reference']}"]
     if one["lag"] is None:
-        return ", ".join([*parts, f"delay not known: no largest correlation within {LARGEST_LAG:g} s"])
+        return ", ".join([*parts, f"delay not known: the correlation has no maximum within {LARGEST_LAG:g} s"])
     later = "later" if one["lag"] >= 0.0 else "earlier"
     return ", ".join(
         [*parts, f"largest correlation {one['best']:.2f} with the estimate {1e3 * abs(one['lag']):.0f} ms {later}"]

@@ -35,18 +35,18 @@ def write(
     folder: Path,
     command: str,
 ) -> Path:
-    """Write all files of a trial to a new folder, or to the one with earlier results of the same file and person.
+    """Write all files of a trial to a folder, and return it; earlier results of the same file and person are replaced.
 
-    The folder appears when all files are complete.
+    The folder appears only when all files are complete.
 
     Args:
         result: motion in the trial.
         moments: joint moments; None: not known.
         activity: measured EMG and estimated activation; None: the trial has no EMG.
-        sources: files of the trial by role: "motion", perhaps "static" and "mvc_1".
-        name: name of the folder; a number is appended if that one has results of another file.
-        folder: folder to write to.
-        command: command line, for the record.
+        sources: input files by role: "motion", and optionally "static", "mvc_1", "mvc_2", ...
+        name: name of the new folder; a number is appended if a folder of this name has results of another file.
+        folder: folder in which the new one is created.
+        command: command line, which trial.json records.
 
     Raises:
         HricError: the system refuses to write, or the body cannot be converted for OpenSim.
@@ -75,7 +75,7 @@ def _hash(path: Path) -> str:
 
 
 def _free(folder: Path, name: str, file: Mapping[str, str], prefix: str) -> Path:
-    """Return the first folder that does not exist, or that has earlier results of the same file and person."""
+    """Return the first of NAME, NAME_2, NAME_3, ... that is free or has results of the same file and person."""
     for number in itertools.count(1):
         target = folder / (name if number == 1 else f"{name}_{number}")
         earlier = values(target)
@@ -85,7 +85,7 @@ def _free(folder: Path, name: str, file: Mapping[str, str], prefix: str) -> Path
 
 
 def values(folder: Path) -> dict[str, Any]:
-    """Return the content of trial.json in a folder; empty: there is none."""
+    """Return the content of trial.json in a folder; empty: the file is missing or not readable."""
     try:
         values: dict[str, Any] = json.loads((folder / DATA).read_text())
     except (OSError, ValueError):
@@ -95,7 +95,7 @@ def values(folder: Path) -> dict[str, Any]:
 
 @contextmanager
 def _new_folder(target: Path) -> Iterator[Path]:
-    """Yield a temporary folder that takes the place of `target` if the block ends without an error."""
+    """Yield a temporary folder that replaces `target` if the block ends without an error."""
     new = Path(tempfile.mkdtemp(prefix=f".{target.name}.", dir=target.parent))
     try:
         new.chmod(0o755)
@@ -112,7 +112,7 @@ def _new_folder(target: Path) -> Iterator[Path]:
 
 
 def _write_angles(path: Path, result: TrialMotion) -> None:
-    """Write time, angle and standard deviation of each joint; an empty cell is not known."""
+    """Write a CSV file with time [s], and angle and standard deviation of each joint [deg]; empty cell: not known."""
     motion = result.motion
     spread = np.where(np.isfinite(motion.q), motion.spread, np.nan)
     matrix = np.degrees(np.stack([motion.q, spread], axis=2)).reshape(len(motion.q), -1)
@@ -121,7 +121,7 @@ def _write_angles(path: Path, result: TrialMotion) -> None:
 
 
 def _write_moments(path: Path, moments: JointMoments, start: float) -> None:
-    """Write time, moment of each joint and half its 95 % interval, and the residual; an empty cell is not known.
+    """Write a CSV file with time, moment of each joint with half its 95 % interval, and residual; empty: not known.
 
     start: time of the first frame [s].
     """
@@ -132,7 +132,7 @@ def _write_moments(path: Path, moments: JointMoments, start: float) -> None:
 
 
 def _write_activations(path: Path, activity: emg.TrialEmg | None) -> None:
-    """Write time, measured envelope and estimated activation of the channels that are compared, if any are."""
+    """Write a CSV file with time, measured envelope and estimated activation of each compared channel, if any."""
     shown = [] if activity is None else [one for one in activity.channels if not one.reason]
     if activity is None or not shown:
         return
@@ -141,7 +141,7 @@ def _write_activations(path: Path, activity: emg.TrialEmg | None) -> None:
 
 
 def _write_rows(path: Path, head: Sequence[str], times: FloatArray, matrix: FloatArray) -> None:
-    """Write a table over time; NaN is an empty cell."""
+    """Write a CSV file with a row per time; NaN becomes an empty cell."""
     with path.open("w", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(["time [s]", *head])
@@ -150,7 +150,7 @@ def _write_rows(path: Path, head: Sequence[str], times: FloatArray, matrix: Floa
 
 
 def _write_opensim(folder: Path, result: TrialMotion) -> None:
-    """Write the fitted body with its markers as an OpenSim model, and the motion; NaN is not known."""
+    """Write the fitted body with its markers as an OpenSim model, and its motion, in which NaN means not known."""
     motion = result.motion
     write_model(folder, motion.body)
     names = [*(name for name, _, _ in ROOT_COORDINATES), *motion.body.joints]
@@ -160,7 +160,7 @@ def _write_opensim(folder: Path, result: TrialMotion) -> None:
 
 
 def write_table(folder: Path) -> Path:
-    """Write the table of all trials whose results are in a folder; return its path."""
+    """Write a table with a row for each trial whose results are in a folder; return the table's path."""
     rows = [summary.table_cells(path.parent.name, values(path.parent)) for path in sorted(folder.glob(f"*/{DATA}"))]
     head = [f"{name} [{unit}]" if unit else name for name, unit in zip(summary.HEAD, summary.UNITS, strict=True)]
     lines = [",".join(map(_quoted, row)) for row in (head, *rows)]

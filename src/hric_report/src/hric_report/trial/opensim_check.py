@@ -1,9 +1,9 @@
-"""Comparison of a trial's angles and moments with OpenSim's own tools, on the exported body, markers and loads.
+"""Comparison of a trial's joint angles and moments with those of OpenSim's inverse kinematics and inverse dynamics.
 
     rows = differences(result, moments, folder)         # one for each program and joint
 
-Both tools get what this project used: the fitted body with its fitted marker places, the positions of the markers, the
-smoothed motion, and the filtered loads. A difference is one of method, not of data.
+Both tools get the data that this project used: the fitted body with its fitted marker positions, the measured marker
+positions, the smoothed motion, and the filtered loads. Differences therefore come from the methods, not from the data.
 """
 
 from collections.abc import Mapping
@@ -43,13 +43,13 @@ class OpenSimDifference(NamedTuple):
     """Difference of an angle or moment from that of another program, in frames in which both are known.
 
     Attributes:
-        program: the other program.
+        program: name of the other program.
         joint: name of the joint.
-        unit: deg or N m.
-        frames: number of these frames.
-        rms: root mean square of the difference.
-        varying: the same without the mean of the difference.
-        peak: largest magnitude of this project's value.
+        unit: unit of the values: deg or N m.
+        frames: number of frames in which both are known.
+        rms: root mean square of the difference, in `unit`.
+        varying: root mean square of the difference minus its mean, in `unit`.
+        peak: largest magnitude of this project's value, in `unit`.
     """
 
     program: str
@@ -62,7 +62,12 @@ class OpenSimDifference(NamedTuple):
 
 
 def differences(result: TrialMotion, moments: JointMoments | None, folder: Path) -> list[OpenSimDifference]:
-    """Return all differences of a trial; folder: existing folder for OpenSim's files.
+    """Return the differences of a trial, one for each program and joint.
+
+    Args:
+        result: motion in the trial.
+        moments: joint moments; None: not known, so that only angles are compared.
+        folder: existing folder for OpenSim's files.
 
     Raises:
         HricError: OpenSim's tools fail, or the pose of the person is known in too few frames.
@@ -88,8 +93,8 @@ def inverse_kinematics(result: TrialMotion, rows: slice, folder: Path) -> dict[s
     """Return the joint angles by OpenSim's inverse kinematics, whose markers have equal weights, shape (n,) each [rad].
 
     Args:
-        result: motion of the person; its first pose is where OpenSim begins.
-        rows: frames in which the pose is known.
+        result: motion of the person; OpenSim's solver starts at its first pose.
+        rows: range of frames in which the pose is known.
         folder: folder with the model of the fitted body.
     """
     motion, time = result.motion, result.time[rows]
@@ -126,7 +131,12 @@ def inverse_kinematics(result: TrialMotion, rows: slice, folder: Path) -> dict[s
 
 
 def inverse_dynamics(moments: JointMoments, folder: Path) -> dict[str, FloatArray]:
-    """Return the joint moments by OpenSim's inverse dynamics, shape (n,) each [N m]; folder: has the model."""
+    """Return the joint moments by OpenSim's inverse dynamics, by joint, shape (n,) each [N m].
+
+    Args:
+        moments: joint moments with motion and loads.
+        folder: folder with the model of the fitted body.
+    """
     write_dynamics(folder, moments)
     with chdir(folder):  # the set-up names its files relative to itself
         run_tool(opensim.InverseDynamicsTool(SETUP), folder.absolute() / MOMENTS, "inverse dynamics")
@@ -138,7 +148,15 @@ def inverse_dynamics(moments: JointMoments, folder: Path) -> dict[str, FloatArra
 def _compared(
     program: str, unit: str, joints: list[str], ours: FloatArray, theirs: Mapping[str, FloatArray]
 ) -> list[OpenSimDifference]:
-    """Return the differences of the joints that are known in some frames; ours: shape (n, j)."""
+    """Return the differences of those joints that both programs know in some frames.
+
+    Args:
+        program: name of the other program.
+        unit: unit of the values.
+        joints: names of the j joints.
+        ours: values of this project, shape (n, j).
+        theirs: values of the other program by joint, shape (n,) each.
+    """
     found = []
     for joint, column in zip(joints, ours.T, strict=True):
         known = np.isfinite(column)

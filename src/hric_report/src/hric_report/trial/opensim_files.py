@@ -26,17 +26,17 @@ ROOT_COORDINATES = (
     *(("root_x", "prismatic", "1 0 0"), ("root_y", "prismatic", "0 1 0"), ("root_z", "prismatic", "0 0 1")),
     *(("root_roll", "revolute", "1 0 0"), ("root_pitch", "revolute", "0 1 0"), ("root_yaw", "revolute", "0 0 1")),
 )
-"""Coordinates of the root link: name, type of joint, axis. Rotations follow each other about axes that turn along."""
+"""Coordinates of the root link: name, type of joint, axis. The rotations are intrinsic, in this order."""
 FAR = "1000"
-"""Limit of these coordinates and of their velocity [m], [rad]: none is meant."""
+"""Limit of the root coordinates and of their velocities [m], [rad], so large that it has no effect."""
 R_GROUND_LAB = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
-"""Rotation of the laboratory, z up, in OpenSim's ground."""
+"""Rotation from the axes of the laboratory, z up, to those of OpenSim's ground, y up."""
 MODEL, MOTION, LOADS = "human.osim", "inverse_dynamics.mot", "loads.sto"
 SETUP, MOMENTS = "inverse_dynamics.xml", "moments.sto"
 
 
 def described(urdf: str) -> str:
-    """Return the description of a body with the coordinates of its root link in the laboratory."""
+    """Return the URDF of a body, to which joints between laboratory and root link (ROOT_COORDINATES) are added."""
     robot = ElementTree.fromstring(urdf)
     parent = LABORATORY
     ElementTree.SubElement(robot, "link", name=LABORATORY)
@@ -62,7 +62,11 @@ def coordinates(moments: JointMoments) -> dict[str, FloatArray]:
 
 
 def root_angles(orientation: FloatArray) -> FloatArray:
-    """Return the rotation coordinates of the root link, shape (n, 3) [rad]; orientation: quaternions, or NaN."""
+    """Return roll, pitch and yaw coordinates of the root link, shape (n, 3) [rad].
+
+    Args:
+        orientation: quaternions x, y, z, w, shape (n, 4); NaN: not known.
+    """
     angles, known = np.full((len(orientation), 3), np.nan), np.isfinite(orientation).all(axis=1)
     if known.any():
         angles[known] = np.unwrap(Rotation.from_quat(orientation[known]).as_euler("XYZ"), axis=0)
@@ -70,7 +74,7 @@ def root_angles(orientation: FloatArray) -> FloatArray:
 
 
 def write_model(folder: Path, body: Body) -> None:
-    """Write the model of a body to a folder."""
+    """Write the OpenSim model of a body to a folder."""
     options = urdf_to_osim.Options(inertia="keep", stops=False, friction="none", meshes=False)
     urdf_to_osim.write(urdf_to_osim.convert(described(body.urdf), options), folder / MODEL)
 
@@ -91,7 +95,7 @@ def write_dynamics(folder: Path, moments: JointMoments) -> None:
 
 
 def _loads(links: list[str]) -> ElementTree.Element:
-    """Return OpenSim's description of the loads, which act on some links."""
+    """Return OpenSim's XML element of the external loads that act on these links."""
     document = ElementTree.Element("OpenSimDocument", Version="40000")
     loads = ElementTree.SubElement(document, "ExternalLoads", name="loads")
     objects = ElementTree.SubElement(loads, "objects")
@@ -111,7 +115,7 @@ def _loads(links: list[str]) -> ElementTree.Element:
 
 
 def _tool(time: FloatArray, loaded: bool) -> ElementTree.Element:
-    """Return the set-up of OpenSim's inverse dynamics."""
+    """Return the set-up of OpenSim's inverse dynamics tool as XML."""
     document = ElementTree.Element("OpenSimDocument", Version="40000")
     tool = ElementTree.SubElement(document, "InverseDynamicsTool", name="inverse_dynamics")
     values = {

@@ -22,14 +22,14 @@ ASSETS = Path(__file__).parent / "assets"
 LEFT, RIGHT, TOP, BOTTOM = 40.0, 370.0, 8.0, 118.0
 """Ends of the axes of a panel [px]."""
 WIDE = 760.0
-"""Right end of the axis of wide pictures [px]."""
+"""Right end of the horizontal axis of wide panels [px]."""
 POINTS = 400
-"""Number of points of a curve from which on only every second, third, ... frame is drawn."""
+"""Largest number of points of a drawn curve; of a longer one only every second, third, ... frame is drawn."""
 LINES = (
     *(summary.fit_line, summary.known_line, summary.moment_line),
     *(summary.lumbar_line, summary.handover_line, summary.subject_line),
 )
-"""First lines of the page."""
+"""Functions that return the sentences at the top of the page, of the content of trial.json."""
 
 
 @dataclass(frozen=True)
@@ -38,10 +38,10 @@ class PanelPlot:
 
     Attributes:
         title: title above the panel.
-        x, y: axes.
-        line, band: paths of the curve and of the band around it; gaps where the values are not known.
-        second: path of another curve; "": there is none.
-        limit: limit that is drawn as a line; None: there is none.
+        x, y: horizontal and vertical axis.
+        line, band: SVG paths of the curve and of the band around it, with gaps where the values are not known.
+        second: SVG path of another curve; "": there is none.
+        limit: value at which a horizontal line is drawn; None: there is none.
     """
 
     title: str
@@ -54,7 +54,7 @@ class PanelPlot:
 
     @property
     def marks(self) -> list[float]:
-        """Round values for ticks of the vertical axis."""
+        """Values of the ticks of the vertical axis, which are round numbers."""
         return ticks(self.y.low, self.y.high, 3)
 
 
@@ -134,9 +134,10 @@ def _panel(
     limit: float | None = None,
     other: FloatArray | None = None,
 ) -> PanelPlot:
-    """Return the picture of values at times [s], shape (n,) each.
+    """Return the plot of values at times [s], shape (n,) each.
 
-    half: half of the width of the band, shape (n,); other: values of another curve, shape (n,)."""
+    half: half of the width of the band, shape (n,), None: no band; right: right end of the axis [px]; limit: value of a
+    horizontal line, None: no line; other: values of another curve, shape (n,), None: no curve."""
     rows = slice(None, None, max(1, -(-len(values) // POINTS)))
     time, values = times[rows], values[rows]
     spread = np.zeros(len(values)) if half is None else half[rows]

@@ -1,4 +1,4 @@
-"""Summary of a trial: how well the body fits, and which joints are known, with the reasons."""
+"""Summary of a trial: content of trial.json, and sentences on fit, known joints, moments and loads."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -27,14 +27,14 @@ WAIST = "trunk_flex"
 
 @dataclass(frozen=True)
 class JointSummary:
-    """Knowledge of a joint in a trial.
+    """Range of a joint angle in a trial, and the share of frames in which it is known.
 
     Attributes:
         name: name of the joint.
         known: share of the frames in which the angle is known [1].
         low, high: smallest and largest known angle [deg]; None: never known.
         deviation: root mean square of the standard deviation where the angle is known [deg]; None: never known.
-        reason: why the angle is not known in some frames; "": it is known in all.
+        reason: reason why the angle is not known in some frames; "": it is known in all.
     """
 
     name: str
@@ -46,7 +46,7 @@ class JointSummary:
 
 
 def joint_summaries(result: TrialMotion) -> list[JointSummary]:
-    """Return what is known of each joint."""
+    """Return the summary of each joint."""
     motion, fitted = result.motion, np.isfinite(result.motion.root[:, 0])
     summaries = []
     for column, (name, joint) in enumerate(motion.body.joints.items()):
@@ -68,7 +68,7 @@ def joint_summaries(result: TrialMotion) -> list[JointSummary]:
 
 
 def _beyond(body: Body, names: Sequence[str], link: str) -> list[str]:
-    """Return the markers on a link and on the links that it carries."""
+    """Return the names of the markers on a link and on all links beyond it, away from the root."""
     parents = {segment.link: segment.parent for segment in body.segments.values()}
 
     def carried(at: str) -> bool:
@@ -78,7 +78,11 @@ def _beyond(body: Body, names: Sequence[str], link: str) -> list[str]:
 
 
 def moment_values(moments: JointMoments) -> dict[str, Any]:
-    """Return the moments in trial.json: known share of each joint and its ENDS, and the residual."""
+    """Return the key `moments` of trial.json.
+
+    It has the share of frames in which each joint's moment is known, its ENDS [N m], and the residual force as share of
+    the body weight [1].
+    """
     joints = {}
     for name, column, half in zip(moments.body.joints, moments.moment.T, moments.half_width.T, strict=True):
         known = np.isfinite(column)
@@ -104,9 +108,9 @@ def _lumbar(moments: JointMoments) -> LumbarLoad:
 
 
 def lumbar_values(moments: JointMoments) -> dict[str, Any] | None:
-    """Return the largest load of the lumbar spine in trial.json, and its level by the worse end; None: not known.
+    """Return the key `lumbar` of trial.json: largest load of the lumbar spine [N] and its level; None: not known.
 
-    The interval adds that of angles, mass and lengths to that of the model.
+    The 95 % interval is that of the model plus that of angles, mass and lengths; its upper end decides the level.
     """
     load = _lumbar(moments)
     known = np.isfinite(load.compression)
@@ -121,7 +125,15 @@ def lumbar_values(moments: JointMoments) -> dict[str, Any] | None:
 def content(
     result: TrialMotion, moments: JointMoments | None = None, activity: emg.TrialEmg | None = None
 ) -> dict[str, Any]:
-    """Return the content of trial.json, in SI units and degrees, without the origin of the files; None: not known."""
+    """Return the content of trial.json, in SI units and degrees, except the names and hashes of files.
+
+    A value None means not known.
+
+    Args:
+        result: motion in the trial.
+        moments: joint moments; None: not known.
+        activity: measured EMG and estimated activation; None: the trial has no EMG.
+    """
     motion = result.motion
     table, fitted = Builder(result.subject).lengths, motion.body.subject.lengths
     markers = zip(motion.names, motion.before, motion.after, strict=True)
@@ -166,7 +178,7 @@ def _percent(share: float) -> str:
 
 
 def before(values: Mapping[str, Any]) -> FloatArray:
-    """Return the distances of the markers from the body of the table, those that are known [m]."""
+    """Return the known root mean square distances of markers from the body before the fit, shape (n,) [m]."""
     return np.array([one["before"] for one in values["markers"].values() if one["before"] is not None])
 
 
@@ -180,17 +192,19 @@ def fit_line(values: Mapping[str, Any]) -> str:
 
 
 def known_line(values: Mapping[str, Any]) -> str:
-    """Return a sentence on the joints that are known."""
+    """Return a sentence on the known and unknown joint angles; values: content of trial.json."""
     joints, unknown = values["joints"], values["unknown"]
     partly = [name for name, one in joints.items() if name not in unknown and one["known"] < 1.0]
     parts = [f"{len(joints) - len(unknown)} of {len(joints)} joint angles are known"]
     parts += [f"not known: {', '.join(unknown)}"] if unknown else []
     parts += [f"with gaps: {', '.join(partly)}"] if partly else []
-    return "; ".join(parts) + f". Known: within {100 * KNOWN:.0f} % of the spread without markers."
+    return (
+        "; ".join(parts) + f". An angle is known if its deviation is below {100 * KNOWN:.0f} % of that without markers."
+    )
 
 
 def moment_line(values: Mapping[str, Any]) -> str:
-    """Return a sentence on the joint moments."""
+    """Return a sentence on the joint moments; values: content of trial.json."""
     moments = values["moments"]
     if moments is None:
         return "Joint moments are not known; the reason is among the notes."
@@ -216,7 +230,7 @@ def moment_line(values: Mapping[str, Any]) -> str:
 
 
 def handover_line(values: Mapping[str, Any]) -> str:
-    """Return a sentence on the wrenches of a handover; empty: the trial has none."""
+    """Return a sentence on the forces of a handover; empty: the trial has none. values: content of trial.json."""
     one = values["handover"]
     if one is None:
         return ""
@@ -233,7 +247,7 @@ def handover_line(values: Mapping[str, Any]) -> str:
 
 
 def lumbar_line(values: Mapping[str, Any]) -> str:
-    """Return a sentence on the compression of the lumbar spine."""
+    """Return a sentence on the compression of the lumbar spine; values: content of trial.json."""
     load = values["lumbar"]
     if load is None:
         return f"L5/S1 compression is not known; it needs the moment of {WAIST} and every angle on which that depends."
@@ -246,7 +260,7 @@ def lumbar_line(values: Mapping[str, Any]) -> str:
 
 
 def subject_line(values: Mapping[str, Any]) -> str:
-    """Return a sentence on the subject and on where each number comes from."""
+    """Return a sentence on the subject, with the source of each number; values: content of trial.json."""
     subject, sources = values["subject"], values["sources"]
     measures = f"{subject['mass']:g} kg", f"{subject['height']:.3g} m", subject["sex"]
     return "Subject: " + ", ".join(
@@ -255,7 +269,12 @@ def subject_line(values: Mapping[str, Any]) -> str:
 
 
 def render(name: str, values: Mapping[str, Any]) -> str:
-    """Return the text of a trial for the terminal; name: name of the file, with the prefix of the person."""
+    """Return the summary of a trial for the terminal.
+
+    Args:
+        name: name of the file, with the prefix of the person's labels.
+        values: content of trial.json.
+    """
     lines = [
         f"{name}: {values['marker_set']}, {len(values['markers'])} markers, {values['frames']} frames at "
         f"{values['rate']:g} Hz",
@@ -282,7 +301,7 @@ UNITS = ("", "", "1", "1", "%", "mm", "mm", "1")
 
 
 def table_cells(name: str, values: Mapping[str, Any]) -> list[str]:
-    """Return the row of a trial in the table of several."""
+    """Return the row of a trial in the table of several trials, in the order of HEAD."""
     known = len(values["joints"]) - len(values["unknown"])
     return [
         name,
@@ -297,5 +316,5 @@ def table_cells(name: str, values: Mapping[str, Any]) -> list[str]:
 
 
 def render_table(rows: Sequence[Sequence[str]]) -> str:
-    """Return the table of several trials."""
+    """Return the text table of several trials; rows: from `table_cells`."""
     return "\n".join(text.rows([list(HEAD), list(UNITS), *map(list, rows)], head=2))

@@ -1,4 +1,4 @@
-"""Command `validate human`: joint angles and moments of trials beside those of other programs; table and page."""
+"""Command `hric validate human`: compares joint angles and moments of trials with those of other programs."""
 
 import argparse
 import csv
@@ -21,23 +21,23 @@ from hric_report.trial.page import ASSETS, WIDE
 TABLE, PAGE = "validation.csv", "validation.html"
 HEAD = ("joint", "unit", "frames", "RMS", "RMS without mean", "largest value")
 Trial = tuple[str, list[OpenSimDifference]]
-"""Name of a trial, and its differences."""
+"""Name of a trial, and its differences from other programs."""
 
 
 class ValidateCommand(Command):
     """Compare joint angles and moments of a person in trials with those of other programs.
 
-    Angles: those that the laboratory's software wrote into the file (Plug-in Gait), and OpenSim's inverse kinematics of
-    the same body and markers. Moments: OpenSim's inverse dynamics of the same body, motion and loads. Writes
+    Angles are compared with those in the file (Plug-in Gait), and with OpenSim's inverse kinematics of the same body
+    and markers; moments with OpenSim's inverse dynamics of the same body, motion and loads. Writes
     validation.csv and validation.html. Needs no ROS master.
     """
 
     def arguments(self) -> list[Argument]:
-        """Return the command-line arguments."""
+        """Return the trials and the options of `hric validate human`."""
         return trial_arguments()
 
     def run(self, arguments: argparse.Namespace) -> int:
-        """Compare the trials, print the table, and write it and the page."""
+        """Compare the trials, print the table, write it and the page, and return the exit code."""
         trials, code = of_each(arguments, _compared)
         folder = arguments.motions[0].expanduser().parent if arguments.output is None else arguments.output
         make_folder(folder)
@@ -56,7 +56,7 @@ class ValidateCommand(Command):
 
 
 def _compared(path: Path, prefix: str | None, arguments: argparse.Namespace) -> Trial:
-    """Return the differences of one person in a trial."""
+    """Return the differences of one person in a trial; prefix: prefix of their labels, None: no prefix."""
     result, moments = moved(path, prefix, arguments)
     with tempfile.TemporaryDirectory() as folder:
         found = differences(result, moments, Path(folder))
@@ -64,7 +64,7 @@ def _compared(path: Path, prefix: str | None, arguments: argparse.Namespace) -> 
 
 
 def _by_program(found: Sequence[OpenSimDifference]) -> dict[str, list[OpenSimDifference]]:
-    """Return the differences by program."""
+    """Return the differences grouped by the name of the other program."""
     return {name: [one for one in found if one.program == name] for name in dict.fromkeys(one.program for one in found)}
 
 
@@ -74,7 +74,7 @@ def _cells(one: OpenSimDifference) -> list[str]:
 
 
 def build(trials: Sequence[Trial]) -> str:
-    """Return the HTML page of the differences, with a bar for each."""
+    """Return the HTML page with a table of the differences and a bar for each."""
     groups = []
     for name, found in trials:
         for program, rows in _by_program(found).items():
@@ -89,7 +89,7 @@ def build(trials: Sequence[Trial]) -> str:
             title="Validation of joint angles and moments",
             subtitle=", ".join(name for name, _ in trials),
             verdicts=[],
-            foot="A difference from another program is no error: both are estimates.",
+            foot="A difference from another program is not an error of one of them: both are estimates.",
             groups=groups,
         )
     )

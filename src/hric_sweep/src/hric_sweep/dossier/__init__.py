@@ -1,1 +1,1 @@
-"""Dossier of runs and sweeps: one folder with the evidence of simulation results, to be read without the code."""
+"""Dossier of runs and sweeps: one folder that documents simulation results for readers without this software."""

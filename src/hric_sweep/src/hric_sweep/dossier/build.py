@@ -1,4 +1,4 @@
-"""Files of a dossier: its page, the evidence that it includes, and the hashes of all files."""
+"""Files of a dossier: its page, copies of result files, and a list with the hashes of all files."""
 
 import base64
 import hashlib
@@ -21,7 +21,7 @@ from hric_sweep.dossier.part import DossierPart, sha256
 PAGE, PDF, HASHES = "index.html", "dossier.pdf", "SHA256SUMS"
 ASSETS = Path(__file__).parent / "assets"
 DATE = re.compile(rb"D:\d{14}\+00'00'")
-"""Time of printing in a PDF; it is replaced by NO_DATE, so that the same dossier is always the same file."""
+"""Pattern of the printing time in a PDF, which NO_DATE replaces, so that the same dossier gives the same bytes."""
 NO_DATE = b"D:19700101000000+00'00'"
 
 
@@ -34,7 +34,7 @@ def contents(parts: Sequence[DossierPart]) -> dict[str, bytes]:
     names = [part.name for part in parts]
     for name in names:
         if names.count(name) > 1:
-            raise HricError(f"{name} is given {names.count(name)} times; valid: each run and sweep once")
+            raise HricError(f"{names.count(name)} runs or sweeps have the name {name}; valid: each name once")
     used = [{item for part in parts for item in getattr(part, key)} for key in ("groups", "regions", "titles")]
     found = sources(*used)
     text = (
@@ -56,7 +56,7 @@ def contents(parts: Sequence[DossierPart]) -> dict[str, bytes]:
 
 
 def printed(page: bytes) -> bytes:
-    """Return a page as PDF, printed with Chromium. Raises HricError: Chromium is not installed, or fails."""
+    """Return an HTML page as PDF, printed with Chromium. Raises HricError if Chromium is not installed or fails."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / PAGE
         path.write_bytes(page)

@@ -1,4 +1,4 @@
-"""Command `dossier`: write the evidence of runs and sweeps as one folder that can be read without the code."""
+"""Command `hric dossier`: writes one folder that documents runs and sweeps for readers without this software."""
 
 import argparse
 from pathlib import Path
@@ -12,7 +12,7 @@ from hric_sweep.dossier.part import DossierPart
 from hric_sweep.page.study import SETTINGS
 
 FOLDER = "dossier"
-"""Folder of the dossier in the run folder of the first run or sweep."""
+"""Name of the dossier's folder in the run folder of the first run or sweep, without --output."""
 
 
 class DossierCommand(Command):
@@ -22,7 +22,7 @@ class DossierCommand(Command):
     """
 
     def arguments(self) -> list[Argument]:
-        """Return the command-line arguments."""
+        """Return the runs and the options of `hric dossier`."""
         return [
             Argument(
                 "items",
@@ -54,7 +54,12 @@ class DossierCommand(Command):
 
 
 def _part(name: str, root: Path) -> DossierPart:
-    """Return the part of a run or sweep, by its path or its name. Raises HricError: there is none."""
+    """Return the part of the dossier about a run or sweep. Raises HricError if it does not exist.
+
+    Args:
+        name: path or name of the run folder.
+        root: folder of the runs, for names.
+    """
     for candidate in (Path(name).expanduser(), root / name):
         if (candidate / SETTINGS).is_file():
             return sweep_part.part_of(candidate.resolve())

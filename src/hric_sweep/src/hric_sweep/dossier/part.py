@@ -1,4 +1,4 @@
-"""Part of a dossier: what it says about one run or one sweep."""
+"""Part of a dossier: its content about one run or one sweep."""
 
 import hashlib
 from collections.abc import Collection, Mapping, Sequence
@@ -11,7 +11,7 @@ from hric_report.html.tables import flat
 
 
 class AssessmentGap(NamedTuple):
-    """Subject that was not assessed, with the reason, and what would make it known ("": nothing is known to)."""
+    """Subject that was not assessed, with the reason, and a remedy that would make it known ("": none is known)."""
 
     subject: str
     reason: str
@@ -34,15 +34,16 @@ class DossierPart:
 
     Attributes:
         folder: run folder.
-        kind: "run" or "sweep", whose templates show the data.
+        kind: "run" or "sweep": the HTML template that shows the data.
         data: data of the run or sweep, for the templates.
         label: overall result, as (CSS class, text).
         replies: replies to the questions of the verdict, by question.
         gaps: subjects that were not assessed.
-        groups, regions, titles: groups of findings, body regions, and titles of tables of limits in the results.
-        enclosed: files that the dossier includes.
-        kept: files that stay in the run folder, since they are large.
-        origin: tables on how the results were made.
+        groups, regions, titles: groups of findings, body regions, and titles of the tables of limits that occur in the
+            results; the dossier describes their methods.
+        enclosed: paths of the files that are copied to the dossier.
+        kept: paths of large files that stay in the run folder; the dossier has their hashes.
+        origin: tables with definition, versions and other origins of the results.
     """
 
     folder: Path

@@ -55,7 +55,7 @@ def _reply(item: Conclusion) -> StatedReply:
 
 
 def _pictures(verdict: Content) -> Mapping[str, str]:
-    """Return pictures of the worst moment and of the contacts on the body, by caption."""
+    """Return SVG pictures of the worst moment and of the contacts on the body, by caption."""
     scene = verdict["moment"]
     caption = scene and f"Worst moment, {scene['question']}: {scene['subject']}, at {scene['time']:.2f} s"
     pictures = {caption: picture(Moment.of(scene))} if scene else {}
@@ -64,10 +64,7 @@ def _pictures(verdict: Content) -> Mapping[str, str]:
 
 
 def _gaps(run: RunFile, verdict: Content | None) -> Iterator[AssessmentGap]:
-    """Yield what a run leaves open: an early end, unanswered questions, findings not assessable, missing signals.
-
-    verdict: content of verdict.json; None: no person was in the run.
-    """
+    """Yield what the run leaves open: unanswered questions, findings without a decision, and signals not recorded."""
     if run.get("status") != COMPLETED:
         reason = f"the run is {run.get('status') or 'of unknown status'}"
         yield AssessmentGap("the task to its end", reason, "repeat the run")

@@ -15,7 +15,7 @@ from hric_sweep.page import estimate, lists, sample, spread, words
 from hric_sweep.page.study import FAILED, RUNS, SETTINGS, RecordedSweep, load
 
 QUESTION_OF = {IMPACT: CONTACT, SUPERVISION: DISTANCE}
-"""Question that the outputs of a group of values are about."""
+"""Question of the verdict to which the outputs of a sweep belong, by group of values."""
 RERUN = "hric sweep rerun repeats a run with its verdict, for a dossier of that run"
 
 
@@ -58,7 +58,14 @@ def part_of(folder: Path) -> DossierPart:
 
 
 def _reply(study: RecordedSweep, question: str, by_name: dict[str, str], lines: list[str]) -> StatedReply:
-    """Return the estimated probability that a limit of the question is exceeded, or that there is no such limit."""
+    """Return the reply of a sweep to a question: the estimated probability that a limit is exceeded, if there is one.
+
+    Args:
+        study: the sweep.
+        question: question of the verdict.
+        by_name: question of each output.
+        lines: sentences with the probabilities of the outputs.
+    """
     names = [name for name, about in by_name.items() if about == question]
     if lines and study.limit is not None and study.limit.output in names:
         return StatedReply("estimated", "plain", "", lines[0], " ".join(lines[1:]))
@@ -66,12 +73,12 @@ def _reply(study: RecordedSweep, question: str, by_name: dict[str, str], lines: 
 
 
 def _gaps(study: RecordedSweep, questions: Collection[str], refused: str) -> Iterator[AssessmentGap]:
-    """Yield the subjects that a sweep does not decide.
+    """Yield what a sweep leaves open: questions without output or limit, missing runs, and unknown values.
 
     Args:
-        study: sweep.
-        questions: questions that its outputs are about.
-        refused: reason why the runs are no sample of the distributions; "": they are.
+        study: the sweep.
+        questions: questions of the verdict to which its outputs belong.
+        refused: reason why the runs are not drawn from the distributions of the variables; "": they are.
     """
     for question, text in verdict_page.BY_DEFAULT.items():
         if question not in questions:

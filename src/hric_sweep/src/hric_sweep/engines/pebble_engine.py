@@ -33,8 +33,8 @@ MIN_PROGRESS = 0.02
 """Processor time within the timeout above which a run counts as progressing [s]; a run that waits for a busy
 processor still gets as much. Two ticks of the kernel's clock; project default, unconfirmed."""
 LOCKED = 5.0
-"""Time for which living workers may hold the lock of their channel [s]; they hold it for milliseconds. Project
-default, unconfirmed."""
+"""Time after which the lock of the workers' channel counts as lost with a dead worker [s]; live workers hold it for
+milliseconds. Project default, unconfirmed."""
 _PR_SET_PDEATHSIG = 1
 
 
@@ -85,9 +85,9 @@ class PebbleEngine:
         raise LookupError
 
     def _renew_lost_channel(self) -> None:
-        """Replace the channel to the workers if the worker that ended held its lock, which nobody can release.
+        """Replace the channel to the workers if a worker has died while it held the channel's lock.
 
-        The other workers end with the channel, and their runs with them; tasks that had not begun are sent again.
+        The other workers end with the old channel, and their runs fail; tasks that had not begun are sent again.
         """
         workers = self._manager.worker_manager
         with workers.workers_channel.lock(timeout=LOCKED) as locked:

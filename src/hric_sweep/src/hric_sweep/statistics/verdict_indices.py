@@ -1,4 +1,4 @@
-"""Command `assess sobol`: Sobol indices of the unconfirmed numbers of a verdict."""
+"""Command `hric assess sobol`: Sobol indices of the unconfirmed parameters of a verdict."""
 
 import argparse
 
@@ -19,27 +19,27 @@ from hric_sweep.statistics.sensitivity import FEWEST, indices
 from hric_sweep.variables import LogUniform, Variable
 
 SEED = 0
-"""Seed of design and bootstrap: the indices of a recording are the same each time."""
+"""Seed of design and bootstrap, fixed so that the command always gives the same indices for the same recording."""
 
 
 class AssessSobolCommand(Command):
-    """Show which unconfirmed numbers move the verdict on a run: Sobol indices over their ranges.
+    """Show which unconfirmed parameters change the verdict on a run most: Sobol indices over their ranges.
 
-    All numbers change at once, independently, log-uniformly within their ranges. Needs no ROS master.
+    All parameters vary together, independently, log-uniformly within their ranges. Needs no ROS master.
     """
 
     def arguments(self) -> list[Argument]:
-        """Return the command-line arguments."""
+        """Return the run and the options of `hric assess sobol`."""
         return [
             *run_arguments("a bag with a person", "RUN|BAG"),
             Argument("--rows", type=int, default=64, help="rows of Saltelli's design, a power of two (default: 64)"),
         ]
 
     def run(self, arguments: argparse.Namespace) -> None:
-        """Print the indices of each question. Raises HricError: no question has a share of a limit."""
+        """Print the indices of each question. Raises HricError if no question compares a value with a limit."""
         count = arguments.rows
         if count < FEWEST or count & (count - 1):
-            raise HricError(f"--rows is {count}; valid: a power of two from {FEWEST} on")
+            raise HricError(f"--rows is {count}; valid: a power of two, {FEWEST} or more")
         sensitivity = sensitivity_of(opened(arguments.run, arguments.runs), AssessmentChoices())
         tables = [text for question in (CONTACT, DISTANCE) if (text := _table(sensitivity, question, count))]
         if not tables:
@@ -48,7 +48,13 @@ class AssessSobolCommand(Command):
 
 
 def _table(sensitivity: Sensitivity, question: str, count: int) -> str:
-    """Return the text table of one question; empty: nothing can be compared with a limit."""
+    """Return the text table of one question; "": no value can be compared with a limit.
+
+    Args:
+        sensitivity: calculation of the verdict with varied parameters.
+        question: question of the verdict.
+        count: number of rows of Saltelli's design.
+    """
     numbers = sensitivity.numbers(question)
     if not numbers or sensitivity.level(question, {}) is None:
         return ""
