@@ -143,8 +143,8 @@ static int append_field(Output *out, PyObject *field, PyObject *message)
         return 0;
     const char code = (char)PyUnicode_READ_CHAR(PyTuple_GET_ITEM(field, 1), 0);
     const Py_ssize_t length = PyLong_AsSsize_t(PyTuple_GET_ITEM(field, 2));
-    const int good = length == SINGLE ? append_value(out, code, fields, value)
-                                      : append_array(out, code, fields, length, value);
+    const int good =
+        length == SINGLE ? append_value(out, code, fields, value) : append_array(out, code, fields, length, value);
     Py_DECREF(value);
     return good;
 }
@@ -172,6 +172,7 @@ FUNCTION(serialised)
     return made;
 }
 
-static PyMethodDef functions[] = {METHOD(serialised, "serialised(fields, message): return the bytes of a message"), {0}};
+static PyMethodDef functions[] = {METHOD(serialised, "serialised(fields, message): return the bytes of a message"),
+                                  {0}};
 
 MODULE(hric_messages, functions)
