@@ -21,7 +21,7 @@ from stable_baselines3 import SAC
 from hric_controllers.policy.network import PolicyNetwork
 from hric_gym.evaluation import POLICY, REFLEX, SCRIPTED, EpisodeResult, ScriptedReach, passed, played, table
 from hric_gym.policy_env import contract, environment
-from hric_gym.training import export, train
+from hric_gym.training import SLOWEST, TrainingEnv, export, train
 from hric_run.definition import experiment
 from hric_run.simulation import Simulation
 
@@ -34,26 +34,41 @@ def agreed(steps: int = 1000) -> Any:
     return contract("Reach", {"steps": steps, "seed": 3, "weights": {"force": 0.1, "effort": 0.1}})
 
 
-def test_the_exported_network_acts_as_the_policy_of_stable_baselines3(tmp_path: Path) -> None:
-    env = environment(agreed())
+def test_the_exported_network_acts_as_the_policy_of_stable_baselines3_on_the_straight_line(
+    tmp_path: Path,
+) -> None:
+    env = TrainingEnv(environment(agreed()))
     model = SAC("MlpPolicy", env, seed=1, buffer_size=10, policy_kwargs={"net_arch": [64, 64]})
     export(model, agreed(), tmp_path / "policy.onnx")
     network, random = PolicyNetwork(tmp_path / "policy.onnx"), np.random.default_rng(2)
     for _ in range(20):
         observation = random.normal(size=env.observation_space.shape).astype(np.float32)
         action, _ = model.predict(observation, deterministic=True)
-        np.testing.assert_allclose(network(observation), action, atol=1e-6)
-    assert network.contract == agreed()
+        speed = SLOWEST + (1.0 - SLOWEST) * 0.5 * (action + 1.0)
+        expected = speed * observation[-3:] / np.abs(observation[-3:]).max()
+        np.testing.assert_allclose(network(observation), expected, atol=1e-6)
+    assert agreed().fields[-1].name == "goal_offset" and network.contract == agreed()
+    assert np.isfinite(network(np.zeros(env.observation_space.shape, np.float32))).all()
     env.close()
 
 
 @pytest.mark.slow  # two trainings of a minute each
+def test_the_same_seed_trains_the_same_file_in_another_process(tmp_path: Path) -> None:
+    contents = []
+    for name in ("first.onnx", "second.onnx"):
+        command = [*HRIC, "train", "Reach", "--steps", "1100", "--seed", "5", "--output", str(tmp_path / name)]
+        subprocess.run(command, check=True, capture_output=True, timeout=300)
+        contents.append((tmp_path / name).read_bytes())
+    assert contents[0] == contents[1]
+
+
+@pytest.mark.slow  # two trainings of a minute each
 def test_ctrl_c_leaves_a_policy_and_a_checkpoint_from_which_the_training_goes_on(tmp_path: Path) -> None:
-    command = [*HRIC, "train", "Reach", "--steps", "1300", "--output", str(tmp_path / "policy.onnx")]
-    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    command = [*HRIC, "train", "Reach", "--output", str(tmp_path / "policy.onnx")]
+    process = subprocess.Popen([*command, "--steps", "1300"], stderr=subprocess.PIPE, text=True)
     assert process.stderr is not None
     shown = ""
-    while "score" not in shown:  # shown after the first episode; the bar is written without line ends
+    while "return" not in shown:  # shown after the first episode; the bar is written without line ends
         shown = (shown + process.stderr.read(20))[-400:]
         assert process.poll() is None, shown
     process.send_signal(signal.SIGINT)
@@ -116,10 +131,10 @@ def test_the_scripted_reach_reaches_and_the_resting_arm_does_not() -> None:
 
 
 def episodes(score: float, count: int, above: int) -> list[EpisodeResult]:
-    limits = frozenset({REFLEX})
+    ends = [(frozenset({REFLEX}), "joint_reflex") if k < above else (frozenset[str](), "") for k in range(count)]
     return [
-        EpisodeResult(score + 0.1 * (k % 3), True, 1.0, limits if k < above else frozenset(), 0.5, 3.0)
-        for k in range(count)
+        EpisodeResult(score + 0.1 * (k % 3), True, 1.0, limits, 0.5, 3.0, reflex)
+        for k, (limits, reflex) in enumerate(ends)
     ]
 
 
@@ -131,4 +146,6 @@ def test_a_policy_passes_if_it_scores_better_and_at_most_one_percent_exceed_a_li
 ) -> None:
     results = {POLICY: episodes(score, 200, above), SCRIPTED: episodes(-3.0, 200, 0)}
     assert passed(results) is good
-    assert f"reflex {above} (" in table(results)
+    shown = table(results)
+    assert f"force or reflex {above} (" in shown
+    assert f"reflexes of policy: {f'joint_reflex {above}' if above else 'none'}\n" in shown

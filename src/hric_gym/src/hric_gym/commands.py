@@ -1,6 +1,7 @@
 """Commands `hric train` and `hric check_policy`: train a policy, and evaluate it on its task."""
 
 import argparse
+import time
 from pathlib import Path
 
 from hric_core.command import Argument, Command
@@ -8,8 +9,8 @@ from hric_core.errors import NOT_GOOD, HricError
 from hric_core.parameters import number, whole
 from hric_core.processes import INTERRUPTED_CODE
 
-STEPS = 28_000
-"""Number of actions in a training, without --steps (project default)."""
+STEPS = 14_000
+"""Default number of steps of a training (project default)."""
 EPISODES = 200
 """Number of episodes of an evaluation, without --episodes (project default)."""
 
@@ -17,8 +18,9 @@ EPISODES = 200
 class TrainCommand(Command):
     """Train a policy that moves the end effector to goals, and write it for hric_controllers/PolicyController.
 
-    The policy is trained by SAC of stable-baselines3 in the environment of the task. Ctrl-C ends the training and
-    writes the policy so far, with a checkpoint from which --resume continues.
+    SAC of stable-baselines3 learns beside the person, in the environment of the task, how fast to move on the straight
+    line to the goal. Ctrl-C ends it and writes the policy so far with a checkpoint, from which --resume continues.
+    The same seed gives the same file.
     """
 
     def arguments(self) -> list[Argument]:
@@ -63,7 +65,9 @@ class TrainCommand(Command):
         settings = {"steps": steps, "seed": whole(minimum=0).checked(arguments.seed or 0, "--seed")}
         settings["weights"] = WEIGHTS | weights
         agreed = PolicyNetwork(output).contract if arguments.resume else contract(arguments.task, settings)
+        before = time.process_time()
         completed = train(agreed, output, resume=arguments.resume)
+        print(f"processor time: {(time.process_time() - before) / 60.0:.1f} min")
         print(f"{output} written" if completed else f"interrupted; {output} has the policy so far; --resume continues")
         return 0 if completed else INTERRUPTED_CODE
 

@@ -1,6 +1,7 @@
 """Evaluation of a policy on the task it was trained for, next to a scripted straight reach in the same episodes."""
 
 import math
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -40,9 +41,9 @@ class EpisodeResult:
         score: sum of the rewards of all steps [1].
         success: True if the end effector reached the goal.
         seconds: robot time until the end [s].
-        violations: names of the costs that exceeded their limits, and REFLEX if the control box stopped the arm.
-        force: largest contact force as share of its limit [1].
-        separation: mean ratio of protective separation distance to distance, counted up to 10 [1].
+        violations: limits that were exceeded: costs, or the reflex of the arm.
+        force, separation: largest share of the contact limit, and mean share of the separation distance up to 10 [1].
+        reflex: names of the errors with which the control box ended the episode; empty: none.
     """
 
     score: float
@@ -51,6 +52,12 @@ class EpisodeResult:
     violations: frozenset[str]
     force: float
     separation: float
+    reflex: str = ""
+
+    @property
+    def violated(self) -> bool:
+        """True if a force exceeded its limit or a reflex stopped the arm."""
+        return bool(self.violations & {FORCE, REFLEX})
 
 
 class ScriptedReach:
@@ -103,7 +110,13 @@ def played(env: PolicyEnv, act: Act, seed: int) -> EpisodeResult:
         forces.append(info["costs"].get(FORCE, 0.0))
         separations.append(min(info["costs"].get(SEPARATION, math.nan), 10.0))
     return EpisodeResult(
-        score, info["success"], seconds, frozenset(violations), max(forces), float(np.mean(separations))
+        score,
+        info["success"],
+        seconds,
+        frozenset(violations),
+        max(forces),
+        float(np.mean(separations)),
+        info["reflex"],
     )
 
 
@@ -146,19 +159,26 @@ def table(results: dict[str, list[EpisodeResult]]) -> str:
     lines = [f"{'':10}{columns}{'separation':>12}   episodes above a limit"]
     for name, episodes in results.items():
         reached = [episode.seconds for episode in episodes if episode.success]
-        counts = []
-        for limit in (FORCE, REFLEX, SEPARATION):
-            count = sum(limit in episode.violations for episode in episodes)
-            low, high = (100.0 * end for end in clopper_pearson(count, len(episodes)))
-            counts.append(f"{limit} {count} ({low:.1f} to {high:.1f} %)")
+        above = {limit: [limit in episode.violations for episode in episodes] for limit in (FORCE, REFLEX, SEPARATION)}
+        above["force or reflex"] = [episode.violated for episode in episodes]
+        counts = [f"{limit} {_counted(flags)}" for limit, flags in above.items()]
         lines.append(
             f"{name:10}{len(episodes):9}{np.mean([episode.score for episode in episodes]):9.2f}{len(reached):9}"
             f"{np.mean(reached) if reached else math.nan:9.2f}{max(episode.force for episode in episodes):9.2f}"
             f"{np.mean([episode.separation for episode in episodes]):12.2f}   {', '.join(counts)}"
         )
+    for name, episodes in results.items():
+        reflexes = Counter(episode.reflex for episode in episodes if episode.reflex)
+        lines.append(f"reflexes of {name}: " + (", ".join(f"{x} {count}" for x, count in reflexes.items()) or "none"))
     mean, half = better_by(results[POLICY], results[SCRIPTED])
     lines.append(f"score of the policy minus score of the scripted reach: {mean:.2f} +- {half:.2f} (95 %)")
     return "\n".join(lines)
+
+
+def _counted(flags: Sequence[bool]) -> str:
+    """Return the number of true flags with the exact interval of their share."""
+    low, high = (100.0 * end for end in clopper_pearson(sum(flags), len(flags)))
+    return f"{sum(flags)} ({low:.1f} to {high:.1f} %)"
 
 
 def passed(results: dict[str, list[EpisodeResult]]) -> bool:
@@ -167,6 +187,6 @@ def passed(results: dict[str, list[EpisodeResult]]) -> bool:
     Better: the 95 % interval of the difference to the scripted reach is above 0.
     """
     episodes = results[POLICY]
-    above = sum(bool(episode.violations & {FORCE, REFLEX}) for episode in episodes)
+    above = sum(episode.violated for episode in episodes)
     mean, half = better_by(episodes, results[SCRIPTED])
     return mean - half > 0.0 and above <= LARGEST * len(episodes)

@@ -10,9 +10,8 @@ from hric_core.geometry import FloatArray, quaternion_from_rotation
 from hric_run.observation import SimulationState
 
 try:
-    from gymnasium import Env, ObservationWrapper, make, register
+    from gymnasium import Env, ObservationWrapper, Wrapper, make, register
     from gymnasium.spaces import Box, Dict
-    from gymnasium.wrappers import TransformReward
 except ImportError:
     raise HricError("hric_gym needs Gymnasium, which is not installed:  scripts/setup --with learning") from None
 
@@ -23,8 +22,8 @@ __all__ = [
     "Env",
     "Field",
     "ObservationWrapper",
-    "TransformReward",
     "Values",
+    "Wrapper",
     "arm_values",
     "as_values",
     "dict_space",

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from hric_controllers.policy.contract import KEY, PolicyContract
-from hric_controllers.policy.network import INPUT, OUTPUT
+from hric_controllers.policy.contract import KEY, PolicyContract, Vector
+from hric_controllers.policy.network import ACTIONS, INPUT, OUTPUT
 from hric_core.errors import HricError
-from hric_gym.policy_env import environment
-from hric_gym.spaces import TransformReward
+from hric_gym.policy_env import PolicyEnv, environment
+from hric_gym.spaces import Wrapper, unit_box
 from hric_gym.tasks import FORCE
 
 try:
@@ -21,7 +21,6 @@ try:
     import torch
     from stable_baselines3 import SAC
     from stable_baselines3.common.callbacks import BaseCallback
-    from stable_baselines3.common.utils import FloatSchedule
 except ImportError:
     raise HricError(
         "training needs stable-baselines3, which is not installed:  scripts/setup --with learning"
@@ -31,47 +30,73 @@ SETTINGS: Mapping[str, Any] = {
     "gamma": 0.95,
     "batch_size": 256,
     "learning_starts": 1000,
-    "ent_coef": "auto_0.05",
+    "gradient_steps": 2,
+    "ent_coef": "auto_0.02",
     "policy_kwargs": {"net_arch": [64, 64]},
 }
-"""Parameters of stable-baselines3's SAC that differ from its defaults (project default)."""
-TIME_COST = 0.2
-"""Amount by which training reduces the reward of each step [1] (project default). Without it, a policy learns to stay
-near the goal instead of reaching it."""
-PHASES = (("none", 0.36, 1e-3), ("scripted", 0.72, 1e-3), ("none", 1.0, 3e-4))
-"""Phases of a training: kind of person, share of all steps at which the phase ends [1], learning rate [1] (project
-default). The arm learns to move without a person, where a step takes half the computing time, then to avoid contacts,
-then to stop at the goal."""
+"""Parameters of SAC that differ from its defaults (project default)."""
+RATE = 1e-3
+"""Learning rate at the start; it decreases linearly to zero (project default)."""
+SLOWEST = 0.2
+"""Smallest speed that the network can choose, as share of the full speed [1]; the arm reaches every goal in the time of
+the task, thus an untrained network does, too (project default)."""
+FORCE_COST = 5.0
+"""Cost of the share of the contact limit in training, beyond the reward of the task [1]: a rare reflex alone does not
+say how near a motion came to it (project default)."""
+TINY = 1e-6
+"""Smallest divisor of an offset [1]."""
 RECENT = 50
 """Number of episodes over which the progress bar averages."""
 Ends = list[tuple[float, bool, bool]]
 
 
 class _Progress(BaseCallback):
-    """Progress bar with mean score, and shares of episodes with success and with a violation; it ends at Ctrl-C.
+    """Progress bar with return, successes, and excessive forces or reflexes of the newest episodes; ends at Ctrl-C."""
 
-    The figures are those of the newest RECENT episodes. A violation is a force above its limit, or a reflex.
-    """
-
-    def __init__(self, steps: int, person: str, interrupted: threading.Event) -> None:
+    def __init__(self, steps: int, interrupted: threading.Event) -> None:
         super().__init__()
-        self._bar, self._interrupted = tqdm(total=steps, unit=" steps", desc=f"person {person}"), interrupted
+        self._bar, self._interrupted = tqdm(total=steps, unit=" steps", desc="SAC"), interrupted
         self._ends, self._score, self._violated = Ends(), 0.0, False
 
     def _on_step(self) -> bool:
         info = self.locals["infos"][0]
-        self._score += float(self.locals["rewards"][0]) + TIME_COST
+        self._score += float(self.locals["rewards"][0])
         self._violated |= bool(FORCE in info["violations"] or info["reflex"])
         if self.locals["dones"][0]:
             self._ends = [*self._ends, (self._score, info["success"], self._violated)][-RECENT:]
             score, success, violated = np.mean(self._ends, axis=0)
-            self._bar.set_postfix_str(f"score {score:.2f}, success {success:.2f}, violations {violated:.2f}")
+            self._bar.set_postfix_str(f"return {score:.2f}, success {success:.2f}, violations {violated:.2f}")
             self._score, self._violated = 0.0, False
         self._bar.update(1)
         return not self._interrupted.is_set()
 
     def _on_training_end(self) -> None:
         self._bar.close()
+
+
+class TrainingEnv(Wrapper):
+    """Environment whose action is the speed of the straight motion to the goal; contacts cost more than in the task.
+
+    The motion is that of `export`: full speed along the farthest axis for an action of 1, SLOWEST of it for -1.
+    """
+
+    def __init__(self, env: PolicyEnv) -> None:
+        super().__init__(env)
+        self.action_space = unit_box(1)
+
+    def reset(self, **settings: Any) -> tuple[Vector, dict[str, Any]]:
+        """Begin an episode."""
+        self._observation, info = self.env.reset(**settings)
+        return self._observation, info
+
+    def step(self, action: Vector) -> tuple[Vector, float, bool, bool, dict[str, Any]]:
+        """Move at the speed of an action."""
+        offset = self._observation[-3:]
+        speed = SLOWEST + (1.0 - SLOWEST) * 0.5 * (float(action[0]) + 1.0)
+        velocity = speed * offset / max(float(np.abs(offset).max()), TINY)
+        self._observation, reward, ended, late, info = self.env.step(velocity)
+        cost = FORCE_COST * min(info["costs"].get(FORCE, 0.0), 1.0)
+        return self._observation, float(reward) - cost, ended, late, info
 
 
 def train(agreed: PolicyContract, output: Path, *, resume: bool = False) -> bool:
@@ -88,28 +113,19 @@ def train(agreed: PolicyContract, output: Path, *, resume: bool = False) -> bool
     torch.set_num_threads(1)  # fastest for networks of this size
     steps, seed = (int(str(agreed.training[name])) for name in ("steps", "seed"))
     checkpoint, replay = output.with_suffix(".zip"), output.with_suffix(".replay")
-    env = _environment(agreed, "none")
+    env, rate = TrainingEnv(environment(agreed)), {"learning_rate": lambda left: RATE * left}
     if resume:
         if not (checkpoint.is_file() and replay.is_file()):
-            raise HricError(
-                f"--resume needs the checkpoint {checkpoint} and {replay}, of which one is missing; "
-                "valid: --output of an earlier training, or no --resume"
-            )
-        model = SAC.load(checkpoint, env)
+            raise HricError(f"there is no checkpoint {checkpoint} with {replay}; valid: without --resume")
+        model = SAC.load(checkpoint, env, custom_objects=rate)
         model.load_replay_buffer(replay)
     else:
-        model = SAC("MlpPolicy", env, seed=seed, buffer_size=steps, **SETTINGS)
+        model = SAC("MlpPolicy", env, seed=seed, buffer_size=steps, **rate, **SETTINGS)
     interrupted = threading.Event()
     previous = signal.signal(signal.SIGINT, lambda *_: interrupted.set())
+    left = steps - model.num_timesteps
     try:
-        for person, end, rate in PHASES:
-            left = round(end * steps) - model.num_timesteps
-            if left > 0 and not interrupted.is_set():
-                env.close()
-                env = _environment(agreed, person)
-                model.set_env(env)
-                model.lr_schedule = FloatSchedule(rate)
-                model.learn(left, _Progress(left, person, interrupted), reset_num_timesteps=False)
+        model.learn(left, _Progress(left, interrupted), reset_num_timesteps=False)
     finally:
         signal.signal(signal.SIGINT, previous)
         env.close()
@@ -119,34 +135,46 @@ def train(agreed: PolicyContract, output: Path, *, resume: bool = False) -> bool
     return not interrupted.is_set()
 
 
-def _environment(agreed: PolicyContract, person: str) -> Any:
-    return TransformReward(environment(agreed, person), lambda reward: reward - TIME_COST)
-
-
 def export(model: Any, agreed: PolicyContract, output: Path) -> None:
-    """Write the deterministic policy of SAC, the tanh of its mean action, as an ONNX file with the contract.
+    """Write the deterministic policy as an ONNX network with the contract: straight motion at the speed of SAC's mean.
 
-    Args:
-        model: trained SAC of stable-baselines3.
-        agreed: contract of the policy.
-        output: ONNX file.
+    The offset of the goal is the last field of the observation.
     """
-    actor = model.actor
+    actor, make = model.actor, onnx.helper.make_node
     layers = [layer for layer in (*actor.latent_pi, actor.mu) if isinstance(layer, torch.nn.Linear)]
-    nodes, weights, value = [], [], INPUT
+    half = 0.5 * (1.0 - SLOWEST)
+    constants = {"half": np.float32(half), "middle": np.float32(SLOWEST + half), "tiny": np.float32(TINY)} | {
+        name: np.array([value]) for name, value in (("first", agreed.size - 3), ("end", agreed.size), ("axis", 1))
+    }
+    nodes, value = [], INPUT
     for index, layer in enumerate(layers):
         names = [f"weight{index}", f"bias{index}"]
-        for name, array in zip(names, (layer.weight, layer.bias), strict=True):
-            weights.append(onnx.numpy_helper.from_array(array.detach().numpy(), name))
-        last = index == len(layers) - 1
-        nodes.append(onnx.helper.make_node("Gemm", [value, *names], [f"sum{index}"], transB=1))
-        value = OUTPUT if last else f"layer{index}"
-        nodes.append(onnx.helper.make_node("Tanh" if last else "Relu", [f"sum{index}"], [value]))
-    kind, size = onnx.TensorProto.FLOAT, layers[-1].out_features
-    ends = [
-        onnx.helper.make_tensor_value_info(name, kind, [1, count])
-        for name, count in ((INPUT, agreed.size), (OUTPUT, size))
+        constants |= {
+            name: array.detach().numpy() for name, array in zip(names, (layer.weight, layer.bias), strict=True)
+        }
+        nodes.append(make("Gemm", [value, *names], [f"sum{index}"], transB=1))
+        value = f"layer{index}"
+        nodes.append(make("Tanh" if layer is actor.mu else "Relu", [f"sum{index}"], [value]))
+    nodes += [
+        make("Slice", [INPUT, "first", "end", "axis"], ["offset"]),
+        make("Abs", ["offset"], ["distances"]),
+        make("ReduceMax", ["distances"], ["farthest"], axes=[1]),
+        make("Max", ["farthest", "tiny"], ["length"]),
+        make("Div", ["offset", "length"], ["straight"]),
+        make("Mul", [value, "half"], ["more"]),
+        make("Add", ["more", "middle"], ["speed"]),
+        make("Mul", ["straight", "speed"], [OUTPUT]),
     ]
+    _save(nodes, constants, agreed, output)
+
+
+def _save(nodes: list[Any], constants: Mapping[str, Any], agreed: PolicyContract, output: Path) -> None:
+    """Write nodes as an ONNX network with the contract."""
+    ends = [
+        onnx.helper.make_tensor_value_info(name, onnx.TensorProto.FLOAT, [1, count])
+        for name, count in ((INPUT, agreed.size), (OUTPUT, ACTIONS))
+    ]
+    weights = [onnx.numpy_helper.from_array(np.asarray(array), name) for name, array in constants.items()]
     graph = onnx.helper.make_graph(nodes, "policy", ends[:1], ends[1:], weights)
     made = onnx.helper.make_model(graph, opset_imports=[onnx.helper.make_opsetid("", 17)], ir_version=9)
     onnx.helper.set_model_props(made, {KEY: agreed.text()})

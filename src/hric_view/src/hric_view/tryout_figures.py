@@ -11,7 +11,7 @@ from hric_assessment.verdict.impacts import PERMITTED
 from hric_assessment.verdict.result import Verdict
 
 PEAKS = ("transient peak [N]", "quasi-static peak [N]")
-MET = "speed at which they met [m/s]"
+MET = "speed at contact [m/s]"
 """Name of the value of a contact finding that has the speed of arm and person at the first touch."""
 SCORE, WORST = "score that counts", "score that counts, unknown at its worst"
 """Names of the values of a posture finding with its score, and with the worst score that unknown angles allow."""

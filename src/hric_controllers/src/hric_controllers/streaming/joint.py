@@ -33,7 +33,9 @@ class JointStreamingSettings(Settings):
     velocity: tuple[float, ...] = per_joint(
         number(above=0.0, unit="rad/s"), 1.5, text="largest velocity; at most that of the robot description"
     )
-    acceleration: tuple[float, ...] = per_joint(number(above=0.0, unit="rad/s^2"), 7.5)
+    acceleration: tuple[float, ...] = per_joint(
+        number(above=0.0, unit="rad/s^2"), 7.0, text="below that of the arm, whose own rate limits make jerks"
+    )
     jerk: tuple[float, ...] = per_joint(number(above=0.0, unit="rad/s^3"), 500.0)
     state_publish_rate: float = parameters.state_rate(100.0)
 
