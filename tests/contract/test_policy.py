@@ -15,7 +15,7 @@ pytest.importorskip("onnxruntime", reason="scripts/setup --with learning")
 pytestmark = pytest.mark.alone
 
 SRC = Path(__file__).parents[2] / "src"
-NAME, GOALS, NEAR = "policy_controller", ([0.5, 0.3, 0.4], [0.4, -0.25, 0.55]), 0.03
+NAME, GOALS, NEAR = "policy_controller", ([0.5, 0.3, 0.4], [0.4, -0.25, 0.55]), 0.005
 
 
 def test_the_policy_reaches_goals_without_a_reflex_and_within_the_limits(
@@ -36,7 +36,7 @@ def test_the_policy_reaches_goals_without_a_reflex_and_within_the_limits(
             if len(rows) == sent:
                 goals.publish(PointStamped(point=Point(*goal)))
 
-        robot.run(3.0, cycle)
+        robot.run(5.0, cycle)  # at the lowest speed of the policy, 0.14 m/s
         assert robot.hw.error == ""
         distance = math.dist(robot.hw.robot_state.O_T_EE[12:15], goal)
         figure(f"policy on {backend}: distance from goal {number}", 1e3 * distance, "mm")

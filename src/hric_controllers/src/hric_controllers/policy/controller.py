@@ -10,6 +10,7 @@ import numpy as np
 from geometry_msgs.msg import PointStamped
 
 from franka_hw_interface.interfaces import FrankaModelInterface, FrankaStateInterface
+from franka_hw_interface.model import FrankaFrame
 from hric_control.robot_hw import RobotHW
 from hric_controllers.parameters import ArmSettings
 from hric_controllers.policy.contract import Vector, moved, within
@@ -17,6 +18,7 @@ from hric_controllers.policy.network import PolicyNetwork
 from hric_controllers.streaming.joint import JointStreamingSettings, StreamedJoints
 from hric_core import realtime, resources
 from hric_core.errors import CommandError, FailureError
+from hric_core.geometry import FloatArray
 from hric_core.node import Node
 from hric_core.parameters import numbers, refused, text, whole
 
@@ -27,6 +29,8 @@ LARGEST_SHARE = 0.1
 
 LEAVING = 5.0
 """Ratio to the distance at which a goal is reached of that at which the policy acts again (project default)."""
+EXACT = 1e-4
+"""Distance of the setpoint from a reached goal below which it stays [m] (project default)."""
 REST = 1e-6
 """Velocity of a joint below which it is at rest [rad/s]."""
 
@@ -55,7 +59,8 @@ class PolicySettings(ArmSettings):
 class PolicyController(StreamedJoints):
     """Controller that streams the setpoints of a policy to the joints, at limited velocity, acceleration and jerk.
 
-    The policy acts until the end effector is at the goal, and again when it is not. If its output is not finite, the
+    The policy acts until the end effector is near the goal, and again when it is not; this controller moves the rest of
+    the way. If its output is not finite, the
     arm comes to rest at the last setpoint; then this controller stops with an error.
     """
 
@@ -122,11 +127,10 @@ class PolicyController(StreamedJoints):
     def _decide(self, goal: tuple[float, ...]) -> None:
         """Give the present observation to the network, unless the end effector is at the goal."""
         state, contract = self._arm, self._network.contract
-        ee_position, reached = state.O_T_EE[12:15], self._reached == goal
-        if math.dist(ee_position, goal) < contract.near * (LEAVING if reached else 1.0):
-            if not reached:  # rest here: the setpoint is ahead of the arm
-                self._reached, self._setpoint = goal, within(np.array(state.q), self._low, self._high)
-                self._targets.append((self._setpoint.tolist(), None))
+        ee_position = state.O_T_EE[12:15]
+        if math.dist(ee_position, goal) < contract.near * (LEAVING if self._reached == goal else 1.0):
+            self._reached = goal
+            self._arrive(goal)
             return
         self._reached = None
         values: dict[str, Sequence[float]] = {
@@ -160,8 +164,17 @@ class PolicyController(StreamedJoints):
             self._failure = f"the output of the policy {self._policy_settings.file} is not finite; the arm was stopped"
             return
         contract = self._network.contract
-        displacement = contract.action_scale * contract.period * np.clip(action.astype(float), -1.0, 1.0)
-        after = moved(self._model, self._setpoint, self._scale.value * displacement, contract.period)
+        self._move(contract.action_scale * contract.period * np.clip(action.astype(float), -1.0, 1.0))
+
+    def _arrive(self, goal: tuple[float, ...]) -> None:
+        """Move the setpoint, which is ahead of the arm, to the goal; there the arm rests without the policy."""
+        left = np.array(goal) - self._model.pose(FrankaFrame.END_EFFECTOR, self._setpoint.tolist())[:3, 3]
+        if np.linalg.norm(left) > EXACT:
+            self._move(left)
+
+    def _move(self, displacement: FloatArray) -> None:
+        """Move the setpoint by a displacement of the end effector within one period."""
+        after = moved(self._model, self._setpoint, self._scale.value * displacement, self._network.contract.period)
         self._setpoint = within(after, self._low, self._high)
         self._targets.append((self._setpoint.tolist(), None))
 
