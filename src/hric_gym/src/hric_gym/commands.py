@@ -9,7 +9,7 @@ from hric_core.errors import NOT_GOOD, HricError
 from hric_core.parameters import number, whole
 from hric_core.processes import INTERRUPTED_CODE
 
-STEPS = 16_000
+STEPS = 14_000
 """Default number of steps of a training (project default)."""
 EPISODES = 200
 """Number of episodes of an evaluation, without --episodes (project default)."""

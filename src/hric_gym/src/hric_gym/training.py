@@ -40,9 +40,9 @@ RATE = 1e-3
 SLOWEST = 0.2
 """Smallest speed that the network can choose, as share of the full speed [1]; the arm reaches every goal in the time of
 the task, thus an untrained network does, too (project default)."""
-FORCE_COST = 50.0
-"""Cost of the squared share of the contact limit in training, beyond the reward of the task [1]: a rare reflex alone
-does not say how near a motion came to it; squared, as peaks end in reflexes, not long contacts (project default)."""
+FORCE_COST = 5.0
+"""Cost of the share of the contact limit in training, beyond the reward of the task [1]: a rare reflex alone does not
+say how near a motion came to it (project default)."""
 TINY = 1e-6
 """Smallest divisor of an offset [1]."""
 RECENT = 50
@@ -95,7 +95,7 @@ class TrainingEnv(Wrapper):
         speed = SLOWEST + (1.0 - SLOWEST) * 0.5 * (float(action[0]) + 1.0)
         velocity = speed * offset / max(float(np.abs(offset).max()), TINY)
         self._observation, reward, ended, late, info = self.env.step(velocity)
-        cost = FORCE_COST * min(info["costs"].get(FORCE, 0.0), 1.0) ** 2
+        cost = FORCE_COST * min(info["costs"].get(FORCE, 0.0), 1.0)
         return self._observation, float(reward) - cost, ended, late, info
 
 
