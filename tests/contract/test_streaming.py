@@ -15,7 +15,9 @@ from geometry_msgs.msg import PoseStamped
 from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from hric_core.geometry import Pose, stamped
+from franka_hw_interface.limits import FrankaLimits, franka_limits
+from franka_sim.fci.robots import fr3_limits
+from hric_core.geometry import Pose, quaternions, stamped
 
 pytestmark = pytest.mark.alone
 
@@ -128,3 +130,82 @@ def test_a_bad_stream_is_followed_without_a_reflex_and_within_the_limits(
         rounding = float(8.0 * np.spacing(np.float32(0.25)) / 2.0) if backend == "fr3" else 0.0  # of its 32-bit state
         largest = 1.01 * np.array([1.5, 7.5, 500.0]) + rounding * np.array([0.0, 0.5e6, 1e9])
         assert np.all(rates(run.desired) <= largest)
+
+
+def outstretched(time: float) -> tuple[list[float], list[float]]:
+    """Return the displacement [m] and rotation [rad] of a path of 8 s, out of reach and back."""
+    return [0.22 * (1.0 - math.cos(math.pi * time / 4.0)), 0.1 * math.sin(math.pi * time / 4.0), 0.0], [0.0] * 3
+
+
+def base_axis(time: float) -> tuple[list[float], list[float]]:
+    """Return a path past the axis of joint 1 at 10 mm to the other side, and back."""
+    return [-0.18 * (1.0 - math.cos(math.pi * time / 4.0)), 0.01, 0.0], [0.0] * 3
+
+
+def behind(time: float) -> tuple[list[float], list[float]]:
+    """Return a path behind the base, and back."""
+    return [-0.45 * (1.0 - math.cos(math.pi * time / 4.0)), 0.02, -0.1], [0.0] * 3
+
+
+def tumbling(time: float) -> tuple[list[float], list[float]]:
+    """Return a path with an orientation that turns by more than the wrist can."""
+    turn = 0.5 * (1.0 - math.cos(math.pi * time / 4.0))
+    return [0.1 * turn, 0.0, 0.0], [1.0 * turn, 2.2 * math.sin(math.pi * time / 4.0), 0.0]
+
+
+PATHS = {path.__name__: path for path in (outstretched, base_axis, behind, tumbling)}
+
+
+def path_cases() -> Iterator[Any]:
+    """Yield path and backend; through the FR3, only the two singular paths by default."""
+    for name in PATHS:
+        for backend in BACKENDS:
+            fast = backend != "fr3" or name in ("outstretched", "base_axis")
+            yield pytest.param(name, backend, marks=[] if fast else [pytest.mark.slow], id=f"{name}-{backend}")
+
+
+@pytest.mark.parametrize(("path", "backend"), list(path_cases()))
+def test_a_path_that_the_joints_cannot_follow_slows_the_arm_down_without_a_reflex(
+    connect: Callable[..., Robot], path: str, backend: str, figure: Callable[[str, float, str], None]
+) -> None:
+    robot, name = connect(), CARTESIAN
+    settings = yaml.safe_load(YAML.read_text().replace("$(arg arm_id)", "panda"))[name]
+    robot.load(name, **{**settings, "workspace": {"lower": [-2.0] * 3, "upper": [2.0] * 3}})
+    robot.switch([name], [])
+    robot.run(0.05)
+    start = Pose.of_column_major(robot.hw.robot_state.O_T_EE_c)
+    publisher, begun, joints = robot.node.advertise(f"{name}/command", PoseStamped), [], []
+    poses: list[list[float]] = []
+
+    def cycle(time: float) -> None:
+        cycles = len(joints)
+        if cycles % 50 == 0 and cycles <= 8000:
+            offset, rotation = PATHS[path](cycles / 1000.0)
+            x, y, z = np.add(start.position, offset).tolist()
+            turned = quaternions.product(quaternions.from_rotation_vector(rotation), start.orientation)
+            header = Header(stamp=genpy.Time.from_sec(1000.0 + cycles / 1000.0))
+            publisher.publish(stamped.pose_stamped(header, Pose((x, y, z), turned)))
+        joints.append(list(robot.hw.robot_state.q_d))
+        poses.append(list(robot.hw.robot_state.O_T_EE_c))
+
+    robot.run(12.0, cycle)
+    assert robot.hw.error == ""
+    _within(np.array(joints), fr3_limits() if backend == "fr3" else franka_limits(), backend == "fr3")
+    end, goal = Pose.of_column_major(poses[-1]), np.add(start.position, PATHS[path](8.0)[0])
+    assert math.dist(end.position, goal) <= 1e-3
+    assert math.hypot(*quaternions.difference(end.orientation, start.orientation)) <= 5e-3
+    figure(f"{path}, {backend}: largest share of a joint's velocity limit", 100.0 * _fastest(joints, backend), "%")
+
+
+def _fastest(joints: list[list[float]], backend: str) -> float:
+    limits = fr3_limits() if backend == "fr3" else franka_limits()
+    return float((np.abs(np.diff(joints, axis=0)).max(axis=0) * 1e3 / limits.velocity).max())
+
+
+def _within(joints: np.ndarray, limits: FrankaLimits, single_precision: bool) -> None:
+    """Assert that a desired motion of each millisecond is within the limits of position, velocity, acceleration."""
+    rounding = float(8.0 * np.spacing(np.float32(2.0)) / 2.0) if single_precision else 0.0
+    assert np.all(joints >= limits.lower) and np.all(joints <= limits.upper)
+    velocities, accelerations = (np.abs(np.diff(joints, order, axis=0)).max(axis=0) for order in (1, 2))
+    assert np.all(velocities * 1e3 <= limits.velocity)
+    assert np.all(accelerations * 1e6 <= np.array(limits.acceleration) + rounding * 1e6)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from franka_hw_interface.interfaces import FrankaPoseCartesianInterface, FrankaVelocityCartesianInterface
+from franka_hw_interface.limits import FrankaLimits
 from franka_hw_interface.modes import HOLD, ArmMode, Kind
 from franka_hw_interface.rate_limits import MAX_CUTOFF, JointSmoother, RateLimits
 from franka_hw_interface.robot_state import RobotState, identity16
@@ -64,6 +65,7 @@ class CommandSet:
         period: period of the commands [s].
         smoothing: rate limits for joint positions and velocities, for an arm that is commanded without libfranka;
             None: commands are not smoothed.
+        arm_limits: limits of the arm, for controllers; None: those of the Panda.
 
     Attributes:
         counts: counts of the limiters' interventions.
@@ -78,11 +80,12 @@ class CommandSet:
         limits: Sequence[JointLimits],
         period: float = PERIOD,
         smoothing: RateLimits | None = None,
+        arm_limits: FrankaLimits | None = None,
     ) -> None:
         self._state, self._period = state, period
         self._pose, self._twist = (
-            FrankaPoseCartesianInterface(arm_id, state),
-            FrankaVelocityCartesianInterface(arm_id, state),
+            FrankaPoseCartesianInterface(arm_id, state, arm_limits),
+            FrankaVelocityCartesianInterface(arm_id, state, arm_limits),
         )
         self.counts = LimitCounts(states.names, [limit.velocity for limit in limits])
 

@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from typing import ClassVar
 
+from franka_hw_interface.limits import FrankaLimits, franka_limits
 from franka_hw_interface.model import FrankaModel, FrankaModelHandle
 from franka_hw_interface.robot_state import RobotState, identity16
 from franka_hw_interface.transforms import check_pose
@@ -152,13 +153,22 @@ class FrankaCartesianVelocityHandle(_CartesianHandle):
 
 
 class _CartesianInterface(_ArmInterface):
-    """Cartesian command interface that claims "<arm_id>_robot". `initial`: value before the first command."""
+    """Cartesian command interface that claims "<arm_id>_robot".
+
+    Attributes:
+        initial: value before the first command.
+        limits: limits of the arm.
+
+    Args:
+        limits: limits of the arm; None: those of the Panda.
+    """
 
     claims_resources = True
     initial: ClassVar[Sequence[float]]
 
-    def __init__(self, arm_id: str, state: RobotState) -> None:
+    def __init__(self, arm_id: str, state: RobotState, limits: FrankaLimits | None = None) -> None:
         super().__init__(arm_id, state)
+        self.limits = limits or franka_limits()
         self.command = CartesianCommand(self.initial)
 
 

@@ -1,9 +1,11 @@
 """Joint and Cartesian limits of the Franka arm as vectors; the numbers and sources are in panda_description."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import panda_description
+from hric_control.limits import JointLimits
 from panda_description import CartesianLimit
 
 EPSILON = 1e-3
@@ -38,6 +40,15 @@ class FrankaLimits:
     translation: CartesianLimit
     rotation: CartesianLimit
     elbow: CartesianLimit
+
+    def within(self, joints: Sequence[JointLimits]) -> "FrankaLimits":
+        """Return limits whose positions and velocities are also within those of a robot description, one per joint."""
+        return replace(
+            self,
+            lower=tuple(max(x, joint.lower) for x, joint in zip(self.lower, joints, strict=True)),
+            upper=tuple(min(x, joint.upper) for x, joint in zip(self.upper, joints, strict=True)),
+            velocity=tuple(min(v, joint.velocity) for v, joint in zip(self.velocity, joints, strict=True)),
+        )
 
     def with_margins(self) -> "FrankaLimits":
         """Return limits lowered by libfranka's margins; its rate limiter does not change a command within them."""

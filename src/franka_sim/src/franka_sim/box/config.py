@@ -90,8 +90,8 @@ class MotionParameters(Settings):
         singular_value: minimum singular value of the Jacobian at the start of a Cartesian motion.
         ik_tolerance: remaining error of the inverse kinematics [m, rad].
         ik_steps: maximum number of Newton steps per millisecond.
-        elbow_return_rate, elbow_min, elbow_damping: gain [1/s], threshold and damping for an elbow that is not
-            commanded.
+        elbow_return_rate, elbow_min, elbow_damping, elbow_decay: gain [1/s], threshold, damping and rate of decay
+            [1/s] for an elbow that is not commanded.
     """
 
     velocity_tolerance: float = number()
@@ -105,6 +105,7 @@ class MotionParameters(Settings):
     elbow_return_rate: float = number(unit="1/s")
     elbow_min: float = number(name="elbow_least")
     elbow_damping: float = number()
+    elbow_decay: float = number(unit="1/s")
 
 
 @cache

@@ -85,13 +85,23 @@ class ElbowInverseKinematics:
         self.kinematics = ArmKinematics(model)
         self._parameters, self._dt = parameters, time_step
         self._newton = Newton(self.kinematics, parameters.ik_tolerance, parameters.ik_steps)
-        self._null = ELBOW_ROW
+        self.null = ELBOW_ROW
+
+    def nearest(self, T: Sequence[float], q: Sequence[float]) -> list[float] | None:
+        """Return the joint positions one Newton step from q towards a pose, without self-motion; None as for `follow`.
+
+        Args:
+            T: O_T_EE, 16 floats, column-major.
+            q: joint positions, 7 floats [rad].
+        """
+        step = self._newton.first_step(T, self.null, q)
+        return None if step is None else step[0]
 
     def begin(self, q: Sequence[float]) -> float:
         """Start a motion at q, 7 floats [rad]; return the minimum singular value of the Jacobian (m and rad mixed)."""
         self.kinematics.update()
         _, singular_values, rows = np.linalg.svd(self.kinematics.end_effector(q).jacobian())
-        self._null = rows[-1].tolist()
+        self.null = rows[-1].tolist()
         return float(singular_values[-1])
 
     def solve(self, T: Sequence[float], q3: float, guess: Sequence[float]) -> list[float] | None:
@@ -108,7 +118,12 @@ class ElbowInverseKinematics:
         return self._newton.solve(T, ELBOW_ROW, q3, guess)
 
     def follow(
-        self, T: Sequence[float], hold: float, q_d: Sequence[float], guess: Sequence[float]
+        self,
+        T: Sequence[float],
+        hold: float,
+        q_d: Sequence[float],
+        guess: Sequence[float],
+        dq_d: Sequence[float] = (0.0,) * 7,
     ) -> list[float] | None:
         """Return the joint positions for a pose, 7 floats [rad]; joint 3 is held unless that needs fast joint motion.
 
@@ -123,14 +138,34 @@ class ElbowInverseKinematics:
             hold: desired position of joint 3 [rad].
             q_d: joint positions of the previous step, 7 floats [rad].
             guess: start of the iteration, 7 floats [rad].
+            dq_d: joint velocities of the previous step, 7 floats [rad/s].
         """
-        step = self._newton.first_step(T, self._null, guess)
+        step = self._newton.first_step(T, self.null, guess)
         if step is None:
             return None
-        q, self._null = step
-        null = self._null
+        q, self.null = step
+        null = self.null
+        coasting = self._coasting([x - last for x, last in zip(q, q_d, strict=True)], dq_d)
+        if coasting:
+            q = [x - n * coasting for x, n in zip(q, null, strict=True)]
         beta = self._self_motion(null[ELBOW_JOINT], q[ELBOW_JOINT], hold, q_d[ELBOW_JOINT])
         return self._newton.solve(T, null, None, [x + n * beta for x, n in zip(q, null, strict=True)])
+
+    def _coasting(self, step: Sequence[float], dq_d: Sequence[float]) -> float:
+        """Return by how much a self-motion exceeds that of the previous step, less its decay, along the null vector.
+
+        Where joint 3 does not hold the elbow, the self-motion would go on with the acceleration of the guess.
+
+        Args:
+            step: displacement of the joints in this step, 7 floats [rad].
+            dq_d: joint velocities of the previous step, 7 floats [rad/s].
+        """
+        null, parameters = self.null, self._parameters
+        held = min(1.0, (null[ELBOW_JOINT] / parameters.elbow_min) ** 2)
+        if held == 1.0:
+            return 0.0
+        left = 1.0 - parameters.elbow_decay * self._dt
+        return (1.0 - held) * sum(n * (x - left * v * self._dt) for n, x, v in zip(null, step, dq_d, strict=True))
 
     def _self_motion(self, n3: float, iterate: float, hold: float, last: float) -> float:
         """Return the length of the step along the unit null vector that brings joint 3 back to its desired position.

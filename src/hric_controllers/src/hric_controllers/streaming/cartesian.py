@@ -8,13 +8,17 @@ from typing import Any
 from geometry_msgs.msg import PoseStamped
 
 from franka_hw_interface.interfaces import FrankaPoseCartesianInterface
+from franka_hw_interface.kdl_model import KdlFrankaModel
+from franka_hw_interface.limits import FrankaLimits
 from hric_control.controller import Controller
+from hric_control.limits import load_limits
 from hric_control.robot_hw import RobotHW
 from hric_control.speed_scale import SpeedScaleInterface
 from hric_controllers import parameters
 from hric_controllers.cartesian.workspace import Box, check_target
 from hric_controllers.marker.parameters import Rotation, Translation, Workspace, check_arm_limits
 from hric_controllers.streaming.follower import KEPT, StreamFollower, StreamLimits
+from hric_controllers.streaming.joint_bounds import JointBounds, Occurrences
 from hric_core import realtime
 from hric_core.errors import CommandError
 from hric_core.geometry import Pose, quaternions, stamped
@@ -42,7 +46,8 @@ class CartesianStreamingSettings(Settings):
 class CartesianStreamingController(Controller):
     """Controller that moves the end effector smoothly behind poses of any rate, by the arm's own pose motion.
 
-    INTERFACE.md lists its parameters and topics; `streaming.follower` has the motion.
+    INTERFACE.md lists its parameters and topics; `streaming.follower` has the motion of the end effector, and
+    `streaming.joint_bounds` slows it down such that the joints stay within their limits.
     """
 
     settings = (parameters.ArmSettings, CartesianStreamingSettings)
@@ -56,7 +61,8 @@ class CartesianStreamingController(Controller):
         arm_id = parameters.ArmSettings.read(node).arm_id
         self._settings = settings = CartesianStreamingSettings.read(node)
         self._base = f"{arm_id}_link0"
-        self._arm = robot_hw.get(FrankaPoseCartesianInterface).handle(f"{arm_id}_robot")
+        interface = robot_hw.get(FrankaPoseCartesianInterface)
+        self._arm = interface.handle(f"{arm_id}_robot")
         self._scale = robot_hw.get(SpeedScaleInterface).handle()
         box = settings.workspace
         ranges = [*zip(box.lower, box.upper, strict=True), *[(-math.pi, math.pi)] * 3]
@@ -67,6 +73,8 @@ class CartesianStreamingController(Controller):
             tuple(one.jerk for one in each),
         )
         self._follower = StreamFollower(limits, ranges)
+        self._bounds = _joint_bounds(root_node, arm_id, interface.limits)
+        self._slow = Occurrences()
         self._targets: deque[tuple[list[float], float | None]] = deque(maxlen=KEPT)
         self._start, self._running = Pose(), False
         self._state_time = realtime.Throttle(settings.state_publish_rate)
@@ -90,8 +98,10 @@ class CartesianStreamingController(Controller):
         self._targets.clear()
         self._start = Pose.of_column_major(self._arm.robot_state.O_T_EE_c)
         self._follower.start([*self._start.position, 0.0, 0.0, 0.0])
-        T = self._arm.robot_state.O_T_EE_c
+        state = self._arm.robot_state
+        T = state.O_T_EE_c
         self._columns = [(T[k], T[k + 1], T[k + 2]) for k in (0, 4, 8)]
+        self._bounds.start(state.q_d, T, state.F_T_EE)
         self._state_time.restart()
         self._running = True
 
@@ -103,11 +113,34 @@ class CartesianStreamingController(Controller):
         x, y, z, a, b, c = self._follower.position
         rotation = quaternions.from_rotation_vector((a, b, c))
         columns = [quaternions.rotated(rotation, column) for column in self._columns]
-        self._arm.set_command([*columns[0], 0.0, *columns[1], 0.0, *columns[2], 0.0, x, y, z, 1.0])
+        wanted = [*columns[0], 0.0, *columns[1], 0.0, *columns[2], 0.0, x, y, z, 1.0]
+        T = self._bounded(time, self._scale.value * period, wanted)
+        self._arm.set_command(T)
         if self._state_time.due(time):
-            pose = Pose((x, y, z), quaternions.product(rotation, self._start.orientation))
-            self._desired.publish(stamped.pose_stamped, stamped.header(self._node.now(), self._base), pose)
+            header = stamped.header(self._node.now(), self._base)
+            self._desired.publish(stamped.pose_stamped, header, Pose.of_column_major(T))
+
+    def _bounded(self, time: float, step: float, wanted: list[float]) -> list[float]:
+        """Return the pose that the joints allow; the motion goes on from it. A reason to be slow is logged once."""
+        T = self._bounds.advance(wanted, self._arm.robot_state.q_d)
+        if T is not wanted and step > 0.0:
+            pose = Pose.of_column_major(T)
+            turn = quaternions.difference(pose.orientation, self._start.orientation)
+            self._follower.correct([*pose.position, *turn], step)
+        reason = self._bounds.reason
+        if self._slow.is_new(time, reason):
+            text = f"the end effector slows down, since {reason}; keep the targets away from there"
+            realtime.defer(self._node, lambda: self._node.log_warn(text), "log")
+        return T
 
     def stopping(self, time: float) -> None:
         """Stop accepting targets."""
         self._running = False
+
+
+def _joint_bounds(root_node: Node, arm_id: str, limits: FrankaLimits) -> JointBounds:
+    """Return the bounds of the arm's joints: the limits of the arm, and those of the robot description if lower."""
+    description = root_node.search_param("robot_description")
+    model = KdlFrankaModel(description, arm_id)
+    joints = load_limits(description, root_node, model.joint_names, use=("position", "velocity"))
+    return JointBounds(model, limits.within(joints))

@@ -138,12 +138,26 @@ class StreamFollower:
         """Put the axes at rest at a position, n floats [m or rad], and forget all targets."""
         self._stream.clear()
         self.position, self.velocity, self.acceleration = list(position), self._zero, self._zero
+        self._before = self.position, self.velocity, self.acceleration
         self._targeted, self.ceased = False, True
 
     def take(self, time: float, target: Sequence[float], stamp: float | None = None) -> None:
         """Take a target; see `TargetStream.add` for the arguments. A repeated or older one is ignored."""
         if self._stream.add(time, target, stamp):
             self._targeted, self.ceased = True, False
+
+    def correct(self, position: Sequence[float], step: float) -> None:
+        """Replace the state after a step of which the arm can make a part only; the acceleration follows gradually.
+
+        Args:
+            position: position that is reached instead, n floats [m or rad].
+            step: period of the step times the speed scale, above 0 [s].
+        """
+        before, last, accelerations = self._before
+        self.position = list(position)
+        self.velocity = [(x - y) / step for x, y in zip(position, before, strict=True)]
+        rows = zip(accelerations, self.velocity, last, self._limits.jerk, strict=True)
+        self.acceleration = [a + max(-j * step, min(j * step, (v - w) / step - a)) for a, v, w, j in rows]
 
     def advance(self, time: float, period: float, scale: float = 1.0) -> None:
         """Advance by one cycle.
@@ -172,6 +186,7 @@ class StreamFollower:
         ]
         # A goal at rest is reached soonest, and not passed, by the time-optimal motion.
         move = self._optimal if self.ceased or inside != list(goal) else self._filtered
+        self._before = self.position, self.velocity, self.acceleration
         states = move(inside, speed, scale * period)
         self.position, self.velocity, self.acceleration = (list(one) for one in zip(*states, strict=True))
 

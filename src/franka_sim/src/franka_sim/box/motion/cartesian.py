@@ -110,7 +110,7 @@ class CartesianGenerator(MotionGenerator):
         q = (
             self._ik.solve(T, self._elbow.desired, guess)
             if self._elbow.commanded
-            else self._ik.follow(T, self._elbow.desired, state.q_d, guess)
+            else self._ik.follow(T, self._elbow.desired, state.q_d, guess, state.dq_d)
         )
         if q is None:
             self.reason = (

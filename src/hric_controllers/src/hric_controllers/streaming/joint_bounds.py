@@ -1,0 +1,271 @@
+"""Bounds of the joints for a stream of poses, of which the control box computes the joint motion. No ROS.
+
+The inverse kinematics of the emulated control box predicts the joint motion. Of each step, as much is commanded as the
+joints allow, so the end effector slows down and stays on its path. It slows down early, by the joint motion that its
+present velocity would need in the next `HORIZON` seconds.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+from franka_hw_interface.kdl_model import KdlFrankaModel
+from franka_hw_interface.limits import FrankaLimits
+from franka_hw_interface.transforms import from_column_major
+from franka_sim.box.config import motion_parameters
+from franka_sim.box.inverse_kinematics import ELBOW_JOINT, ElbowInverseKinematics
+from franka_sim.box.kinematics import moved, twist_between
+
+HORIZON, SAMPLES = 0.25, 5
+"""Time for which the joint motion is predicted [s], and number of its samples (project default)."""
+EACH = 4
+"""Cycles from one prediction to the next (project default)."""
+SLOWING = 12.0
+"""Largest relative deceleration before a limit [1/s] (project default)."""
+PRUDENT = 0.7
+"""Share of the limits at which the predicted motion is slowed down (project default)."""
+ALLOWED = 0.9
+"""Share of the limits that is used at most (project default)."""
+TOLERANCE = 1.02
+"""Factor on this share for steps whose joint motion was computed by a linear rule (project default)."""
+MARGIN = 0.05
+"""Distance from the end of a position range at which a joint stops [rad].
+
+An FR3 lets no joint come closer than 0.008 rad (velocity_offset and deceleration_limit in franka_sim's fr3.yaml)."""
+BRAKING = 2.0
+"""Deceleration towards the end of a position range [rad/s^2], below the least of an FR3 (2.585, fr3.yaml)."""
+SINGULAR = 25.0
+"""Joint velocity per velocity of the end effector [1/m] from which a pose counts as singular (project default)."""
+SLOWEST = 0.02
+"""Least velocity with which the joint motion is predicted [m/s] (project default)."""
+LEVER = 0.3
+"""Length by which rotations are compared with translations [m] (project default)."""
+CORRECTION = 0.02
+"""Share of the difference from the self-motion of the box that is corrected in each cycle (project default)."""
+BRAKES = (0.2, 0.5, 1.0)
+"""Shares of the largest deceleration of the joints that are tried in braking (project default)."""
+
+
+OVER = 1.0
+"""Time without a reason after which it counts as a new occurrence [s] (project default)."""
+
+
+class _Step(NamedTuple):
+    """Step of one cycle: pose, twist and joint positions, and the largest of its ratios to a limit."""
+
+    T: list[float]
+    twist: list[float]
+    q: list[float]
+    ratio: float
+
+
+class JointBounds:
+    """Joint motion behind the poses of a stream, within the limits of the joints.
+
+    Args:
+        model: model of the arm; `start` sets its end effector.
+        limits: limits of the arm.
+        period: control period [s].
+
+    Attributes:
+        share: share of the step to the last pose that was possible, 0 to 1.
+        reason: why the end effector must be slower; empty if it need not.
+    """
+
+    def __init__(self, model: KdlFrankaModel, limits: FrankaLimits, period: float = 1e-3) -> None:
+        bounds = limits.with_margins()
+        self._model, self._dt, self._names, self._limits = model, period, model.joint_names, limits
+        self._ik = ElbowInverseKinematics(model, motion_parameters(), period)
+        self._lower, self._upper = [x + MARGIN for x in limits.lower], [x - MARGIN for x in limits.upper]
+        self._velocity, self._acceleration = bounds.velocity, bounds.acceleration
+        self._largest = [ALLOWED * a * period for a in bounds.acceleration]
+        self._space = [ALLOWED * x.acceleration * period for x in (limits.translation, limits.rotation)]
+        self._jerk = [ALLOWED * x.jerk * period * period for x in (limits.translation, limits.rotation)]
+        self.share, self.reason = 1.0, ""
+
+    def start(self, q_d: Sequence[float], T: Sequence[float], F_T_EE: Sequence[float]) -> None:
+        """Start at rest at q_d, 7 floats [rad], with the pose T and the end effector F_T_EE, column-major."""
+        self._model.set_ee(from_column_major(F_T_EE))
+        self._ik.begin(q_d)
+        self._hold, self._last = q_d[ELBOW_JOINT], _Step(list(T), [0.0] * 6, list(q_d), 0.0)
+        self._dq, self._before = [0.0] * 7, [0.0] * 7
+        self._change = [0.0] * 6
+        self._wanted, self._cycle = 1.0, 0
+        self.share, self.reason = 1.0, ""
+
+    def advance(self, T: list[float], q_d: Sequence[float]) -> list[float]:
+        """Return the pose to command, 16 floats, column-major: T, or the part of the step to it that is possible.
+
+        Args:
+            T: pose of the next cycle.
+            q_d: desired joint positions of the box for the pose before, 7 floats [rad].
+        """
+        self._correct(q_d)
+        twist = twist_between(self._last.T, T, self._dt)
+        if self._cycle % EACH == 0:
+            self._wanted = self._predict(twist)
+        self._cycle += 1
+        best = None
+        for share, step in self._candidates(T, twist):
+            if step is not None and (best is None or step.ratio < best.ratio):
+                self.share, best = share, step
+                if step.ratio <= TOLERANCE:
+                    break
+        if best is None:  # the box has no joint motion, not even for the present pose
+            self.share, best = 0.0, self._last._replace(twist=[0.0] * 6)
+        self._before, self._dq = self._dq, self._rates(best.q)
+        self._change = [v - last for v, last in zip(best.twist, self._last.twist, strict=True)]
+        self._last = best
+        return best.T
+
+    def _candidates(self, T: list[float], twist: list[float]) -> Iterator[tuple[float, _Step | None]]:
+        """Yield (share, step): the whole step, the largest part that is possible, and ways to brake."""
+        whole = self._step(T, twist)
+        if self._wanted == 1.0:
+            yield 1.0, whole
+        rest = self._step(self._last.T, [0.0] * 6)
+        if whole is not None and rest is not None:
+            low, high = self._range(self._rates(rest.q), self._rates(whole.q), twist)
+            if low <= high:
+                share = max(low, min(high, self._slower(twist)))
+                yield share, self._moved([share * x for x in twist])
+        largest = min(1.0, *(step / max(abs(v), 1e-12) for step, v in zip(self._largest, self._dq, strict=True)))
+        for part in BRAKES:
+            left = (1.0 - part * largest) * self._dt
+            pose = self._ik.kinematics.pose([x + left * v for x, v in zip(self._last.q, self._dq, strict=True)])
+            yield 0.0, self._step(pose, twist_between(self._last.T, pose, self._dt))
+        yield 0.0, self._moved([(1.0 - SLOWING * self._dt) * x for x in self._last.twist])
+        yield 0.0, rest
+
+    def _moved(self, twist: list[float]) -> _Step | None:
+        return self._step(moved(self._last.T, twist, self._dt), twist)
+
+    def _step(self, T: list[float], twist: list[float]) -> _Step | None:
+        """Return the step to a pose as the box makes it; None if the box has no joint motion to it."""
+        rows = zip(self._last.q, self._dq, self._before, strict=True)
+        guess = [x + (2.0 * v - w) * self._dt for x, v, w in rows]
+        q = self._ik.follow(T, self._hold, self._last.q, guess, self._dq)
+        if q is None:
+            return None
+        ratio = 0.0
+        for v, last, step, (down, up) in zip(self._rates(q), self._dq, self._largest, self._caps(), strict=True):
+            excess = max(v - max(up, last - step), min(down, last + step) - v)
+            ratio = max(ratio, abs(v - last) / step, 1.0 + excess / step if excess > 1e-9 else 0.0)
+        change = [v - last for v, last in zip(twist, self._last.twist, strict=True)]
+        for k, largest, jerk in zip((0, 3), self._space, self._jerk, strict=True):
+            now, before = change[k : k + 3], self._change[k : k + 3]
+            ratio = max(ratio, math.hypot(*now) / largest, math.dist(now, before) / jerk)
+        return _Step(T, twist, q, ratio)
+
+    def _rates(self, q: Sequence[float]) -> list[float]:
+        return [(x - last) / self._dt for x, last in zip(q, self._last.q, strict=True)]
+
+    def _correct(self, q_d: Sequence[float]) -> None:
+        """Follow the self-motion of the box, whose redundancy may be resolved in another way."""
+        null, q = self._ik.null, self._last.q
+        offset = sum(n * (x - y) for n, x, y in zip(null, q_d, q, strict=True))
+        if abs(offset) > 1e-6:
+            self._last = self._last._replace(q=[x + CORRECTION * offset * n for x, n in zip(q, null, strict=True)])
+
+    def _caps(self) -> list[tuple[float, float]]:
+        """Return the least and the largest velocity of each joint [rad/s], by its limits of velocity and position."""
+        caps = []
+        for x, v, low, high in zip(self._last.q, self._velocity, self._lower, self._upper, strict=True):
+            down, up = (math.sqrt(2.0 * BRAKING * max(0.0, room)) for room in (x - low, high - x))
+            caps.append((-min(ALLOWED * v, down), min(ALLOWED * v, up)))
+        return caps
+
+    def _predict(self, twist: Sequence[float]) -> float:
+        """Return the share of the velocity at which no joint meets a limit within `HORIZON`, 0 to 1."""
+        speed = _speed(twist)
+        if speed == 0.0:
+            self.reason = ""
+            return 1.0
+        ahead, step = max(speed, SLOWEST), HORIZON / SAMPLES
+        twist = [ahead / speed * x for x in twist]
+        share, reason, needed = 1.0, "", math.inf
+        T, q, rates = self._last.T, self._last.q, self._dq
+        for sample in range(SAMPLES):
+            T = moved(T, twist, step)
+            later = self._ik.solve(T, q[ELBOW_JOINT], [x + step * r for x, r in zip(q, rates, strict=True)])
+            nearest = self._ik.nearest(T, q)
+            before, needed = needed, math.inf if nearest is None else math.dist(nearest, q) / (ahead * step)
+            end = "its path leads out of reach" if later is None else self._end_of_range(later, q)
+            if not end and needed > max(SINGULAR, before):
+                end = "its path leads to a singular pose"
+            if later is None or end:
+                share, reason = min((share, reason), (max(0, sample - 1) / SAMPLES, end))
+                break
+            now = [(x - y) / step for x, y in zip(later, q, strict=True)]
+            share, reason = min((share, reason), self._slowest(now, [0.0] * 7 if sample == 0 else rates, sample > 0))
+            q, rates = later, now
+        share = min(1.0, share * ahead / speed)
+        self.reason = reason if share < 1.0 else ""
+        return share
+
+    def _slowest(self, rates: Sequence[float], before: Sequence[float], accelerated: bool) -> tuple[float, str]:
+        """Return the share of the velocity that the joints allow for predicted joint velocities, and the reason."""
+        step, share, reason = HORIZON / SAMPLES, 1.0, ""
+        for name, r, s, v, a in zip(self._names, rates, before, self._velocity, self._acceleration, strict=True):
+            sudden = math.sqrt(PRUDENT * a * step / max(abs(r - s), 1e-9)) if accelerated else 1.0
+            most = min(sudden, PRUDENT * v / max(abs(r), 1e-9))
+            if most < share:
+                share, reason = most, f"{name} would move too fast"
+        return share, reason
+
+    def _end_of_range(self, q: Sequence[float], last: Sequence[float]) -> str:
+        """Return a text on a joint that moves beyond the end of its range, else an empty one."""
+        rows = zip(self._names, q, last, self._lower, self._upper, self._limits.lower, self._limits.upper, strict=True)
+        for name, x, y, low, high, least, most in rows:
+            if (x < low and x < y) or (x > high and x > y):
+                return f"{name} is near the end of its range, {least if x < low else most:.4g} rad"
+        return ""
+
+    def _slower(self, twist: Sequence[float]) -> float:
+        """Return the share of a twist with which the end effector is not faster than before, and slower if need be."""
+        if self._wanted == 1.0:
+            return 1.0
+        share = min(1.0, _speed(self._last.twist) / max(_speed(twist), 1e-12))
+        return share * (1.0 - (1.0 - self._wanted) * SLOWING * self._dt)
+
+    def _range(self, still: Sequence[float], full: Sequence[float], twist: Sequence[float]) -> tuple[float, float]:
+        """Return the least and the largest share of a twist that the limits allow; the least is larger if none is.
+
+        Args:
+            still: joint velocities of the box while the pose rests, 7 floats [rad/s].
+            full: joint velocities for the twist, 7 floats [rad/s].
+            twist: velocity of the end effector, 6 floats [m/s], [rad/s].
+        """
+        low, high = 0.0, 1.0
+        for (down, up), step, last, a, b in zip(self._caps(), self._largest, self._dq, still, full, strict=True):
+            least, most = max(min(down, last + step), last - step), min(max(up, last - step), last + step)
+            if abs(b - a) > 1e-9:
+                ends = sorted(((least - a) / (b - a), (most - a) / (b - a)))
+                low, high = max(low, ends[0]), min(high, ends[1])
+        for k, step in zip((0, 3), self._space, strict=True):
+            v, last_v = twist[k : k + 3], self._last.twist[k : k + 3]
+            along, square = sum(x * y for x, y in zip(v, last_v, strict=True)), sum(x * x for x in v)
+            rest = along * along - square * (sum(x * x for x in last_v) - step * step)
+            if square > 1e-12:
+                root = math.sqrt(max(0.0, rest))
+                low = max(low, (along - root) / square)
+                high = min(high, (along + root) / square if rest >= 0.0 else -1.0)
+        return low, high
+
+
+def _speed(twist: Sequence[float]) -> float:
+    return math.hypot(*twist[:3]) + LEVER * math.hypot(*twist[3:])
+
+
+class Occurrences:
+    """Occurrences of reasons; each is new once, until it has been absent for `OVER` seconds."""
+
+    def __init__(self) -> None:
+        self._seen: dict[str, float] = {}
+
+    def is_new(self, time: float, reason: str) -> bool:
+        """Return True if a reason begins to hold; empty: there is none; `time`: robot time [s]."""
+        if not reason:
+            return False
+        last, self._seen[reason] = self._seen.get(reason, -math.inf), time
+        return not 0.0 <= time - last <= OVER
