@@ -174,7 +174,7 @@ def test_a_path_that_the_joints_cannot_follow_slows_the_arm_down_without_a_refle
     robot.switch([name], [])
     robot.run(0.05)
     start = Pose.of_column_major(robot.hw.robot_state.O_T_EE_c)
-    publisher, begun, joints = robot.node.advertise(f"{name}/command", PoseStamped), [], []
+    publisher, joints = robot.node.advertise(f"{name}/command", PoseStamped), []
     poses: list[list[float]] = []
 
     def cycle(time: float) -> None:

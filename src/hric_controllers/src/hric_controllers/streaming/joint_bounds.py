@@ -12,14 +12,15 @@ from typing import NamedTuple
 from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.limits import FrankaLimits
 from franka_hw_interface.transforms import from_column_major
-from franka_sim.box.config import motion_parameters
+from franka_sim.box.config import BoxConfig, motion_parameters
 from franka_sim.box.inverse_kinematics import ELBOW_JOINT, ElbowInverseKinematics
 from franka_sim.box.kinematics import moved, twist_between
+from franka_sim.box.self_collision import SelfCollision
 
 HORIZON, SAMPLES = 0.25, 5
 """Time for which the joint motion is predicted [s], and number of its samples (project default)."""
-EACH = 4
-"""Cycles from one prediction to the next (project default)."""
+EACH, EACH_CLEARANCE = 4, 16
+"""Cycles from one prediction to the next, and from one of the distances between links to the next (project default)."""
 SLOWING = 12.0
 """Largest relative deceleration before a limit [1/s] (project default)."""
 PRUDENT = 0.7
@@ -36,6 +37,8 @@ BRAKING = 2.0
 """Deceleration towards the end of a position range [rad/s^2], below the least of an FR3 (2.585, fr3.yaml)."""
 SINGULAR = 25.0
 """Joint velocity per velocity of the end effector [1/m] from which a pose counts as singular (project default)."""
+CLEARANCE = 0.03
+"""Distance of two links from each other at which the end effector stops [m]; the emulated box stops at 0.005 m."""
 SLOWEST = 0.02
 """Least velocity with which the joint motion is predicted [m/s] (project default)."""
 LEVER = 0.3
@@ -77,6 +80,8 @@ class JointBounds:
         self._model, self._dt, self._names, self._limits = model, period, model.joint_names, limits
         self._ik = ElbowInverseKinematics(model, motion_parameters(), period)
         self._lower, self._upper = [x + MARGIN for x in limits.lower], [x - MARGIN for x in limits.upper]
+        config = BoxConfig()
+        self._itself, self._reach = SelfCollision(model, config), config.reach
         self._velocity, self._acceleration = bounds.velocity, bounds.acceleration
         self._largest = [ALLOWED * a * period for a in bounds.acceleration]
         self._space = [ALLOWED * x.acceleration * period for x in (limits.translation, limits.rotation)]
@@ -87,6 +92,7 @@ class JointBounds:
         """Start at rest at q_d, 7 floats [rad], with the pose T and the end effector F_T_EE, column-major."""
         self._model.set_ee(from_column_major(F_T_EE))
         self._ik.begin(q_d)
+        self._room, self._checked, self._clear = self._itself.clearance(q_d), list(q_d), 1.0
         self._hold, self._last = q_d[ELBOW_JOINT], _Step(list(T), [0.0] * 6, list(q_d), 0.0)
         self._dq, self._before = [0.0] * 7, [0.0] * 7
         self._change = [0.0] * 6
@@ -199,9 +205,26 @@ class JointBounds:
             now = [(x - y) / step for x, y in zip(later, q, strict=True)]
             share, reason = min((share, reason), self._slowest(now, [0.0] * 7 if sample == 0 else rates, sample > 0))
             q, rates = later, now
+        share, reason = min((share, reason), (self._apart(q), "parts of the arm would come near each other"))
         share = min(1.0, share * ahead / speed)
         self.reason = reason if share < 1.0 else ""
         return share
+
+    def _apart(self, q: Sequence[float]) -> float:
+        """Return the share of the way to predicted joint positions on which the links keep their distance.
+
+        The distance at the last position is computed only if the joints have moved by more than it allows.
+        """
+        if self._cycle % EACH_CLEARANCE:
+            return self._clear
+        path = sum(r * abs(x - y) for r, x, y in zip(self._reach, q, self._checked, strict=True))
+        self._clear = 1.0
+        if path > self._room - CLEARANCE:
+            now, then = self._itself.clearance(self._last.q), self._itself.clearance(q)
+            self._room, self._checked = now, self._last.q
+            if then < min(CLEARANCE, now):
+                self._clear = max(0.0, (now - CLEARANCE) / (now - then))
+        return self._clear
 
     def _slowest(self, rates: Sequence[float], before: Sequence[float], accelerated: bool) -> tuple[float, str]:
         """Return the share of the velocity that the joints allow for predicted joint velocities, and the reason."""
