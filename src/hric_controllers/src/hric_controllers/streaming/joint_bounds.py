@@ -49,7 +49,7 @@ BRAKES = (0.2, 0.5, 1.0)
 """Shares of the largest deceleration of the joints that are tried in braking (project default)."""
 
 
-OVER = 1.0
+OVER = 5.0
 """Time without a reason after which it counts as a new occurrence [s] (project default)."""
 
 
@@ -107,6 +107,7 @@ class JointBounds:
             q_d: desired joint positions of the box for the pose before, 7 floats [rad].
         """
         self._correct(q_d)
+        self._now = self._caps()
         twist = twist_between(self._last.T, T, self._dt)
         if self._cycle % EACH == 0:
             self._wanted = self._predict(twist)
@@ -154,7 +155,7 @@ class JointBounds:
         if q is None:
             return None
         ratio = 0.0
-        for v, last, step, (down, up) in zip(self._rates(q), self._dq, self._largest, self._caps(), strict=True):
+        for v, last, step, (down, up) in zip(self._rates(q), self._dq, self._largest, self._now, strict=True):
             excess = max(v - max(up, last - step), min(down, last + step) - v)
             ratio = max(ratio, abs(v - last) / step, 1.0 + excess / step if excess > 1e-9 else 0.0)
         change = [v - last for v, last in zip(twist, self._last.twist, strict=True)]
@@ -260,7 +261,7 @@ class JointBounds:
             twist: velocity of the end effector, 6 floats [m/s], [rad/s].
         """
         low, high = 0.0, 1.0
-        for (down, up), step, last, a, b in zip(self._caps(), self._largest, self._dq, still, full, strict=True):
+        for (down, up), step, last, a, b in zip(self._now, self._largest, self._dq, still, full, strict=True):
             least, most = max(min(down, last + step), last - step), min(max(up, last - step), last + step)
             if abs(b - a) > 1e-9:
                 ends = sorted(((least - a) / (b - a), (most - a) / (b - a)))
