@@ -15,7 +15,6 @@ from franka_real.realtime_setup import Measure, priority_kept, realtime, take_pr
 from franka_real.robot_time import ArmTime
 from franka_real.settings import FrankaRealSettings
 from franka_real.state import LibfrankaState
-from franka_sim.fci import robots
 from hric_control.loop_requests import LoopRequests
 from hric_control.robot_hw import OnCycle
 from hric_core.node import Node
@@ -77,8 +76,7 @@ class FrankaHW(CommandedArm):
             models = connection.models(self._settings, self._arm, self.model, self.description)
             self._adapter = ArmAdapter(self._connection, self._requests, state, models, self.recover)
             self._send_collision_behavior()
-        arm_limits = robots.fr3_limits() if self._settings.robot == "fr3" else None
-        self._commands = CommandSet(self.arm_id, self.states, state, limits, arm_limits=arm_limits)
+        self._commands = CommandSet(self.arm_id, self.states, state, limits, arm_limits=self._settings.arm_limits)
         self._register(models[0])
         self._serve(self._adapter, root_node)
 

@@ -1,46 +1,23 @@
 """Controller whose end effector follows a stream of poses at 10 to 50 Hz."""
 
-import math
 from collections import deque
-from dataclasses import dataclass
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped
 
 from franka_hw_interface.interfaces import FrankaPoseCartesianInterface
-from franka_hw_interface.kdl_model import KdlFrankaModel
-from franka_hw_interface.limits import FrankaLimits
 from hric_control.controller import Controller
-from hric_control.limits import load_limits
 from hric_control.robot_hw import RobotHW
 from hric_control.speed_scale import SpeedScaleInterface
 from hric_controllers import parameters
-from hric_controllers.cartesian.workspace import Box, check_target
-from hric_controllers.marker.parameters import Rotation, Translation, Workspace, check_arm_limits
-from hric_controllers.streaming.follower import KEPT, StreamFollower, StreamLimits
+from hric_controllers.cartesian.workspace import check_target
+from hric_controllers.streaming.follower import KEPT, StreamFollower
 from hric_controllers.streaming.joint_bounds import JointBounds, Occurrences
+from hric_controllers.streaming.settings import CartesianStreamingSettings
 from hric_core import realtime
 from hric_core.errors import CommandError
 from hric_core.geometry import Pose, quaternions, stamped
 from hric_core.node import Node
-from hric_core.parameters import Settings, number, section
-
-
-@dataclass(frozen=True)
-class CartesianStreamingSettings(Settings):
-    """Parameters of the Cartesian streaming controller."""
-
-    translation: Translation = section(Translation)
-    rotation: Rotation = section(Rotation)
-    largest_turn: float = number(
-        2.5, above=0.0, maximum=3.0, unit="rad", text="largest turn from the orientation at the start"
-    )
-    workspace: Box = section(Workspace)
-    state_publish_rate: float = parameters.state_rate(100.0)
-
-    def check(self, where: str) -> None:
-        """Raise an error if a limit is above that of the arm."""
-        check_arm_limits(where, self.translation, self.rotation)
 
 
 class CartesianStreamingController(Controller):
@@ -64,16 +41,8 @@ class CartesianStreamingController(Controller):
         interface = robot_hw.get(FrankaPoseCartesianInterface)
         self._arm = interface.handle(f"{arm_id}_robot")
         self._scale = robot_hw.get(SpeedScaleInterface).handle()
-        box = settings.workspace
-        ranges = [*zip(box.lower, box.upper, strict=True), *[(-math.pi, math.pi)] * 3]
-        each = [settings.translation.each_of(3)] * 3 + [settings.rotation.each_of(3)] * 3
-        limits = StreamLimits(
-            tuple(one.velocity for one in each),
-            tuple(one.acceleration for one in each),
-            tuple(one.jerk for one in each),
-        )
-        self._follower = StreamFollower(limits, ranges)
-        self._bounds = _joint_bounds(root_node, arm_id, interface.limits)
+        self._follower = StreamFollower(settings.limits, settings.ranges)
+        self._bounds = JointBounds.of_arm(root_node, arm_id, interface.limits)
         self._slow = Occurrences()
         self._targets: deque[tuple[list[float], float | None]] = deque(maxlen=KEPT)
         self._start, self._running = Pose(), False
@@ -101,7 +70,7 @@ class CartesianStreamingController(Controller):
         state = self._arm.robot_state
         T = state.O_T_EE_c
         self._columns = [(T[k], T[k + 1], T[k + 2]) for k in (0, 4, 8)]
-        self._bounds.start(state.q_d, T, state.F_T_EE)
+        self._bounds.start(state)
         self._state_time.restart()
         self._running = True
 
@@ -113,34 +82,26 @@ class CartesianStreamingController(Controller):
         x, y, z, a, b, c = self._follower.position
         rotation = quaternions.from_rotation_vector((a, b, c))
         columns = [quaternions.rotated(rotation, column) for column in self._columns]
-        wanted = [*columns[0], 0.0, *columns[1], 0.0, *columns[2], 0.0, x, y, z, 1.0]
-        T = self._bounded(time, self._scale.value * period, wanted)
+        T = [*columns[0], 0.0, *columns[1], 0.0, *columns[2], 0.0, x, y, z, 1.0]
+        T = self._bounded(time, self._scale.value * period, T)
         self._arm.set_command(T)
         if self._state_time.due(time):
             header = stamped.header(self._node.now(), self._base)
             self._desired.publish(stamped.pose_stamped, header, Pose.of_column_major(T))
 
-    def _bounded(self, time: float, step: float, wanted: list[float]) -> list[float]:
+    def _bounded(self, time: float, step: float, T: list[float]) -> list[float]:
         """Return the pose that the joints allow; the motion goes on from it. A reason to be slow is logged once."""
-        T = self._bounds.advance(wanted, self._arm.robot_state.q_d)
-        if T is not wanted and step > 0.0:
-            pose = Pose.of_column_major(T)
-            turn = quaternions.difference(pose.orientation, self._start.orientation)
-            self._follower.correct([*pose.position, *turn], step)
+        allowed = self._bounds.advance(T, self._arm.robot_state)
+        if allowed is not T and step > 0.0:
+            pose = Pose.of_column_major(allowed)
+            rotation = quaternions.difference(pose.orientation, self._start.orientation)
+            self._follower.correct([*pose.position, *rotation], step)
         reason = self._bounds.reason
         if self._slow.is_new(time, reason):
             text = f"the end effector slows down, since {reason}; keep the targets away from there"
             realtime.defer(self._node, lambda: self._node.log_warn(text), "log")
-        return T
+        return allowed
 
     def stopping(self, time: float) -> None:
         """Stop accepting targets."""
         self._running = False
-
-
-def _joint_bounds(root_node: Node, arm_id: str, limits: FrankaLimits) -> JointBounds:
-    """Return the bounds of the arm's joints: the limits of the arm, and those of the robot description if lower."""
-    description = root_node.search_param("robot_description")
-    model = KdlFrankaModel(description, arm_id)
-    joints = load_limits(description, root_node, model.joint_names, use=("position", "velocity"))
-    return JointBounds(model, limits.within(joints))

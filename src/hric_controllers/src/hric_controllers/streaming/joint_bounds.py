@@ -7,15 +7,18 @@ present velocity would need in the next `HORIZON` seconds.
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.limits import FrankaLimits
+from franka_hw_interface.robot_state import RobotState
 from franka_hw_interface.transforms import from_column_major
 from franka_sim.box.config import BoxConfig, motion_parameters
 from franka_sim.box.inverse_kinematics import ELBOW_JOINT, ElbowInverseKinematics
 from franka_sim.box.kinematics import moved, twist_between
 from franka_sim.box.self_collision import SelfCollision
+from hric_control.limits import load_limits
+from hric_core.node import Node
 
 HORIZON, SAMPLES = 0.25, 5
 """Time for which the joint motion is predicted [s], and number of its samples (project default)."""
@@ -45,6 +48,10 @@ LEVER = 0.3
 """Length by which rotations are compared with translations [m] (project default)."""
 CORRECTION = 0.02
 """Share of the difference from the self-motion of the box that is corrected in each cycle (project default)."""
+EXACT = 1e-6
+"""Difference [m], [1], [rad] up to which the box has the commanded pose; an FR3 sends single precision."""
+LOSSES = 5
+"""Consecutive cycles with another pose that are taken for lost packets (project default)."""
 BRAKES = (0.2, 0.5, 1.0)
 """Shares of the largest deceleration of the joints that are tried in braking (project default)."""
 
@@ -88,29 +95,37 @@ class JointBounds:
         self._jerk = [ALLOWED * x.jerk * period * period for x in (limits.translation, limits.rotation)]
         self.share, self.reason = 1.0, ""
 
-    def start(self, q_d: Sequence[float], T: Sequence[float], F_T_EE: Sequence[float]) -> None:
-        """Start at rest at q_d, 7 floats [rad], with the pose T and the end effector F_T_EE, column-major."""
-        self._model.set_ee(from_column_major(F_T_EE))
-        self._ik.begin(q_d)
-        self._room, self._checked, self._clear = self._itself.clearance(q_d), list(q_d), 1.0
-        self._hold, self._last = q_d[ELBOW_JOINT], _Step(list(T), [0.0] * 6, list(q_d), 0.0)
-        self._dq, self._before = [0.0] * 7, [0.0] * 7
-        self._change = [0.0] * 6
-        self._wanted, self._cycle = 1.0, 0
+    @classmethod
+    def of_arm(cls, root_node: Node, arm_id: str, limits: FrankaLimits) -> Self:
+        """Return the bounds of an arm: its limits, and those of the robot description where they are lower."""
+        description = root_node.search_param("robot_description")
+        model = KdlFrankaModel(description, arm_id)
+        joints = load_limits(description, root_node, model.joint_names, use=("position", "velocity"))
+        return cls(model, limits.within(joints))
+
+    def start(self, state: RobotState) -> None:
+        """Start at rest at the desired pose and joint positions of the arm's state."""
+        q = list(state.q_d)
+        self._model.set_ee(from_column_major(state.F_T_EE))
+        self._ik.begin(q)
+        self._room, self._checked, self._clear = self._itself.clearance(q), q, 1.0
+        self._hold, self._last = q[ELBOW_JOINT], _Step(list(state.O_T_EE_c), [0.0] * 6, q, 0.0)
+        self._dq, self._before, self._change = [0.0] * 7, [0.0] * 7, [0.0] * 6
+        self._predicted, self._cycle, self._losses = 1.0, 0, 0
         self.share, self.reason = 1.0, ""
 
-    def advance(self, T: list[float], q_d: Sequence[float]) -> list[float]:
+    def advance(self, T: list[float], state: RobotState) -> list[float]:
         """Return the pose to command, 16 floats, column-major: T, or the part of the step to it that is possible.
 
         Args:
             T: pose of the next cycle.
-            q_d: desired joint positions of the box for the pose before, 7 floats [rad].
+            state: present state of the arm, with the desired motion of the box after the pose before.
         """
-        self._correct(q_d)
+        self._correct(state)
         self._now = self._caps()
         twist = twist_between(self._last.T, T, self._dt)
         if self._cycle % EACH == 0:
-            self._wanted = self._predict(twist)
+            self._predicted = self._predict(twist)
         self._cycle += 1
         best = None
         for share, step in self._candidates(T, twist):
@@ -128,7 +143,7 @@ class JointBounds:
     def _candidates(self, T: list[float], twist: list[float]) -> Iterator[tuple[float, _Step | None]]:
         """Yield (share, step): the whole step, the largest part that is possible, and ways to brake."""
         whole = self._step(T, twist)
-        if self._wanted == 1.0:
+        if self._predicted == 1.0:
             yield 1.0, whole
         rest = self._step(self._last.T, [0.0] * 6)
         if whole is not None and rest is not None:
@@ -167,12 +182,26 @@ class JointBounds:
     def _rates(self, q: Sequence[float]) -> list[float]:
         return [(x - last) / self._dt for x, last in zip(q, self._last.q, strict=True)]
 
-    def _correct(self, q_d: Sequence[float]) -> None:
-        """Follow the self-motion of the box, whose redundancy may be resolved in another way."""
-        null, q = self._ik.null, self._last.q
-        offset = sum(n * (x - y) for n, x, y in zip(null, q_d, q, strict=True))
-        if abs(offset) > 1e-6:
-            self._last = self._last._replace(q=[x + CORRECTION * offset * n for x, n in zip(q, null, strict=True)])
+    def _correct(self, state: RobotState) -> None:
+        """Go on from the motion of the box, where it is another one.
+
+        A box that takes the poses as they are has another pose after a lost packet only, which it bridges. A pose that
+        always differs comes from libfranka's filter, whose rate limiter bridges a lost packet. The box may also resolve
+        the redundancy in another way.
+        """
+        last, null = self._last, self._ik.null
+        if max(abs(x - y) for x, y in zip(state.O_T_EE_c, last.T, strict=True)) < EXACT:
+            self._losses = 0
+        elif self._losses < LOSSES:
+            self._losses += 1
+            self._last = _Step(list(state.O_T_EE_c), list(state.O_dP_EE_c), list(state.q_d), 0.0)
+            self._dq = list(state.dq_d)
+            self._before = [v - a * self._dt for v, a in zip(state.dq_d, state.ddq_d, strict=True)]
+            self._change = [a * self._dt for a in state.O_ddP_EE_c]
+            return
+        offset = sum(n * (x - y) for n, x, y in zip(null, state.q_d, last.q, strict=True))
+        if abs(offset) > EXACT:
+            self._last = last._replace(q=[x + CORRECTION * offset * n for x, n in zip(last.q, null, strict=True)])
 
     def _caps(self) -> list[tuple[float, float]]:
         """Return the least and the largest velocity of each joint [rad/s], by its limits of velocity and position."""
@@ -232,25 +261,25 @@ class JointBounds:
         step, share, reason = HORIZON / SAMPLES, 1.0, ""
         for name, r, s, v, a in zip(self._names, rates, before, self._velocity, self._acceleration, strict=True):
             sudden = math.sqrt(PRUDENT * a * step / max(abs(r - s), 1e-9)) if accelerated else 1.0
-            most = min(sudden, PRUDENT * v / max(abs(r), 1e-9))
-            if most < share:
-                share, reason = most, f"{name} would move too fast"
+            slow = min(sudden, PRUDENT * v / max(abs(r), 1e-9))
+            if slow < share:
+                share, reason = slow, f"{name} would move too fast"
         return share, reason
 
     def _end_of_range(self, q: Sequence[float], last: Sequence[float]) -> str:
         """Return a text on a joint that moves beyond the end of its range, else an empty one."""
         rows = zip(self._names, q, last, self._lower, self._upper, self._limits.lower, self._limits.upper, strict=True)
-        for name, x, y, low, high, least, most in rows:
+        for name, x, y, low, high, lower, upper in rows:
             if (x < low and x < y) or (x > high and x > y):
-                return f"{name} is near the end of its range, {least if x < low else most:.4g} rad"
+                return f"{name} is near the end of its range, {lower if x < low else upper:.4g} rad"
         return ""
 
     def _slower(self, twist: Sequence[float]) -> float:
         """Return the share of a twist with which the end effector is not faster than before, and slower if need be."""
-        if self._wanted == 1.0:
+        if self._predicted == 1.0:
             return 1.0
         share = min(1.0, _speed(self._last.twist) / max(_speed(twist), 1e-12))
-        return share * (1.0 - (1.0 - self._wanted) * SLOWING * self._dt)
+        return share * (1.0 - (1.0 - self._predicted) * SLOWING * self._dt)
 
     def _range(self, still: Sequence[float], full: Sequence[float], twist: Sequence[float]) -> tuple[float, float]:
         """Return the least and the largest share of a twist that the limits allow; the least is larger if none is.
@@ -262,9 +291,9 @@ class JointBounds:
         """
         low, high = 0.0, 1.0
         for (down, up), step, last, a, b in zip(self._now, self._largest, self._dq, still, full, strict=True):
-            least, most = max(min(down, last + step), last - step), min(max(up, last - step), last + step)
+            lower, upper = max(min(down, last + step), last - step), min(max(up, last - step), last + step)
             if abs(b - a) > 1e-9:
-                ends = sorted(((least - a) / (b - a), (most - a) / (b - a)))
+                ends = sorted(((lower - a) / (b - a), (upper - a) / (b - a)))
                 low, high = max(low, ends[0]), min(high, ends[1])
         for k, step in zip((0, 3), self._space, strict=True):
             v, last_v = twist[k : k + 3], self._last.twist[k : k + 3]
