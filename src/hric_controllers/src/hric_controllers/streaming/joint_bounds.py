@@ -29,7 +29,11 @@ SLOWING = 12.0
 PRUDENT = 0.7
 """Share of the limits at which the predicted motion is slowed down (project default)."""
 ALLOWED = 0.9
-"""Share of the limits that is used at most (project default)."""
+"""Share of the velocity limits that is used at most (project default)."""
+GENTLE = 0.6
+"""Share of the limits of acceleration and jerk that is used at most (project default).
+
+The box bridges a lost packet with the acceleration before it; the next command then changes it by up to twice as much."""
 TOLERANCE = 1.02
 """Factor on this share for steps whose joint motion was computed by a linear rule (project default)."""
 MARGIN = 0.05
@@ -84,15 +88,16 @@ class JointBounds:
 
     def __init__(self, model: KdlFrankaModel, limits: FrankaLimits, period: float = 1e-3) -> None:
         bounds = limits.with_margins()
-        self._model, self._dt, self._names, self._limits = model, period, model.joint_names, limits
+        self._model, self._period, self._names, self._limits = model, period, model.joint_names, limits
+        self._dt = period
         self._ik = ElbowInverseKinematics(model, motion_parameters(), period)
         self._lower, self._upper = [x + MARGIN for x in limits.lower], [x - MARGIN for x in limits.upper]
         config = BoxConfig()
         self._itself, self._reach = SelfCollision(model, config), config.reach
         self._velocity, self._acceleration = bounds.velocity, bounds.acceleration
-        self._largest = [ALLOWED * a * period for a in bounds.acceleration]
-        self._space = [ALLOWED * x.acceleration * period for x in (limits.translation, limits.rotation)]
-        self._jerk = [ALLOWED * x.jerk * period * period for x in (limits.translation, limits.rotation)]
+        self._accelerations = [GENTLE * a for a in bounds.acceleration]
+        self._space = [GENTLE * x.acceleration for x in (limits.translation, limits.rotation)]
+        self._jerk = [GENTLE * x.jerk for x in (limits.translation, limits.rotation)]
         self.share, self.reason = 1.0, ""
 
     @classmethod
@@ -114,15 +119,17 @@ class JointBounds:
         self._predicted, self._cycle, self._losses = 1.0, 0, 0
         self.share, self.reason = 1.0, ""
 
-    def advance(self, T: list[float], state: RobotState) -> list[float]:
+    def advance(self, T: list[float], state: RobotState, period: float) -> list[float]:
         """Return the pose to command, 16 floats, column-major: T, or the part of the step to it that is possible.
 
         Args:
             T: pose of the next cycle.
             state: present state of the arm, with the desired motion of the box after the pose before.
+            period: time since the last cycle [s]; longer than the control period after a lost packet.
         """
-        self._correct(state)
-        self._now = self._caps()
+        bridged = self._correct(state)
+        self._dt = self._period if bridged else max(period, self._period)
+        self._now, self._largest = self._caps(), [a * self._dt for a in self._accelerations]
         twist = twist_between(self._last.T, T, self._dt)
         if self._cycle % EACH == 0:
             self._predicted = self._predict(twist)
@@ -173,17 +180,18 @@ class JointBounds:
         for v, last, step, (down, up) in zip(self._rates(q), self._dq, self._largest, self._now, strict=True):
             excess = max(v - max(up, last - step), min(down, last + step) - v)
             ratio = max(ratio, abs(v - last) / step, 1.0 + excess / step if excess > 1e-9 else 0.0)
+        dt = self._dt
         change = [v - last for v, last in zip(twist, self._last.twist, strict=True)]
         for k, largest, jerk in zip((0, 3), self._space, self._jerk, strict=True):
             now, before = change[k : k + 3], self._change[k : k + 3]
-            ratio = max(ratio, math.hypot(*now) / largest, math.dist(now, before) / jerk)
+            ratio = max(ratio, math.hypot(*now) / (largest * dt), math.dist(now, before) / (jerk * dt * dt))
         return _Step(T, twist, q, ratio)
 
     def _rates(self, q: Sequence[float]) -> list[float]:
         return [(x - last) / self._dt for x, last in zip(q, self._last.q, strict=True)]
 
-    def _correct(self, state: RobotState) -> None:
-        """Go on from the motion of the box, where it is another one.
+    def _correct(self, state: RobotState) -> bool:
+        """Go on from the motion of the box, where it is another one; return True if the box bridged a lost packet.
 
         A box that takes the poses as they are has another pose after a lost packet only, which it bridges. A pose that
         always differs comes from libfranka's filter, whose rate limiter bridges a lost packet. The box may also resolve
@@ -198,10 +206,11 @@ class JointBounds:
             self._dq = list(state.dq_d)
             self._before = [v - a * self._dt for v, a in zip(state.dq_d, state.ddq_d, strict=True)]
             self._change = [a * self._dt for a in state.O_ddP_EE_c]
-            return
+            return True
         offset = sum(n * (x - y) for n, x, y in zip(null, state.q_d, last.q, strict=True))
         if abs(offset) > EXACT:
             self._last = last._replace(q=[x + CORRECTION * offset * n for x, n in zip(last.q, null, strict=True)])
+        return False
 
     def _caps(self) -> list[tuple[float, float]]:
         """Return the least and the largest velocity of each joint [rad/s], by its limits of velocity and position."""
@@ -295,7 +304,8 @@ class JointBounds:
             if abs(b - a) > 1e-9:
                 ends = sorted(((lower - a) / (b - a), (upper - a) / (b - a)))
                 low, high = max(low, ends[0]), min(high, ends[1])
-        for k, step in zip((0, 3), self._space, strict=True):
+        for k, acceleration in zip((0, 3), self._space, strict=True):
+            step = acceleration * self._dt
             v, last_v = twist[k : k + 3], self._last.twist[k : k + 3]
             along, square = sum(x * y for x, y in zip(v, last_v, strict=True)), sum(x * x for x in v)
             rest = along * along - square * (sum(x * x for x in last_v) - step * step)
