@@ -91,6 +91,11 @@ class FrankaRealSettings(Base):
         """Limits of this kind of arm."""
         return ROBOTS[self.robot].limits()
 
+    @property
+    def filters_poses(self) -> bool:
+        """True if libfranka's control loop limits and filters poses; pylibfranka, for the FR3, has no such loop."""
+        return self.robot == "panda"
+
     def rotors(self, urdf_xml: str, joint_names: Sequence[str]) -> tuple[float, ...]:
         """Return the rotor inertia of the joints of a robot description, n floats [kg m^2]."""
         plant = {} if self.rotor_inertia is None else {"rotor_inertia": self.rotor_inertia}

@@ -9,6 +9,7 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple, Self
 
+from franka_hw_interface.interfaces import FrankaPoseCartesianInterface
 from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.limits import FrankaLimits
 from franka_hw_interface.robot_state import RobotState
@@ -33,7 +34,7 @@ ALLOWED = 0.9
 GENTLE = 0.6
 """Share of the limits of acceleration and jerk that is used at most (project default).
 
-The box bridges a lost packet with the acceleration before it; the next command then changes it by up to twice as much."""
+The box bridges a lost packet with the acceleration before it; the next command then changes it by up to twice that."""
 TOLERANCE = 1.02
 """Factor on this share for steps whose joint motion was computed by a linear rule (project default)."""
 MARGIN = 0.05
@@ -54,8 +55,6 @@ CORRECTION = 0.02
 """Share of the difference from the self-motion of the box that is corrected in each cycle (project default)."""
 EXACT = 1e-6
 """Difference [m], [1], [rad] up to which the box has the commanded pose; an FR3 sends single precision."""
-LOSSES = 5
-"""Consecutive cycles with another pose that are taken for lost packets (project default)."""
 BRAKES = (0.2, 0.5, 1.0)
 """Shares of the largest deceleration of the joints that are tried in braking (project default)."""
 
@@ -79,6 +78,7 @@ class JointBounds:
     Args:
         model: model of the arm; `start` sets its end effector.
         limits: limits of the arm.
+        filtered: True if poses are filtered on their way to the arm.
         period: control period [s].
 
     Attributes:
@@ -86,10 +86,10 @@ class JointBounds:
         reason: why the end effector must be slower; empty if it need not.
     """
 
-    def __init__(self, model: KdlFrankaModel, limits: FrankaLimits, period: float = 1e-3) -> None:
+    def __init__(self, model: KdlFrankaModel, limits: FrankaLimits, filtered: bool, period: float = 1e-3) -> None:
         bounds = limits.with_margins()
         self._model, self._period, self._names, self._limits = model, period, model.joint_names, limits
-        self._dt = period
+        self._dt, self._filtered = period, filtered
         self._ik = ElbowInverseKinematics(model, motion_parameters(), period)
         self._lower, self._upper = [x + MARGIN for x in limits.lower], [x - MARGIN for x in limits.upper]
         config = BoxConfig()
@@ -101,12 +101,12 @@ class JointBounds:
         self.share, self.reason = 1.0, ""
 
     @classmethod
-    def of_arm(cls, root_node: Node, arm_id: str, limits: FrankaLimits) -> Self:
+    def of_arm(cls, root_node: Node, arm_id: str, arm: FrankaPoseCartesianInterface) -> Self:
         """Return the bounds of an arm: its limits, and those of the robot description where they are lower."""
         description = root_node.search_param("robot_description")
         model = KdlFrankaModel(description, arm_id)
         joints = load_limits(description, root_node, model.joint_names, use=("position", "velocity"))
-        return cls(model, limits.within(joints))
+        return cls(model, arm.limits.within(joints), arm.filtered)
 
     def start(self, state: RobotState) -> None:
         """Start at rest at the desired pose and joint positions of the arm's state."""
@@ -116,7 +116,7 @@ class JointBounds:
         self._room, self._checked, self._clear = self._itself.clearance(q), q, 1.0
         self._hold, self._last = q[ELBOW_JOINT], _Step(list(state.O_T_EE_c), [0.0] * 6, q, 0.0)
         self._dq, self._before, self._change = [0.0] * 7, [0.0] * 7, [0.0] * 6
-        self._predicted, self._cycle, self._losses = 1.0, 0, 0
+        self._predicted, self._cycle = 1.0, 0
         self.share, self.reason = 1.0, ""
 
     def advance(self, T: list[float], state: RobotState, period: float) -> list[float]:
@@ -193,15 +193,13 @@ class JointBounds:
     def _correct(self, state: RobotState) -> bool:
         """Go on from the motion of the box, where it is another one; return True if the box bridged a lost packet.
 
-        A box that takes the poses as they are has another pose after a lost packet only, which it bridges. A pose that
-        always differs comes from libfranka's filter, whose rate limiter bridges a lost packet. The box may also resolve
-        the redundancy in another way.
+        A box that gets the poses as they are has another pose only after a lost packet, which it bridges. After
+        libfranka's filter the pose always differs, and its rate limiter takes care of lost packets. The box may also
+        resolve the redundancy in another way.
         """
         last, null = self._last, self._ik.null
-        if max(abs(x - y) for x, y in zip(state.O_T_EE_c, last.T, strict=True)) < EXACT:
-            self._losses = 0
-        elif self._losses < LOSSES:
-            self._losses += 1
+        other = max(abs(x - y) for x, y in zip(state.O_T_EE_c, last.T, strict=True)) > EXACT
+        if other and not self._filtered:
             self._last = _Step(list(state.O_T_EE_c), list(state.O_dP_EE_c), list(state.q_d), 0.0)
             self._dq = list(state.dq_d)
             self._before = [v - a * self._dt for v, a in zip(state.dq_d, state.ddq_d, strict=True)]
