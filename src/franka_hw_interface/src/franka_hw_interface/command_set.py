@@ -63,9 +63,10 @@ class CommandSet:
         state: Franka state of the arm.
         limits: joint limits, one per joint.
         period: period of the commands [s].
-        smoothing: limits for the rates of joint positions and velocities, for an arm that is commanded without
-            libfranka; None: commands are not smoothed.
+        smoothing: rate limits for joint positions and velocities, for an arm that is commanded without libfranka;
+            None: commands are not smoothed.
         arm_limits: limits of the arm, for controllers; None: those of the Panda.
+        filtered: True if Cartesian commands are filtered on their way to the arm.
 
     Attributes:
         counts: counts of the limiters' interventions.
@@ -79,13 +80,14 @@ class CommandSet:
         state: RobotState,
         limits: Sequence[JointLimits],
         period: float = PERIOD,
-        smoothing: FrankaLimits | None = None,
+        smoothing: RateLimits | None = None,
         arm_limits: FrankaLimits | None = None,
+        filtered: bool = False,
     ) -> None:
         self._state, self._period = state, period
         self._pose, self._twist = (
-            FrankaPoseCartesianInterface(arm_id, state, arm_limits),
-            FrankaVelocityCartesianInterface(arm_id, state, arm_limits),
+            FrankaPoseCartesianInterface(arm_id, state, arm_limits, filtered),
+            FrankaVelocityCartesianInterface(arm_id, state, arm_limits, filtered),
         )
         self.counts = LimitCounts(states.names, [limit.velocity for limit in limits])
 

@@ -158,6 +158,7 @@ class _CartesianInterface(_ArmInterface):
     Attributes:
         initial: value before the first command.
         limits: limits of the arm.
+        filtered: True if commands pass a filter, as in libfranka's control loops, before the arm gets them.
 
     Args:
         limits: limits of the arm; None: those of the Panda.
@@ -166,9 +167,11 @@ class _CartesianInterface(_ArmInterface):
     claims_resources = True
     initial: ClassVar[Sequence[float]]
 
-    def __init__(self, arm_id: str, state: RobotState, limits: FrankaLimits | None = None) -> None:
+    def __init__(
+        self, arm_id: str, state: RobotState, limits: FrankaLimits | None = None, filtered: bool = False
+    ) -> None:
         super().__init__(arm_id, state)
-        self.limits = limits or franka_limits()
+        self.limits, self.filtered = limits or franka_limits(), filtered
         self.command = CartesianCommand(self.initial)
 
 

@@ -42,7 +42,7 @@ class CartesianStreamingController(Controller):
         self._arm = interface.handle(f"{arm_id}_robot")
         self._scale = robot_hw.get(SpeedScaleInterface).handle()
         self._follower = StreamFollower(settings.limits, settings.ranges)
-        self._bounds = JointBounds.of_arm(root_node, arm_id, interface.limits)
+        self._bounds = JointBounds.of_arm(root_node, arm_id, interface)
         self._slow = Occurrences()
         self._targets: deque[tuple[list[float], float | None]] = deque(maxlen=KEPT)
         self._start, self._running = Pose(), False
@@ -83,15 +83,16 @@ class CartesianStreamingController(Controller):
         rotation = quaternions.from_rotation_vector((a, b, c))
         columns = [quaternions.rotated(rotation, column) for column in self._columns]
         T = [*columns[0], 0.0, *columns[1], 0.0, *columns[2], 0.0, x, y, z, 1.0]
-        T = self._bounded(time, self._scale.value * period, T)
+        T = self._bounded(time, period, T)
         self._arm.set_command(T)
         if self._state_time.due(time):
             header = stamped.header(self._node.now(), self._base)
             self._desired.publish(stamped.pose_stamped, header, Pose.of_column_major(T))
 
-    def _bounded(self, time: float, step: float, T: list[float]) -> list[float]:
+    def _bounded(self, time: float, period: float, T: list[float]) -> list[float]:
         """Return the pose that the joints allow; the motion goes on from it. A reason to be slow is logged once."""
-        allowed = self._bounds.advance(T, self._arm.robot_state.q_d)
+        allowed = self._bounds.advance(T, self._arm.robot_state, period)
+        step = self._scale.value * period
         if allowed is not T and step > 0.0:
             pose = Pose.of_column_major(allowed)
             rotation = quaternions.difference(pose.orientation, self._start.orientation)

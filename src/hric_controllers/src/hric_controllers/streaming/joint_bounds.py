@@ -9,6 +9,7 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple, Self
 
+from franka_hw_interface.interfaces import FrankaPoseCartesianInterface
 from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.limits import FrankaLimits
 from franka_hw_interface.robot_state import RobotState
@@ -29,15 +30,19 @@ SLOWING = 12.0
 PRUDENT = 0.7
 """Share of the limits at which the predicted motion is slowed down (project default)."""
 ALLOWED = 0.9
-"""Share of the limits that is used at most (project default)."""
+"""Share of the velocity limits that is used at most (project default)."""
+GENTLE = 0.6
+"""Share of the limits of acceleration and jerk that is used at most (project default).
+
+The box bridges a lost packet with the acceleration before it; the next command then changes it by up to twice that."""
 TOLERANCE = 1.02
 """Factor on this share for steps whose joint motion was computed by a linear rule (project default)."""
 MARGIN = 0.05
 """Distance from the end of a position range at which a joint stops [rad].
 
-An FR3 lets no joint come closer than 0.008 rad (velocity_offset and deceleration_limit in limits_fr3.yaml)."""
+An FR3 lets no joint come closer than 0.008 rad (velocity_offset and deceleration_limit in franka_sim's fr3.yaml)."""
 BRAKING = 2.0
-"""Deceleration towards the end of a position range [rad/s^2], below the least of an FR3 (2.585, limits_fr3.yaml)."""
+"""Deceleration towards the end of a position range [rad/s^2], below the least of an FR3 (2.585, fr3.yaml)."""
 SINGULAR = 25.0
 """Joint velocity per velocity of the end effector [1/m] from which a pose counts as singular (project default)."""
 CLEARANCE = 0.03
@@ -48,6 +53,8 @@ LEVER = 0.3
 """Length by which rotations are compared with translations [m] (project default)."""
 CORRECTION = 0.02
 """Share of the difference from the self-motion of the box that is corrected in each cycle (project default)."""
+EXACT = 1e-6
+"""Difference [m], [1], [rad] up to which the box has the commanded pose; an FR3 sends single precision."""
 BRAKES = (0.2, 0.5, 1.0)
 """Shares of the largest deceleration of the joints that are tried in braking (project default)."""
 
@@ -71,6 +78,7 @@ class JointBounds:
     Args:
         model: model of the arm; `start` sets its end effector.
         limits: limits of the arm.
+        filtered: True if poses are filtered on their way to the arm.
         period: control period [s].
 
     Attributes:
@@ -78,26 +86,27 @@ class JointBounds:
         reason: why the end effector must be slower; empty if it need not.
     """
 
-    def __init__(self, model: KdlFrankaModel, limits: FrankaLimits, period: float = 1e-3) -> None:
+    def __init__(self, model: KdlFrankaModel, limits: FrankaLimits, filtered: bool, period: float = 1e-3) -> None:
         bounds = limits.with_margins()
-        self._model, self._dt, self._names, self._limits = model, period, model.joint_names, limits
+        self._model, self._period, self._names, self._limits = model, period, model.joint_names, limits
+        self._dt, self._filtered = period, filtered
         self._ik = ElbowInverseKinematics(model, motion_parameters(), period)
         self._lower, self._upper = [x + MARGIN for x in limits.lower], [x - MARGIN for x in limits.upper]
         config = BoxConfig()
         self._itself, self._reach = SelfCollision(model, config), config.reach
         self._velocity, self._acceleration = bounds.velocity, bounds.acceleration
-        self._largest = [ALLOWED * a * period for a in bounds.acceleration]
-        self._space = [ALLOWED * x.acceleration * period for x in (limits.translation, limits.rotation)]
-        self._jerk = [ALLOWED * x.jerk * period * period for x in (limits.translation, limits.rotation)]
+        self._accelerations = [GENTLE * a for a in bounds.acceleration]
+        self._space = [GENTLE * x.acceleration for x in (limits.translation, limits.rotation)]
+        self._jerk = [GENTLE * x.jerk for x in (limits.translation, limits.rotation)]
         self.share, self.reason = 1.0, ""
 
     @classmethod
-    def of_arm(cls, root_node: Node, arm_id: str, limits: FrankaLimits) -> Self:
+    def of_arm(cls, root_node: Node, arm_id: str, arm: FrankaPoseCartesianInterface) -> Self:
         """Return the bounds of an arm: its limits, and those of the robot description where they are lower."""
         description = root_node.search_param("robot_description")
         model = KdlFrankaModel(description, arm_id)
         joints = load_limits(description, root_node, model.joint_names, use=("position", "velocity"))
-        return cls(model, limits.within(joints))
+        return cls(model, arm.limits.within(joints), arm.filtered)
 
     def start(self, state: RobotState) -> None:
         """Start at rest at the desired pose and joint positions of the arm's state."""
@@ -110,15 +119,17 @@ class JointBounds:
         self._predicted, self._cycle = 1.0, 0
         self.share, self.reason = 1.0, ""
 
-    def advance(self, T: list[float], q_d: Sequence[float]) -> list[float]:
+    def advance(self, T: list[float], state: RobotState, period: float) -> list[float]:
         """Return the pose to command, 16 floats, column-major: T, or the part of the step to it that is possible.
 
         Args:
             T: pose of the next cycle.
-            q_d: desired joint positions of the box for the pose before, 7 floats [rad].
+            state: present state of the arm, with the desired motion of the box after the pose before.
+            period: time since the last cycle [s]; longer than the control period after a lost packet.
         """
-        self._correct(q_d)
-        self._now = self._caps()
+        bridged = self._correct(state)
+        self._dt = self._period if bridged else max(period, self._period)
+        self._now, self._largest = self._caps(), [a * self._dt for a in self._accelerations]
         twist = twist_between(self._last.T, T, self._dt)
         if self._cycle % EACH == 0:
             self._predicted = self._predict(twist)
@@ -169,21 +180,35 @@ class JointBounds:
         for v, last, step, (down, up) in zip(self._rates(q), self._dq, self._largest, self._now, strict=True):
             excess = max(v - max(up, last - step), min(down, last + step) - v)
             ratio = max(ratio, abs(v - last) / step, 1.0 + excess / step if excess > 1e-9 else 0.0)
+        dt = self._dt
         change = [v - last for v, last in zip(twist, self._last.twist, strict=True)]
         for k, largest, jerk in zip((0, 3), self._space, self._jerk, strict=True):
             now, before = change[k : k + 3], self._change[k : k + 3]
-            ratio = max(ratio, math.hypot(*now) / largest, math.dist(now, before) / jerk)
+            ratio = max(ratio, math.hypot(*now) / (largest * dt), math.dist(now, before) / (jerk * dt * dt))
         return _Step(T, twist, q, ratio)
 
     def _rates(self, q: Sequence[float]) -> list[float]:
         return [(x - last) / self._dt for x, last in zip(q, self._last.q, strict=True)]
 
-    def _correct(self, q_d: Sequence[float]) -> None:
-        """Follow the self-motion of the box, whose redundancy may be resolved in another way."""
-        null, q = self._ik.null, self._last.q
-        offset = sum(n * (x - y) for n, x, y in zip(null, q_d, q, strict=True))
-        if abs(offset) > 1e-6:
-            self._last = self._last._replace(q=[x + CORRECTION * offset * n for x, n in zip(q, null, strict=True)])
+    def _correct(self, state: RobotState) -> bool:
+        """Go on from the motion of the box, where it is another one; return True if the box bridged a lost packet.
+
+        A box that gets the poses as they are has another pose only after a lost packet, which it bridges. After
+        libfranka's filter the pose always differs, and its rate limiter takes care of lost packets. The box may also
+        resolve the redundancy in another way.
+        """
+        last, null = self._last, self._ik.null
+        other = max(abs(x - y) for x, y in zip(state.O_T_EE_c, last.T, strict=True)) > EXACT
+        if other and not self._filtered:
+            self._last = _Step(list(state.O_T_EE_c), list(state.O_dP_EE_c), list(state.q_d), 0.0)
+            self._dq = list(state.dq_d)
+            self._before = [v - a * self._dt for v, a in zip(state.dq_d, state.ddq_d, strict=True)]
+            self._change = [a * self._dt for a in state.O_ddP_EE_c]
+            return True
+        offset = sum(n * (x - y) for n, x, y in zip(null, state.q_d, last.q, strict=True))
+        if abs(offset) > EXACT:
+            self._last = last._replace(q=[x + CORRECTION * offset * n for x, n in zip(last.q, null, strict=True)])
+        return False
 
     def _caps(self) -> list[tuple[float, float]]:
         """Return the least and the largest velocity of each joint [rad/s], by its limits of velocity and position."""
@@ -277,7 +302,8 @@ class JointBounds:
             if abs(b - a) > 1e-9:
                 ends = sorted(((lower - a) / (b - a), (upper - a) / (b - a)))
                 low, high = max(low, ends[0]), min(high, ends[1])
-        for k, step in zip((0, 3), self._space, strict=True):
+        for k, acceleration in zip((0, 3), self._space, strict=True):
+            step = acceleration * self._dt
             v, last_v = twist[k : k + 3], self._last.twist[k : k + 3]
             along, square = sum(x * y for x, y in zip(v, last_v, strict=True)), sum(x * x for x in v)
             rest = along * along - square * (sum(x * x for x in last_v) - step * step)
