@@ -31,8 +31,8 @@ from hric_bags.memory import FIRST
 
 LEFT_OUT = {
     "/robot_description data": "names folders of the machine; what it says acts in the states",
-    "/controller_manager/statistics controller.*time.*": "how long the controllers took, by the wall clock",
-    "/controller_manager/statistics controller.*overrun*": "likewise",
+    "*/controller_manager/statistics controller.*time.*": "how long the controllers took, by the wall clock",
+    "*/controller_manager/statistics controller.*overrun*": "likewise",
 }
 """Fields that are left out, as patterns of topic and field, with the reason. Their topics and times are compared."""
 TOLERANCE = 1e-12

@@ -64,6 +64,7 @@ REDUCED = (
     "robot.plant.passive_joints:=locked",
 )
 """Overrides of the study `engines`, form `reduced`."""
+MEASURED_LEFT = "arms.left.robot.parameters.realism:=measured"
 HAND_MOVES = ("mocap.human.begin:=0.1", "mocap.human.ramp:=0.3")
 NO_WIRES = ("emg", "force_plate", "sync")
 
@@ -127,6 +128,9 @@ def _on_each() -> dict[str, tuple[Run, tuple[str, ...]]]:
         "data_collection": (Run("data_collection", collected, without=NO_WIRES), ()),
         "hold": (Run("tests/benchmarks/hold.yaml", ("duration:=0.5",)), ("pybullet",)),
         "none": (Run("none", ("duration:=0.5",)), ()),
+        "two_arms": (Run("two_arms", ("duration:=1.2",)), ("mujoco",)),
+        "two_arms_contact": (Run("two_arms_contact", ("duration:=4.4",)), ()),
+        "leader_follower": (Run("leader_follower", ("duration:=2.6", MEASURED_LEFT)), ()),
         **{f"none {kind}_controller": (Run("none", ("duration:=0.5", holding.format(kind))), ()) for kind in kinds},
     }
 
@@ -151,9 +155,6 @@ def _runs() -> dict[str, Run]:
         "marker_tracking by effort on pybullet": replace(tracking, without=("parameters",)).on("pybullet", by_effort),
         "identify_load on pybullet": Run("identify_load", ("duration:=2.0",)).on("pybullet", quick=True),
         "polish on mujoco": Run("polish", ("duration:=3.0",)).on("mujoco"),
-        "two_arms on pybullet": Run("two_arms", ("duration:=1.5",)).on("pybullet", quick=True),
-        "two_arms_contact on mujoco": Run("two_arms_contact", ()).on("mujoco", quick=True),
-        "leader_follower on opensim": Run("leader_follower", ("duration:=3.0",)).on("opensim"),
         "ur5e_hand_guidance on mujoco": Run("ur5e_hand_guidance", ("duration:=0.5",)).on("mujoco", quick=True),
     }
 

@@ -15,8 +15,7 @@ from geometry_msgs.msg import PoseStamped
 from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from franka_hw_interface.limits import FrankaLimits, franka_limits
-from franka_sim.fci.robots import fr3_limits
+from franka_hw_interface.limits import FrankaLimits, fr3_limits, franka_limits
 from hric_core.geometry import Pose, quaternions, stamped
 
 pytestmark = pytest.mark.alone

@@ -205,3 +205,25 @@ def test_two_arms_cost_at_most_a_little_more_than_twice_one() -> None:
         cost(both), cost(one)
         ratios = [cost(both) / cost(one) for _ in range(8)]
     assert min(ratios) <= MOST
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "pybullet"])
+def test_a_follower_stays_within_a_hundredth_of_a_radian_of_its_leader(engine: str) -> None:
+    with Simulation("leader_follower", simulator=engine) as arms:
+        arms.run()
+    position = arms.signals.position
+    leader, follower = position[:, :7], position[:, 7:]
+    assert np.ptp(leader, axis=0).max() > 0.5
+    assert np.abs(leader - follower).max() < 0.015
+    np.testing.assert_allclose(follower[-1], leader[-1], atol=1e-4)
+
+
+def test_both_arms_touch_the_person_and_each_other() -> None:
+    with Simulation("two_arms_contact", simulator="mujoco") as arms:
+        pairs = set()
+        while arms.time < 4.4:
+            arms.advance(10)
+            pairs |= {(c.body_a, c.body_b, c.kind) for c in arms.app.hw.plant.contacts()}
+    assert ("arms::left_hand", "arms::right_hand", "penalty") in pairs
+    touched = {(a if a.startswith("arms") else b) for a, b, _ in pairs if "human::r_elbow" in (a, b)}
+    assert {"arms::left_hand", "arms::right_hand"} <= touched

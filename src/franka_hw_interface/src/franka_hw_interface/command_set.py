@@ -63,8 +63,8 @@ class CommandSet:
         state: Franka state of the arm.
         limits: joint limits, one per joint.
         period: period of the commands [s].
-        smoothing: rate limits for joint positions and velocities, for an arm that is commanded without libfranka;
-            None: commands are not smoothed.
+        smoothing: limits for the rates of joint positions and velocities, for an arm that is commanded without
+            libfranka; None: commands are not smoothed.
         arm_limits: limits of the arm, for controllers; None: those of the Panda.
         filtered: True if Cartesian commands are filtered on their way to the arm.
 
@@ -80,7 +80,7 @@ class CommandSet:
         state: RobotState,
         limits: Sequence[JointLimits],
         period: float = PERIOD,
-        smoothing: RateLimits | None = None,
+        smoothing: FrankaLimits | None = None,
         arm_limits: FrankaLimits | None = None,
         filtered: bool = False,
     ) -> None:

@@ -76,7 +76,7 @@ class FrankaHW(CommandedArm):
             models = connection.models(self._settings, self._arm, self.model, self.description)
             self._adapter = ArmAdapter(self._connection, self._requests, state, models, self.recover)
             self._send_collision_behavior()
-        arm_limits, filtered = self._settings.arm_limits, self._settings.filters_poses
+        arm_limits, filtered = self._settings.limits, self._settings.filters_poses
         self._commands = CommandSet(self.arm_id, self.states, state, limits, arm_limits=arm_limits, filtered=filtered)
         self._register(models[0])
         self._serve(self._adapter, root_node)

@@ -6,9 +6,7 @@ from typing import Any
 
 from franka_hw_interface.arm_parameters import ARM_ID, collision_config
 from franka_hw_interface.arm_services import CollisionThresholds
-from franka_hw_interface.limits import FrankaLimits
-from franka_hw_interface.rate_limits import RateLimits
-from franka_sim.fci.robots import ROBOTS
+from franka_hw_interface.limits import FrankaLimits, fr3_limits, franka_limits
 from hric_control.limits import ENFORCE_LIMITS
 from hric_control.plants import rotor_inertia
 from hric_core.node import REQUIRED
@@ -84,11 +82,6 @@ class FrankaRealSettings(Base):
     def defaults(cls) -> Mapping[str, object]:
         """Return the default values from config/franka_real.yaml."""
         return package_yaml(__file__, "franka_real")
-
-    @property
-    def arm_limits(self) -> FrankaLimits:
-        """Limits of this kind of arm."""
-        return ROBOTS[self.robot].limits()
 
     @property
     def filters_poses(self) -> bool:

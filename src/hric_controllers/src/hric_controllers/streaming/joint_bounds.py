@@ -40,9 +40,9 @@ TOLERANCE = 1.02
 MARGIN = 0.05
 """Distance from the end of a position range at which a joint stops [rad].
 
-An FR3 lets no joint come closer than 0.008 rad (velocity_offset and deceleration_limit in franka_sim's fr3.yaml)."""
+An FR3 lets no joint come closer than 0.008 rad (velocity_offset and deceleration_limit in limits_fr3.yaml)."""
 BRAKING = 2.0
-"""Deceleration towards the end of a position range [rad/s^2], below the least of an FR3 (2.585, fr3.yaml)."""
+"""Deceleration towards the end of a position range [rad/s^2], below the least of an FR3 (2.585, limits_fr3.yaml)."""
 SINGULAR = 25.0
 """Joint velocity per velocity of the end effector [1/m] from which a pose counts as singular (project default)."""
 CLEARANCE = 0.03
