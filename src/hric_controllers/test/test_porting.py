@@ -150,7 +150,7 @@ def test_what_is_missing_is_said_in_the_table_and_in_the_package(source, tmp_pat
     output = capsys.readouterr().out
     assert rows(output)[0][:2] == ("NO", "hardware_interface::ForceTorqueSensorInterface")
     assert "O_F_ext_hat_K" in output and "0 of 2 exist in HRIC" in output
-    assert "ForceTorqueSensorInterface: not here" in (tmp_path / "own/src/wrench/law.py").read_text()
+    assert "ForceTorqueSensorInterface: not in HRIC" in (tmp_path / "own/src/wrench/law.py").read_text()
 
 
 def test_a_node_in_python_is_read_too(source, capsys):

@@ -1,8 +1,8 @@
 """Virtual mass and damper at the end effector, moved by the wrench of its environment. No ROS.
 
 Each axis is m dv/dt = F - d v - k x, with F the wrench that the environment exerts, filtered and less a dead band, and
-x the displacement from the start. Acceleration and jerk are limited; so is the velocity, and
-the acceleration is lowered, at the limited jerk, so early that the velocity does not exceed its limit.
+x the displacement from the start. Velocity, acceleration and jerk are limited: the
+acceleration is lowered, at the limited jerk, so early that the velocity does not exceed its limit.
 """
 
 import math
@@ -39,8 +39,8 @@ class AdmittanceLaw:
         filter_time: time constant of the first-order filter of the wrench [s]; 0: none.
 
     Attributes:
-        position, velocity, acceleration: state of the axes, n floats each; position: displacement from the start [m] or
-            [rad]. Read-only.
+        position, velocity, acceleration: displacement from the start, its 1st and 2nd derivative, n floats each
+            [m, m/s, m/s^2] or [rad, rad/s, rad/s^2]. Read-only.
         wrench: filtered wrench less dead band that moved the axes in the last cycle, n floats [N] or [N m].
     """
 
