@@ -113,7 +113,7 @@ def test_its_cartesian_impedance_is_a_spring_with_the_stiffness_of_the_file() ->
 @pytest.mark.parametrize(
     ("parameters", "message"),
     [
-        ({"end_effector": ""}, "for an arm other than Franka's: with end_effector"),
+        ({"end_effector": ""}, "joints of another arm: only if end_effector is set"),
         ({"end_effector": "gripper"}, "end_effector: .*gripper"),
         (
             {"joint_names": ["elbow_joint", "wrist_1_joint"]},

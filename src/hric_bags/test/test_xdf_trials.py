@@ -126,7 +126,7 @@ def test_clocks_of_streams_are_put_on_that_of_the_file(tmp_path: Path) -> None:
     [
         ({"rate": 0.0}, "has 2000 samples at 0 Hz; valid: two or more, at an even rate"),
         ({"rate": 900.0}, "has a nominal rate of 900 Hz, and 1000 samples per second"),
-        ({"offsets": ()}, "has no clock offsets, so that its clock may be another one"),
+        ({"offsets": ()}, "has no clock offsets, so that it may be on another clock"),
         ({"stated": 1999}, "has 2000 samples; its footer states 1999"),
         ({"times": np.delete(even(BEGIN, 1000.0, 2100), slice(1000, 1100))}, "is not even in time"),
         (

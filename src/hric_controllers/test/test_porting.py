@@ -149,8 +149,8 @@ def test_what_is_missing_is_said_in_the_table_and_in_the_package(source, tmp_pat
     assert command.main(["port", str(source / "src/wrench.cpp"), "--output", str(tmp_path / "own")]) == 3
     output = capsys.readouterr().out
     assert rows(output)[0][:2] == ("NO", "hardware_interface::ForceTorqueSensorInterface")
-    assert "O_F_ext_hat_K" in output and "0 of 2 exist here" in output
-    assert "ForceTorqueSensorInterface: not here" in (tmp_path / "own/src/wrench/law.py").read_text()
+    assert "O_F_ext_hat_K" in output and "0 of 2 exist in HRIC" in output
+    assert "ForceTorqueSensorInterface: not in HRIC" in (tmp_path / "own/src/wrench/law.py").read_text()
 
 
 def test_a_node_in_python_is_read_too(source, capsys):
@@ -165,7 +165,7 @@ def test_a_controller_that_exists_here_needs_no_port(source, capsys):
     )
     (source / "src/position.cpp").write_text(exported)
     command.main(["port", str(source / "src/position.cpp")])
-    assert "A controller of this type exists here" in capsys.readouterr().out
+    assert "HRIC has a controller of this type" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
@@ -175,7 +175,7 @@ def test_a_controller_that_exists_here_needs_no_port(source, capsys):
         (["src/wrench.cpp", "lead.py"], "give one Python file, or the C++ files of one controller"),
         (["src/wrench.cpp", "--output", "src"], "exists; name a new folder"),
         (["include/my_law/other.h"], "no class is derived from"),
-        (["broken.py"], "no Python 3"),
+        (["broken.py"], "is not Python 3"),
     ],
 )
 def test_a_mistake_is_one_sentence_and_writes_nothing(words, said, source, monkeypatch, capsys):

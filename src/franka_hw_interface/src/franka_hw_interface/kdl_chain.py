@@ -29,9 +29,11 @@ def to_kdl_frame(T: FloatArray) -> PyKDL.Frame:
 def tree_gravity(
     count: int, chains: "Sequence[tuple[KdlChain, Sequence[int]]]"
 ) -> Callable[[Sequence[float]], list[float]]:
-    """Return a function from a tree's joint positions to the torques that hold it, `count` floats [rad], [N m].
+    """Return a function from the joint positions of a tree [rad] to its gravity torques [N m], `count` floats each.
 
-    chains: chains of the tree with the indices of their joints; each link has mass in one of them only.
+    Args:
+        count: number of joints of the tree.
+        chains: chains of the tree with the indices of their joints; each link has mass in one of them only.
     """
     return partial(_kdl.tree_gravity, count, [(chain.gravity_list, tuple(indices)) for chain, indices in chains])
 

@@ -19,8 +19,8 @@ from hric_core.geometry import FloatArray
 SAME_MOTION = 0.05
 """Largest RMS difference of a joint's position between both logs [rad]; project default, unconfirmed."""
 LOOSE_INERTIA = 0.3
-"""Standard deviation of a principal moment, as a share of the largest one, above which the inertia is not determined
-[1]; project default, unconfirmed."""
+"""Standard deviation relative to the largest principal moment above which the inertia counts as not determined [1];
+project default, unconfirmed."""
 SHORTEST = 2.0
 """Minimum time in which a joint moves, summed over the joints [s]; project default, unconfirmed."""
 
@@ -52,12 +52,12 @@ class LoadFit:
 
 
 def fit_load(model: KdlFrankaModel, loaded: ModelCheck, empty: ModelCheck) -> LoadFit:
-    """Identify the payload.
+    """Return the payload that explains the difference of two logs.
 
     Args:
         model: model of the arm without the payload; its payload is changed and removed again.
-        loaded: comparison of the log with the payload and this model.
-        empty: comparison of the log without the payload and this model.
+        loaded: comparison of this model with the log that was recorded with the payload.
+        empty: comparison of this model with the log that was recorded without it.
 
     Raises:
         LogError: the motions differ, are too slow, or do not determine mass and centre of mass.
@@ -71,7 +71,7 @@ def fit_load(model: KdlFrankaModel, loaded: ModelCheck, empty: ModelCheck) -> Lo
     moving = (np.abs(loaded.velocity) > MOVING) & inside[:, None]
     if moving.sum() < SHORTEST * loaded.signals.rate:
         spent = moving.sum() / loaded.signals.rate
-        raise LogError(f"the joints move faster than {MOVING:g} rad/s for {spent:.2g} s; {SHORTEST:g} s are needed")
+        raise LogError(f"the joints move faster than {MOVING:g} rad/s for {spent:.2g} s; valid: {SHORTEST:g} s or more")
     regressor = _regressor(model, loaded)
     values, covariance = _solved(regressor, torque, moving, loaded)
     inertia, inertia_deviation = _inertia(values, covariance)

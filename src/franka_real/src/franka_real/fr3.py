@@ -79,7 +79,7 @@ class Fr3Backend(Backend):
             raw, _ = read()
             command = cycle(raw)
             if command.elbow is not None:
-                raise RobotError("the FR3 cannot be commanded by the elbow: pylibfranka has no such command")
+                raise RobotError("pylibfranka cannot command the elbow of the FR3; command the pose without an elbow")
             built = build(raw, command)
             built.motion_finished = finished = command.finished
             write(built)

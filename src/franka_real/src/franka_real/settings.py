@@ -58,7 +58,7 @@ class FrankaRealSettings(Base):
         minimum=0.0,
         unit="kg m^2",
         default_text="the description's",
-        text="for controllers that check their gains",
+        text="rotor inertia of each joint, for controllers that check their gains",
     )
     realtime_priority: int = whole(minimum=0, maximum=98, text="SCHED_FIFO priority of the loop; 0: none")
     lock_memory: bool = flag(text="keep the process from being paged out")
@@ -89,6 +89,6 @@ class FrankaRealSettings(Base):
         return self.robot == "panda"
 
     def rotors(self, urdf_xml: str, joint_names: Sequence[str]) -> tuple[float, ...]:
-        """Return the rotor inertia of the joints of a robot description, n floats [kg m^2]."""
+        """Return the joints' rotor inertia, n floats [kg m^2]: the parameter, or that of the robot description."""
         plant = {} if self.rotor_inertia is None else {"rotor_inertia": self.rotor_inertia}
         return rotor_inertia(plant, joint_names, read(urdf_xml))

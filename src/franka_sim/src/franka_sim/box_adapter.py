@@ -26,7 +26,7 @@ class BoxAdapter:
         self._box, self.request, self.recover = box, loop.request, recover
 
     def buttons(self, root_node: Node) -> Buttons:
-        """Offer the services of user stop and guiding button."""
+        """Offer the services `franka_control/set_user_stop` and `franka_control/set_guiding`."""
         where = root_node.resolve("franka_control")
         return Buttons(root_node, where, self._box.set_user_stop, self._box.set_guiding, self.request)
 

@@ -1,4 +1,4 @@
-"""Services for what a person presses on a Franka arm by hand: the user stop and the guiding button."""
+"""Services that press the user stop and the guiding button of an emulated Franka arm."""
 
 from collections.abc import Callable
 from typing import Any
@@ -11,7 +11,7 @@ from hric_core.node import Node, Registration
 Press = Callable[[bool], RequestOutcome]
 """Function that presses (True) or releases (False) a button of the arm."""
 InLoop = Callable[[Callable[[], RequestOutcome]], RequestOutcome]
-"""Function that runs another one between two cycles of the arm."""
+"""Function that runs another one between two cycles of the arm and returns its result."""
 
 
 class Buttons:
@@ -23,8 +23,8 @@ class Buttons:
         node: node that offers the services.
         namespace: absolute namespace of the arm's services.
         user_stop: function that presses or releases the user stop.
-        guiding: the same for the guiding button.
-        request: function that runs these in the thread of the arm.
+        guiding: function that presses or releases the guiding button.
+        request: function that runs one of these between two cycles of the arm, and returns its result.
     """
 
     def __init__(self, node: Node, namespace: str, user_stop: Press, guiding: Press, request: InLoop) -> None:

@@ -16,7 +16,7 @@ class Controller:
     stopped.
 
     Attributes:
-        settings: settings classes of its parameters, from which forms are made; empty: not declared.
+        settings: settings classes that declare its parameters, for the form of `hric view`; empty: not declared.
     """
 
     settings: SettingsClasses = ()

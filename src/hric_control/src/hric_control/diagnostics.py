@@ -43,7 +43,7 @@ class Diagnostics:
         self._end = threading.Event()
         self._thread: threading.Thread | None = None
         self._missed = self._touched = self._lost = 0
-        self._requested = deque[float](maxlen=3)  # statistics of the last full second belong to one pace from then on
+        self._requested = deque[float](maxlen=3)  # requested factors; if all are equal, the statistics are of this one
 
     def start(self) -> None:
         """Start publishing."""

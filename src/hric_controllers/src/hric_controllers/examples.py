@@ -1,7 +1,7 @@
-"""Motions of franka_example_controllers under their names: each begins where the arm is, at rest, and repeats.
+"""Controllers with the motions and names of those in franka_example_controllers, for users of franka_ros.
 
-They are the first controllers that users of franka_ros start on an arm. Formulas: franka_ros 0.10,
-franka_example_controllers. Here time passes at the rate of the robot's speed scale, which velocities are multiplied by.
+Each motion starts at rest where the arm is, and repeats. Formulas: franka_ros 0.10, franka_example_controllers. In
+addition the robot's speed scale slows the motions down.
 """
 
 import math
@@ -17,7 +17,7 @@ from hric_core.node import Node
 from hric_core.parameters import Settings, names
 
 TO_AND_FRO = math.pi / 5.0
-"""Angular frequency of the motions of position [rad/s]."""
+"""Angular frequency of the examples that command joint positions, poses or the elbow [rad/s]."""
 
 
 @dataclass(frozen=True)
@@ -28,10 +28,10 @@ class JointExampleSettings(Settings):
 
 
 class ExampleController(Controller):
-    """Controller of a motion that depends on time alone."""
+    """Base class of controllers whose motion depends on time alone; the time runs at the rate of the speed scale."""
 
     def init(self, robot_hw: RobotHW, root_node: Node, controller_node: Node) -> None:
-        """Get the speed scale."""
+        """Get the handle of the robot's speed scale."""
         self._scale, self._elapsed = robot_hw.get(SpeedScaleInterface).handle(), 0.0
 
     def starting(self, time: float) -> None:
@@ -44,11 +44,11 @@ class ExampleController(Controller):
         self._command(self._elapsed)
 
     def _command(self, elapsed: float) -> None:
-        """Command the motion after a time since its begin [s]."""
+        """Command the motion at `elapsed` [s], the scaled time since its start."""
         raise NotImplementedError
 
     def _pulse(self, elapsed: float, period: float) -> float:
-        """Return a velocity from 0 to 1 and back in each period [s], with alternating sign, times the speed scale."""
+        """Return the speed scale times a velocity from 0 to 1 and back in each `period` [s], alternating in sign."""
         sign = -1.0 if int(elapsed / period) % 2 else 1.0
         return self._scale.value * sign * 0.5 * (1.0 - math.cos(2.0 * math.pi * elapsed / period))
 
@@ -90,7 +90,7 @@ class JointVelocityExampleController(ExampleController):
 
 
 class CartesianPoseExampleController(ExampleController):
-    """Controller that moves the end effector on an arc of 0.3 m in the plane x, z."""
+    """Controller that moves the end effector on an arc of radius 0.3 m in the x-z plane of the base."""
 
     settings = (ArmSettings,)
 

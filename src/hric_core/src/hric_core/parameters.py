@@ -413,10 +413,12 @@ def package_yaml(module: str, name: str) -> dict[str, Any]:
 
     All callers get the same object: do not change it.
 
-    Arguments and errors: see `package_path`.
+    Args:
+        module: `__file__` of one of the package's modules.
+        name: file name without the extension.
 
     Raises:
-        ParameterError: also if the file is not valid YAML.
+        ParameterError: the file does not exist, or is not valid YAML.
     """
     content: dict[str, Any] = read_yaml(package_path(module, name))
     return content

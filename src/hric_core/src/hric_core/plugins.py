@@ -178,7 +178,7 @@ def _not_found(base: str, name: str) -> UnknownNameError:
 
 
 def packages_path() -> str:
-    """Return the folders with ROS packages, separated by colons: ROS_PACKAGE_PATH, else the one of this package."""
+    """Return the folders of ROS packages, separated by colons: ROS_PACKAGE_PATH, or if unset this workspace's src."""
     path = os.environ.get("ROS_PACKAGE_PATH", "")
     return path if path else str(Path(__file__).resolve().parents[3])
 

@@ -14,9 +14,10 @@ from hric_core.urdf.robot import ONE_COORDINATE, Joint, Robot
 _built = load("hric_bodies")
 _Bodies: Any = _built.Bodies
 closest: Callable[[FloatArray, FloatArray, FloatArray, FloatArray], float] = _built.closest
-"""Function (ends_a, radii_a, ends_b, radii_b) to the smallest distance of two sets of capsules [m]; NaN: not known.
+"""Function that returns the smallest distance of two sets of capsules [m], below 0 for an overlap; NaN: not known.
 
-Ends of the axes, shapes (k, 2, 3) and (m, 2, 3), and radii, shapes (k,) and (m,) [m]: contiguous float64 arrays.
+Arguments: ends_a, radii_a, ends_b, radii_b, contiguous float64 arrays: ends of the axes, shapes (k, 2, 3) and
+(m, 2, 3), and radii, shapes (k,) and (m,) [m].
 """
 _FIXED = (True, (0.0, 0.0, 0.0))
 
@@ -88,7 +89,7 @@ class Tree:
 
         Args:
             q: joint positions, n floats [rad or m].
-            T_base: pose of the root link in the world, as `pose_row`.
+            T_base: pose of the root link in the world, 12 floats as of `pose_row`.
             capsules: index of the link, both ends in its frame [m], and radius [m] of each capsule, shape (k, 8).
             ends: result, shape (k, 2, 3) [m].
         """
@@ -107,7 +108,13 @@ class Tree:
     def jacobian(self, q: Sequence[float], link: str, point: Sequence[float]) -> FloatArray:
         """Return the Jacobian of a point on a link, shape (6, n): velocity and angular velocity per joint velocity.
 
-        See `point_jacobian` for the arguments.
+        Args:
+            q: joint positions, n floats [rad or m].
+            link: name of the link.
+            point: present position of the point, in the root link's frame, 3 floats [m].
+
+        Raises:
+            UnknownNameError: there is no such link.
         """
         self._robot.check_link(link)
         if self.index[link] < 0:

@@ -1,4 +1,4 @@
-"""The person in camera images: MuJoCo's skins on the bodies of the person's links."""
+"""Appearance of the simulated person in camera images: MuJoCo's skins on the bodies of the person's links."""
 
 from collections.abc import Mapping
 
@@ -17,7 +17,7 @@ from mujoco_ros_control.scene_spec import SceneFrame, quaternion
 
 
 def person_model(settings: HumanSettings) -> tuple[Model, Skin]:
-    """Return the model of a person at their start, whose root link can move, and their skin."""
+    """Return the model of a person at their initial pose, with a free root link, and their skin."""
     body = settings.body()
     root = settings.root(body)
     T_world_root = homogeneous(rotation_from_quaternion(root.orientation), np.array(root.position))
@@ -30,7 +30,7 @@ def add_skin(spec: mujoco.MjSpec, frames: Mapping[str, SceneFrame], skin: Skin) 
 
     Args:
         spec: scene with the person's links.
-        frames: positions of the links in the scene, by "model::link".
+        frames: body and pose in it of each link in the scene, by "model::link".
         skin: skin of the person.
     """
     placed = [frames[f"{HUMAN}::{link}"] for link in skin.links]

@@ -168,7 +168,7 @@ class Camera:
             positions: positions of the robot's joints by name [rad or m]; joints that are missing stay, or follow the
                 joint that they mimic.
             poses: poses of models' root links in the world by model name, shape (4, 4) each.
-            person: positions of the person's joints by name [rad]; None: there is nobody, or they stay.
+            person: positions of the person's joints by name [rad]; None: no person, or the joints stay.
             depth: True to return the depth image.
 
         Returns:

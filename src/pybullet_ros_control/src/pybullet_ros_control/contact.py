@@ -28,7 +28,7 @@ LOOK_AHEAD = 5.0
 EngineLink = tuple[int, int]
 """PyBullet's numbers of a body and of one of its links."""
 Laws = dict[tuple[int, int], tuple[ContactLaw, float]]
-"""Contact laws and friction coefficients [1] by link indices of two bodies."""
+"""Contact law and friction coefficient [1] of each pair of links, by PyBullet's link indices in two bodies."""
 
 
 @dataclass

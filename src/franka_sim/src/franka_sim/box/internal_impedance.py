@@ -132,7 +132,7 @@ def modal_damping(mass: FloatArray, stiffness: FloatArray, ratio: float) -> Floa
 def space_inertia(
     model: KdlFrankaModel, kinematics: ArmKinematics, poses: FloatArray, rotor_inertia: Sequence[float]
 ) -> list[float]:
-    """Return the least inertia of a translation [kg] and a rotation of the stiffness frame, and of the self-motion.
+    """Return minimum inertias: translation [kg] and rotation [kg m^2] of the stiffness frame, self-motion [kg m^2].
 
     In each pose it is that of the direction with the smallest inertia, all others being free: 1 / (largest eigenvalue
     of A (M+B)^-1 A') with the Jacobian A of the motion; for the self-motion A = n', the unit null vector of the full
@@ -160,7 +160,7 @@ class CartesianImpedanceLaw:
     In the axes of the measured stiffness frame: F = K e, e the position and rotation vector from the measured to the
     desired frame. tau = J' F + n k_n n'(q_d - q) + D (dq_d - dq), n the unit null vector of J, which does not move the
     end effector. D, shape (7, 7), damps each mode of the arm with its rotors on these springs (`modal_damping`); it is
-    computed again when a joint has moved by `damping_step`.
+    computed again when a joint has moved by `damping_step` [rad] (config/internal_impedance.yaml).
 
     Attributes:
         stiffness: present gains, 3 floats [N/m] and 3 [N m/rad].
@@ -226,7 +226,7 @@ class CartesianImpedanceLaw:
         return [min(max(x, -limit), limit) for x, limit in zip(tau, self._effort, strict=True)]
 
     def _damping(self, q: Sequence[float], J: FloatArray, R: FloatArray, null: FloatArray) -> FloatArray:
-        """Return D around q, shape (7, 7) [N m s/rad]; J: (6, 7); R: axes of the stiffness frame; null: (7,)."""
+        """Return damping D at q, shape (7, 7) [N m s/rad]; J: (6, 7); R: axes of the stiffness frame; null: (7,)."""
         A = (R.T @ J.reshape(2, 3, 7)).reshape(6, 7)
         stiffness = (A.T * self.stiffness) @ A + self._k_null * np.outer(null, null)
         return modal_damping(self._model.mass(q) + self._rotors, stiffness, self._ratio)

@@ -46,10 +46,12 @@ GRAVITY.accepts = f"three finite numbers, {LARGEST_GRAVITY:g} at most in size an
 
 @dataclass(frozen=True)
 class Payload(Settings):
-    """Payload that the simulated robot carries; its control box knows only what `franka_control/set_load` says."""
+    """Payload that the simulated robot carries; its control box knows only the load of `franka_control/set_load`."""
 
     mass: float = number(0.0, minimum=0.0, maximum=50.0, unit="kg", text="mass of the payload; 0: none")
-    com: Vector = numbers(3, (0.0, 0.0, 0.0), minimum=-1.0, maximum=1.0, unit="m", text="centre of mass in the link")
+    com: Vector = numbers(
+        3, (0.0, 0.0, 0.0), minimum=-1.0, maximum=1.0, unit="m", text="centre of mass in the link frame"
+    )
     inertia: tuple[float, ...] = numbers(
         6, (0.0,) * 6, unit="kg m^2", text="ixx, ixy, ixz, iyy, iyz, izz about the centre of mass"
     )

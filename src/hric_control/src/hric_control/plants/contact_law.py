@@ -21,7 +21,7 @@ Strains = tuple[float, ...]
 
 
 class Layer(NamedTuple):
-    """Viscoelastic layer: a spring, and beside it a second spring that relaxes.
+    """Viscoelastic layer: a spring, and in parallel a second spring that relaxes.
 
     Attributes:
         stiffness: stiffness of the layer when it has relaxed [N/m].
@@ -72,7 +72,7 @@ class ContactLaw:
         return load if load > 0.0 else 0.0
 
     def rates(self, strains: Strains, load: float) -> Strains:
-        """Return the rates of the layers' dampers [m/s] under a force [N]."""
+        """Return the rates of the dampers' deflections [m/s], by layer, under a force `load` [N]."""
         return tuple(
             (load - layer.stiffness * z) / ((layer.stiffness + layer.relaxing) * layer.relaxation_time)
             for layer, z in zip(self.layers, strains, strict=True)
@@ -86,7 +86,7 @@ class ContactLaw:
 
 
 def in_series(laws: Sequence[ContactLaw]) -> ContactLaw:
-    """Return the law of surfaces that are pressed against each other, one or two.
+    """Return the combined law of two surfaces in contact, or of one on a rigid surface.
 
     Springs of exponent n have together the stiffness (sum of k_i^(-1/n))^-n. The larger damping counts; the dissipation
     of each surface counts by its share of the penetration, as in Simbody's Hunt-Crossley force. As soon as one surface

@@ -50,7 +50,7 @@ class EnginePlant(DrivenPlant, Articulated):
     # -- state ---------------------------------------------------------------------------------------------------------
 
     def _begin(self) -> None:
-        """Put the robot at zero, with the payload of the parameters: the end of a plant's construction."""
+        """Set all joints to 0 and attach the payload of the parameters, at the end of a plant's construction."""
         self._put([0.0] * len(self.joint_names))
         carried = self.config.payload
         if carried.mass:

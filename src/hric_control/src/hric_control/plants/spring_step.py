@@ -56,7 +56,7 @@ class SpringStep:
         reading: force at the end of the step, or its maximum within the step if that is larger [N].
         ahead: depth at the end of the step, minus the depth that the engine reaches with the constant mean force [m].
         works: work that the bodies have done on the contact until the end of each substep, ascending in time [J].
-        strains: deflections of the contact's layers at the end of the step.
+        strains: deflections of the contact's layers at the end of the step [m].
     """
 
     mean: float
@@ -99,7 +99,7 @@ def spring_step(
         inverse_mass: inverse effective mass of the pair along the normal [1/kg].
         law: law of the contact's force.
         step: time step of the engine [s].
-        strains: deflections of the contact's layers at the start; empty: zero.
+        strains: deflections of the contact's layers at the start [m]; empty: zero.
     """
     left = step
     x, v, z = depth, speed, strains or (0.0,) * len(law.layers)
@@ -262,7 +262,7 @@ class Springs:
         return done
 
     def energy(self, pair: tuple[str, str]) -> float:
-        """Return the largest work that a pair of links has done on its contact since this began [J]."""
+        """Return the largest work that a pair of links has done on its contact since the contact began [J]."""
         return self._now[pair].energy
 
     def rub(

@@ -33,7 +33,7 @@ class SurfaceSettings(Settings):
     damping: float = number(0.0, minimum=0.0, unit="N s/m", text="with `penalty`: damping")
     exponent: float = number(1.0, minimum=1.0, maximum=3.0, text="with `hunt_crossley`: exponent of the penetration")
     dissipation: float = number(0.0, minimum=0.0, unit="s/m", text="with `hunt_crossley`: dissipation")
-    relaxing: float = number(0.0, minimum=0.0, unit="N/m", text="with `viscoelastic`: stiffness that relaxes")
+    relaxing: float = number(0.0, minimum=0.0, unit="N/m", text="with `viscoelastic`: stiffness of the relaxing spring")
     relaxation_time: float | None = number(None, above=0.0, unit="s", text="with `viscoelastic`: relaxation time")
     friction: float | None = number(
         None, minimum=0.0, maximum=10.0, text="friction coefficient; two bodies in contact have the product of both"

@@ -1,6 +1,6 @@
-"""Arm of a Cartesian law: a Franka arm through its interfaces, or any other serial arm by KDL and its description.
+"""State and model of the arm that a Cartesian controller moves: of a Franka arm, or by KDL of any other serial arm.
 
-The classes for any arm have the members of Franka's state and model handles that a Cartesian law uses.
+For other arms, `ChainArm` has those members of Franka's state and model handles that the controllers read.
 """
 
 from typing import Any
@@ -40,7 +40,7 @@ class ChainArm:
 
     @property
     def O_T_EE(self) -> list[float]:
-        """Pose of the end effector in the base, 16 floats, column-major."""
+        """Pose of the end effector in the base frame, a 4 x 4 matrix as 16 floats, column-major [m]."""
         return [float(value) for value in self._chain.pose(self.q).T.ravel()]
 
     def mass(self) -> FloatArray:
@@ -52,7 +52,7 @@ class ChainArm:
         return self._chain.coriolis(self.q, self.dq)
 
     def zero_jacobian(self, frame: FrankaFrame) -> FloatArray:
-        """Return the Jacobian in base axes, shape (6, n); frame: the end effector, the only one of this arm."""
+        """Return the end effector's Jacobian in base axes, linear above angular, shape (6, n); `frame` is ignored."""
         return self._chain.jacobian(self.q)
 
 
@@ -63,21 +63,22 @@ def cartesian_arm(
 
     Args:
         robot_hw: the robot.
-        root_node: namespace of its description.
-        group: joints of the arm, in order.
-        arm_id: name of a Franka arm.
-        end_effector: link that the law moves; empty: the end effector of the Franka arm.
-        where: name of the parameter `end_effector`, for errors.
+        root_node: node in or above whose namespace the parameter robot_description is.
+        group: joints of the arm, from the base on.
+        arm_id: name of the Franka arm; not used for another arm.
+        end_effector: link that the controller moves; empty for a Franka arm, which has its own.
+        where: full name of the parameter `end_effector`, for errors.
 
     Raises:
-        HricError: an end effector is missing, or given for a Franka arm, or the joints are not those of its chain.
+        HricError: `end_effector` is set for a Franka arm, or empty for another arm, or the link is moved by other
+            joints than those of `group`.
     """
     franka = robot_hw.has(FrankaModelInterface)
     if franka == bool(end_effector):
         problem = "is set, but" if franka else "is not set, and"
         valid = "empty, for the arm's own end effector" if franka else "the link that the controller moves, e.g. tool0"
         raise ParameterError(
-            f"{where} {problem} {type(robot_hw).__name__} is {'a' if franka else 'no'} Franka arm; valid: {valid}"
+            f"{where} {problem} {type(robot_hw).__name__} is {'a' if franka else 'not a'} Franka arm; valid: {valid}"
         )
     if franka:
         state = robot_hw.get(FrankaStateInterface).handle(f"{arm_id}_robot").robot_state

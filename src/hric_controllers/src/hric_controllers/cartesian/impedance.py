@@ -59,7 +59,7 @@ class CartesianImpedanceController(Controller):
         self._open()
 
     def _new_law(self, compliance: Compliance, filter_time: float) -> CartesianLaw:
-        """Return the law with these gains; `filter_time` of equilibrium and gains [s]."""
+        """Return the control law with these gains; `filter_time`: time constant of equilibrium and gains [s]."""
         return CartesianLaw(compliance, filter_time)
 
     def _obeys(self, filter_time: float) -> bool:

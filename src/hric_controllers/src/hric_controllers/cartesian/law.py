@@ -169,7 +169,7 @@ class CartesianLaw:
 
 
 def limited(tau: list[float], last: list[float], step: float) -> list[float]:
-    """Return torques that differ from the last ones by at most `step`, if it is above 0 [N m]."""
+    """Return `tau`, n floats [N m], changed by at most `step` [N m] from `last`; a `step` of 0 or less: not limited."""
     if step <= 0.0 or vectors.near(tau, last, [step] * len(tau)):
         return tau
     return [min(max(value, before - step), before + step) for value, before in zip(tau, last, strict=True)]

@@ -35,12 +35,12 @@ class CartesianImpedanceSettings(LawSettings, ArmSettings):
         expected = tuple(f"{self.arm_id}_joint{i}" for i in range(1, 8))
         if not self.end_effector and self.joints != expected:
             valid = (
-                f"the arm's joints in order, {', '.join(expected)}; for an arm other than Franka's: with end_effector"
+                f"the arm's joints in order, {', '.join(expected)}; joints of another arm: only if end_effector is set"
             )
             raise refused(f"{where}joint_names", list(self.joints), valid)
 
     def posture(self, root_node: Node, node: Node) -> list[float] | None:
-        """Return the posture of the null space, n floats [rad]; None: the one at the start. Raises ParameterError."""
+        """Return the null-space posture, n floats [rad]; None: use that at the start. Raises ParameterError."""
         ranges = position_ranges(root_node, self.joints)
         return initial_setpoint(self.nullspace_posture, self.joints, ranges, node.resolve("nullspace_posture"))
 

@@ -87,7 +87,9 @@ class JumpSettings(Settings):
     largest_step: float = number(
         0.3, above=0.0, unit="m", text="largest distance of a new equilibrium from the present one"
     )
-    largest_turn: float = number(1.6, above=0.0, unit="rad", text="the same for the rotation")
+    largest_turn: float = number(
+        1.6, above=0.0, unit="rad", text="largest rotation of a new equilibrium from the present one"
+    )
 
 
 def check_equilibrium(message: Any, base: str, present: Pose, limit: JumpSettings | None = None) -> Pose:

@@ -43,7 +43,13 @@ class AdmittanceSettings(Settings):
         unit="N",
         text="dead band of the force along each axis; subtracted from larger forces",
     )
-    torque_dead_band: float = number(0.5, minimum=0.0, maximum=20.0, unit="N m", text="the same for torques")
+    torque_dead_band: float = number(
+        0.5,
+        minimum=0.0,
+        maximum=20.0,
+        unit="N m",
+        text="dead band of the torque about each axis; subtracted from larger torques",
+    )
     filter_time: float = number(
         0.01, minimum=0.0, maximum=0.1, unit="s", text="time constant of the low-pass filter of the wrench; 0: none"
     )
@@ -63,7 +69,7 @@ class AdmittanceSettings(Settings):
         "plane, `[y, z]` along a line; `[rx, ry, rz]` keeps the orientation of the start",
     )
     largest_turn: float = number(
-        1.0, above=0.0, maximum=3.0, unit="rad", text="largest turn about each axis from the start"
+        1.0, above=0.0, maximum=3.0, unit="rad", text="largest rotation about each axis from the start"
     )
     translation: Translation = section(Translation)
     rotation: Rotation = section(Rotation)
@@ -71,7 +77,7 @@ class AdmittanceSettings(Settings):
     state_publish_rate: float = parameters.state_rate(100.0)
 
     def check(self, where: str) -> None:
-        """Raise an error if a limit is above that of the arm."""
+        """Raise ParameterError if a limit of translation or rotation is above that of the arm."""
         check_arm_limits(where, self.translation, self.rotation)
 
     def axes(self) -> list[VirtualAxis]:
@@ -89,9 +95,9 @@ class AdmittanceSettings(Settings):
 
 
 class AdmittanceController(Controller):
-    """Controller whose end effector yields to the estimated external wrench, by the arm's own pose motion.
+    """Controller whose end effector yields to the estimated external wrench; it commands Cartesian poses.
 
-    INTERFACE.md lists its parameters and topics; `force.admittance_law` has the motion.
+    INTERFACE.md lists its parameters and topics; `force.admittance_law` computes the motion.
     """
 
     settings = (parameters.ArmSettings, AdmittanceSettings)
@@ -114,7 +120,7 @@ class AdmittanceController(Controller):
         self._felt = realtime.publisher(node, "wrench", WrenchStamped)
 
     def starting(self, time: float) -> None:
-        """Hold the last commanded pose, and begin the tare of the wrench."""
+        """Hold the last commanded pose, and start the tare of the wrench (parameter `tare_time`)."""
         settings, T = self._settings, self._arm.robot_state.O_T_EE_c
         self._columns = [(T[k], T[k + 1], T[k + 2]) for k in (0, 4, 8)]
         self._start = Pose.of_column_major(T)

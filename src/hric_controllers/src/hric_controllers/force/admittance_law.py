@@ -1,8 +1,8 @@
 """Virtual mass and damper at the end effector, moved by the wrench of its environment. No ROS.
 
 Each axis is m dv/dt = F - d v - k x, with F the wrench that the environment exerts, filtered and less a dead band, and
-x the displacement from the start. Acceleration and jerk are limited, and velocity such that the jerk brings the axis to
-its limit and not above it.
+x the displacement from the start. Velocity, acceleration and jerk are limited: the
+acceleration is lowered, at the limited jerk, so early that the velocity does not exceed its limit.
 """
 
 import math
@@ -19,7 +19,7 @@ class VirtualAxis:
         damping: virtual damping [N s/m] or [N m s/rad].
         stiffness: virtual stiffness towards the start [N/m] or [N m/rad].
         dead_band: wrench without effect [N] or [N m].
-        velocity, acceleration, jerk: limits of the motion [m or rad, and s].
+        velocity, acceleration, jerk: limits of the motion [m/s, m/s^2, m/s^3] or [rad/s, rad/s^2, rad/s^3].
     """
 
     mass: float
@@ -39,7 +39,8 @@ class AdmittanceLaw:
         filter_time: time constant of the first-order filter of the wrench [s]; 0: none.
 
     Attributes:
-        position, velocity, acceleration: state of the axes, n floats each [m or rad, and s]. Read-only.
+        position, velocity, acceleration: displacement from the start, its 1st and 2nd derivative, n floats each
+            [m, m/s, m/s^2] or [rad, rad/s, rad/s^2]. Read-only.
         wrench: filtered wrench less dead band that moved the axes in the last cycle, n floats [N] or [N m].
     """
 
@@ -59,12 +60,12 @@ class AdmittanceLaw:
         self.wrench, self._filtered = zero, zero
 
     def advance(self, wrench: Sequence[float], period: float, scale: float = 1.0) -> None:
-        """Advance by one cycle.
+        """Advance the motion of all axes by one cycle.
 
         Args:
             wrench: wrench that the environment exerts, n floats [N] or [N m].
             period: time since the last cycle [s].
-            scale: speed scale, 0 to 1, of the limits of velocity; at 0 the axes brake to rest.
+            scale: speed scale, 0 to 1, by which the velocity limits are multiplied; at 0 the axes brake to rest.
         """
         share = 1.0 - math.exp(-period / self._filter_time) if self._filter_time > 0.0 else 1.0
         self._filtered = [old + share * (new - old) for old, new in zip(self._filtered, wrench, strict=True)]
@@ -104,8 +105,8 @@ def _advanced(
 
 
 def _towards(room: float, step: float, jerk: float) -> float:
-    """Return the acceleration that the jerk brings to rest as the velocity has changed by `room` [m/s or rad/s].
+    """Return the acceleration that changes the velocity by `room` [m/s or rad/s] while the jerk lowers it to 0.
 
-    `step` is the change of acceleration in one cycle, which is part of the sum.
+    `step`: change of the acceleration in one cycle at this jerk [m/s^2 or rad/s^2].
     """
     return math.copysign(math.sqrt(step * step + 2.0 * jerk * abs(room)) - step, room)

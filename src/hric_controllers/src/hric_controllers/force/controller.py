@@ -23,14 +23,14 @@ from hric_core.node import Node
 class ForceController(CartesianImpedanceController):
     """Controller of force along some axes of a task frame, and of impedance along the others.
 
-    INTERFACE.md lists its parameters and topics; `force_axis` and `hybrid_law` have the law.
+    INTERFACE.md lists its parameters and topics; `force_axis` and `hybrid_law` compute the law.
     """
 
     settings = (*CartesianImpedanceController.settings, ForceSettings)
     _law: HybridLaw
 
     def init(self, robot_hw: RobotHW, root_node: Node, controller_node: Node) -> None:
-        """Get the arm's estimate of the external wrench, which only a Franka arm has, and then as the base class."""
+        """Get the estimated external wrench, which only a Franka arm has, and initialise the base class."""
         self._arm_id = ArmSettings.read(controller_node).arm_id
         self._estimate = robot_hw.get(FrankaStateInterface).handle(f"{self._arm_id}_robot").robot_state
         super().init(robot_hw, root_node, controller_node)
@@ -73,7 +73,7 @@ class ForceController(CartesianImpedanceController):
             raise CommandError(f"desired force ({x:g}, {y:g}, {z:g}) N refused; valid: {error}") from None
 
     def _start_input(self) -> None:
-        """Begin with the tare; the arm holds meanwhile."""
+        """Start the tare of the wrench; the arm holds its pose meanwhile."""
         super()._start_input()
         self._wrench.start()
         self._desired.set(self._pressing.desired(self._pressing.force))
@@ -81,7 +81,7 @@ class ForceController(CartesianImpedanceController):
         self._law.offset, self._stroked, self._rate = [0.0] * 3, 0.0, 0.0
 
     def _lead(self, time: float, period: float) -> None:
-        """Give the law the measured and the desired force, and move the equilibrium along the stroke."""
+        """Pass the measured and the desired force to the law, and move the equilibrium along the `stroke`."""
         super()._lead(time, period)
         law = self._law
         self._exerted = self._wrench.advance(self._estimate.O_F_ext_hat_K, period)
@@ -116,7 +116,7 @@ class ForceController(CartesianImpedanceController):
         law.offset, law.twist, self._stroked, self._rate = [0.0] * 3, [0.0] * 6, 0.0, 0.0
 
     def _move(self, period: float) -> None:
-        """Advance the stroke by one cycle: it runs in contact, at the speed scale, and starts and stops smoothly."""
+        """Advance the motion of the parameter `stroke` by one cycle, in contact only and slowed by the speed scale."""
         law, stroke = self._law, self._pressing.stroke
         if not law.desired or stroke.length == 0.0:
             return

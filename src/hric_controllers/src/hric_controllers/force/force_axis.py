@@ -18,7 +18,7 @@ import math
 from dataclasses import dataclass
 
 LOST_AFTER = 0.05
-"""Time without force after which the contact is lost, so that a bounce is not a loss [s].
+"""Time below half of the contact force after which the contact is lost; longer than a bounce [s].
 
 Project default, unconfirmed."""
 APPROACH_TIME = 0.2
@@ -61,7 +61,7 @@ class ForceAxis:
         self.start()
 
     def start(self) -> None:
-        """Begin with the approach."""
+        """Restart with the approach, and clear the integral."""
         self.touching, self._integral, self.reference, self._apart = False, 0.0, 0.0, 0.0
 
     def advance(
@@ -73,15 +73,15 @@ class ForceAxis:
         limit: float = math.inf,
         pace: float = 1.0,
     ) -> float:
-        """Return the push along the axis [N].
+        """Advance by one cycle and return the push F, signed along the axis [N].
 
         Args:
-            desired: desired force, not 0 [N].
-            force: force that the arm exerts [N].
-            velocity: velocity of the end effector [m/s].
+            desired: desired force along the axis, not 0 [N].
+            force: force that the arm exerts along the axis [N].
+            velocity: velocity of the end effector along the axis [m/s].
             period: time since the last cycle [s].
             limit: largest size of the push without damping [N].
-            pace: share of the approach speed that is allowed now [1].
+            pace: speed scale, 0 to 1, by which the approach speed is multiplied.
         """
         gains, w = self._gains, abs(desired)
         approach_speed = gains.approach_speed * pace

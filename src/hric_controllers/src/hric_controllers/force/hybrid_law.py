@@ -16,7 +16,7 @@ class HybridLaw(CartesianLaw):
     """Cartesian impedance law without spring and damper along the force axes, where the push of a ForceAxis acts.
 
     Args:
-        compliance, filter_time: those of the Cartesian impedance law.
+        compliance, filter_time: as in `CartesianLaw`.
         gains: gains of all force axes.
         turning: True if the task frame has the orientation of the equilibrium pose, False if that of the base.
 
@@ -24,7 +24,7 @@ class HybridLaw(CartesianLaw):
         desired: desired force by axis of the task frame, 0 to 2 [N]; empty: impedance along all axes.
         force: force that the arm exerts, base axes [N].
         period: time since the last cycle [s].
-        pace: share of the approach speed that is allowed now [1].
+        pace: speed scale, 0 to 1, by which the approach speed is multiplied.
         offset: displacement of the equilibrium, base axes [m]; `twist` has its velocity.
     """
 
@@ -50,7 +50,7 @@ class HybridLaw(CartesianLaw):
         return quaternions.rotated(self.pose.orientation, UNITS[index]) if self._turning else UNITS[index]
 
     def press(self, desired: dict[int, float]) -> None:
-        """Set the desired forces; an axis that had none, or one of the other sign, begins with the approach."""
+        """Set the attribute `desired`; an axis that had no force, or one of the other sign, starts its approach."""
         for index, force in desired.items():
             if self.desired.get(index, 0.0) * force <= 0.0:
                 self._axes[index].start()

@@ -16,18 +16,18 @@ class Stroke(Settings):
 
     axis: str = choice("x", "y", "z", text="axis of the task frame along which the end effector moves")
     length: float = number(0.0, minimum=0.0, maximum=0.5, unit="m", text="length of the line; 0: no motion")
-    speed: float = number(0.05, above=0.0, maximum=0.25, unit="m/s", text="speed between the turns")
-    acceleration: float = number(0.25, above=0.0, maximum=2.0, unit="m/s^2", text="acceleration at the turns")
+    speed: float = number(0.05, above=0.0, maximum=0.25, unit="m/s", text="speed between the turning points")
+    acceleration: float = number(0.25, above=0.0, maximum=2.0, unit="m/s^2", text="acceleration at the turning points")
 
     def check(self, where: str) -> None:
         """Refuse a line on which the speed is not reached."""
         if 0.0 < self.length < self.speed**2 / self.acceleration:
             raise refused(
-                f"{where}length", self.length, f"0, or {self.speed**2 / self.acceleration:.3g} [m] for this speed"
+                f"{where}length", self.length, f"0, or {self.speed**2 / self.acceleration:.3g} m or more at this speed"
             )
 
     def state(self, time: float) -> tuple[float, float]:
-        """Return displacement from the middle [m] and velocity [m/s] at a time of the motion [s], 0: in the middle."""
+        """Return displacement from the middle [m] and velocity [m/s] at a time of the motion [s]; 0 s: the middle."""
         ramp = self.speed / self.acceleration
         half = self.length / self.speed + ramp
         back, u = divmod((time + 0.5 * half) % (2.0 * half), half)
@@ -102,7 +102,7 @@ class ForceSettings(Settings):
         "of its second half is subtracted from then on",
     )
     retract: float = number(
-        0.03, minimum=0.0, maximum=0.3, unit="m", text="distance by which the end effector moves back at a release"
+        0.03, minimum=0.0, maximum=0.3, unit="m", text="distance to move back when the desired force becomes 0"
     )
     stroke: Stroke = section(Stroke)
 
@@ -121,7 +121,7 @@ class ForceSettings(Settings):
             raise refused(f"{where}stroke/axis", self.stroke.axis, others)
 
     def desired(self, force: Vector) -> dict[int, float]:
-        """Return the desired force by axis, empty to release. Raises CommandError if it is not possible."""
+        """Return the desired force [N] by index of its axis, 0 to 2; empty: no force. Raises CommandError."""
         chosen = [AXES.index(axis) for axis in self.axes]
         if not any(force):
             return {}

@@ -9,7 +9,7 @@ class TaredWrench:
     """Wrench that the arm exerts on its environment: the estimate less its mean after the start.
 
     Args:
-        tare_time: time of the tare [s]; its first half does not count, as arm and filter of the estimate settle.
+        tare_time: duration of the tare [s]; its first half does not count, as arm and filter of the estimate settle.
     """
 
     def __init__(self, tare_time: float) -> None:
@@ -24,7 +24,7 @@ class TaredWrench:
         """Return the wrench after one more cycle of `period` [s], 6 floats [N], [N m]; None during the tare.
 
         Args:
-            estimate: O_F_ext_hat_K, the wrench that the arm exerts.
+            estimate: O_F_ext_hat_K, the wrench that the arm exerts, 6 floats [N], [N m].
             period: time since the last cycle [s].
 
         Raises:

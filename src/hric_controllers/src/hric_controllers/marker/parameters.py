@@ -31,7 +31,9 @@ class Translation(MotionLimits):
 class Rotation(MotionLimits):
     """Limits of the end effector's rotation: of the Euclidean norm over its rotation vector from the start."""
 
-    velocity: float = number(0.5, above=0.0, unit="rad/s", text="the same for the rotation vector")
+    velocity: float = number(
+        0.5, above=0.0, unit="rad/s", text="limit of the rotation vector's rate; at most that of the arm"
+    )
     acceleration: float = number(4.0, above=0.0, unit="rad/s^2")
     jerk: float = number(100.0, above=0.0, unit="rad/s^3")
 
@@ -76,8 +78,8 @@ class TrackingSettings(Settings):
     mode: str = choice(
         "retarget",
         "thesis",
-        text="`retarget`: on-line, each marker counts; `thesis`: a trapezoid after the other without a limit of "
-        "jerk, markers meanwhile are ignored",
+        text="`retarget`: the motion is planned again at each marker; `thesis`: trapezoidal motions in turn, "
+        "without a limit of jerk; markers during a motion are ignored",
     )
     follow: str = choice("position", "pose", text="`position`: the orientation is held, `pose`: it turns with the body")
     on_return: str = choice(

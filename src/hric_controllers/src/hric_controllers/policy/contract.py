@@ -1,4 +1,4 @@
-"""Contract between a policy and the arm: what the policy observes and what its numbers mean. It is part of the file."""
+"""Contract between a policy and the arm: fields, units and scales of its input and output. The ONNX file has it."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -27,10 +27,10 @@ FIELDS = {
     "goal_offset": (3, "m"),
 }
 """Number of values and unit of each field that a policy can observe: joint positions and velocities, present setpoint,
-position of the end effector (O_T_EE), estimated external wrench (O_F_ext_hat_K), goal of the end effector, and the same
-less its position; axes of the base."""
+position of the end effector (O_T_EE), estimated external wrench (O_F_ext_hat_K), goal of the end effector, and goal
+less position of the end effector; vectors in axes of the base."""
 STREAM = "end_effector_stream"
-"""Kind of action: velocity of the end effector, which moves a stream of joint positions."""
+"""Kind of action: velocity of the end effector, from which the controller computes a stream of joint setpoints."""
 JOINT_SPEED = 1.0
 """Largest velocity of a joint's setpoint [rad/s]; a faster motion of all joints is slowed down (project default)."""
 MARGIN = 0.05
@@ -61,7 +61,7 @@ class FieldScale(Settings):
 
 @dataclass(frozen=True)
 class PolicyContract(Settings):
-    """Contract of a policy, as its file has it."""
+    """Contract of a policy, read from the metadata of its ONNX file."""
 
     version: int = whole(minimum=VERSION, maximum=VERSION)
     fields: tuple[FieldScale, ...] = listing(section(FieldScale), range(1, len(FIELDS) + 1))
@@ -85,7 +85,7 @@ class PolicyContract(Settings):
         return sum(FIELDS[field.name][0] for field in self.fields)
 
     def observation(self, values: Mapping[str, Sequence[float]]) -> Vector:
-        """Return the observation that the policy gets; `values`: values of each field but `goal_offset`."""
+        """Return the observation, shape (size,); `values`: values by field, except `goal_offset`."""
         offset, scale = self._scaling  # type: ignore[attr-defined]  # set by check, as the class is frozen
         values = {**values, "goal_offset": np.subtract(values["goal"], values["ee_position"]).tolist()}
         joined = np.concatenate([values[field.name] for field in self.fields])
@@ -94,7 +94,7 @@ class PolicyContract(Settings):
 
     @classmethod
     def from_metadata(cls, metadata: Mapping[str, str], path: str) -> Self:
-        """Return the contract in the metadata of a file. Raises ParameterError if there is none that is valid."""
+        """Return the contract in the metadata of the file `path`. Raises ParameterError if there is no valid one."""
         if KEY not in metadata:
             raise ParameterError(
                 f"{path} does not say what its policy observes: its metadata has no {KEY}; valid: a file of hric train"
@@ -118,7 +118,7 @@ def moved(model: FrankaModel, q: FloatArray, displacement: FloatArray, period: f
     Args:
         model: model of the arm.
         q: joint positions before, shape (7,) [rad].
-        displacement: axes of the base, shape (3,) [m].
+        displacement: displacement of the end effector in axes of the base, shape (3,) [m].
         period: time for the displacement [s].
     """
     J = model.zero_jacobian(FrankaFrame.END_EFFECTOR, q.tolist())[:3]
@@ -127,5 +127,5 @@ def moved(model: FrankaModel, q: FloatArray, displacement: FloatArray, period: f
 
 
 def within(q: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
-    """Return joint positions [rad] at least MARGIN from the ends of the joint ranges."""
+    """Return `q`, shape (7,) [rad], clipped to the joint ranges `lower` to `upper` less MARGIN at each end."""
     return np.clip(q, lower + MARGIN, upper - MARGIN)

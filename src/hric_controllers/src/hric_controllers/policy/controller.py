@@ -28,7 +28,9 @@ LARGEST_SHARE = 0.1
 """Largest share of a cycle that a run of the network may take within the loop [1] (project default)."""
 
 LEAVING = 5.0
-"""Ratio to the distance at which a goal is reached of that at which the policy acts again (project default)."""
+"""Distance from a reached goal at which the policy acts again, relative to that at which it is reached [1].
+
+Project default."""
 EXACT = 1e-4
 """Distance of the setpoint from a reached goal below which it stays [m] (project default)."""
 REST = 1e-6
@@ -51,8 +53,8 @@ class PolicySettings(ArmSettings):
         minimum=0,
         maximum=1000,
         unit="cycles",
-        text="the network runs in a thread, and its result is used this number of cycles later, less than the period "
-        "of the policy; 0: it runs in the loop",
+        text="the network runs in a thread, and its result is used after this number of cycles, less than the period "
+        "of the policy; 0: the network runs in the control loop",
     )
 
 
@@ -92,12 +94,14 @@ class PolicyController(StreamedJoints):
         controller_node.subscribe("goal", PointStamped, self._on_goal, queue_size=1)
 
     def _on_goal(self, message: Any) -> None:
-        """Take a goal. Raises CommandError if it is refused."""
+        """Check a goal and pass it to the loop. Raises CommandError if it is refused."""
         base, point = f"{self._policy_settings.arm_id}_link0", (message.point.x, message.point.y, message.point.z)
         if not self._running:
             raise CommandError("the controller is not running, the goal is ignored; start it first")
         if message.header.frame_id.lstrip("/") not in ("", base) or not all(map(math.isfinite, point)):
-            raise CommandError(f"goal {point} in frame {message.header.frame_id!r}; valid: finite numbers, in {base}")
+            raise CommandError(
+                f"goal {point} in frame {message.header.frame_id!r} refused; valid: finite numbers, in {base}"
+            )
         self._goal.set(point)
 
     def starting(self, time: float) -> None:
@@ -125,7 +129,7 @@ class PolicyController(StreamedJoints):
             raise FailureError(self._failure)
 
     def _decide(self, goal: tuple[float, ...]) -> None:
-        """Give the present observation to the network, unless the end effector is at the goal."""
+        """Pass the present observation to the network, unless the end effector is at the goal."""
         state, contract = self._arm, self._network.contract
         ee_position = state.O_T_EE[12:15]
         if math.dist(ee_position, goal) < contract.near * (LEAVING if self._reached == goal else 1.0):
@@ -149,7 +153,7 @@ class PolicyController(StreamedJoints):
             self._wait = self._policy_settings.delay
 
     def _take_result(self) -> None:
-        """Use the result of the thread when its delay has passed; a later one, as soon as it is there."""
+        """Apply the action from the thread after `delay` cycles, or as soon as it is computed if that is later."""
         if self._running_network is None:
             return
         self._wait -= 1
@@ -179,6 +183,6 @@ class PolicyController(StreamedJoints):
         self._targets.append((self._setpoint.tolist(), None))
 
     def shutdown(self) -> None:
-        """End the thread of the network."""
+        """Stop the thread of the network."""
         if self._executor is not None:
             self._executor.shutdown(wait=False, cancel_futures=True)

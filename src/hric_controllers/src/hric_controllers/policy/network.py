@@ -15,7 +15,7 @@ SAMPLES = 50
 
 
 class PolicyNetwork:
-    """Network with its contract.
+    """Neural network of a policy, with its contract.
 
     Args:
         path: ONNX file.
@@ -55,7 +55,7 @@ class PolicyNetwork:
         self.cost = self._measured()
 
     def __call__(self, observation: Vector) -> Vector:
-        """Return the action for an observation, shape (3,)."""
+        """Return the action, shape (3,), for an observation, shape (contract.size,)."""
         result: Vector = self._session.run([OUTPUT], {INPUT: observation[None]})[0][0]
         return result
 

@@ -1,1 +1,1 @@
-"""Command `hric port`: parts of a foreign controller that exist here, and a package for its port."""
+"""Command `hric port`: parts of a ros_control controller that HRIC has, too, and a package for its port."""

@@ -1,4 +1,4 @@
-"""Command `port`: what of a ros_control or franka_ros controller exists here, and a package to port it in."""
+"""Command `port`: lists what a ros_control or franka_ros controller uses and HRIC has, and writes a package for it."""
 
 from __future__ import annotations
 
@@ -29,16 +29,16 @@ TITLES = {
 
 
 class PortCommand(Command):
-    """Show which interfaces, parameters, messages and calls of a controller exist here; write a package to port it in.
+    """Show which interfaces, parameters, messages and calls of a controller HRIC has; write a package to port it in.
 
     The controller is one of ros_control or franka_ros in C++, or a node in Python. Its headers are read, too, if they
-    are beside it or in its package's folder include. Nothing is compiled or run.
+    are next to it or in its package's folder include. Nothing is compiled or run.
     """
 
     epilog = (
-        "exit codes: 0 everything that was recognised exists here; 3 something is missing here, or its type was not "
-        "seen. Computed names and parts of base classes in other packages are not recognised: compare the table with "
-        "the source."
+        "exit codes: 0 HRIC has everything that was recognised; 3 something is missing in HRIC, or its type is not in "
+        "the source. Computed names and parts of base classes in other packages are not recognised: compare the table "
+        "with the source."
     )
 
     def arguments(self) -> list[Argument]:
@@ -72,7 +72,7 @@ class PortCommand(Command):
             for name, text in skeleton.files(source).items():
                 (output / name).parent.mkdir(parents=True, exist_ok=True)
                 (output / name).write_text(text)
-            print(f"\nwritten: {output}, with the law to be written in src/{skeleton.snake(source.name)}/law.py")
+            print(f"\nwritten: {output}; write the law in {output}/src/{skeleton.snake(source.name)}/law.py")
         return 0 if all(here.exists for _, here in rows) else NOT_GOOD
 
 
@@ -80,9 +80,9 @@ def _table(source: Source, rows: Sequence[tuple[Use, Counterpart]]) -> Iterator[
     """Yield the lines that show each use with its counterpart."""
     yield source.plugin
     if source.plugin in plugins.names(plugins.CONTROLLER):
-        yield "  A controller of this type exists here, and takes the YAML of the source: it needs no port."
+        yield "  HRIC has a controller of this type, which takes the YAML of the source: no port is needed."
     if not rows:
-        yield "  It uses nothing of ROS or of the robot that this command knows."
+        yield "  No interface, parameter, topic or call was recognised in the source."
     for kind, title in TITLES.items():
         of_kind = [(use, here) for use, here in rows if use.kind == kind]
         if of_kind:
@@ -90,4 +90,4 @@ def _table(source: Source, rows: Sequence[tuple[Use, Counterpart]]) -> Iterator[
         for use, here in of_kind:
             yield f"    {'yes' if here.exists else 'NO '}  {use.name:36} {here.text:44} {use.origin}"
     missing = sum(not here.exists for _, here in rows)
-    yield f"  {len(rows) - missing} of {len(rows)} exist here" + (f", {missing} do not" if missing else "")
+    yield f"  {len(rows) - missing} of {len(rows)} exist in HRIC" + (f", {missing} do not" if missing else "")

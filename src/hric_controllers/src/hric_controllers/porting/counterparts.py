@@ -1,4 +1,4 @@
-"""Counterparts here of the interfaces, topics and calls of ros_control and franka_ros."""
+"""Counterparts in HRIC of the interfaces, topics and calls of ros_control and franka_ros."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
@@ -25,12 +25,12 @@ CALLS = {
     "getCommand": "command",
     "getName": "name of a handle, names of a group",
 }
-"""Methods of handles, and the attribute or method of the handle here."""
+"""Attribute or method of HRIC's handle, by method of the C++ handle."""
 ELSEWHERE = {
     "hardware_interface::ForceTorqueSensorInterface": "the wrench is O_F_ext_hat_K of the Franka state",
     "franka_hw::FrankaModelHandle": "use FrankaModelInterface",
 }
-"""Replacements for interfaces that do not exist here."""
+"""Replacements for interfaces that HRIC does not have."""
 
 
 @dataclass(frozen=True)
@@ -38,8 +38,8 @@ class Counterpart:
     """Counterpart of a `Use`.
 
     Attributes:
-        exists: True if the controller can use it here.
-        text: what it is called here; otherwise what is missing, and what serves instead.
+        exists: True if a controller can use it in HRIC.
+        text: its name in HRIC; if it does not exist, what is missing and what to use instead.
         module: module that defines the class to import; empty: nothing is imported.
     """
 
@@ -49,7 +49,7 @@ class Counterpart:
 
 
 def counterpart(use: Use) -> Counterpart:
-    """Return the counterpart of something that a controller uses."""
+    """Return the counterpart in HRIC of something that a controller uses."""
     if use.kind == "interface":
         return _interface(use.name)
     if use.kind == "parameter":
@@ -61,7 +61,7 @@ def counterpart(use: Use) -> Counterpart:
     if use.kind == "action":
         server = use.type == "server"
         return Counterpart(
-            server, "controller_node.action_server" if server else "no client in a controller: a node calls it"
+            server, "controller_node.action_server" if server else "not in a controller: call it from a node"
         )
     if use.kind == "live parameters":
         return Counterpart(True, "controller_node.live_parameters, or Settings.offer of hric_core.parameters")
@@ -78,29 +78,29 @@ def _interfaces(base: type[HardwareInterface]) -> Iterator[type[HardwareInterfac
 
 
 def _interface(name: str) -> Counterpart:
-    """Return the class here with ros_control's name of an interface."""
+    """Return HRIC's interface class with this name in ros_control, e.g. hardware_interface::EffortJointInterface."""
     for kind in _interfaces(HardwareInterface):
         if kind.cpp_name == name:
             return Counterpart(True, kind.__name__, kind.__module__)
-    instead = ELSEWHERE.get(name, "no robot here has it")
-    return Counterpart(False, f"not here: {instead}")
+    instead = ELSEWHERE.get(name, "no robot has it")
+    return Counterpart(False, f"not in HRIC: {instead}")
 
 
 def _message(use: Use) -> Counterpart:
     """Return the Python class of a topic's or service's type."""
     if not use.type:
-        return Counterpart(False, "type not seen in the source: add it by hand")
+        return Counterpart(False, "type is not in the source: add it by hand")
     if "/" not in use.type:
-        return Counterpart(False, f"{use.type}: package not seen in the source; add it by hand")
+        return Counterpart(False, f"{use.type}: its package is not in the source: add it by hand")
     lookup = get_service_class if use.kind == "service" else get_message_class
     kind = lookup(use.type)
     if kind is None:
-        return Counterpart(False, f"{use.type} is not built here: add its package to this workspace")
+        return Counterpart(False, f"{use.type} is not built: add its package to the workspace")
     package, name = use.type.split("/")
     return Counterpart(True, name, f"{package}.{'srv' if use.kind == 'service' else 'msg'}")
 
 
 def _call(use: Use) -> Counterpart:
     if use.name not in CALLS or use.type.startswith("ForceTorque"):
-        return Counterpart(False, f"{use.type} here has no such method")
+        return Counterpart(False, f"{use.type} has no such method in HRIC")
     return Counterpart(True, CALLS[use.name])

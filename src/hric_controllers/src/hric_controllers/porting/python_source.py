@@ -16,11 +16,11 @@ CALLS = {
     "SimpleActionClient": "action",
     "get_param": "parameter",
 }
-"""Functions and classes of rospy and actionlib, and the kind of what they use."""
+"""Kind of the `Use`, by function or class of rospy and actionlib."""
 
 
 def read_python(path: Path) -> Source:
-    """Return what a Python file uses; its first class gives the name.
+    """Return what a Python file uses; the name is that of its first class, or the file's if it has none.
 
     Raises:
         HricError: the file cannot be read, or is not Python.
@@ -30,7 +30,7 @@ def read_python(path: Path) -> Source:
     except OSError as error:
         raise HricError(f"{path}: {error.strerror}") from None
     except (SyntaxError, ValueError) as error:
-        raise HricError(f"{path}: no Python 3: {error}") from None
+        raise HricError(f"{path} is not Python 3: {error}") from None
     packages = {
         (name.asname or name.name): (node.module or "").split(".")[0]
         for node in ast.walk(tree)

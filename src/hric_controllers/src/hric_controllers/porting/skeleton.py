@@ -29,7 +29,7 @@ def files(source: Source) -> dict[str, str]:
 
 
 def _renamed(text: str, source: Source, package: str) -> str:
-    """Return a file of the template for another controller."""
+    """Return the text of a template's file with the names of the ported package and controller."""
     text = text.replace("my_controller/JointSpring", source.plugin).replace(
         "joint_spring:JointSpring", f"law:{source.name}"
     )
@@ -38,7 +38,7 @@ def _renamed(text: str, source: Source, package: str) -> str:
 
 
 def snake(name: str) -> str:
-    """Return a class name as a name of a module or attribute."""
+    """Return a class name in snake case, as a name of a module or attribute."""
     words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])|\W+", "_", name).strip("_").lower()
     return f"{words}_" if keyword.iskeyword(words) or not words[:1].isalpha() else words
 
@@ -54,7 +54,7 @@ def configuration(source: Source) -> str:
 
 
 def code(source: Source) -> str:
-    """Return the Python module of the controller, with the parts of the source in place and no law."""
+    """Return the controller's Python module: it gets what the source uses; its `update` raises an error, as a to-do."""
     names = dict(IMPORTS)
     body = list(_init(source, names))
     if any("realtime." in line for line in body):
@@ -73,7 +73,7 @@ def code(source: Source) -> str:
         '    """Describe the control law here."""',
         "",
         "    def init(self, robot_hw, root_node, controller_node):",
-        f'        """Read parameters, open interfaces topics ({source.methods.get("init", "no source")})."""',
+        f'        """Read parameters, get interfaces, open topics ({source.methods.get("init", "no source")})."""',
         *(f"        {line}" for line in body),
         "",
         "    def starting(self, time):",

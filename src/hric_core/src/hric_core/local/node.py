@@ -85,7 +85,7 @@ class LocalNode(Namespaced):
 
     @property
     def raises(self) -> bool:
-        """True: a HricError of a subscriber is raised in the publisher; shared like `clock`."""
+        """True if a HricError of a subscriber is raised in the publisher instead of logged; shared like `clock`."""
         return self._core.raises
 
     @raises.setter

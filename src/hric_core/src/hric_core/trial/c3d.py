@@ -23,11 +23,11 @@ from hric_core.trial.plates import METRES, Group, PlateReader, TrialPlate, first
 PROGRAMS = ("c3d", "trc", "mot")
 """Values of the parameter `program` that replay a file: "c3d" for emulated sensors, all for a simulated human."""
 TRAJECTORY = "trajectory_file"
-"""Key of a file with joint positions that a robot replays."""
+"""Key in an experiment that names the file with joint positions which a robot replays."""
 VOLTS = {"v": 1.0, "volts": 1.0, "mv": 1e-3, "uv": 1e-6, "µv": 1e-6, "μv": 1e-6}
 """Factors to volts, by the unit of an analog channel in a c3d file (parameter ANALOG:UNITS), in lower case."""
 WIDTH = "_width"
-"""Ending of the keys of measured widths of joints."""
+"""Ending of the keys of joint widths in MEASURES."""
 MEASURES = (
     ("height", ("height",), (1.2, 2.2), (1e-3, 1e-2, 1.0), "m"),
     ("mass", ("bodymass", "mass", "weight"), (30.0, 200.0), (1.0,), "kg"),
@@ -37,12 +37,14 @@ MEASURES = (
         for joint in ("knee", "ankle", "elbow", "wrist")
     ),
 )
-"""Measures of the subject: key, names of the parameter in lower case, range, factors that are tried, unit.
+"""Measures of the subject: key, names of the c3d parameter in lower case, valid range, factors to try, unit.
+
+A factor converts a possible unit of the file to the unit given.
 
 The ranges are a project default, unconfirmed."""
 PACKAGE = "package://"
 ANALOG = "analog"
-"""Key of the analog data in the reasons why parts of a file are left out."""
+"""Key of the analog data in `Trial.reasons`."""
 ANGLES = "Angles"
 """Ending of the names of joint angles that Vicon's Plug-in Gait and similar software write beside the markers."""
 CUT = 4
@@ -292,7 +294,7 @@ def _analog_rate(analog: Group, rate: float, per_frame: int) -> tuple[float, str
 
 
 def _stated_up(point: Group) -> str:
-    """Return the vertical axis, "y" or "z", by the parameter POINT:Y_SCREEN, the axis that is drawn upwards; or ""."""
+    """Return the vertical axis, "y" or "z", by the parameter POINT:Y_SCREEN, drawn upwards; "": not stated."""
     screen = _texts(point, "Y_SCREEN", 1)[0].lower()
     return screen[-1] if screen and screen[-1] in UP_AXES else ""
 

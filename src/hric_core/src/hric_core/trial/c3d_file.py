@@ -1,6 +1,7 @@
 """Raw content of a c3d file: parameters, points and analog samples, in each byte order of the format.
 
-Source of the format: the C3D User Guide (c3d.org). What the header says counts before what parameters say of the same.
+Source of the format: the C3D User Guide (c3d.org). Frame rate, scale and number of frames are read
+from the parameters if they are there, else from the header; numbers of points and samples from the header.
 
     content = read_content(Path("walk.c3d"))
     content.points, content.parameters["POINT"]["LABELS"]
@@ -56,7 +57,7 @@ class C3dContent(NamedTuple):
 
 
 def read_content(path: Path) -> C3dContent:
-    """Read a c3d file. Raises ParameterError: it cannot be read, it is no c3d file, or it is damaged."""
+    """Read a c3d file. Raises ParameterError: it cannot be read, is not a c3d file, or is damaged."""
     try:
         data = path.read_bytes()
     except OSError as error:
@@ -78,7 +79,7 @@ def continued(name: str) -> list[str]:
 
 
 class _File:
-    """Bytes of a c3d file with numbers in the order of a processor."""
+    """Reader of the bytes of a c3d file, in the number format of the processor that wrote it."""
 
     def __init__(self, path: Path, data: bytes, processor: int) -> None:
         self._path, self._data, self._processor = path, data, processor
@@ -148,7 +149,7 @@ class _File:
         return dict(named), damaged
 
     def _value(self, at: int) -> list[Any] | None:
-        """Return the value of a parameter, an array as nested lists; None: it is damaged."""
+        """Return the value of the parameter at byte `at`, an array as nested lists; None: it is damaged."""
         kind, dimensions = struct.unpack_from("bB", self._data[at : at + 2].ljust(2, b"\0"))
         shape = list(self._data[at + 2 : at + 2 + dimensions])
         start, count = at + 2 + dimensions, math.prod(shape)
@@ -167,14 +168,14 @@ class _File:
         return list(values.reshape(shape or 1, order="F").tolist())
 
     def _words(self, at: int, count: int) -> list[int]:
-        """Return integers without sign."""
+        """Return `count` unsigned 16-bit integers, from byte `at` on."""
         return list(struct.unpack_from(f"{self._order}{count}H", self._data, at))
 
     def _integers(self, at: int, count: int) -> FloatArray:
         return np.frombuffer(self._data, f"{self._order}i2", count, at).astype(float)
 
     def _reals(self, at: int, count: int) -> FloatArray:
-        """Return real numbers; one of DEC has its upper word first and is four times as large as its bits say."""
+        """Return `count` real numbers from byte `at` on; DEC's have the upper word first and look 4 times too large."""
         with np.errstate(invalid="ignore"):  # of numbers that are NaN
             if self._processor != DEC:
                 return np.frombuffer(self._data, f"{self._order}f4", count, at).astype(float)

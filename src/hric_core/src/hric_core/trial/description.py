@@ -1,4 +1,4 @@
-"""Description of the recorded trials that an experiment replays, for run.yaml: what messages cannot hold."""
+"""Description of the recorded trials that an experiment replays, for run.yaml, as no ROS message contains it."""
 
 import itertools
 from collections.abc import Mapping, Sequence
@@ -26,7 +26,7 @@ def replayed_trials(tree: object) -> tuple[object, dict[str, dict[str, object]]]
     Files of the same name in different folders get different names, with a number.
 
     Args:
-        tree: settings, mappings within mappings; a file is named by the key `path` beside `program: c3d`.
+        tree: settings, mappings within mappings; a file is named by the key `path` next to `program: c3d`.
 
     Raises:
         HricError: a file cannot be read.

@@ -28,7 +28,7 @@ def read_events(group: Group, start: float) -> tuple[TrialEvent, ...]:
     """Return the events of a c3d file in the order of time.
 
     Args:
-        group: parameter group EVENT; its TIMES are minutes and seconds since frame number 1, in the last two rows.
+        group: parameter group EVENT; its TIMES are minutes and seconds since frame number 1, in two rows.
         start: time from frame number 1 to the first frame in the file [s].
     """
     times = numbers(group, "TIMES")

@@ -136,7 +136,7 @@ def matrix_of(path: Path, rows: Sequence[tuple[int, list[str]]], labels: Sequenc
 
 
 def rising(path: Path, time: FloatArray) -> FloatArray:
-    """Return times that are finite and increase. Raises ParameterError, with `path`, for others."""
+    """Return `time` [s], shape (n,), if it is finite and increases. Raises ParameterError, which names `path`."""
     if not np.isfinite(time).all() or (np.diff(time) <= 0.0).any():
         raise ParameterError(f"{path}: the times of the rows do not increase; valid: finite, increasing times")
     return time

@@ -42,7 +42,7 @@ class TrialPlate:
         size: size of the surface along x and y [m].
         load: load on the plate, in its frame about the middle of the surface: Fx, Fy, Fz [N], Mx, My, Mz [N m], shape
             (samples, 6).
-        source: the plate as the file describes it, in its axes, for a file that is written again: `corners` and
+        source: the plate in the axes of the file, for exports: `corners` and
             `origin` [m], `channels` (numbers from 1 on), `moment` (unit of the moments [N m]), `flip` (-1: z points
             down) and, of types 4 and 5, `calibration`.
     """
@@ -186,7 +186,7 @@ class PlateReader:
     def _channel_rows(self, number: int, count: int) -> list[int]:
         rows = [int(channel) - 1 for channel in self._values("CHANNEL", number, (count,))]
         if min(rows) < 0 or max(rows) >= len(self.analogs):
-            raise PlateError(f"is on channels {[row + 1 for row in rows]}; the file has {len(self.analogs)}")
+            raise PlateError(f"is on channels {[row + 1 for row in rows]}; the file has {len(self.analogs)} channels")
         return rows
 
 

@@ -32,9 +32,9 @@ UNEVEN = 2.0
 
 The constants of this file are project defaults, unconfirmed."""
 RATE_ERROR = 0.01
-"""Largest deviation of the rate from the nominal one, by the latter [1]."""
+"""Largest deviation of the rate from the nominal one, relative to that [1]."""
 ALIGNED = 1e-6
-"""Deviation of the times from an even rate, up to which the first is exact, in samples."""
+"""Largest deviation of times from the nominal rate at which this rate is used instead of a fitted one, in samples."""
 
 
 class _StreamError(Exception):
@@ -132,12 +132,16 @@ def _load(path: Path) -> tuple[list[dict[str, Any]], dict[str, Any], dict[int | 
         raise ParameterError(f"xdf file {path} is damaged: {error}") from error
     finally:
         log.removeHandler(handler)
-    reasons: dict[int | str, str] = {"damaged": f"what is damaged: {'; '.join(lines)}"} if lines else {}
+    reasons: dict[int | str, str] = {"damaged": f"damaged parts: {'; '.join(lines)}"} if lines else {}
     return streams, about, reasons
 
 
 def _streams(path: Path, raw: Sequence[Mapping[str, Any]], reasons: dict[int | str, str]) -> list[_Stream]:
-    """Return the even streams; add the reasons why others are left out. Raises ParameterError: markers are."""
+    """Return the streams that are even in time; add to `reasons` why others are left out.
+
+    Raises:
+        ParameterError: the stream of markers is not even in time.
+    """
     streams = list[_Stream]()
     for number, stream in enumerate(raw):
         name, kind = (_text(stream["info"], key) for key in ("name", "type"))
@@ -145,9 +149,9 @@ def _streams(path: Path, raw: Sequence[Mapping[str, Any]], reasons: dict[int | s
             continue
         try:
             if kind.lower() not in (MOCAP, *ANALOG):
-                raise _StreamError(f"is of the type {kind or 'none'!r}")
+                raise _StreamError(f"is of the type {kind or 'none'!r}, not MoCap, EMG, Force or Markers")
             if kind.lower() == MOCAP and any(one.kind == MOCAP for one in streams):
-                raise _StreamError("is a second one of markers")
+                raise _StreamError("is a second one of type MoCap, of which only the first is read")
             streams.append(_even(name, kind.lower(), stream, alone=len(raw) == 1))
         except _StreamError as error:
             if kind.lower() == MOCAP and not any(one.kind == MOCAP for one in streams):
@@ -163,7 +167,7 @@ def _even(name: str, kind: str, stream: Mapping[str, Any], alone: bool) -> _Stre
     if not nominal > 0.0 or count < 2:
         raise _StreamError(f"has {count} samples at {nominal:g} Hz; valid: two or more, at an even rate")
     if not stream["clock_times"] and not alone:
-        raise _StreamError("has no clock offsets, so that its clock may be another one")
+        raise _StreamError("has no clock offsets, so that it may be on another clock than the other streams")
     if len(info["clock_segments"]) > 1:
         raise _StreamError(f"has {len(info['clock_segments'])} parts between which its clock was set again")
     stated = _text((stream.get("footer") or {}).get("info") or {}, "sample_count")
@@ -190,7 +194,7 @@ def _text(tree: Mapping[str, Any], key: str) -> str:
 
 
 def _same_rate(analog: list[_Stream], reasons: dict[int | str, str]) -> list[_Stream]:
-    """Return the streams with the rate of the first; add the reasons why others are left out."""
+    """Return the streams with the rate of the first; add to `reasons` why others are left out."""
     for one in analog:
         if abs(one.rate - analog[0].rate) * len(one.values) > 0.5 * one.rate:
             reasons[f"rate of {one.name}"] = (
@@ -237,7 +241,7 @@ def _points(path: Path, stream: _Stream) -> tuple[tuple[str, ...], FloatArray]:
 
 
 def _events(raw: Sequence[Mapping[str, Any]], start: float) -> tuple[TrialEvent, ...]:
-    """Return the texts of the streams of events as events, in the order of time; start: of the first frame [s]."""
+    """Return the texts of the streams of events as events, by time; start: time of the first frame [s]."""
     events = list[TrialEvent]()
     for stream in raw:
         if _text(stream["info"], "type").lower() == EVENTS:

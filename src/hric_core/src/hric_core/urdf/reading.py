@@ -113,7 +113,7 @@ def _mass(inertial: Element | None, where: str) -> MassProperties | None:
 
 
 def _rotors(root: Element) -> dict[str, float]:
-    """Return the rotor inertias that transmissions state by Drake's elements, reflected to the joints, by joint."""
+    """Return rotor inertias by joint, reflected to it [kg m^2 or kg], from Drake's elements in transmissions."""
     rotors = {}
     for transmission in root.iterfind("transmission"):
         for joint in transmission.iterfind("joint"):
