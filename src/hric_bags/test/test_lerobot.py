@@ -131,7 +131,7 @@ def test_lerobot_reads_every_value(dataset: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "reason"),
     [
-        (["--format", "lerobot", "--rate", "70"], "--rate 70: valid: a whole part of the 1000 Hz"),
+        (["--format", "lerobot", "--rate", "70"], "--rate 70: valid: 1000 Hz of the control log over a whole number"),
         (["--format", "lerobot", "--rate", "0"], "--rate"),
         (["--format", "csv", "--rate", "50"], "--rate has no effect"),
     ],
@@ -153,7 +153,7 @@ def test_runs_with_different_signals_are_no_data_set(tmp_path: Path, capsys: pyt
 def test_several_runs_are_refused_for_other_formats(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     run = str(made(tmp_path).path)
     assert main(["export", run, run, "--format", "lerobot", "csv"]) == 2
-    assert "several runs: valid with --format lerobot alone" in capsys.readouterr().err
+    assert "several runs are given: valid with --format lerobot alone" in capsys.readouterr().err
 
 
 def test_pictures_are_left_out_with_a_word(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

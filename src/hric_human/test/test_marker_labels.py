@@ -64,7 +64,7 @@ def test_a_person_upright_along_z_is_accepted() -> None:
 @pytest.mark.parametrize("lower", ["ANK", "ASI"])
 def test_a_person_upright_along_y_is_refused(lower: str) -> None:
     markers = {name: p for name, p in y_up(standing()).items() if name.endswith(("FHD", lower))}
-    with pytest.raises(ParameterError, match=r"a.c3d does not state which axis points up; .* give up: y, or up: z if"):
+    with pytest.raises(ParameterError, match=r"a.c3d does not state which axis points up; .* state up: y, or up: z if"):
         check_upright("a.c3d", markers)
 
 

@@ -116,7 +116,7 @@ def test_a_trc_file_with_z_up_is_refused(tmp_path: Path) -> None:
     ]
     names = "Frame#\tTime\t" + "\t\t\t".join(columns)
     (tmp_path / "a.trc").write_text("\n".join([*head, names, "\t\tX1", *rows]) + "\n")
-    with pytest.raises(ParameterError, match=r"with y up, the head is .*give up: z"):
+    with pytest.raises(ParameterError, match=r"with y up, the head is .*state up: z"):
         trial_motion(tmp_path / "a.trc")
 
 

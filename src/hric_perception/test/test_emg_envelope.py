@@ -186,5 +186,5 @@ def test_a_channel_without_a_known_sample_has_no_maximum():
     assert node.call("record_mvc", SetBoolRequest(True)).success
     service.take(Chunk(LAYOUT, 0.0, 0, np.array([[np.nan, 2e-4, 0.1], [np.nan, np.nan, 0.2]])))
     response = node.call("record_mvc", SetBoolRequest(False))
-    assert not response.success and response.message.startswith("no sample of biceps is known")
+    assert not response.success and response.message.startswith("all samples of biceps are NaN or 0")
     assert not node.has_param("measured_mvc")

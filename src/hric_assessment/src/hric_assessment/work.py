@@ -21,7 +21,7 @@ UNKNOWN: Any = {"default_text": "not known"}
 
 @dataclass(frozen=True)
 class TimedTask(Settings):
-    """Task in a time of the recording."""
+    """Task between two times of the recording."""
 
     begin: float = number(unit="s", text="time in the recording at which the lift, push or pull begins")
     end: float = number(unit="s", text="time at which it ends")

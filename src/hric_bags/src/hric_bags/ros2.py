@@ -42,7 +42,7 @@ VERSION = 8
 
 
 def typestore(types: Typestore, *, ros1: bool) -> Typestore:
-    """Return message types of one ROS as those of the other: its header, and its names of the fields of FrankaState."""
+    """Return message types with the header and the names in FrankaState of ROS 1 (`ros1`) or ROS 2 (not `ros1`)."""
     names = NAMES_IN_ROS1 if ros1 else _NAMES_IN_ROS2
     standard = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE).fielddefs
     fields = {**standard, **types.fielddefs, HEADER: standard[HEADER]}

@@ -17,7 +17,7 @@ from hric_core.errors import HricError, ParameterError
 
 FILE = "notes.yaml"
 TOPIC, TYPE = "/added_notes", "notes added after the run"
-"""Names of the table of notes in exports; it is no topic of the bag."""
+"""Topic and type of the table of notes in exports; the bag has no such topic."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ def read(folder: Path) -> list[AddedNote]:
     """Return the notes in a run folder in the order in which they were added; empty: there are none.
 
     Raises:
-        RunFolderError: the file has contents that are no notes.
+        RunFolderError: the contents of the file are not notes.
     """
     from hric_core.parameters import read_yaml
 
@@ -121,7 +121,7 @@ def table(notes: Sequence[AddedNote]) -> TopicTable:
         TopicColumn("by", "", np.array([note.by for note in notes])),
         TopicColumn("written", "", np.array([note.written for note in notes])),
     )
-    return TopicTable(TOPIC, TYPE, "", time, stamp, columns, "the start of the run", ("stamp -1: the complete run",))
+    return TopicTable(TOPIC, TYPE, "", time, stamp, columns, "the start of the run", ("stamp -1: on the complete run",))
 
 
 def of_table(tables: Mapping[str, TopicTable]) -> list[AddedNote]:

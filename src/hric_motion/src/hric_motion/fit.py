@@ -31,42 +31,42 @@ from hric_motion.postures import BodyPostures, Geometry, MarkerPostures
 NOISE = 0.001
 """Smallest standard deviation of a marker from the rigid segment that it is on: noise and moving skin [m].
 
-The larger residual of a fit counts. The constants of this file are project defaults, unconfirmed.
+A fit whose residual is larger uses its residual instead. The constants of this file are project defaults, unconfirmed.
 """
 SIZE_SPREAD, LENGTH_SPREAD = 0.1, 0.04
 """Prior standard deviations of the logarithms of the body's size, and of each length relative to it [1]."""
 TRUNK_SPREAD = 0.15
-"""The same of the lower trunk [1]: one joint replaces the whole lumbar spine, so its place is uncertain."""
+"""Prior standard deviation of the logarithm of the lower trunk's length [1]: one joint replaces the lumbar spine."""
 WAIST_SPREAD = 0.03
-"""Prior standard deviation of the place of that joint, forward [m]."""
+"""Prior standard deviation of the forward position of this joint, the waist [m]."""
 BONE_SPREAD, LOOSE_SPREAD = 0.007, 0.04
-"""Prior standard deviations of a marker's place on its segment [m]: on a bone that is felt, and on soft tissue."""
+"""Prior standard deviations of a marker's place on its segment [m]: on a palpable bone, and on soft tissue."""
 FARTHEST = 5.0
-"""Largest distance of a shared unknown from its prior, in standard deviations [1]."""
+"""Largest distance of size, lengths and marker places from their priors, in standard deviations [1]."""
 LOOSE = ("THI", "TIB", "UPA", "FRM", "RBAK")
-"""Endings of the names of markers that are not on a bone, or on a wand."""
+"""Endings of the names of markers that are on soft tissue or on a wand."""
 FRAMES = 80
 """Number of frames of a motion to which the body is fitted."""
 BEYOND = 0.26
 """Angle by which a joint may exceed the range of the table [rad]: 15 deg, as some people's knees and elbows do."""
 ROUNDS, ROUNDED = 12, 0.01
-"""Largest number of rounds of a fit, and the relative change of the noise below which no other follows [1]."""
+"""Largest number of rounds of a fit; relative change of the noise below which a round is the last one [1]."""
 COARSE, FINE = 0.3, 3e-4
-"""Noise of the first round by the residual of the table's body; relative change of the cost that ends a round [1]."""
+"""Noise of the first round, relative to the residual before the fit; relative change of the cost that ends a round."""
 KNOT = 10
-"""Distance of the frames whose postures are found from scratch; the others begin at the nearest of these."""
+"""Number of frames between two whose postures are searched from all start postures; the others start at the nearest."""
 BLOCK = 400
 """Number of frames whose motion is computed at once."""
 STEPS, SETTLED = 60, 1e-4
 """Largest number of steps of a fit, and the step [m], [rad] below which it has settled."""
 SAMPLED, LOWER = 8, 0.9
-"""Number of frames in which a start posture is tried, and the ratio of the costs below which it is tried in all."""
+"""Number of frames in which a start posture is tried first; ratio of costs below which it is then tried in all [1]."""
 POOR, ATTEMPTS = 2.0, 4
-"""Squared residual by the median's above which a frame is tried from other postures [1]; number of random ones."""
+"""Cost per marker, relative to the median, above which a frame starts again from other postures; random starts."""
 LARGEST_TURN = 0.4
 """Largest rotation of a joint or the root in one step [rad]."""
 DIFFERENCE = 1e-4
-"""Change of the logarithm of a length for derivatives [1]."""
+"""Step of the finite differences by logarithms of size and lengths [1], and by the waist's position [m]."""
 UNSEEN = 1e-3
 """Weight that keeps the root of a person without visible markers [1/m^2], [1/rad^2]: far below that of a marker."""
 PINNED = 1e12
@@ -85,7 +85,7 @@ STARTS: tuple[dict[str, float], ...] = (
 
 Mask = npt.NDArray[np.bool_]
 Progress = Callable[[int, int], object]
-"""Function that is called with the number of frames that are done, and that of all."""
+"""Callback with the number of finished frames, and the number of all frames."""
 Arrays = TypeVar("Arrays", BodyPostures, "_Equations")
 
 
@@ -177,9 +177,9 @@ class BodyFit:
         self._posture_spread = self.prior_spread
 
     def _take(self, pelvis: PelvisPrior | None) -> None:
-        """Take the prior of the hips by the markers on a pelvis in place of the table's; its lengths do not scale."""
+        """Replace the table's prior of the hips by `pelvis`, which does not scale with size; None: keep the table's."""
         if pelvis is None or abs(np.log(pelvis.hip_width / self._table["hip_width"])) > FARTHEST * SIZE_SPREAD:
-            return  # the second: no pelvis of a person
+            return  # the width is not that of a person
         at = list(self._table).index("hip_width")
         self._table["hip_width"], self._scaled[at] = pelvis.hip_width, 0.0
         self._shared_spread[1 + at] = pelvis.width_spread
@@ -201,7 +201,7 @@ class BodyFit:
 
         Args:
             positions: positions of the markers, shape (n, m, 3) [m]; NaN: not visible.
-            progress: called after each block of frames.
+            progress: callback after each block of frames, see `Progress`.
         """
         knots = np.unique(np.append(np.arange(0, len(positions), KNOT), len(positions) - 1))
         known, parts = self._started(positions[knots]), list[FittedMotion]()
@@ -228,7 +228,7 @@ class BodyFit:
         return geometry._replace(markers=prior + shared[-3 * len(self.names) :].reshape(-1, 3))
 
     def _set(self, shared: FloatArray) -> None:
-        """Take over values of the shared unknowns, and the derivatives of the geometry by size and lengths."""
+        """Set the shared unknowns, and compute the geometry and its derivatives by size, lengths and waist."""
         self._shared, self._geometry = shared, self._geometry_of(shared)
         self._changes = []
         for index in range(2 + len(self._table)):
@@ -303,10 +303,10 @@ class BodyFit:
         return postures, cost
 
     def _started(self, positions: FloatArray) -> BodyPostures:
-        """Return the postures that fit the markers best, of all start postures."""
+        """Return the postures that fit the markers best, searched from all start postures."""
         postures, cost = self._solved(positions, self._at_start(positions, self._starts[0]))
         sample = np.unique(np.linspace(0, len(positions) - 1, SAMPLED).round().astype(int))
-        for start in self._starts[1:]:  # a person who holds still in another posture is off in all frames alike
+        for start in self._starts[1:]:  # a few frames show whether a start helps at all
             _, lower = self._solved(positions[sample], self._at_start(positions, start).rows(sample))
             if (lower < LOWER * cost[sample]).any():
                 other, lower = self._solved(positions, self._at_start(positions, start))
@@ -315,9 +315,9 @@ class BodyFit:
         return self._improved(positions, postures, cost)
 
     def _improved(self, positions: FloatArray, postures: BodyPostures, cost: FloatArray) -> BodyPostures:
-        """Return the postures, those of frames that fit worse than others replaced by the best from other starts.
+        """Return the postures, after a second search for the frames that fit much worse than the others.
 
-        Starts are the start postures, postures of a frame before and after that fits well, and random ones.
+        It starts at the nearest frames before and after that fit well, at the start postures, and at random ones.
         """
         random, seen = np.random.default_rng(0), seen_in(positions).sum(axis=1)
         shares = cost / np.maximum(seen, 1)
@@ -342,13 +342,13 @@ class BodyFit:
         return postures
 
     def _at_start(self, positions: FloatArray, q: FloatArray, before: BodyPostures | None = None) -> BodyPostures:
-        """Return the postures with joint positions q, one or n, and the root where it fits the trunk best (Kabsch).
+        """Return postures with joint positions q, shape (j,) or (n, j) [rad], and the root that fits the trunk best.
 
-        A frame with fewer than three of the trunk's markers gets the root of the nearest frame that has them; if none
-        has, all keep the root of the postures before.
+        A frame with fewer than three markers on the trunk gets the root of the nearest frame with three; if there is no
+        such frame, all get the roots of `before`.
 
         Raises:
-            HricError: no frame has three of the trunk's markers, and there are no postures before.
+            HricError: no frame has three markers on the trunk, and `before` is None.
         """
         q = np.broadcast_to(q, (len(positions), len(self._mean)))
         still = BodyPostures(np.tile(np.eye(3), (len(q), 1, 1)), np.zeros((len(q), 3)), q)
@@ -384,7 +384,7 @@ class BodyFit:
         self._covariance = np.linalg.inv(S)
 
     def _determined(self, postures: BodyPostures, equations: _Equations) -> float:
-        """Return how many unknowns the markers determine, those that the priors determine in part counted in part."""
+        """Return the number of unknowns that markers determine; one that priors determine, too, counts in part."""
         of_markers = equations.Jf.swapaxes(1, 2) @ equations.Jf
         own = float(np.einsum("nij,nji->", np.linalg.inv(equations.H), of_markers))
         S, _, _ = self._reduced(postures, equations)
@@ -393,10 +393,10 @@ class BodyFit:
     def _reduced(
         self, postures: BodyPostures, equations: _Equations, damping: float = 0.0
     ) -> tuple[FloatArray, FloatArray, tuple[FloatArray, FloatArray]]:
-        """Return matrix and right side of the shared unknowns without the postures, shape (s, s) and (s,).
+        """Return matrix and right side of the normal equations of the s shared unknowns, shape (s, s) and (s,).
 
         Returns:
-            also y and X with the step y - X ds of the postures, for a step ds, shape (n, 6 + j) and (n, 6 + j, s).
+            also y, shape (n, 6 + j), and X, shape (n, 6 + j, s): the postures' step is y - X ds for a step ds.
         """
         J = self._by_shared(postures, equations)
         H = equations.H + damping * np.einsum("nii->ni", equations.H)[:, :, None] * np.eye(equations.H.shape[1])
@@ -416,14 +416,14 @@ class BodyFit:
         for _ in range(STEPS):
             S, g, (y, X) = self._reduced(postures, equations, damping)
             at_end = np.abs(self._shared) >= farthest * (1.0 - 1e-9)
-            free = ~at_end | (g * self._shared < 0.0)  # an unknown at its end that would go beyond stays there
+            free = ~at_end | (g * self._shared < 0.0)  # an unknown at its limit does not go beyond it
             ds = np.zeros(len(g))
             ds[free] = np.linalg.solve(S[np.ix_(free, free)], g[free])
             shared = np.clip(self._shared + ds, -farthest, farthest)
             tried = self._stepped(postures, y - X @ (shared - self._shared))
             try:
                 after = self._equations(positions, tried, self._geometry_of(shared))
-            except ParameterError:  # no body has these lengths
+            except ParameterError:  # a body cannot have these lengths
                 damping *= 10.0
                 continue
             lower = self._cost(after, shared)
@@ -442,7 +442,7 @@ class BodyFit:
         return float(equations.cost.sum() + ((shared / self._shared_spread) ** 2).sum())
 
     def _block(self, positions: FloatArray, start: BodyPostures) -> FittedMotion:
-        """Return the motion of some frames from postures nearby."""
+        """Return the motion of some frames; start: postures from which the search starts."""
         postures, _ = self._solved(positions, start)
         equations = self._equations(positions, postures, self._geometry)
         distances = np.linalg.norm(positions - self._model.positions(postures, self._geometry), axis=2)
@@ -451,7 +451,7 @@ class BodyFit:
     def _spread(self, postures: BodyPostures, equations: _Equations) -> FloatArray:
         """Return the standard deviations of the joint angles, shape (n, j) [rad].
 
-        An angle at the end of its range that the markers push beyond is not determined: it has the one without markers.
+        An angle that markers push beyond its range is not determined: it has the deviation without markers.
         """
         _, _, (_, X) = self._reduced(postures, equations)
         own = np.einsum("nii->ni", np.linalg.inv(equations.H))
@@ -472,7 +472,7 @@ def _chosen(rows: Mask, first: Arrays, second: Arrays) -> Arrays:
 
 
 def _kabsch(body: FloatArray, there: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return rotation and position that bring points of a body to measured ones best, shape (k, 3) each [m]."""
+    """Return the rotation and position that map points of a body best to measured points, shape (k, 3) each [m]."""
     U, _, Vt = np.linalg.svd((there - there.mean(axis=0)).T @ (body - body.mean(axis=0)))
     R = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
     return R, there.mean(axis=0) - R @ body.mean(axis=0)

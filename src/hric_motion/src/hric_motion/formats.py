@@ -44,7 +44,7 @@ ABOVE = 5
 FOLDERS = ("MarkerData", "pose-3d")
 """Folders of OpenCap and Pose2Sim with the .trc files of a session."""
 PROCESSED = ("_filt", "_LSTM")
-"""Beginnings of what Pose2Sim appends to the name of a .trc file that it has processed further."""
+"""Beginnings of the suffixes of .trc files that Pose2Sim has filtered or augmented."""
 
 
 def trials_in(path: Path) -> list[Path]:
@@ -80,7 +80,7 @@ def read_trc(path: Path, up: str) -> Trial:
         up: vertical axis in the file, y or z; empty: y, as in OpenSim.
 
     Raises:
-        ParameterError: a file cannot be read, or has another content.
+        ParameterError: a file cannot be read, or its content is not in this format.
     """
     rows = read_markers(path)
     return trial_of(
@@ -97,14 +97,14 @@ def trial_of(
     up_known: bool,
     subject: Mapping[str, float],
 ) -> Trial:
-    """Return a trial of points, positions by label in the axes of the file, shape (n, 3) each [m]; NaN: not visible."""
+    """Return a trial from positions by label in the axes of the file, shape (n, 3) each [m]; NaN: not visible."""
     positions = vectors_z_up(up, np.stack(list(points.values()), axis=1))
     nothing = np.zeros((0, 0))
     return Trial(name, rate, tuple(points), positions, 0.0, (), (), nothing, {}, up, up_known, subject, start=start)
 
 
 def _session(path: Path) -> dict[str, float]:
-    """Return mass [kg] and height [m] of the subject from OpenCap's file of the session. Raises ParameterError."""
+    """Return mass [kg] and height [m] from OpenCap's file of the session; empty: no file. Raises ParameterError."""
     files = [folder / SESSION for folder in list(path.resolve().parents)[:ABOVE]]
     file = next((file for file in files if file.is_file()), None)
     tree, subject = {} if file is None else read_yaml(file), dict[str, float]()
@@ -151,7 +151,7 @@ def read_motive(path: Path, up: str) -> Trial:
         up: vertical axis in the file, y or z; empty: y, as is usual for Motive.
 
     Raises:
-        ParameterError: the file cannot be read, or has another content.
+        ParameterError: the file cannot be read, or its content is not in this format.
     """
     lines = list(csv.reader(lines_of(path)))
     metres, turned = _about_motive(path, lines)
@@ -211,7 +211,7 @@ def read_mvnx(path: Path, up: str) -> Trial:
         up: vertical axis in the file, y or z; empty: z, which Xsens defines.
 
     Raises:
-        ParameterError: the file cannot be read, or has another content.
+        ParameterError: the file cannot be read, or its content is not in this format.
     """
     rate, names, times, values = _mvnx_frames(path)
     p, orientations, n = values["position"], values["orientation"], len(times)

@@ -108,7 +108,7 @@ class HandLoad:
 def hand_load(
     hand: str | None, mass: float | None, plate: int | None, begin: float | None = None, end: float | None = None
 ) -> HandLoad | None:
-    """Return the load on the hands by options; None: there is none.
+    """Return the load on the hands that the command-line options state; None: they state none.
 
     Args:
         hand: right, left or both.

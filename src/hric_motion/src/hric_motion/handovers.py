@@ -25,14 +25,14 @@ POSE_HEAD = ("x", "y", "z", "q0", "q1", "q2", "q3")
 WRENCH_HEAD = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
 """Columns of a wrench: force [N] and torque [N m]."""
 RATE = 120.0
-"""Rate of the rows [Hz], which is stated beside the data set, but not in its files."""
+"""Rate of the rows [Hz], from the description of the data set; its files do not state it."""
 GRIPPED = 2.0
 """Grip force above which a person holds the object [N] (project default, unconfirmed)."""
 
 
 @dataclass(frozen=True)
 class RecordedHandover:
-    """Numbers of a handover from the wrenches on the object.
+    """Durations and forces of a handover, computed from the wrenches on the object.
 
     Attributes:
         overlap: time for which both hold the object [s]; None: never, or a grip was not measured.
@@ -89,7 +89,7 @@ def _read(path: Path, head: tuple[str, ...]) -> FloatArray:
 
 
 def handover_of(trial: Trial) -> RecordedHandover | None:
-    """Return the numbers of a handover; None: the trial has no wrench of a grip.
+    """Return durations and forces of a handover; None: the trial has no wrench of a grip.
 
     The grip force is the pressure on the sensor, -Fz; a person holds the object while it is above GRIPPED.
     """

@@ -18,22 +18,22 @@ from hric_human.body.markers import ExtraMarker, MarkerRow
 
 FOLDER = Path(__file__).with_name("marker_sets")
 FIRST = "plug_in_gait"
-"""Set that is taken if another one has the same number of markers, and whose computed points all sets have."""
+"""Set that is preferred if others know as many labels; its patterns of computed points hold for all sets."""
 FEW = 4
-"""Number of markers from which a prefix counts as a person next to others.
+"""Smallest number of markers of a prefix that counts as a person if there are several prefixes.
 
 The constants of this file are project defaults, unconfirmed."""
 LIKENESS = 0.8
-"""Smallest likeness of a label to one of a set for a guess [1]."""
+"""Smallest similarity (of `difflib`) of a label to a known one for a guess [1]."""
 SHORTEST = 2
-"""Smallest number of characters of a label that is guessed by being a part of another one."""
+"""Smallest number of characters of a known label that is guessed since a label contains it."""
 SHOWN = 8
-"""Number of labels from which on a list of them is cut."""
+"""Largest number of labels that a sentence lists; it counts the others."""
 SIDES = (("L", "left"), ("R", "right"))
 UNLABELLED = re.compile(r"[*#]?\d+|[*#].*|UNLABEL\w*|UNNAMED\w*|TRAJECTORY\d*|MARKER\d+")
-"""Pattern of plain labels that name no marker."""
+"""Pattern of plain labels (see `plain`) of trajectories that nobody has labelled."""
 Person = dict[str, str]
-"""Label of each marker of one person."""
+"""Label in the recording by name of the marker, for one person."""
 
 
 EMG = "emg"
@@ -42,12 +42,12 @@ EMG = "emg"
 
 @dataclass(frozen=True)
 class TrialMarkerSet:
-    """Marker set.
+    """Marker set of a laboratory, a program or a model.
 
     Attributes:
         name: name of the set.
         source: where its labels and places come from.
-        known: name of the marker by plain label.
+        known: name of the marker by plain label, see `plain`.
         extra: markers that the table of the body lacks, by name.
         computed: patterns of plain labels of points that software computes.
         unused: reasons why labels of the set are not used, by plain label.
@@ -61,7 +61,7 @@ class TrialMarkerSet:
     unused: Mapping[str, str]
 
     def people(self, labels: Iterable[str]) -> dict[str, Person]:
-        """Return the labels of the markers by prefix, each with its separator; of a marker twice, the first counts."""
+        """Return each person's labels by prefix with its separator; of two labels of a marker, the first counts."""
         people: dict[str, Person] = {}
         for label in labels:
             found = self._found(label)
@@ -70,7 +70,7 @@ class TrialMarkerSet:
         return people
 
     def matches(self, labels: Iterable[str]) -> int:
-        """Return the largest number of markers that a prefix has."""
+        """Return the largest number of this set's markers that the labels with one prefix name."""
         return max(map(len, self.people(labels).values()), default=0)
 
     def _found(self, label: str) -> tuple[str, str] | None:
@@ -134,12 +134,12 @@ def _marker_set(trees: Mapping[str, Any], key: str) -> TrialMarkerSet:
 
 
 def best_set(labels: Sequence[str]) -> TrialMarkerSet:
-    """Return the set with most markers among the labels."""
+    """Return the set that knows the largest number of the labels."""
     return max(marker_sets().values(), key=lambda one: one.matches(labels))
 
 
 def _all_known() -> dict[str, str]:
-    """Return the markers of all sets by plain label, of a label in several sets that of the first."""
+    """Return the markers of all sets by plain label; a label in several sets has the marker of the first."""
     sets = tuple(marker_sets().values())
     return {label: marker for one in reversed(sets) for label, marker in one.known.items()}
 
@@ -183,7 +183,7 @@ def mapping_text(labels: Sequence[str]) -> str:
     """Return the text of a mapping file with all labels, each with its marker, a guess, or nothing."""
     one, known = best_set(labels), _all_known()
     lines = [
-        "# Label of the recording: marker, by its name in Plug-in Gait or in another set; without one it is not used.",
+        "# LABEL OF THE RECORDING: NAME OF ITS MARKER in Plug-in Gait or another set; empty: the label is not used.",
         f"# Nearest set: {one.name}, {one.matches(labels)} of {len(labels)} labels. Check each line, also each guess.",
     ]
     taken = {marker for person in one.people(labels).values() for marker in person}
@@ -198,7 +198,7 @@ def mapping_text(labels: Sequence[str]) -> str:
 
 
 def _guess(key: str, known: Mapping[str, str]) -> str:
-    """Return the marker whose plain label is the longest part of another one, or most like it; "": there is none."""
+    """Return the marker whose known label is the longest part of a plain label, or similar to it; "": there is none."""
     if UNLABELLED.fullmatch(key) or any(re.fullmatch(pattern, key) for pattern in marker_sets()[FIRST].computed):
         return ""
     parts = [label for label in known if len(label) >= SHORTEST and label in key]

@@ -1,4 +1,4 @@
-"""Joint angles of a recorded person, with what the markers do not determine, and frames that fit badly, left out."""
+"""Joint angles of a recorded person, without those that markers do not determine, and without badly fitting frames."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -37,24 +37,24 @@ LOADED = 20.0
 The other constants of this file are project defaults, unconfirmed, too.
 """
 SLIGHT = 0.05
-"""Largest vertical force by the body weight up to which a load on a plate counts as noise, if it stays there [1]."""
+"""Peak of the vertical force, relative to the body weight, below which a load on a plate counts as noise [1]."""
 REACH = 0.12
 """Largest mean distance of the centre of pressure from the axis of the foot on the plate [m]."""
 SWING = 0.5
 """Speed from which on heel and toe of a foot do not touch the ground [m/s], of Ghoussayni et al. 2004 in table 1 of
 Bonci et al. 2022 (doi:10.3389/fbioe.2022.868928)."""
 LIGHT = 0.02
-"""Share of the body's mass beyond a joint, up to which an unknown angle is held at its middle [1]: foot, hand."""
+"""Largest share of the body's mass beyond a joint whose unknown angle is assumed at its middle [1]: foot, hand."""
 EDGE = 0.1
 """Time at both ends of the motion in which filter and splines distort accelerations, and moments are not known [s]."""
 LOST = 0.1
-"""Residual force by the body weight above which the load under the feet is not known, as without a plate there [1]."""
+"""Residual force, relative to the body weight, above which the load under the feet counts as not measured [1]."""
 RECOMMENDED, HICKS = 0.05, "Hicks et al. 2015"
-"""Recommended limit of the residual force by the largest external force [1] (J. Biomech. Eng. 137:020905)."""
+"""Recommended limit of the residual force, relative to the largest external force [1] (J. Biomech. Eng. 137:020905)."""
 MASS_DEVIATION, UNKNOWN_MASS_DEVIATION = 0.02, 0.15
-"""Standard deviations of a stated mass of the body, and of one that is not stated, by the mass [1]."""
+"""Standard deviations of a stated mass of the body, and of an assumed one, relative to the mass [1]."""
 LENGTH_DEVIATION = 0.02
-"""Standard deviation of all fitted lengths of the body together, by the lengths [1]."""
+"""Standard deviation of all fitted lengths of the body together, relative to the lengths [1]."""
 NO_PLATES: Mapping[int, TrialPlate] = MappingProxyType({})
 
 Mask = npt.NDArray[np.bool_]
@@ -104,9 +104,9 @@ class JointMoments:
 
     @property
     def residual_share(self) -> float:
-        """RMS of the residual force by the body weight [1], where all support is measured (`supported`); NaN: nowhere.
+        """RMS of the residual force, relative to the body weight [1], at the instants `supported`; NaN: there are none.
 
-        It does not depend on the residual which instants count.
+        These instants follow from plates and feet, not from the residual.
         """
         squares = (self.residual[self.supported, :3] ** 2).sum(axis=1)
         return float(np.sqrt(squares.mean()) / weight(self.body)) if len(squares) else float("nan")
@@ -119,7 +119,7 @@ class _Support(NamedTuple):
         loads: load of each plate on each foot that stood on it, at n instants.
         standing: plates under each foot, by its link.
         unclear: True where it is not known which foot loads a plate, shape (n,).
-        notes: plates of which that is so.
+        notes: one sentence for each of these plates.
     """
 
     loads: list[ExternalLoad]
@@ -230,7 +230,7 @@ def _followed(load: ExternalLoad, before: Needed, after: Needed, index: Mapping[
 
 
 def joint_force(moments: JointMoments, joint: str) -> FloatArray:
-    """Return the net force on the link that a joint moves, from the link before, in axes of that link.
+    """Return the net force that the parent link exerts on the link that a joint moves, in axes of the moved link.
 
     Returns:
         the force, shape (n, 3) [N], NaN where the moment of the joint is not known.
@@ -250,7 +250,7 @@ def longest_known(motion: MeasuredMotion) -> slice:
     """Return the longest range of frames in which the pose of the person is known.
 
     Raises:
-        HricError: it is too short.
+        HricError: it has fewer frames than the smoothing needs.
     """
     known = intervals(np.asarray(np.isfinite(motion.root).all(axis=1)))
     rows = max(known, key=lambda rows: rows.stop - rows.start, default=slice(0, 0))
@@ -339,7 +339,7 @@ def _foot_ends(whole: WholeBody, free: Needed) -> FootEnds:
 
 
 def _doubtful(feet: FootEnds, time: FloatArray, plates: Mapping[int, TrialPlate], unclear: Mask) -> Mask:
-    """Return True within EDGE of instants at which something that no plate measures may carry the person, shape (n,).
+    """Return True within EDGE of instants at which a support without a plate may carry the person, shape (n,).
 
     That is a heel or toe that is slow and not on a plate, or a plate whose foot is not clear.
     """

@@ -14,9 +14,9 @@ import numpy as np
 from hric_core.geometry import FloatArray
 
 BEHIND, OUTWARD, BELOW = (0.24, 0.0099), (0.33, 0.0073), (0.30, 0.0109)
-"""Factor and offset [m] of the hip joint centre behind (of the depth), outside and below (of the width) the middle."""
+"""Hip joint centre behind (times depth), outside and below (times width) the anterior spines: factor, offset [m]."""
 ERROR = (0.00524, 0.00322, 0.00358)
-"""Leave-one-out errors of these forward, outward and up [m]."""
+"""Leave-one-out errors of these equations forward, outward and up [m]."""
 CERTAINTY = 0.5
 """Ratio of the prior standard deviation to these errors (project default, unconfirmed).
 

@@ -16,7 +16,7 @@ from hric_human.control.whole_body import WholeBody
 
 
 class BodyPostures(NamedTuple):
-    """BodyPostures of a body at n instants.
+    """Postures of a body at n instants.
 
     Attributes:
         R: rotation of the root link in the laboratory, shape (n, 3, 3).
@@ -29,7 +29,7 @@ class BodyPostures(NamedTuple):
     q: FloatArray
 
     def rows(self, chosen: npt.NDArray[np.intp] | npt.NDArray[np.bool_]) -> "BodyPostures":
-        """Return the postures of some instants."""
+        """Return the postures of some instants; chosen: their indices, or a mask."""
         return BodyPostures(self.R[chosen], self.p[chosen], self.q[chosen])
 
     def moved(self, step: FloatArray) -> "BodyPostures":
@@ -105,7 +105,7 @@ class MarkerPostures:
         return Geometry(joints, np.array([placed[name] for name in self._names]))
 
     def at(self, postures: BodyPostures, geometry: Geometry | None = None) -> PlacedMarkers:
-        """Return the markers and their derivatives; geometry: other places than those of the body."""
+        """Return the markers and their derivatives; geometry: places of joints and markers, None: those of the body."""
         rotations = self._rotations(postures)
         origins, p = self._placed(rotations, postures, geometry or self.geometry)
         J = np.zeros((*p.shape, ROOT_MOTIONS + postures.q.shape[1]))
@@ -119,7 +119,7 @@ class MarkerPostures:
         return PlacedMarkers(p, J, np.stack([rotations[at] for at in self._on], axis=1))
 
     def positions(self, postures: BodyPostures, geometry: Geometry | None = None) -> FloatArray:
-        """Return the positions of the markers alone, shape (n, m, 3) [m]; geometry: as for `at`."""
+        """Return the positions of the markers, shape (n, m, 3) [m]; geometry: see `at`."""
         return self._placed(self._rotations(postures), postures, geometry or self.geometry)[1]
 
     def by_geometry(self, postures: BodyPostures, changes: Sequence[Geometry]) -> FloatArray:
@@ -131,7 +131,7 @@ class MarkerPostures:
         return np.stack([self._placed(rotations, still, change)[1] for change in changes], axis=-1)
 
     def _joint(self, tree: WholeBody, segment: BodySegment) -> int:
-        """Return the first link after a segment's parent, which the joints of the segment move from their place."""
+        """Return the index of the first link after a segment's parent; its origin is where the segment is attached."""
         at = tree.index[segment.link]
         while (before := self._links[at].parent) >= 0 and self._links[before].name != segment.parent:
             at = before

@@ -55,7 +55,7 @@ class Stances:
         pose: poses of the root link in a frame whose z axis points up, shape (n, 7) [m], quaternion x, y, z, w.
 
     Attributes:
-        middle: stance.
+        middle: stance at the joint positions `q`.
         legs: True if the body has legs, so that the feet can be known.
 
     Raises:
@@ -71,9 +71,9 @@ class Stances:
         self.legs = f"{SIDES[0]}_foot" in self._segments
         self.middle = self._stance(q)
         if not np.isfinite(self.middle.hands).all():
-            raise HricError("the angles of trunk or arms are not known, so the position of the hands is not")
+            raise HricError("the angles of trunk or arms are not known, nor is the position of the hands")
         if not np.isfinite(self.middle.feet).all():
-            raise HricError("the angles of the legs are not known, so the position of the feet is not")
+            raise HricError("the angles of the legs are not known, nor is the position of the feet")
 
     def half_width(self, quantity: Callable[[Stance], FloatArray]) -> FloatArray:
         """Return the half-width of the 95 % interval of a quantity, in its shape and unit.

@@ -88,7 +88,7 @@ def read(path: Path, up: str = "") -> Trial:
         up: vertical axis in the file, y or z; empty: as the file states, or as is usual for its format.
 
     Raises:
-        HricError: the file cannot be read, or has another content.
+        HricError: the file cannot be read, or its content is not in this format.
     """
     readers = {".c3d": read_trial, ".xdf": read_trial, ".trc": read_trc, ".csv": read_motive, ".mvnx": read_mvnx}
     reader = read_handover if is_handover(path) else readers.get(path.suffix.lower())
@@ -185,7 +185,7 @@ def _worn(trial: Trial, prefix: str | None) -> _Worn:
 
 
 def _people(chosen: TrialMarkerSet, labels: Iterable[str]) -> dict[str, Person]:
-    """Return the labels of the markers by prefix; a prefix with few markers does not count next to others."""
+    """Return the labels of the markers by prefix; one with fewer than FEW is left out if others have more."""
     people = chosen.people(labels)
     return {key: found for key, found in people.items() if len(found) >= FEW} or people
 
@@ -240,7 +240,7 @@ def _check_upright(trials: Sequence[Trial], names: Sequence[str], positions: Seq
 
 
 def _of(trials: Sequence[Trial], measures: Mapping[str, float | str]) -> tuple[Subject, dict[str, str]]:
-    """Return the subject by options, files and the default, and the source of each measure."""
+    """Return the subject from options, files and the default, and where each measure comes from."""
     default = load(SUBJECTS / f"{DEFAULT}.yaml")
     values, sources = dict[str, float | str](), dict[str, str]()
     for key in MEASURES:
@@ -266,5 +266,5 @@ def _notes(
         f"assumed: {one.up} points up in {one.name}, which does not state it" for one in trials if not one.up_known
     ]
     notes += worn.chosen.left_out(label for label in trial.labels if label not in used)
-    notes += [f"never visible: {', '.join(never)}"] if never else []
+    notes += [f"markers that are never visible: {', '.join(never)}"] if never else []
     return (*notes, *(f"left out of {one.name}: {sentence}" for one in trials for sentence in one.left_out))

@@ -1,7 +1,7 @@
 """Comparison of joint angles with those that the laboratory's software wrote into the same file.
 
 The angles of Plug-in Gait are those of its own axes, which it builds from single markers; a constant difference between
-both is one of definitions, and is shown apart.
+both comes from the definitions, and is shown separately.
 """
 
 from collections.abc import Mapping
@@ -20,7 +20,7 @@ PLUG_IN_GAIT = {
 }
 """Name, column and sign of the angle by joint without its side, as in Vicon's Plug-in Gait Reference Guide."""
 TRUNK = ("trunk_flex", "RSpineAngles", 0, 1.0)
-"""The same of the trunk."""
+"""Joint of the trunk, with name, column and sign of its angle."""
 
 
 class AngleDifference(NamedTuple):

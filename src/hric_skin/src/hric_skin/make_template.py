@@ -26,10 +26,10 @@ from hric_skin.template import JOINTS, LINKS, MASSES, REGIONS, UNIT, ZONES, norm
 
 TRIANGLES = 5990
 SHARPNESS = 2.5
-"""Exponent of the weights: bends that lose less volume than the rig's, and still do not fold (chosen by looking)."""
+"""Exponent of the weights: bends that lose less volume than the rig's, and still do not fold (chosen by eye)."""
 SOFTENING, SOFT, SOFT_EDGE = 12, 0.2, 0.06
 """Number of smoothings of the weights within a distance [m] of the shoulders, and width of its edge [m]: an arm
-that is lifted makes no sharp fold (chosen by looking)."""
+that is lifted makes no sharp fold (chosen by eye)."""
 COARSE: Mapping[str, tuple[str, float]] = {
     "head": ("head", 0.7),
     "r_wrist": ("r-hand", 0.85),
@@ -183,7 +183,7 @@ def softened(
     Args:
         triangles: indices of vertices, shape (m, 3).
         vertices: vertices of the average man, shape (n, 3) [m].
-        joints: the joint centres by name [m].
+        joints: joint centres by name, shape (3,) each [m].
         weights: shares of the links, shape (n, links).
     """
     away = np.min([np.linalg.norm(vertices - joints[f"{side}-shoulder"], axis=1) for side in "rl"], axis=0)

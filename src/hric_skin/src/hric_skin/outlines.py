@@ -14,7 +14,7 @@ from hric_skin.surface import smoothed
 SMOOTHING = 4
 """Number of times that the borders between regions are smoothed."""
 SMALLEST = 0.15
-"""Smallest area that is outlined, as a share of the region's largest, so that no fold of a mouth or a finger is [1]."""
+"""Smallest outlined area, as a share of the region's largest [1]; smaller ones are folds of the mouth or of fingers."""
 STEP = 6e-3
 """Smallest distance of two points along an outline [m]."""
 
@@ -22,7 +22,7 @@ STEP = 6e-3
 def outlines(skin: Skin, vertices: FloatArray, *, back: bool) -> dict[str, list[FloatArray]]:
     """Return the outlines of each region that can be seen (see `REGION_KEYS`), the farthest region first.
 
-    Nothing is left out inside of an outline, where the surface may be hidden by its own folds.
+    Outlines have no holes, though folds of the surface may hide parts inside of them.
 
     Args:
         skin: skin of a person.
@@ -31,7 +31,7 @@ def outlines(skin: Skin, vertices: FloatArray, *, back: bool) -> dict[str, list[
         back: True for the view from behind, False for the view from the front.
 
     Returns:
-        Closed polygons by region: to the right and up, as the viewer sees them, shape (k, 2) each [m].
+        Closed polygons by region, coordinates to the viewer's right and up, shape (k, 2) each [m].
     """
     sign = -1.0 if back else 1.0
     vertices, first, merged = np.unique(np.round(vertices, 6), axis=0, return_index=True, return_inverse=True)

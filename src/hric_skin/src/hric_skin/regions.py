@@ -22,22 +22,22 @@ NOT_KNOWN = (150, 152, 158)
 
 
 def region_key(region: str, side: str) -> str:
-    """Return the name of a region on a side, "right lower arm, wrist"; in the middle of the body, the region's."""
+    """Return the name of a region with its side, "right lower arm, wrist"; without in the middle of the body."""
     return f"{side} {region}" if region in PAIRED else region
 
 
 REGION_KEYS = tuple(region_key(region, side) for side in SIDES for region in REGIONS if region in PAIRED) + tuple(
     region for region in REGIONS if region not in PAIRED
 )
-"""Names of all regions; those of a pair have their side."""
+"""Names of all regions; a region that the body has on two sides has one for each side."""
 
 
 def keys_of(regions: npt.NDArray[np.uint8], left: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
-    """Return the index into `REGION_KEYS` of vertices, each of shape (n,).
+    """Return the index into `REGION_KEYS` of each vertex, shape (n,).
 
     Args:
-        regions: indices into `REGIONS`.
-        left: True for vertices on the left side; it does not count in the middle of the body.
+        regions: index into `REGIONS` of each vertex, shape (n,).
+        left: True for vertices on the left side, shape (n,); without effect in the middle of the body.
     """
     of_side = [[REGION_KEYS.index(region_key(region, side)) for region in REGIONS] for side in SIDES]
     keys: npt.NDArray[np.int64] = np.array(of_side)[left.astype(int), regions]
@@ -45,7 +45,7 @@ def keys_of(regions: npt.NDArray[np.uint8], left: npt.NDArray[np.bool_]) -> npt.
 
 
 def shade(share: float | None) -> FloatArray:
-    """Return the colour of a share of the limit [1] in `SCALE`: red, green, blue; None or NaN: not known."""
+    """Return the colour (red, green, blue) of a share of the limit [1] in `SCALE`; None or NaN: share not known."""
     if share is None or math.isnan(share):
         return np.array(NOT_KNOWN) / 255.0
     for (low, a), (high, b) in pairwise(SCALE):

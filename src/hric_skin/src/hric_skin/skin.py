@@ -24,7 +24,7 @@ CLOTHES = {
 }
 """Colours of plain work clothes: red, green, blue."""
 ARM_SHARE = 0.3
-"""Smallest share of an arm's links in the vertices of an arm without trunk [1]."""
+"""Smallest weight of an arm's links at a vertex that belongs to an arm without trunk [1]."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class Skin:
 
     @cached_property
     def _few_weights(self) -> csr_matrix:
-        """Weights that are not zero: with all of them, the product would be spread over threads, which takes longer."""
+        """Weights as a sparse matrix: with a dense one, the product would use several threads and take longer."""
         return csr_matrix(self.weights)
 
     @property
@@ -113,7 +113,7 @@ class Skin:
         return float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6.0
 
     def of_links(self, present: Collection[str]) -> "Skin":
-        """Return the part of the skin that some links move, closed where the others began.
+        """Return the part of the skin that the given links move, closed where it is cut off from the others.
 
         Args:
             present: names of links; those that do not move the skin are ignored.

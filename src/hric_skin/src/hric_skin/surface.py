@@ -17,7 +17,7 @@ class Split(NamedTuple):
     Attributes:
         inside, outside: triangles of both parts, shape (m, 3); the edge has the vertices n to n + r of the part inside,
             n + r to n + 2 r of the other.
-        rim: pieces of the edge, as begin and end, 0 to r, in the direction in which the part inside has them, shape
+        rim: line segments of the edge, begin and end as indices 0 to r - 1, oriented as in the triangles inside, shape
             (p, 2).
         mixing: shares of the old vertices in the new ones, shape (n + 2 r, n); the first n are the old ones.
         near: old vertex of the same part next to each new one, shape (n + 2 r,).

@@ -313,7 +313,7 @@ class Supervisor:
         return self._expected(Permitted(float(by_distance[worst]), worst), distance)
 
     def _expected(self, permitted: Permitted, distance: FloatArray) -> Permitted:
-        """Return limits with which the arm is not faster than the person expects either; distance: of the parts [m]."""
+        """Return the limits, lowered to the speed that the person expects; distance: of the parts from the arm [m]."""
         if not self.settings.expected:
             return permitted
         speeds = expected_speed(self.settings.expected, distance)

@@ -26,7 +26,9 @@ class SupervisorSettings(Settings):
 
     separator = "."
     active: bool = flag(True, text="false: the supervisor only observes and reports, and does not slow the robot")
-    mode: str = choice(*MODES, text='kind of collaborative operation: see hric_supervisor, "How it decides"')
+    mode: str = choice(
+        *MODES, text='kind of collaborative operation: see INTERFACE.md of hric_supervisor, "How it decides"'
+    )
     source: tuple[str, ...] = listing(
         choice(HUMAN, MARKER, PERSON),
         range(1, 4),

@@ -115,7 +115,7 @@ class Limits:
         self.table, self._factors = table.scaled(factors.get(LIMITS, 1.0)), factors
 
     def varied(self, factors: Mapping[str, float]) -> "Limits":
-        """Return the limits with unconfirmed numbers changed; factors: see the class."""
+        """Return the limits with unconfirmed numbers multiplied by factors; factors: see the class."""
         return Limits(self.table, factors)
 
     def mass(self, region: str) -> float:

@@ -65,7 +65,7 @@ def _of(kind: str, peak: float, limit: ContactLimit, reading: Pressure, ended: s
     if limit.pressure is not None:
         pressure, unit = limit.pressure.transient if transient else limit.pressure.quasi_static, UNITS["pressure"]
         read = reading(peak)
-        missing = "area or film not known, or smaller than a cell" if read is None else limit.pressure.mark
+        missing = "area or film not known, or area smaller than a cell" if read is None else limit.pressure.mark
         value, top = None if read is None else read / unit, None if pressure is None else pressure / unit
         rows.append(MeasuredQuantity(f"{kind} mean pressure [N/cm^2]", value, top, note or missing))
     return rows

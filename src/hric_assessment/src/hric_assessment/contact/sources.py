@@ -35,7 +35,7 @@ SPRING = "body model: stiffness [N/mm] of the simulated spring, and effective ma
 
 @dataclass(frozen=True)
 class SourceTable:
-    """Table of a file in config/tables; numbers: its single values, and limits of chosen regions; the file has all."""
+    """Table of a file in config/tables; numbers: its single values, and of its limits only those of chosen regions."""
 
     file: Path
     table: tables.TableFile

@@ -23,7 +23,7 @@ DURATION, ACTIONS = "minutes", "actions"
 
 
 class Ends(NamedTuple):
-    """Value with three ends: lower and upper end by what was measured, and the worst one by what is not known."""
+    """Interval of a value by what was measured (low, high), and its upper end with what is not known at its worst."""
 
     low: float
     high: float

@@ -63,9 +63,9 @@ def _column(table: PushTable, distance: float, interval: float) -> int:
         if distance <= group.distance:
             if interval < group.intervals[0]:
                 raise NotAssessableError(
-                    f"one action each {interval:g} s over {distance:g} m is more than the table has: one each "
+                    f"one action every {interval:g} s over {distance:g} m is outside of the table: at most one every "
                     f"{group.intervals[0]:g} s"
                 )
             return before + max(index for index, value in enumerate(group.intervals) if value <= interval)
         before += len(group.intervals)
-    raise NotAssessableError(f"the way is {distance:g} m long; the table has up to {table.columns[-1].distance:g} m")
+    raise NotAssessableError(f"the distance is {distance:g} m; the table has up to {table.columns[-1].distance:g} m")

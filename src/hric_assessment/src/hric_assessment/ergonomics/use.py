@@ -54,7 +54,7 @@ def repeats(time: FloatArray, signals: FloatArray, amplitude: float) -> FloatArr
 def wide(
     time: FloatArray, signal: FloatArray, travel: float, window: float
 ) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """Return True for instants in a window in which a signal travels far, shape (n,).
+    """Return True for instants in a window in which a signal travels at least `travel`, shape (n,).
 
     Args:
         time: ascending times, shape (n,) [s].

@@ -136,7 +136,7 @@ class PostureTable(TableFile):
                     raise unknown("threshold", threshold, self.chosen, f"{where}parts.{name}")
 
     def degrees(self, bound: float | str, shift: float = 0.0) -> float:
-        """Return a bound [deg], or the threshold in `chosen` with this name, negative with a minus in front.
+        """Return a bound [deg]; a text is the name of a threshold in `chosen`, negated by a minus in front.
 
         shift: change of all thresholds in `chosen`, which remain 0 or above [deg].
         """

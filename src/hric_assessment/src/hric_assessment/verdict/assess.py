@@ -77,7 +77,8 @@ def assess(source: AssessmentInput, choices: AssessmentChoices | None = None, *,
     Args:
         source: recording with the files next to it.
         choices: limits, braking, contact area; None: the defaults.
-        muscles: see `loads`; without them the conclusions are the same if joint torques are recorded.
+        muscles: False to save the time of computing muscle loads (see `loads`); if joint torques are recorded,
+            the conclusions are the same.
     """
     verdict, people = judge(source, choices), people_of(source)
     each = [loads(source, person, muscles=muscles) for person in people] or [loads(source, None, muscles=muscles)]

@@ -119,5 +119,5 @@ class Certainty:
             parts = [f"{item.change:+.2g} {self.unit}".rstrip(), *item.shown_effects]
             yield f"moved by {item.number} {item.end} ({item.mark}): {', '.join(parts)}"
         if len(moved) > SHOWN:
-            yield f"and by {len(moved) - SHOWN} more, none of them more than these: see verdict.json"
+            yield f"and by {len(moved) - SHOWN} further numbers, none of them by more: see verdict.json"
         yield from self.unknown

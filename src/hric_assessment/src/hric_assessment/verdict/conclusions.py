@@ -254,7 +254,7 @@ def outcome(conclusions: Sequence[Conclusion], only: Collection[str] = ()) -> Ou
 
 
 def headline(conclusions: Sequence[Conclusion], only: Collection[str] = ()) -> str:
-    """Return the outcome of the questions that count in words; arguments: see `outcome`.
+    """Return in words the outcome of the questions that count; arguments: see `outcome`.
 
     For the question "task" it is the status of the run, since completion has no limit for a person.
     """

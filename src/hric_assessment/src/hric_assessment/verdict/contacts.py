@@ -35,14 +35,14 @@ SILENT_GAP = 0.075
 It is 1.5 times the 50 ms after which an empty message is due (`hric_human.participant.topics.SILENCE`).
 """
 NOT_VARIED = (
-    "the peak force is not that of an impact with a closed form: how masses and stiffness change it is not known"
+    "the peak force is not that of an impact in closed form: how masses and stiffness would change it is not known"
 )
 SPEED_STEP = 1e-3
 """Time step assumed for a plant that does not state one [s]: 1 kHz, as in every run of this workspace."""
 
 
 def contact_findings(source: AssessmentInput, choices: AssessmentChoices) -> list[Finding]:
-    """Return the findings about all contacts of each person, or that contacts are not recorded.
+    """Return the findings about all contacts of each person; if contacts are not recorded, one that states this.
 
     A finding about the energy of a contact follows that about its force.
     """

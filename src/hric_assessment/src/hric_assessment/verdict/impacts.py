@@ -64,7 +64,7 @@ class ExpectedImpacts:
     def approach(
         self, contacts: Sequence[RegionContact], site: ContactSite, simulated: bool
     ) -> tuple[LimitRatio | None, Impact | None, list[str]]:
-        """Return the worst approach speed of some contacts with its limit, its impact, and doubts.
+        """Return the worst approach speed of some contacts with its limit, its impact, and doubts; None: not known.
 
         Args:
             contacts: contacts of an episode.
@@ -95,7 +95,7 @@ class ExpectedImpacts:
     def _lowest(self, impact: Impact | None, site: ContactSite) -> SpeedLimit | None:
         """Return the lowest permitted approach speed of the regions; None: no region has one.
 
-        The chosen one of the robot's masses counts; without a closed form, UNBOUNDED.
+        The robot has the mass that the user chose, or UNBOUNDED if the impact has no closed form.
         """
         mass = UNBOUNDED if impact is None else impact[1].judged(self._which)
         try:

@@ -32,8 +32,8 @@ ASSUMED = (
 
 GEOMETRY = ("horizontal distance H [m]", "height V [m]", "travel D [m]", "asymmetry A [rad]")
 FROM_POSTURE = (
-    "H, V, D and asymmetry from the measured posture: middles of hands and ankles, and pelvis, above a floor at height "
-    "0 of a trial; each has the 95 % interval of the joint angles, and the index that of all their ends together"
+    "H, V, D and asymmetry from the measured posture: midpoints of hands and ankles, and pelvis (floor of a trial: "
+    "height 0); each has the 95 % interval of the joint angles, and the index that of all combinations of ends"
 )
 HIPS = "assumed: the ankles are below the midpoint of the hips"
 WORST_COUPLING, HIGHEST_FREQUENCY = "poor", 100.0

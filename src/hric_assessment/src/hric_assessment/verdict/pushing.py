@@ -16,8 +16,8 @@ from hric_motion.stances import SIDES
 INSTANTS = 21
 """Number of instants at which the height of the hands is taken."""
 NOTES = (
-    "the lower force of the heights, the longer distance and the shorter interval of the table count",
-    "height of the hands: lowest and highest in the time, with the 95 % interval of the joint angles",
+    "between rows of the table, the lower force, the longer distance and the shorter interval count",
+    "height of the hands: lowest and highest during the task, with the 95 % interval of the joint angles",
 )
 
 
@@ -44,7 +44,7 @@ def _finding(person: AssessedPerson, task: PushTask) -> Finding:
     values: dict[str, float | None] = {"lowest hands [m]": heights[0], "highest hands [m]": heights[1]}
     for name, force, accepted in zip(PushLimits._fields, forces, best, strict=True):
         values |= {f"{name} force [N]": force, f"accepted {name} force [N]": accepted}
-    known = {"way": task.distance, "interval": task.interval, "workforce": task.workforce}
+    known = {"distance": task.distance, "interval": task.interval, "workforce": task.workforce}
     unknown = [name for name, value in known.items() if value is None]
     unknown += [f"{name} force" for name, force in zip(PushLimits._fields, forces, strict=True) if force is None]
     if task.workforce not in (MEN, None):
@@ -73,7 +73,7 @@ def _heights(person: AssessedPerson, task: PushTask) -> tuple[float, float]:
 
 
 def _limits(task: PushTask, heights: tuple[float, float]) -> tuple[PushLimits, PushLimits]:
-    """Return the accepted forces with the best and the worst way and interval that are not known; 0: none."""
+    """Return the accepted forces with the best and the worst distance and interval, if not stated; 0: no force."""
     groups = push_table().columns
     shorter, longer = task.distance or groups[0].distance, task.distance or groups[-1].distance
     best = limits(task.action, heights, shorter, task.interval or groups[0].intervals[-1])

@@ -17,7 +17,7 @@ from hric_assessment.typed_json import Content, JsonObject
 QUANTITIES = {CONTACT: "transient peak [N]", SEPARATION: "smallest distance [m]"}
 """Quantities that are compared, by group of the findings."""
 SAME = 1e-9
-"""Relative difference up to which a value is that of the compared run [1]."""
+"""Relative difference up to which a value counts as the one in run.yaml [1]."""
 
 
 def error_bar(value: float, refined: float) -> float:
@@ -47,7 +47,7 @@ def refinement(findings: Sequence[Finding], twin: Sequence[Finding]) -> list[Jso
 
 
 def _compared(findings: Sequence[Finding]) -> list[tuple[str, str, float, float]]:
-    """Return subject with person, quantity, begin [s] and value of each finding that has such a value."""
+    """Return subject with person, quantity, begin [s] and value of each finding with one of QUANTITIES."""
     found = []
     for item in findings:
         quantity, contact = QUANTITIES.get(item.group, ""), item.group == CONTACT
@@ -61,7 +61,7 @@ def _compared(findings: Sequence[Finding]) -> list[tuple[str, str, float, float]
 def line(row: Content) -> str:
     """Return a line with a row of `refinement` for the terminal."""
     if row["bar"] is None:
-        return f"{row['subject']}: {row['quantity']} {row['value']:.4g}, numerical error not known: no such twin"
+        return f"{row['subject']}: {row['quantity']} {row['value']:.4g}, numerical error not known: not in the twin run"
     return f"{row['subject']}: {row['quantity']} {row['value']:.4g} +- {row['bar']:.2g}; half step {row['refined']:.4g}"
 
 

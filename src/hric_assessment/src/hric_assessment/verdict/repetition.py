@@ -21,7 +21,7 @@ JOINTS = ("shoulder", "elbow", "wrist")
 NOTES = (
     "the recording counts as a typical part of the work; a screening, not the OCRA index",
     "shares of the time with the upper arm at shoulder height, wide movements of the elbow, and a bent wrist are "
-    "measured; grip, forces, breaks and pace cannot be",
+    "measured; grip, forces, breaks and pace cannot be measured",
 )
 
 
@@ -84,7 +84,7 @@ def _shares(person: AssessedPerson, side: str, window: tuple[float, float]) -> M
     count = len(person.time)
 
     def beyond(name: str, degrees: float) -> tuple[BoolArray, BoolArray, BoolArray]:
-        """Return where an angle is certainly, possibly, and not known to be beyond a threshold to either side."""
+        """Return masks, shape (n,): certainly and possibly beyond a threshold to either side, and not known."""
         angle = getattr(posture, name)
         size = np.full(count, np.nan) if angle is None else np.abs(np.broadcast_to(angle, count))
         half, limit = np.broadcast_to(spread.get(name, 0.0), count), math.radians(degrees)

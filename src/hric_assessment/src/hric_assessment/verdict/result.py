@@ -202,7 +202,7 @@ class Verdict:
 
 
 def certainty_lines(entry: Content) -> list[str]:
-    """Return the lines of an entry `certainty` of verdict.json."""
+    """Return an entry `certainty` of verdict.json as lines of text."""
     return [*Certainty.read(entry).lines()]
 
 

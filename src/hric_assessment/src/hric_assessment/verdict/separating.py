@@ -307,7 +307,7 @@ def _unproven(approach: PersonSeparation) -> tuple[str, str]:
         why = f"the distance of {', '.join(approach.shapeless)} is not known, since their shapes are meshes"
         return why, "give these links collision shapes: capsules, cylinders, spheres or boxes"
     if approach.unbraked and approach.margin >= 0.0:
-        why = f"how fast {approach.unbraked} stops is not known, and S_p assumes it"
+        why = f"how fast {approach.unbraked} stops is not known; S_p has an assumed stop"
         own = f"stops of this robot, measured or from its manual, with `robot: {approach.unbraked}`"
         return why, f"give {own}: --stop FILE"
     return "", ""

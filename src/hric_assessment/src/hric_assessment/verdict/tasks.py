@@ -18,7 +18,7 @@ from hric_core.errors import HricError
 from hric_core.geometry import FloatArray
 from hric_motion.stances import Stances
 
-WORK = "state it in the work file (--work FILE)"
+WORK = "state what is not known in the work file (--work FILE)"
 """Remedy for a value that a recording cannot show."""
 
 
@@ -61,7 +61,7 @@ def stances_of(person: AssessedPerson, time: FloatArray) -> Stances:
     if person.attitude is None:
         raise NotAssessableError("the pose of the person's pelvis is not known")
     if not (len(person.time) and person.time[0] <= time.min() and time.max() <= person.time[-1]):
-        raise NotAssessableError(f"{time.min():g} to {time.max():g} s is not in the motion of the person")
+        raise NotAssessableError(f"the motion of the person does not cover {time.min():g} to {time.max():g} s")
     joints, rows = list(person.body.joints), np.abs(person.time[:, None] - time).argmin(axis=0)
     q, deviation = np.full((len(time), len(joints)), np.nan), np.zeros((len(time), len(joints)))
     columns = [joints.index(name) for name in person.names if name in joints]

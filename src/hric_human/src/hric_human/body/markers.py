@@ -21,7 +21,7 @@ from hric_human.body.segments import SIDES, BodySegment, side_of
 SEPARATORS = "[:_/]"
 """Characters, as a regular expression, between the prefix of a label and the name of the marker."""
 FEW = 4
-"""Number of markers from which a prefix counts as a body next to others (project default, unconfirmed)."""
+"""Smallest number of markers of a prefix that counts as a body if there are several (project default, unconfirmed)."""
 LYING = 2.0
 """Ratio of distances along y and z, from feet to head, above which z cannot be up (project default, unconfirmed)."""
 
@@ -208,7 +208,7 @@ def check_upright(file: str, positions: Mapping[str, FloatArray], up: str = "z")
     if beside > LYING * abs(z):
         raise ParameterError(
             f"{file} does not state which axis points up; with {up} up, the head is {z:.2f} m above the "
-            f"{'feet' if feet else 'pelvis'} and {beside:.2f} m beside them along {other}; give up: {other}, or "
+            f"{'feet' if feet else 'pelvis'} and {beside:.2f} m beside them along {other}; state up: {other}, or "
             f"up: {up} if the person lies"
         )
 

@@ -196,7 +196,7 @@ class HumanControl:
         self.restart(seed)
 
     def restart(self, seed: int | None = None) -> None:
-        """Reset to the state before the first `update`, with a new controller for the same person; seed: a new one."""
+        """Reset to the state before the first `update`, with a new controller for the same person; None: same seed."""
         if seed not in (None, self.person.seed):
             self.person = replace(self.person, seed=seed, solved={})
         person, senses = self.person, self._settings.senses

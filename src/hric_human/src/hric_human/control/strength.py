@@ -72,7 +72,7 @@ STRENGTH = {
 
 
 def mass_factor(subject: Subject) -> float:
-    """Return the strength of a subject by that of a person of the same sex and of mean mass [1]."""
+    """Return the ratio of a subject's strength to that of a person of the same sex and of mean mass [1]."""
     return float((subject.mass / MEAN_MASS[subject.sex]) ** MASS_EXPONENT)
 
 

@@ -70,7 +70,7 @@ class Startle(Settings):
         """Check that there are rows, and that their distances increase. Raises ParameterError."""
         super().check(where)
         if not self.expected:
-            raise ParameterError(f"{where}expected must have one row or more, [distance, speed]; it has no default")
+            raise ParameterError(f"{where}expected must have one row or more, [distance in m, speed in m/s]")
         check_expected(self.expected, f"{where}expected")
 
 
@@ -109,7 +109,7 @@ class StartledHand(Program):
         return STARTLED if startled else self._motion.phase(time)
 
     def see(self, time: float, position: Vector) -> None:
-        """Start a startle if the end effector is faster than expected at its distance, for the first time."""
+        """Start a startle when the end effector, at `position` [m], becomes faster than expected at its distance."""
         (last_time, last), arm = self._seen, np.array(position)
         if time <= last_time:
             return

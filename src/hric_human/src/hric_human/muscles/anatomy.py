@@ -87,7 +87,7 @@ class Certificate:
     worst: Mapping[str, float]
 
     def __str__(self) -> str:
-        """Return one line of text."""
+        """Return the comparison as one line of text."""
         worst = ", ".join(f"{name} {value:.3f}" for name, value in self.worst.items())
         return (
             f"static optimisation against OpenSim's tool on a motion of 1 s: activations differ by {self.rms:.4f} RMS, "
@@ -146,7 +146,7 @@ def load(path: Path) -> Anatomy:
         content = json.loads(path.read_text())
         muscles = {row["name"]: _muscle(row) for row in content["muscles"]}
         if len({muscle.curves is None for muscle in muscles.values()}) > 1:
-            raise ValueError("some muscles have curves and others have none")
+            raise ValueError("some muscles have curves and others have none; valid: all or none")
         certificate = content.get("certificate")
         return Anatomy(
             content["name"],

@@ -61,9 +61,11 @@ class SampledCurves:
         """Check the numbers. Raises ValueError."""
         tables = self.active, self.passive, self.speed, self.velocity
         if [len(table) for table in tables] != [len(LENGTHS)] * 3 + [len(SPEEDS)]:
-            raise ValueError(f"curves have {[len(table) for table in tables]} samples")
+            raise ValueError(
+                f"curves have {[len(table) for table in tables]} samples; valid: 3 times {len(LENGTHS)}, {len(SPEEDS)}"
+            )
         if not (self.max_velocity > 0.0 and np.isfinite(self.numbers()).all()):
-            raise ValueError(f"curves have the maximum velocity {self.max_velocity} or a sample that is not finite")
+            raise ValueError(f"curves have max_velocity {self.max_velocity}, or a sample is not finite; valid: above 0")
 
     def numbers(self) -> FloatArray:
         """Return all numbers, in the order of the attributes."""

@@ -57,7 +57,7 @@ class MuscleState:
         self.numbers, self._count, self.outside = out, count, outside
 
     def _row(self, row: int) -> FloatArray:
-        """Return a view; it is made only when it is needed, which is not in each cycle."""
+        """Return a view of one quantity of all muscles, made on demand, since few cycles need it."""
         return self.numbers[row * self._count : (row + 1) * self._count]
 
     @property

@@ -36,7 +36,7 @@ SUBJECTS = Path(__file__).resolve().parents[3] / "config" / "subjects"
 TORQUE, MUSCLE = "torque", "muscle"
 """Values of the parameter `drive`: joint torques act directly, or are produced by muscles."""
 HUMAN = "human"
-"""Name of the simulated person beside the robot: of their topics below `hric/`, and of their parameters."""
+"""Name of the simulated person beside the robot, of their topics (`hric/human/...`), and of their parameters."""
 HAND = "hand"
 """Value of a grip's parameter `holder` for the hand that tracks the reference and senses forces."""
 

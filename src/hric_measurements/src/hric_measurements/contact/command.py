@@ -43,13 +43,13 @@ class MeasureContactCommand(Command):
                 type=float,
                 default=(0.5, 0.0, 0.4),
                 metavar=("X", "Y", "Z"),
-                help="in the base frame [m]",
+                help="position of the contact in the base frame [m] (default: 0.5 0.0 0.4)",
             ),
             Argument(
                 "--direction",
                 choices=DIRECTIONS,
                 default="-z",
-                help="of the motion, written --direction=-z (default: -z)",
+                help="direction of the motion in the base frame, written --direction=-z (default: -z)",
             ),
             Argument("--speed", type=float, default=0.25, help="closing speed [m/s] (default: 0.25)"),
             Argument(
@@ -67,8 +67,8 @@ class MeasureContactCommand(Command):
                 help="pad on the spring: relaxed stiffness [N/m], relaxing stiffness [N/m], relaxation time [s]",
             ),
             Argument("--cutoff", type=float, help="cut-off frequency of the filter [Hz] (default: not filtered)"),
-            Argument("--film", type=float, help="edge of a cell of the pressure film [m] (default: not known)"),
-            Argument("--contact-area", type=float, help="area of the contact [m^2] (default: not known)"),
+            Argument("--film", type=float, help="edge of a cell of the film [m] (default: no pressure)"),
+            Argument("--contact-area", type=float, help="area of the contact [m^2] (default: no pressure)"),
             Argument("-o", dest="out", type=Path, metavar="PDF", help="sheet to write (default: none)"),
         ]
 
@@ -94,7 +94,7 @@ class MeasureContactCommand(Command):
 
 
 def _body(arguments: argparse.Namespace) -> HitBody:
-    """Return the device, after a check of its numbers."""
+    """Check the numbers among the options, and return the device that they describe."""
     for name in ("speed", "cutoff", "film", "contact_area"):
         if (value := getattr(arguments, name)) is not None:
             number(above=0.0).checked(value, f"--{name.replace('_', '-')}")

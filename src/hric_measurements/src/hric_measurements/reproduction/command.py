@@ -61,7 +61,7 @@ class ReproduceCommand(Command):
         names = definition.names() if arguments.name == ALL else [arguments.name]
         experiments = {Path(name).stem: definition.load(name) for name in names}
         if arguments.data is not None and not any(experiment.data for experiment in experiments.values()):
-            raise HricError(f"--data: {arguments.name} has no data set; valid: without --data")
+            raise HricError(f"--data: {arguments.name} needs no data set; valid: without --data")
         code, finished = code_version(), list[Reproduction]()
         for name, experiment in tqdm(experiments.items(), unit=" experiments", disable=not sys.stderr.isatty()):
             finished.append(reproduced(name, experiment, code, arguments))

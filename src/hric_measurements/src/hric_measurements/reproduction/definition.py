@@ -34,7 +34,7 @@ class MeasuredValue(FileSettings):
     text: str = text(empty=False, text="the quantity in words")
 
     def check(self, where: str) -> None:
-        """Refuse half a range, a range beside a standard deviation, and a quantity without any value."""
+        """Refuse a range with one end, a range with a standard deviation, and a quantity without any value."""
         if (self.low is None) != (self.high is None) or (self.low is not None and self.sd is not None):
             raise refused(f"{where}low, {where}high", (self.low, self.high), "both, without sd; or neither")
         if not self.column and self.mean is None and self.low is None:

@@ -32,7 +32,7 @@ class ReproductionOutcome(Enum):
 
 
 LOOKS = {ReproductionOutcome.WITHIN: "good", ReproductionOutcome.OUTSIDE: "bad"}
-"""Look of an outcome on a page; all others are warnings."""
+"""Style of an outcome on a page; all other outcomes have that of a warning."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ def simulate(name: str, experiment: PublishedExperiment, data: DataSet) -> Repro
     simulated = dict(experiment.simulation(data))
     if simulated.keys() != experiment.quantities.keys():
         raise HricError(
-            f"{name}: the simulation gives {', '.join(simulated)}; valid: {', '.join(experiment.quantities)}"
+            f"{name}: the simulation returns {', '.join(simulated)}; valid: {', '.join(experiment.quantities)}"
         )
     wrong = [key for key, value in simulated.items() if not math.isfinite(value)]
     if wrong:
@@ -109,7 +109,7 @@ def restore(path: Path, key: str) -> Mapping[str, float] | None:
     except FileNotFoundError:
         return None
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise HricError(f"cannot read {path}: {error!r}; valid: a file of this command, or none") from error
+        raise HricError(f"cannot read {path}: {error!r}; remove it to simulate the experiment again") from error
 
 
 def store(path: Path, key: str, reproduction: Reproduction) -> None:

@@ -51,8 +51,8 @@ It counts as not observed if its variance also exceeds KNOWN_SHARE times the var
 KNOWN_SHARE = 0.25
 """Ratio of a joint's variance to that of its prediction, up to which the joint always counts as observed [1]."""
 MISPLACED, OBSERVABLE = 5e-3, 0.5
-"""Standard deviation of a marker's place on its segment [m]; ratio of a joint's standard deviation, with all markers at
-such places, to that of a uniform distribution over its range, from which on the joint is never measured [1]."""
+"""Standard deviation of a marker's place on its segment [m]; standard deviation of a joint that follows, with all
+markers visible, relative to that of a uniform distribution over its range, from which on it is never measured [1]."""
 FAR = 0.1
 """Distance of a marker from the model [m] above which it is taken as mislabelled or spurious, and ignored."""
 MAX_MISLABELLED = 3

@@ -118,7 +118,7 @@ class MvcService:
         maxima = {name: float(value) for name, value in zip(names, largest, strict=True)}
         if unknown := [name for name, value in maxima.items() if not value > 0.0]:
             return SetBoolResponse(
-                False, f"no sample of {', '.join(unknown)} is known; check the electrodes and repeat"
+                False, f"all samples of {', '.join(unknown)} are NaN or 0; check the electrodes and repeat"
             )
         self._node.set_param("measured_mvc", maxima)
         return SetBoolResponse(

@@ -154,7 +154,7 @@ class _Skin:
         root.subscribe(f"hric/{HUMAN}/joint_states", JointState, self._marker.push, queue_size=1)
 
     def send(self) -> None:
-        """Publish the skin, if somebody looks at it."""
+        """Publish the skin if its topic has a subscriber."""
         if self._publisher.subscribers() and (marker := self._marker.take()) is not None:
             self._publisher.publish(marker)
 

@@ -20,7 +20,7 @@ LIFETIME = 1.0
 
 
 class Triangles(Marker):
-    """Marker whose corners and colours are arrays, which takes a hundredth of the time of messages for each.
+    """Marker message whose corners and colours are arrays: a hundredth of the time of a message for each of them.
 
     Attributes:
         corners: three corners of each triangle, shape (3 m, 3) [m].
@@ -30,7 +30,7 @@ class Triangles(Marker):
     corners, colours = np.zeros((0, 3)), np.zeros((0, 4))
 
     def serialize(self, buff: Any) -> None:
-        """Write the message; `points` and `colors` are empty in it."""
+        """Write the message: the arrays in place of `points` and `colors`, which are empty."""
         whole = io.BytesIO()
         super().serialize(whole)
         count, empty = struct.pack("<I", len(self.corners)), bytes(8)

@@ -73,14 +73,14 @@ def of_run(tables: Mapping[str, TopicTable], run: RunFile, rate: float) -> RunEp
     Args:
         tables: tables of the run by topic.
         run: contents of run.yaml; may be empty.
-        rate: frames per second, a whole part of the rate of the control log [Hz].
+        rate: frames per second, the rate of the control log divided by a whole number [Hz].
 
     Raises:
-        ExportError: there is no control log, or `rate` is not a whole part of its rate.
+        ExportError: there is no control log, or its rate is not a multiple of `rate`.
     """
     logs = [table for table in tables.values() if table.type_name == batches.CONTROL_LOG]
     if len(logs) != 1 or len(logs[0].time) < 2:
-        raise ExportError(f"format lerobot needs the control log of one arm; the bag has {len(logs)}")
+        raise ExportError(f"format lerobot needs one control log of two samples or more; the bag has {len(logs)}")
     sources = {name: (logs[0], of_log) for name, of_log in _columns_of_log(logs[0]).items()}
     for table in tables.values():
         columns = [column.name for column in table.columns]
@@ -129,7 +129,7 @@ def _grid(topics: list[SampledTopic], log: SampledTopic, rate: float) -> FloatAr
     if abs(step - round(step)) > ALMOST or round(step) < 1:
         whole = [log.rate / k for k in (1, 2, 4, 5, 10, 20, 50, 100)]
         valid = ", ".join(f"{value:g}" for value in whole if abs(value - round(value)) < ALMOST)
-        raise ExportError(f"--rate {rate:g}: valid: a whole part of the {log.rate:g} Hz of the control log, as {valid}")
+        raise ExportError(f"--rate {rate:g}: valid: {log.rate:g} Hz of the control log over a whole number: {valid}")
     begin = log.time[np.searchsorted(log.time, max(topic.time[0] for topic in topics) - ALMOST / log.rate)]
     end = min(topic.time[-1] for topic in topics)
     count = int(np.floor((end - begin) * rate + ALMOST)) + 1

@@ -63,7 +63,7 @@ class _XdfFile:
 
 
 def write_xdf(path: Path, trial: C3dTrial) -> None:
-    """Write markers, force plates, EMG and events as streams; times are those of the run, with START_TIME.
+    """Write markers, force plates, EMG and events as streams; times are those of the tables, on the clock of the run.
 
     Args:
         path: file to write.

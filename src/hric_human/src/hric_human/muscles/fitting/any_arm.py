@@ -42,9 +42,9 @@ FIBRES = (0.4, 1.6)
 SHARE = SAMPLES // UNSEEN
 """Number of poses used for the fit per pose used to test it."""
 PROBES, STILL = 8, 1e-7
-"""Number of poses before all others, and change of length between them below which no joint moves a muscle [m]."""
+"""Number of first poses, and change of a muscle's length between them below which the arm does not move it [m]."""
 EARLY = 64
-"""Number of poses after which a model is refused that reaches fewer than a quarter of them; project default."""
+"""Number of poses after which a model is refused if it reached fewer than a quarter of them; project default."""
 _REPORTS = 10
 
 

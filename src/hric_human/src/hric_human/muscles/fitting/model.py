@@ -89,7 +89,7 @@ class ArmModel(ABC):
         """
 
     def curves(self) -> Sequence[SampledCurves | str | None]:
-        """Return each muscle's own curves, why it has none that can be used, or None for the built-in curves."""
+        """Return for each muscle its own curves, the reason why they cannot be used, or None: the built-in curves."""
         return [None] * len(self.muscles)
 
     @abstractmethod

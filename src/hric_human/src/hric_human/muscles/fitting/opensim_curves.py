@@ -44,7 +44,7 @@ class CurveBench:
         self._slider = self._model.getCoordinateSet().get(0)
 
     def sampled(self, name: str) -> SampledCurves | str:
-        """Return the curves of a muscle, or why it has none."""
+        """Return the curves of a muscle, or the reason why they cannot be sampled."""
         muscle = self._model.getMuscles().get(name)
         kind, alpha = muscle.getConcreteClassName(), muscle.getPennationAngleAtOptimalFiberLength()
         old, along = kind.endswith(DEPRECATED), math.cos(alpha)

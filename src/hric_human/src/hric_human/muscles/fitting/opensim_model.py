@@ -64,7 +64,7 @@ class OpenSimArm(Paths, ArmModel):
             super().__init__(model)
         except RuntimeError as error:
             reason = " ".join(_NOISE.sub("", str(error)).split())
-            raise HricError(f"{path} is no OpenSim model: {reason}") from error
+            raise HricError(f"{path} is not an OpenSim model: {reason}") from error
         self.name, self.muscles = model.getName(), self.names
         self.credits = "; ".join(
             " ".join(text.split())
@@ -142,7 +142,7 @@ class OpenSimArm(Paths, ArmModel):
         )
 
     def curves(self) -> list[SampledCurves | str | None]:
-        """Return the curves of the muscles, sampled from OpenSim's, or why OpenSim cannot evaluate them."""
+        """Return the curves of the muscles, sampled from OpenSim's; or the reason why one cannot be sampled."""
         bench = CurveBench(self.model)
         return [bench.sampled(name) for name in self.muscles]
 

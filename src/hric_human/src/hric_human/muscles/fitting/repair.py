@@ -64,7 +64,7 @@ def _read(path: Path) -> tuple[Any, list[str]]:
     try:
         tree = ElementTree.parse(path)
     except (OSError, ElementTree.ParseError) as error:
-        raise HricError(f"{path} is no OpenSim model: {error}") from error
+        raise HricError(f"{path} is not an OpenSim model: {error}") from error
     return tree, sorted(USED - {force.get("name", "") for force in tree.iterfind(".//ForceSet/objects/*")})
 
 

@@ -39,9 +39,9 @@ def _robot() -> Iterator[FrankaHWSim]:
 
 
 def downward_contacts(data: DataSet) -> dict[str, float]:
-    """Return how far the arm's force varies within its workspace, and its limit speed by the standard's [1].
+    """Return the relative range of peak forces in the workspace, and the highest limit speed by the standard's [1].
 
-    The arm moves down on a clamped device with the stiffness of a hand.
+    The arm moves down on a clamped device with the stiffness of a hand; the standard's speed is that of M/2 + m_L.
     """
     stiffness = REGION_MODELS[HAND].stiffness
     limit = Limits.named().held_force((HAND,))

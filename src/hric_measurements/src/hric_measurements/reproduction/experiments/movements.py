@@ -21,7 +21,7 @@ OUTPUTS = {
     "overlap": SweepOutput(path="human.handovers.*.overlap", unit="s"),
     "force": SweepOutput(path="human.handovers.*.force_max", unit="N"),
 }
-"""Time for which giver and taker hold the object, and largest force of the taker's hand meanwhile."""
+"""Outputs of a run: time for which giver and taker hold the object, and the taker's largest force in this time."""
 
 
 def intermediate_speed(data: DataSet) -> dict[str, float]:
@@ -31,7 +31,7 @@ def intermediate_speed(data: DataSet) -> dict[str, float]:
 
 
 def profile(data: DataSet) -> dict[str, float]:
-    """Return the peak speed by the mean speed of a movement [1]."""
+    """Return the ratio of the peak speed to the mean speed of a movement [1]."""
     speed = _speed()
     return {"peak_by_mean": float(speed.max() / speed.mean())}
 

@@ -29,7 +29,7 @@ EIGHT = 2.0 * np.pi * np.arange(8) / 8.0
 
 
 def capacity(data: DataSet) -> dict[str, float]:
-    """Return shoulder adduction and wrist extension [N m] and their ratio, means of the shipped subjects."""
+    """Return the torques of shoulder adduction and wrist extension [N m] and their ratio, means of the subjects."""
     adduction = [strengths(name, "sh_abd")[1] for name in (*WOMEN, *MEN)]
     extension = [strengths(name, "wr_flex")[1] for name in (*WOMEN, *MEN)]
     return {
@@ -40,19 +40,19 @@ def capacity(data: DataSet) -> dict[str, float]:
 
 
 def elbow_by_mass(data: DataSet) -> dict[str, float]:
-    """Return a man's elbow flexion and extension by body mass [N m/kg] and their ratio."""
+    """Return a man's torques of elbow flexion and extension per body mass [N m/kg], and their ratio."""
     flexion, extension = strengths(AVERAGE_MAN, "el_flex")
     mass = control(AVERAGE_MAN).person.body.subject.mass
     return {"flexion": flexion / mass, "extension": extension / mass, "ratio": flexion / extension}
 
 
 def elbow_of_women(data: DataSet) -> dict[str, float]:
-    """Return a woman's elbow flexion [N m]."""
+    """Return a woman's torque of elbow flexion [N m]."""
     return {"flexion": strengths(AVERAGE_WOMAN, "el_flex")[0]}
 
 
 def forearm(data: DataSet) -> dict[str, float]:
-    """Return pronation and supination [N m], weighted by the numbers of men and women."""
+    """Return the torques of pronation and supination [N m], means weighted by the numbers of men and women."""
     men, women = strengths(AVERAGE_MAN, "pro_sup"), strengths(AVERAGE_WOMAN, "pro_sup")
     pronation, supination = np.average([men, women], axis=0, weights=(MEASURED_MEN, MEASURED_WOMEN)).tolist()
     return {"pronation": pronation, "supination": supination}
@@ -76,7 +76,10 @@ def one_handed(data: DataSet) -> dict[str, float]:
 
 
 def horizontal_plane(data: DataSet) -> dict[str, float]:
-    """Return deviations of the subjects' normalised hand forces [1], and the angle of the largest force [deg]."""
+    """Return the largest deviation of a normalised hand force from the subjects' mean [1], and an angle [deg].
+
+    The angle is the largest one, of all subjects, between their largest force and the line from shoulder to hand.
+    """
     patterns, angles = [], []
     for name in (*WOMEN, *MEN):
         person = control(name, NO_GRAVITY).person
