@@ -117,7 +117,7 @@ def test_each_signal_that_it_lacks_is_listed_with_what_it_would_give(verdict: Ve
         "the maximum voluntary contraction of each EMG channel",
         "joints of the legs",
     }
-    assert "F_ext is filtered at 20 Hz" in found["contacts of a person by region"]
+    assert "F_ext, filtered at 20 Hz" in found["contacts of a person by region"]
     assert any("was not fitted to the person" in line for line in verdict.assumptions)
 
 
