@@ -152,7 +152,7 @@ def test_a_reflex_ends_the_episode_and_is_named() -> None:
             _, _, ended, _, info = env.step(command)
             costs.append(info["costs"]["force"])
     assert ended and "cartesian_reflex" in info["reflex"] and max(costs) > 0.1
-    with pytest.raises(HricError, match="the episode has ended"):
+    with pytest.raises(HricError, match="no episode is running"):
         env.step(command)
     _, info = env.reset()
     assert info["reflex"] == ""
@@ -176,7 +176,7 @@ def test_what_does_not_fit_is_refused_with_the_valid_choices() -> None:
         ({"task": "Reaching"}, "CoTransport, Contact, HandGuidance"),
         ({"action": "joints"}, "joint_velocity"),
         ({"person": "actor"}, "none, policy, reactive, scripted, trial"),
-        ({"person": "trial"}, "valid: a path, with person 'trial' only"),
+        ({"person": "trial"}, "valid: a path with person='trial', else none"),
         ({"task": "Handover", "person": "none"}, "valid: scripted, policy"),
         ({"population": "children"}, "adult_female"),
         ({"step": 0.0015}, "a multiple of 0.001 s"),

@@ -138,7 +138,7 @@ def test_after_the_first_left_another_controls(controls: Controls, actions: Note
     [
         ({"command": "joints", "positions": {"joint1": 2.1}}, "valid: -1.000 to 2.000"),
         ({"command": "joints", "positions": {"joint9": 0}}, "valid: joint1, joint2"),
-        ({"command": "jog", "displacement": [0.06, 0, 0, 0, 0, 0]}, "at most 0.05 m"),
+        ({"command": "jog", "displacement": [0.06, 0, 0, 0, 0, 0]}, "valid: up to 0.05 m"),
         ({"command": "push", "link": "hand", "point": [0, 0, 0], "force": [MAX_PUSH, 1, 0]}, "valid: up to 50 N"),
         ({"command": "push", "link": "world", "point": [0, 0, 0], "force": [1, 1, 0]}, "valid: hand, link0"),
         ({"command": "grip", "width": 0.2}, "valid: 0 to 0.08"),

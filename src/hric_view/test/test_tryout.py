@@ -108,7 +108,7 @@ def refuse_defaults(values: Mapping[str, float]) -> str:
     ("values", "text"),
     [
         ({"speed": 2.0}, "the process of the run has died"),
-        ({"speed": 0.2}, "not ended within 5 s"),
+        ({"speed": 0.2}, "was stopped, since it took more than 5 s"),
         ({"stiffness": 20.0}, "because of a programming error: .*nowhere"),
     ],
 )

@@ -10,7 +10,7 @@ from hric_core.parameters import number, whole
 from hric_core.processes import INTERRUPTED_CODE
 
 STEPS = 14_000
-"""Default number of steps of a training (project default)."""
+"""Number of actions in a training, without --steps (project default)."""
 EPISODES = 200
 """Number of episodes of an evaluation, without --episodes (project default)."""
 
@@ -18,9 +18,9 @@ EPISODES = 200
 class TrainCommand(Command):
     """Train a policy that moves the end effector to goals, and write it for hric_controllers/PolicyController.
 
-    SAC of stable-baselines3 learns beside the person, in the environment of the task, how fast to move on the straight
-    line to the goal. Ctrl-C ends it and writes the policy so far with a checkpoint, from which --resume continues.
-    The same seed gives the same file.
+    The policy chooses the speed on the straight line to the goal. SAC of stable-baselines3 trains it in the environment
+    of the task, with the person. Ctrl-C ends the training and writes the policy so far, with a checkpoint from which
+    --resume continues. The same seed gives the same file.
     """
 
     def arguments(self) -> list[Argument]:

@@ -41,9 +41,10 @@ class EpisodeResult:
         score: sum of the rewards of all steps [1].
         success: True if the end effector reached the goal.
         seconds: robot time until the end [s].
-        violations: limits that were exceeded: costs, or the reflex of the arm.
-        force, separation: largest share of the contact limit, and mean share of the separation distance up to 10 [1].
-        reflex: names of the errors with which the control box ended the episode; empty: none.
+        violations: names of the costs that exceeded their limits, and REFLEX if the control box stopped the arm.
+        force: largest contact force as share of its limit [1].
+        separation: mean ratio of protective separation distance to distance, counted up to 10 [1].
+        reflex: names of the errors with which the control box ended the episode; "": none.
     """
 
     score: float
@@ -176,7 +177,7 @@ def table(results: dict[str, list[EpisodeResult]]) -> str:
 
 
 def _counted(flags: Sequence[bool]) -> str:
-    """Return the number of true flags with the exact interval of their share."""
+    """Return the number of true flags, with the exact 95 % interval of their share [%], as text."""
     low, high = (100.0 * end for end in clopper_pearson(sum(flags), len(flags)))
     return f"{sum(flags)} ({low:.1f} to {high:.1f} %)"
 

@@ -34,24 +34,27 @@ SETTINGS: Mapping[str, Any] = {
     "ent_coef": "auto_0.02",
     "policy_kwargs": {"net_arch": [64, 64]},
 }
-"""Parameters of SAC that differ from its defaults (project default)."""
+"""Parameters of stable-baselines3's SAC that differ from its defaults (project default)."""
 RATE = 1e-3
-"""Learning rate at the start; it decreases linearly to zero (project default)."""
+"""Learning rate at the start of a training [1]; it decreases linearly to zero (project default)."""
 SLOWEST = 0.2
-"""Smallest speed that the network can choose, as share of the full speed [1]; the arm reaches every goal in the time of
-the task, thus an untrained network does, too (project default)."""
+"""Smallest speed that the network can choose, as share of the full speed [1] (project default). At this speed the arm
+reaches every goal within the time of the task, so even an untrained network does."""
 FORCE_COST = 5.0
-"""Cost of the share of the contact limit in training, beyond the reward of the task [1]: a rare reflex alone does not
-say how near a motion came to it (project default)."""
+"""Weight in training by which a force as share of its contact limit (up to 1) reduces the reward of a step, in addition
+to the reward of the task [1] (project default). Reflexes alone are too rare to show how near a motion came to one."""
 TINY = 1e-6
-"""Smallest divisor of an offset [1]."""
+"""Smallest divisor of the goal's offset, which prevents a division by zero [1]."""
 RECENT = 50
 """Number of episodes over which the progress bar averages."""
 Ends = list[tuple[float, bool, bool]]
 
 
 class _Progress(BaseCallback):
-    """Progress bar with return, successes, and excessive forces or reflexes of the newest episodes; ends at Ctrl-C."""
+    """Progress bar with mean return, and shares of episodes with success and with a violation; it ends at Ctrl-C.
+
+    The figures are those of the newest RECENT episodes. A violation is a force above its limit, or a reflex.
+    """
 
     def __init__(self, steps: int, interrupted: threading.Event) -> None:
         super().__init__()
@@ -75,9 +78,10 @@ class _Progress(BaseCallback):
 
 
 class TrainingEnv(Wrapper):
-    """Environment whose action is the speed of the straight motion to the goal; contacts cost more than in the task.
+    """Training environment whose action is the speed of the straight motion to the goal; contacts cost FORCE_COST more.
 
-    The motion is that of `export`: full speed along the farthest axis for an action of 1, SLOWEST of it for -1.
+    An action of 1 is full speed along the axis on which the goal is farthest, -1 is SLOWEST times that. The network
+    that `export` writes moves in the same way.
     """
 
     def __init__(self, env: PolicyEnv) -> None:
@@ -85,12 +89,12 @@ class TrainingEnv(Wrapper):
         self.action_space = unit_box(1)
 
     def reset(self, **settings: Any) -> tuple[Vector, dict[str, Any]]:
-        """Begin an episode."""
+        """Begin an episode; return observation and `info`, see `CollaborationEnv.reset`."""
         self._observation, info = self.env.reset(**settings)
         return self._observation, info
 
     def step(self, action: Vector) -> tuple[Vector, float, bool, bool, dict[str, Any]]:
-        """Move at the speed of an action."""
+        """Move straight to the goal for one step; `action`: speed as a number from -1 to 1, shape (1,)."""
         offset = self._observation[-3:]
         speed = SLOWEST + (1.0 - SLOWEST) * 0.5 * (float(action[0]) + 1.0)
         velocity = speed * offset / max(float(np.abs(offset).max()), TINY)
@@ -116,7 +120,10 @@ def train(agreed: PolicyContract, output: Path, *, resume: bool = False) -> bool
     env, rate = TrainingEnv(environment(agreed)), {"learning_rate": lambda left: RATE * left}
     if resume:
         if not (checkpoint.is_file() and replay.is_file()):
-            raise HricError(f"there is no checkpoint {checkpoint} with {replay}; valid: without --resume")
+            raise HricError(
+                f"--resume needs the checkpoint {checkpoint} and {replay}, of which one is missing; "
+                "valid: --output of an earlier training, or no --resume"
+            )
         model = SAC.load(checkpoint, env, custom_objects=rate)
         model.load_replay_buffer(replay)
     else:
@@ -136,9 +143,9 @@ def train(agreed: PolicyContract, output: Path, *, resume: bool = False) -> bool
 
 
 def export(model: Any, agreed: PolicyContract, output: Path) -> None:
-    """Write the deterministic policy as an ONNX network with the contract: straight motion at the speed of SAC's mean.
+    """Write the deterministic policy as an ONNX file with the contract: straight motion at the speed of SAC's mean.
 
-    The offset of the goal is the last field of the observation.
+    The network takes the direction from the offset of the goal, the last field of the observation.
     """
     actor, make = model.actor, onnx.helper.make_node
     layers = [layer for layer in (*actor.latent_pi, actor.mu) if isinstance(layer, torch.nn.Linear)]
@@ -169,7 +176,7 @@ def export(model: Any, agreed: PolicyContract, output: Path) -> None:
 
 
 def _save(nodes: list[Any], constants: Mapping[str, Any], agreed: PolicyContract, output: Path) -> None:
-    """Write nodes as an ONNX network with the contract."""
+    """Write an ONNX file with the nodes of a network, its constants by name, and the contract."""
     ends = [
         onnx.helper.make_tensor_value_info(name, onnx.TensorProto.FLOAT, [1, count])
         for name, count in ((INPUT, agreed.size), (OUTPUT, ACTIONS))

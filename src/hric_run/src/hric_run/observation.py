@@ -1,4 +1,4 @@
-"""Observations of a simulation at one instant, as arrays: arm, person, contacts and distance, without messages."""
+"""State of a simulation at one instant as NumPy arrays: arm, person, contacts and distance, without ROS messages."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -20,13 +20,13 @@ from hric_supervisor.person import BodyShape, Observation
 
 @dataclass(frozen=True)
 class ArmObservation:
-    """State of the robot at the measuring instant.
+    """State of the robot at the time of the last measurement.
 
     Attributes:
         q, dq, tau: joint positions, velocities and measured torques, shape (n,) each [rad], [rad/s], [N m].
-        T_base_ee: pose of the end effector in the base, shape (4, 4); None: the robot has no Franka state.
-        wrench_base: external wrench that the control box estimates at the stiffness frame, forces then moments, axes of
-            the base, shape (6,) [N], [N m]; None likewise.
+        T_base_ee: pose of the end effector in the base frame (O_T_EE), shape (4, 4); None: not a Franka arm.
+        wrench_base: external force and moment that the control box estimates at the stiffness frame, in the axes of the
+            base (O_F_ext_hat_K), shape (6,) [N], [N m]; None: not a Franka arm.
         capsules: capsules of the links in the world, with their velocities.
     """
 
@@ -40,16 +40,17 @@ class ArmObservation:
 
 @dataclass(frozen=True)
 class PersonObservation:
-    """State of the simulated person after the last step of the plant.
+    """State of the simulated person after the last time step of the plant.
 
     Attributes:
         joints: names of the joints.
         q, dq: joint positions and velocities, shape (n,) each [rad], [rad/s].
         T_world_root: pose of the root link in the world, shape (4, 4).
-        T_world_hand: pose of the hand that tracks references, at the point that does so, in the world, shape (4, 4).
-        tau, strength_share: joint torques [N m], and their share of the strength [1], shape (n,), as the person last
-            reported them (`human.rate`); NaN before the first report.
-        activations: activation of each muscle [1], likewise; None: joint torques drive the person.
+        T_world_hand: pose in the world of the controlled hand, at the point that tracks the reference, shape (4, 4).
+        tau, strength_share: joint torques [N m], and their share of the joints' strength [1], shape (n,) each, from the
+            last message of the person (rate: `human.rate`); NaN before the first message.
+        activations: activation of each muscle [1], shape (m,), from the last message; None: joint torques drive the
+            person.
         capsules: capsules of the body in the world.
     """
 
@@ -71,8 +72,8 @@ class SimulationState:
     Attributes:
         time: robot time [s].
         arm: state of the robot.
-        person: state of the person; None: there is none.
-        contacts: contact points of the last step.
+        person: state of the person; None: the experiment has no person.
+        contacts: contact points of the last time step.
         separation: smallest distance of arm and person [m], negative if their capsules overlap; None: no person.
     """
 
@@ -84,14 +85,14 @@ class SimulationState:
 
 
 class Observer:
-    """Reader of the state of a simulated robot and of the person beside it.
+    """Reader of the state of a simulated robot and of the person next to it.
 
     Args:
         node: node of the robot's namespace.
         hw: the simulated robot.
 
     Attributes:
-        settings: settings of the person; None: there is none.
+        settings: section `human` of the experiment; None: there is no person.
 
     Raises:
         DescriptionError: a link of the robot has no capsule, as a mesh is its only collision shape.
@@ -117,7 +118,7 @@ class Observer:
             node.subscribe(f"hric/{HUMAN}/activation", MuscleActivation, self._on_activation)
 
     def restart(self) -> None:
-        """Forget what the person reported before a reset."""
+        """Delete torques and activations that the person published before a reset."""
         if self.settings is not None:
             self._tau = self._share = np.full(len(self._joints), np.nan)
             self._activations = np.empty(0) if self.settings.drive == MUSCLE else None
@@ -129,7 +130,7 @@ class Observer:
         self._activations = np.array(message.activation)
 
     def observe(self) -> SimulationState:
-        """Return the present state."""
+        """Return the present state of arm, person, contacts and distance."""
         hw, state = self._hw, self._state
         q, dq, tau = (np.array(values) for values in (hw.states.position, hw.states.velocity, hw.states.effort))
         arm = ArmObservation(

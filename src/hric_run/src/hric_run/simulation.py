@@ -44,10 +44,10 @@ class Simulation:
     The same experiment with the same seed gives bit for bit the same result, in a new process as after a thousand runs
     in this one: `reset` constructs robot and controllers again, or with `in_place` returns them to their start.
 
-    For a caller that acts between short parts of a run, as in reinforcement learning:
+    For a caller that sends commands between short parts of a run, as in reinforcement learning:
 
         simulation.command("joint_pd_controller", q)           # as from the controller's topic
-        simulation.advance(40)                                 # cycles of 1 ms
+        simulation.advance(40)                                 # control cycles of 1 ms
         simulation.observe().arm.T_base_ee                     # (4, 4)
 
     Args:
@@ -180,22 +180,22 @@ class Simulation:
         self._refuse_stopped()
 
     def _refuse_stopped(self) -> None:
-        """Raise an error if a controller was stopped by an error."""
+        """Raise HricError if an error has stopped a controller."""
         failed = [text for part in self.parts for text in part.failures()]
         if failed:
             raise FailureError(f"experiment {self.definition.name}: {'; '.join(failed)}")
 
     def advance(self, cycles: int) -> None:
-        """Run some cycles, without a progress bar, signal handlers, or the messages at the end of `run`.
+        """Run a number of control cycles, without progress bar, signal handlers, and the messages at the end of `run`.
 
         Args:
             cycles: number of cycles, 1 or more.
 
         Raises:
-            HricError: the robot failed, or a controller was stopped by an error.
+            HricError: the robot failed, or an error has stopped a controller.
         """
         if cycles < 1:
-            raise HricError(f"the number of cycles must be at least 1; got {cycles}")
+            raise HricError(f"cycles is {cycles}; valid: at least 1")
         app, timeline, stop = self.app, self._timeline, self.app.hw.stop
         last = app.cycles + cycles
 
@@ -215,7 +215,7 @@ class Simulation:
         self._refuse_stopped()
 
     def command(self, controller: str, command: "Command") -> None:
-        """Send a command to a controller, which checks it as one from its topic.
+        """Send a command to a controller, which checks it like a message on its topic.
 
         Args:
             controller: name of the controller.
@@ -228,7 +228,7 @@ class Simulation:
         self._commands.send(controller, command)
 
     def observe(self) -> "SimulationState":
-        """Return the present state of arm and person, contacts and distance, as arrays.
+        """Return the present state of arm and person, contacts and distance, as NumPy arrays.
 
         Raises:
             DescriptionError: a link of the robot has no capsule, so that its distance from a person is not known.
@@ -252,13 +252,13 @@ class Simulation:
 
         Args:
             seed: new seed; None: the seed is not changed.
-            in_place: True to keep robot, plant and controllers, and return them to their start. The following run has
-                the same bits, and the reset takes a tenth of the time or less.
+            in_place: True: return the existing robot, plant and controllers to their start state. The following run has
+                bit for bit the same result, and the reset takes a tenth of the time or less.
             q_start: new start position of the robot, n floats [rad or m]; None: it is not changed.
             overrides: further overrides, in addition to the earlier ones; not with `in_place`.
 
         Raises:
-            HricError: the experiment cannot run, and the simulation is then closed; or it cannot be reset in place.
+            HricError: the experiment cannot run (the simulation is then closed), or cannot be reset in place.
         """
         if in_place:
             self._return_to_start(self.seed if seed is None else seed, q_start, overrides)
@@ -291,7 +291,7 @@ class Simulation:
         self._timeline = Timeline(self.node, self.definition.all_setpoints, [], starts)
 
     def _flush_log(self) -> None:
-        """Complete the control log, of which `advance` leaves the last rows."""
+        """Publish the last rows of the control log, which `advance` has not published yet."""
         if self.app.log is not None:
             self.app.log.complete()
             self.app.log.flush()

@@ -1,4 +1,4 @@
-"""Parts of `Simulation` for callers that act between short parts of a run: commands, and the return to the start."""
+"""Functions of `Simulation` for callers that run it in short parts: commands to controllers, and reset in place."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from hric_run.definition.experiment import Experiment
 from hric_run.definition.parameters import HUMAN, LOAD_SERVICE, ROBOT, SEED_STEP, load_request
 
 Command = Sequence[float] | Pose
-"""Numbers, or an equilibrium pose in the robot's base."""
+"""Command to a controller: numbers for its topic `command`, or an equilibrium pose in the robot's base."""
 
 
 class Commands:
@@ -52,7 +52,9 @@ class Commands:
             publisher = self._node.advertise(topic, kind)
             if not publisher.subscribers():
                 publisher.unregister()
-                raise HricError(f"nothing subscribes to {topic}; valid: a topic of {', '.join(self._controllers)}")
+                raise HricError(
+                    f"nothing subscribes to {topic}; valid: a topic of a controller: {', '.join(self._controllers)}"
+                )
             self._publishers[topic] = publisher
         return self._publishers[topic]
 
@@ -105,14 +107,17 @@ def controlled_robots(app: RobotApp, node: LocalNode, definition: Experiment) ->
 
 
 def simulated(app: RobotApp) -> SimulatedRobot:
-    """Return the robot. Raises HricError if it is not simulated in this process."""
+    """Return the robot of an app. Raises HricError if it is not simulated in this process."""
     if not isinstance(app.hw, SimulatedRobot):
-        raise HricError(f"{app.name} is not simulated in this process; valid: a SimulatedRobot")
+        raise HricError(f"{app.name} is not simulated in this process; valid for robot.hw: a SimulatedRobot")
     return app.hw
 
 
 def set_start(app: RobotApp, node: LocalNode, q_start: Sequence[float]) -> None:
-    """Set the start position of the robot, n floats [rad or m]. Raises HricError if it is far outside the range."""
+    """Set the start position of the robot, n floats [rad or m].
+
+    Raises HricError if a position is far outside the range of its joint.
+    """
     hw = simulated(app)
     check_start(hw.description, hw.states.names, q_start, "q_start")
     hw.q_start = [float(value) for value in q_start]
@@ -122,7 +127,7 @@ def set_start(app: RobotApp, node: LocalNode, q_start: Sequence[float]) -> None:
 def return_to_start(
     app: RobotApp, node: LocalNode, definition: Experiment, robots: Sequence[ControlledRobot], seed: int
 ) -> None:
-    """Return robot, plant, person and controllers to the start, so that the following run has the bits of a new one.
+    """Reset robot, plant, person and controllers, so that the next run equals that of a new simulation bit for bit.
 
     Args:
         app: robot and controller manager; called by the thread that runs the cycles.

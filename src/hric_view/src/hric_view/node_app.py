@@ -35,7 +35,7 @@ class WindowSettings(Settings):
         0, minimum=0, maximum=65535, text="TCP port of the window; 0: 8090, or a free one if 8090 is taken"
     )
     rate: float = number(30.0, minimum=1.0, maximum=120.0, unit="Hz", text="rate of the frames, in wall time")
-    control: bool = flag(False, text="execute commands from the page; the page is no safety stop")
+    control: bool = flag(False, text="execute commands from the page; the page is not a safety stop")
     robot_description: str = text("robot_description", empty=False, text="parameter with the URDF of the arm")
 
 

@@ -189,7 +189,7 @@ def namespace(experiment: Experiment, seed: int = 0) -> dict[str, Any]:
 
 
 def load_request(spec: RobotSpec) -> Any:
-    """Return the request to the service `LOAD_SERVICE` for the payload (inertia zero); None: there is no payload.
+    """Return the request to the service `LOAD_SERVICE` for `robot.load` (inertia zero); None: there is no payload.
 
     Raises:
         HricError: the robot has no control box of a Franka arm.
@@ -263,7 +263,7 @@ def joint_limits(experiment: Experiment) -> Mapping[str, Mapping[str, object]]:
 def mocap(experiment: Experiment, seed: int = 0) -> dict[str, dict[str, object]]:
     """Return the private parameters of the motion capture nodes, by node name; empty without a section `mocap`.
 
-    The nodes are the client, and the emulated human with an emulated Motive.
+    The nodes are the NatNet client, and the emulated human with an emulated Motive.
 
     Raises:
         ExperimentError: the emulated human reacts to a robot that does not publish its pose.

@@ -13,7 +13,7 @@ from hric_run.definition.experiment import Experiment, RobotSpec
 
 
 def description(spec: RobotSpec) -> str:
-    """Return the `robot_description` (URDF, xacro expanded): of the Panda, or from another robot's URDF or xacro file.
+    """Return the URDF of an experiment's robot, expanded from xacro: the Panda, or the robot in the file `robot.urdf`.
 
     Raises:
         HricError: an argument for the Panda's description is unknown, or the file is not usable.
@@ -52,9 +52,9 @@ def _arm_joints(arm_id: str) -> list[str]:
 
 
 def actuated_joints(spec: RobotSpec) -> list[str]:
-    """Return the names of the robot's joints that controllers can command, in order.
+    """Return the names of the joints that controllers can command, in the order of the description.
 
-    They are the seven joints of a Franka arm if the robot has these.
+    These are the joints with a transmission; if the seven joints of a Franka arm are among them, only these.
 
     Raises:
         HricError: the robot's description is not usable.
@@ -67,7 +67,7 @@ def actuated_joints(spec: RobotSpec) -> list[str]:
 
 
 def base_link(spec: RobotSpec) -> str:
-    """Return the link that the first joint of the robot moves against, whose frame is the robot's base frame."""
+    """Return the name of the parent link of the robot's first joint, whose frame is the robot's base frame."""
     if not spec.urdf:
         return f"{spec.arm_id}_link0"
     return read(description(spec)).joints[actuated_joints(spec)[0]].parent
@@ -80,9 +80,9 @@ def all_joints(definition: Experiment) -> list[str]:
 
 
 def with_joints(controllers: Mapping[str, Mapping[str, object]], spec: RobotSpec) -> dict[str, dict[str, object]]:
-    """Return parameters of controllers, which are those of a Franka arm, for the robot of an experiment.
+    """Return the parameters of controllers, written for a Franka arm, converted to the robot of an experiment.
 
-    For another robot, its joints replace those of the arm, and values of single joints of the arm are dropped.
+    For another robot, its joint names replace those of the arm, and values for each joint of the arm are removed.
 
     Args:
         controllers: parameters by name of the controller.
