@@ -214,7 +214,7 @@ def test_the_built_in_anatomy_and_a_fitted_file_are_found(tmp_path: Path):
     ("change", "expected"),
     [
         (lambda text: "no model", "is no model of an arm"),
-        (lambda text: "<a/>", "no OpenSim model"),
+        (lambda text: "<a/>", "not an OpenSim model"),
         (lambda text: text.replace("ulna", "shin"), "it needs a body named ulna, distal to one named humerus"),
         (lambda text: without(text, "ForceSet"), "has no muscles"),
         (lambda text: text.replace("<locked>false", "<locked>true"), "no coordinate that bends the elbow"),

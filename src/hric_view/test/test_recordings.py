@@ -124,7 +124,7 @@ def test_a_damaged_definition_is_listed_as_fault(tmp_path: Path) -> None:
 def test_only_runs_of_the_folder_are_shown(root: Path, name: str) -> None:
     window = RecordedWindow(root)
     for path in ("/run", "/report"):
-        with pytest.raises(HricError, match=r"the newest: .*contact"):
+        with pytest.raises(HricError, match=r"the newest runs: .*contact"):
             window.page(visit(path, run=name))
     with pytest.raises(HricError, match="no run"):
         window.scene(visit("/socket", run=name))
