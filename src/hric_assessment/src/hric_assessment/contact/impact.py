@@ -260,7 +260,10 @@ class ClosedFormModels:
         return ClosedFormImpact(speed, robot_mass, human_mass, law[0].stiffness)
 
     def robot_masses(self, contact: RegionContact, load: float) -> RobotMasses:
-        """Return the robot's masses in a contact of which `impact` returns the closed form; load: held mass [kg]."""
+        """Return the estimates of the robot's effective mass at the first touch of a contact, if `impact` knows it.
+
+        load: held mass [kg].
+        """
         q, link = _at(contact.begin, self._log.time, self._log.position), contact.other.rpartition("::")[2]
         assert contact.begin_point is not None and contact.begin_normal is not None, "`impact` has tested it"
         return self._robot.robot_masses(q, link, contact.begin_point, contact.begin_normal, load)

@@ -104,7 +104,7 @@ class Certainty:
 
     @property
     def interval(self) -> str:
-        """Sentence with the interval."""
+        """Sentence with the range of the value within the ranges of unconfirmed numbers; no confidence interval."""
         form = ".3f" if self.unit == "m" else ".3g"
         if self.question == POSTURE:
             form = ".0f"

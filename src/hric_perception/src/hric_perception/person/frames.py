@@ -88,7 +88,7 @@ class BodyMessages:
         )
 
     def frames(self, head: Any, estimate: PersonEstimate) -> Any:
-        """Return tf2_msgs/TFMessage: `person/LINK` of the links that are not lost, all in the frame of the markers."""
+        """Return tf2_msgs/TFMessage: `person/LINK` of links that are not lost; head: std_msgs/Header of the markers."""
         if estimate.root_state == LOST:
             return TFMessage()
         poses = self._dynamics.poses(estimate.q, estimate.root)

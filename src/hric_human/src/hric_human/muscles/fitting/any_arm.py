@@ -109,7 +109,7 @@ def _acting(placing: Placing, model: ArmModel, requested: FloatArray) -> list[bo
 
 
 def _curves(model: ArmModel, acting: Sequence[bool]) -> Sequence[SampledCurves | str | None]:
-    """Return the curves of the muscles, or the reason why one cannot be used.
+    """Return for each muscle its curves, the reason why it cannot be used, or None for the built-in curves.
 
     Raises:
         HricError: half or more of the muscles that act on the arm cannot be used.

@@ -62,7 +62,7 @@ def frames_of(
 
 
 def _along(bone: FloatArray, right: FloatArray) -> FloatArray:
-    """Return axes right, up, back, shape (3, 3): up is along the bone, right as near as possible to `right`."""
+    """Return unit axes right, up, back as columns, shape (3, 3): up along the bone, right near `right`."""
     up = bone / np.linalg.norm(bone)
     across = right - up * (up @ right)
     across /= np.linalg.norm(across)
