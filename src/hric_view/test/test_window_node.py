@@ -159,7 +159,11 @@ def test_viewers_get_the_scene_and_what_the_topics_say(address: str, robot: Robo
     assert [joint["name"] for joint in arm["joints"]] == ["arm_joint1", "arm_joint2"] and arm["skin"] is None
     assert "r_wrist" in person["skin"]["links"]
     elbow = next(joint["column"] for joint in person["joints"] if joint["name"] == "right_el_flex")
-    frame = next(frame for frame in came if frame["robots"][1].get("root") and frame.get("forces"))
+    frame = next(
+        frame
+        for frame in came  # the topics are connected one after the other
+        if frame["robots"][0]["q"][1] is not None and frame["robots"][1].get("root") and frame.get("forces")
+    )
     first, second = frame["robots"]
     assert first["q"] == [None, 0.25] and second["q"][elbow] == 1.5
     assert second["root"] == [0.9, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]
