@@ -65,7 +65,7 @@ def test_the_elbow_moves_and_the_hand_stays(connect: Callable[..., Robot], backe
         robot.load(name, arm_id="panda", type="franka_example_controllers/ElbowExampleController")
         robot.switch([name], [])
         robot.run(0.1)
-        assert "cannot be commanded by the elbow" in robot.hw.error
+        assert "cannot command the elbow" in robot.hw.error
         robot.hw.recover()
         return
     q, p = moved(connect, name)
