@@ -45,7 +45,8 @@ class MassProperties:
         Of the possible orders of the axes, the one with the least rounding error in roll, pitch and yaw is chosen.
         """
         moments, axes = np.linalg.eigh(self.inertia)
-        best, heights = (0, 1, 2), np.abs(axes[2]).tolist()
+        best: tuple[int, ...] = (0, 1, 2)
+        heights = np.abs(axes[2]).tolist()
         for order in itertools.permutations(best):
             if heights[order[0]] < heights[best[0]] - 1e-9:
                 best = order
