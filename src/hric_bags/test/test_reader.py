@@ -43,6 +43,13 @@ def test_an_overlapping_batch_adds_only_its_new_cycles() -> None:
     assert (log.cycles, log.repeats, log.gaps) == (40, ((10, 10),), ())
 
 
+def test_a_message_of_the_control_log_without_some_of_its_values_is_refused() -> None:
+    message = log_message(0, 20, signals(100, 0.0))
+    message.velocity = message.velocity[:-1]
+    with pytest.raises(BagError, match=r"59 values of velocity; valid: 60"):
+        bag_reader.stitch([message])
+
+
 class Watched(SimpleNamespace):
     """Message of which tests can see when it is deleted."""
 

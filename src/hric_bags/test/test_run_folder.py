@@ -40,6 +40,22 @@ def test_a_run_is_found_by_path_name_and_latest(tmp_path: Path) -> None:
         assert RunFolder.open(given, tmp_path).read() == {"experiment": "a", "status": "completed"}
 
 
+def test_the_writer_of_a_run_reads_what_everybody_reads(tmp_path: Path) -> None:
+    folder = RunFolder.create(tmp_path, "a", NOW)
+    odd = {
+        "texts": ("1e3", "yes", "a: b\n ü", "2024-05-06"),
+        "numbers": [1, 1.0, 1e-9, -0.0, float("inf")],
+        "of": {2: None},
+    }
+    folder.write({"experiment": "a", "status": "running", "parameters": odd})
+    folder.update(status="completed", real_time_factor=2.5)
+    assert repr(folder.read()) == repr(RunFolder.open(folder.path).read())
+    folder.read()["parameters"]["texts"] = "changed"  # type: ignore[typeddict-item]
+    assert repr(folder.read()) == repr(RunFolder.open(folder.path).read())
+    RunFolder.open(folder.path).update(status="interrupted")
+    assert folder.read()["status"] == "interrupted"
+
+
 def write_and_die(root: Path, number: int) -> Path:
     """Create a run whose process is ended by signal `number` while it runs; return its folder."""
     code = (

@@ -2,6 +2,7 @@
 
 import hashlib
 import re
+from array import array
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -23,6 +24,8 @@ COMMAND_TYPE = "std_msgs/msg/Float64MultiArray"
 STATE_TYPE = "control_msgs/msg/JointTrajectoryControllerState"
 FRANKA_TYPE = "franka_msgs/msg/FrankaState"
 TYPES = (LOG_TYPE, COUNTS_TYPE, COMMAND_TYPE, STATE_TYPE, FRANKA_TYPE)
+ROS_TYPES = {kind.replace("/msg/", "/"): kind for kind in TYPES}
+"""The types by the names that ROS messages have, without `msg`."""
 _CONTROLLER_COMMAND = re.compile(r"/[^/]+/command$")
 SAME_CLOCK = 1e-6
 """Largest drift between robot time and stamps with which both count as one clock [s]: it is only rounding."""
@@ -259,8 +262,9 @@ class _JoinedLog:
 
     def __init__(self) -> None:
         self.clock: list[tuple[float, float]] = []
-        self._arrays: dict[str, npt.NDArray[Any]] = {}
-        self._cycles = self._first = self._expected = 0
+        self._arrays = {name: array("d") for name in ("time", *ARRAYS)}
+        self._by_effort: list[tuple[int, list[bool]]] = []
+        self._first = self._expected = 0
         self._gaps: list[tuple[int, int]] = []
         self._repeats: list[tuple[int, int]] = []
         self._last: Any = None
@@ -280,32 +284,40 @@ class _JoinedLog:
         skip = min(max(self._expected - start, 0), count)
         if skip:
             self._repeats.append((start, skip))
-        rows = {name: np.asarray(getattr(message, name), dtype=float).reshape(count, joints) for name in ARRAYS}
-        time = np.asarray(message.time, dtype=float)
-        by_effort = np.repeat([[kind == "effort" for kind in message.command_interface]], count, axis=0)
-        end = self._cycles + count - skip
-        for name, values in {"time": time, **rows, "by_effort": by_effort}.items():
-            stored = self._arrays.setdefault(name, values[:0])
-            if end > len(stored):  # a new array, since earlier records still refer to the old one
-                grown = np.empty((2 * end, *values.shape[1:]), values.dtype)
-                grown[: self._cycles] = stored[: self._cycles]
-                self._arrays[name] = stored = grown
-            stored[self._cycles : end] = values[skip:]
+        self._append("time", message.time, count, skip)
+        for name in ARRAYS:
+            self._append(name, getattr(message, name), count * joints, skip * joints)
+        self._by_effort.append((count - skip, [kind == "effort" for kind in message.command_interface]))
         if count:
-            self.clock.append((seconds(message.header.stamp), float(time[0])))
-        self._cycles, self._expected, self._last = end, max(self._expected, start + count), message
+            self.clock.append((seconds(message.header.stamp), float(message.time[0])))
+        self._expected, self._last = max(self._expected, start + count), message
+
+    def _append(self, name: str, values: Any, size: int, skip: int) -> None:
+        if len(values) != size:
+            raise BagError(f"a message of the control log has {len(values)} values of {name}; valid: {size}")
+        new = values[skip:]  # a list from ROS, an array from rosbags
+        added = array("d", new if isinstance(new, list) else np.asarray(new, dtype=float).tobytes())
+        try:
+            self._arrays[name] += added
+        except BufferError:  # an earlier record refers to this array
+            self._arrays[name] = self._arrays[name] + added
 
     def record(self) -> ControlRecord:
         """Return the record of all cycles so far. Raises BagError if there are none."""
         if self._last is None:
             raise BagError("the control log is empty")
+        rows = {name: np.asarray(values) for name, values in self._arrays.items()}
+        time, joints = rows.pop("time"), tuple(self._last.joint_names)
+        counts, by_effort = zip(*self._by_effort, strict=True)
         return ControlRecord(
-            tuple(self._last.joint_names),
+            joints,
             tuple(self._last.command_interface),
             first_cycle=self._first,
             gaps=tuple(self._gaps),
             repeats=tuple(self._repeats),
-            **{name: values[: self._cycles] for name, values in self._arrays.items()},
+            time=time,
+            by_effort=np.repeat(np.array(by_effort, dtype=bool), counts, axis=0),
+            **{name: values.reshape(len(time), len(joints)) for name, values in rows.items()},
         )
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Unpack, cast
+from typing import Any, Unpack, cast
 
 from hric_bags import files, foreign
 from hric_bags.run_file import RunFile
@@ -60,6 +60,8 @@ class RunFolder:
         self.path = path
         self._release: Callable[[], object] | None = None
         """Function that frees the lock; None: this object did not create the run, or the run has ended."""
+        self._written: tuple[tuple[int, ...], RunFile] | None = None
+        """Version and contents of run.yaml as this object wrote it last; None: it did not write it."""
 
     @classmethod
     def create(cls, root: Path, experiment: str, now: datetime | None = None) -> "RunFolder":
@@ -145,6 +147,7 @@ class RunFolder:
     def write(self, data: RunFile) -> None:
         """Write run.yaml; a status other than `running` ends the run and frees its lock. Raises FileError."""
         files.write_yaml(self.path / "run.yaml", data)
+        self._written = self._version(), cast(RunFile, _read_back(data))
         if data.get("status") != RUNNING and self._release is not None:
             self._release()
             self._release = None
@@ -170,10 +173,19 @@ class RunFolder:
     def _contents(self) -> RunFile:
         from hric_core.parameters import read_yaml  # imported here: the search for a run needs only Python
 
+        if self._written is not None and self._written[0] and self._written[0] == self._version():
+            return cast(RunFile, _read_back(self._written[1]))
         data = read_yaml(self.path / "run.yaml")
         if not isinstance(data, dict):
             raise RunFolderError(f"{self.path / 'run.yaml'} is not a mapping")
         return cast(RunFile, data)
+
+    def _version(self) -> tuple[int, ...]:
+        """Return numbers that differ for every file that replaces run.yaml; () if there is none."""
+        with suppress(OSError):
+            state = (self.path / "run.yaml").stat()
+            return state.st_ino, state.st_mtime_ns, state.st_size
+        return ()
 
     def _last_written(self) -> str:
         newest = max(path.lstat().st_mtime for path in (self.path, *self.path.iterdir()))
@@ -193,6 +205,13 @@ class RunFolder:
             with suppress(HricError, OSError):  # disk full: the next reader notes the end of the run
                 self.update(status=FAILED, finished=iso_now(), error=f"{type(error).__name__}: {error}")
             raise
+
+
+def _read_back(value: Any) -> Any:
+    """Return a copy of a value as it is read from the YAML file to which it was written."""
+    if type(value) is dict:
+        return {key: _read_back(part) for key, part in value.items()}
+    return [_read_back(part) for part in value] if type(value) in (list, tuple) else value
 
 
 def _lock(folder: Path) -> int | None:

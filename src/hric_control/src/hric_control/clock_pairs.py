@@ -122,7 +122,7 @@ class RobotClock:
             return
         if self._on_clock is not None:
             self._on_clock(stamp)
-        self._publisher.publish(Clock, stamp)
+        self._publisher.publish(_clock_message, stamp)
 
     def pair_now(self) -> None:
         """Publish a clock pair if one is due; called between cycles while the simulation is paused."""
@@ -130,3 +130,9 @@ class RobotClock:
             self.pairs.send_due(self.time)
             if self._hw.loop is not None:
                 self._hw.loop.stand()
+
+
+def _clock_message(stamp: Any) -> Clock:
+    message: Clock = object.__new__(Clock)  # the constructor takes five times as long
+    message.clock = stamp
+    return message

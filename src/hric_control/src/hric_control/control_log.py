@@ -6,6 +6,7 @@ from typing import Any
 from hric_control.hardware_interface import JointStateInterface
 from hric_control.robot_hw import RobotHW
 from hric_core import realtime
+from hric_core.geometry import stamped
 from hric_core.node import Node
 from hric_msgs.msg import ControlLog as ControlLogMessage
 
@@ -103,10 +104,10 @@ class ControlLog:
 
 
 def _message(names: list[str], kinds: list[str], first: int, stamp: Any, values: tuple[list[float], ...]) -> Any:
-    # Fields are set one by one: constructors with arguments check all of them and take three times as long.
-    message = ControlLogMessage()
+    # Fields are set one by one: constructors check and fill all of them, and take three times as long.
+    message: ControlLogMessage = object.__new__(ControlLogMessage)
     message.joint_names, message.command_interface = names, kinds
     message.first_cycle, message.n_cycles = first, len(values[0])
     message.time, message.position, message.velocity, message.effort, message.command_raw, message.command = values
-    message.header.stamp = stamp
+    message.header = stamped.header(stamp, "")
     return message

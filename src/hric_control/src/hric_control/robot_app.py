@@ -96,6 +96,7 @@ class RobotApp:
         period = self.hw.period
         self._clock_cycles = max(1, round(CLOCK_PERIOD / period))
         self._counts_cycles = max(1, round(COUNTS_PERIOD / period))
+        self._ahead = 1.5 * period
         self.manager = ControllerManager(self.hw, root)
         self.manager.loop_running = self._live
         offered = ScopedNode(root)
@@ -148,7 +149,7 @@ class RobotApp:
             self._clock.publish(time)
             if cycle % self._counts_cycles == 0:
                 self._publish_counts(time)
-        if self._end is not None and time + 1.5 * self.hw.period > self._end:
+        if self._end is not None and time + self._ahead > self._end:
             self.hw.stop()
         return self.loop is not None or not self.manager.switch_pending
 

@@ -13,7 +13,7 @@ from std_msgs.msg import String
 from hric_assessment.typed_json import JsonObject
 from hric_bags import files
 from hric_bags.files import FileError
-from hric_bags.reader import RunMessages
+from hric_bags.reader import ROS_TYPES, RunMessages
 from hric_bags.run_file import RunFile, RunNotes
 from hric_bags.run_folder import COMPLETED, INTERRUPTED, RunFolder, iso_now
 from hric_bags.text import Steps
@@ -95,7 +95,9 @@ def _record(simulation: Simulation, folder: RunFolder, progress: bool) -> tuple[
                 failure = error
                 app.stop()
             else:
-                messages.add(topic, message._type.replace("/", "/msg/"), stamp, message)
+                kind = ROS_TYPES.get(message._type)
+                if kind is not None:
+                    messages.add(topic, kind, stamp, message)
 
         folder.become_latest()
         write("/robot_description", String(node.param("robot_description")), 0.0)

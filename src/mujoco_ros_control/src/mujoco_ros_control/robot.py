@@ -54,14 +54,14 @@ class MujocoRobot(EngineRobot):
         if config.friction == "identified":
             install_friction()
         self._rotors = [loss.rotor for loss in self.losses]
-        self._stepped = False
+        self.stepped = False
 
     # -- the scene -----------------------------------------------------------------------------------------------------
 
     def bind(self, scene: CompiledScene) -> None:
         """Use a newly compiled scene, in which the robot already has its present state."""
         self._scene, self._m, self._d = scene, scene.m, scene.d
-        self._stepped = False
+        self.stepped = False
         self._dofs = scene.dofs(self.names)
         self._ids = scene.joint_ids(self.names)
         half, quiet = self._config.half_step, self._divergence.quiet
@@ -121,7 +121,7 @@ class MujocoRobot(EngineRobot):
             if push is not None:
                 push()
             self.q, self.dq, self.at, self.effort, quiet = self._engine.finish(values)
-        self._stepped = True
+        self.stepped = True
         self._check_state(quiet=quiet)
 
     def _in_stages(self, values: list[float], push: Callable[[], None] | None) -> None:
@@ -207,7 +207,7 @@ class MujocoRobot(EngineRobot):
 
         They belong to the start (semi-implicit integrator) or the end of the step; empty before the first step.
         """
-        if not self._stepped:
+        if not self.stepped:
             return []
         loads = self._engine.loads()
         return [JointReaction(joint.name, joint.child, *load) for joint, load in zip(self._joints, loads, strict=True)]

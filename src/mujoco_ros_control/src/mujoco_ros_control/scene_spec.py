@@ -314,11 +314,11 @@ def build(
     for model in models:
         building.add(model, stops=model is models[0])
     result = building.result
-    by_name = {model.name: model for model in models}
+    by_name, several = {model.name: model for model in models}, bool(models[0].tree.arms())
     for a, b in _may_touch(by_name, models[0], list(result.geoms.values()), masks, self_collision):
         first, second = surfaces[a.link], surfaces[b.link]
         links = [geom.link.partition("::")[2] for geom in (a, b)]
-        inside = a.model == b.model and not models[0].tree.apart(*links)
+        inside = a.model == b.model and not (several and models[0].tree.apart(*links))
         law = None if inside else combine(first, second)  # within an arm contact is rigid
         pair = result.spec.add_pair(geomname1=a.name, geomname2=b.name, condim=3)
         if law is not None:

@@ -2,6 +2,8 @@
 
 from collections.abc import Collection, Sequence
 
+import mujoco
+
 from hric_control.plants import Model, Models, Surfaces, WorldObject
 from hric_core.geometry import MassProperties
 from mujoco_ros_control.bushings import SceneBushings
@@ -97,14 +99,18 @@ class MujocoWorld(Models[MujocoModelJoints]):
     def reset(self) -> None:
         """Reset the models to their start states by a new compilation; the robot's joints stay.
 
-        The new compilation makes sure that nothing in the engine's memory affects the next run.
+        The new compilation makes sure that nothing in the engine's memory affects the next run. A scene without a step
+        since its compilation needs none.
         """
         self.wrenches.clear()
         states = self.scene.states()
         before = list(self.models)
         self._restore()
         if list(self.models) == before:
-            self._begin_scene(self.scene.built)
+            if self._robot.stepped:
+                self._begin_scene(self.scene.built)
+            else:
+                mujoco.mj_resetData(self.scene.m, self.scene.d)
         else:
             self._compile()
         prefix = f"{self._itself.name}::"

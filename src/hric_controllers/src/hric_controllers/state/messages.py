@@ -5,17 +5,21 @@ the arm: FrankaState, its external wrench, and the transforms of the end-effecto
 """
 
 from collections.abc import Sequence
+from operator import attrgetter
 from typing import Any
 
+import genpy
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
+from trajectory_msgs.msg import JointTrajectoryPoint
 
 from franka_hw_interface.robot_state import FIELD_NAMES, RobotState
 from franka_msgs.msg import Errors, FrankaState
 from hric_core.geometry import Pose, stamped
 
 _PLAIN = tuple(name for name in FIELD_NAMES if name not in ("current_errors", "last_motion_errors", "robot_mode"))
+_plain_fields = attrgetter(*_PLAIN)
+_new: Any = object.__new__
 
 Point = tuple[Sequence[float], Sequence[float], Sequence[float], Sequence[float]]
 """State of n joints: positions [rad or m], velocities, accelerations, efforts [N m or N]; empty if not available."""
@@ -23,9 +27,10 @@ Point = tuple[Sequence[float], Sequence[float], Sequence[float], Sequence[float]
 
 def franka_state(state: RobotState, stamp: Any) -> FrankaState:
     """Return a franka_msgs/FrankaState; state: snapshot of the arm's state, stamp: its time (genpy.Time)."""
-    message = FrankaState(header=Header(stamp=stamp), robot_mode=int(state.robot_mode))
-    for name in _PLAIN:
-        setattr(message, name, getattr(state, name))
+    message: FrankaState = _new(FrankaState)
+    message.header, message.robot_mode = stamped.header(stamp, ""), int(state.robot_mode)
+    for name, value in zip(_PLAIN, _plain_fields(state), strict=True):
+        setattr(message, name, value)
     message.current_errors = Errors(**dict.fromkeys(state.current_errors, True))
     message.last_motion_errors = Errors(**dict.fromkeys(state.last_motion_errors, True))
     return message
@@ -64,8 +69,8 @@ def joint_state(
     stamp: Any, names: list[str], position: list[float], velocity: list[float], effort: list[float]
 ) -> JointState:
     """Return a sensor_msgs/JointState; stamp: time (genpy.Time), other arguments: fields of the message."""
-    message = JointState()
-    message.header.stamp, message.name = stamp, names
+    message: JointState = _new(JointState)
+    message.header, message.name = stamped.header(stamp, ""), names
     message.position, message.velocity, message.effort = position, velocity, effort
     return message
 
@@ -82,16 +87,18 @@ def build_state(message_type: Any, stamp: Any, joints: Sequence[str], desired: P
         desired: desired state; positions and velocities are not empty.
         actual: measured state; positions and velocities are not empty.
     """
-    # Fields are set one by one: constructors with arguments check all of them and take four times as long.
-    message = message_type()
-    message.header.stamp = stamp
-    message.joint_names = list(joints)
-    _fill(message.desired, desired)
-    _fill(message.actual, actual)
-    message.error.positions = [d - a for d, a in zip(desired[0], actual[0], strict=True)]
-    message.error.velocities = [d - a for d, a in zip(desired[1], actual[1], strict=True)]
+    # Fields are set one by one: constructors check and fill all of them, and take four times as long.
+    message = _new(message_type)
+    message.header, message.joint_names = stamped.header(stamp, ""), list(joints)
+    message.desired, message.actual = _point(desired), _point(actual)
+    positions = [d - a for d, a in zip(desired[0], actual[0], strict=True)]
+    velocities = [d - a for d, a in zip(desired[1], actual[1], strict=True)]
+    message.error = _point((positions, velocities, [], []))
     return message
 
 
-def _fill(point: Any, values: Point) -> None:
+def _point(values: Point) -> JointTrajectoryPoint:
+    point: JointTrajectoryPoint = _new(JointTrajectoryPoint)
     point.positions, point.velocities, point.accelerations, point.effort = values
+    point.time_from_start = genpy.Duration()
+    return point

@@ -7,6 +7,8 @@ import numpy as np
 
 from hric_core.geometry.transforms import FloatArray
 
+_E = np.eye(3)
+
 
 @dataclass(frozen=True)
 class MassProperties:
@@ -43,15 +45,15 @@ class MassProperties:
         Of the possible orders of the axes, the one with the least rounding error in roll, pitch and yaw is chosen.
         """
         moments, axes = np.linalg.eigh(self.inertia)
-        best: tuple[float, FloatArray, FloatArray] | None = None
-        for order in itertools.permutations(range(3)):
-            R = axes[:, order].copy()
-            if np.linalg.det(R) < 0.0:
-                R[:, 0] = -R[:, 0]
-            if best is None or abs(R[2, 0]) < best[0] - 1e-9:
-                best = (abs(float(R[2, 0])), moments[list(order)], R)
-        assert best is not None
-        return best[1], best[2]
+        best: tuple[int, ...] = (0, 1, 2)
+        heights = np.abs(axes[2]).tolist()
+        for order in itertools.permutations(best):
+            if heights[order[0]] < heights[best[0]] - 1e-9:
+                best = order
+        R = axes[:, best].copy()
+        if np.linalg.det(R) < 0.0:
+            R[:, 0] = -R[:, 0]
+        return moments[list(best)], R
 
 
 @dataclass(frozen=True)
@@ -96,7 +98,7 @@ def steiner_term(mass: float, com: FloatArray) -> FloatArray:
         mass: mass m [kg].
         com: position q of the mass, from the origin, shape (3,) [m]. Its sign does not matter.
     """
-    return mass * (com @ com * np.eye(3) - np.outer(com, com))
+    return mass * (com @ com * _E - com[:, None] * com)
 
 
 def tensor(xx: float, xy: float, xz: float, yy: float, yz: float, zz: float) -> FloatArray:

@@ -62,8 +62,13 @@ def twist_message(twist: Sequence[float]) -> Any:
 
 def wrench_message(wrench: Sequence[float]) -> Any:
     """Return a wrench (force, then torque, 6 floats [N], [N m]) as geometry_msgs/Wrench."""
+    return wrench_of(wrench[:3], wrench[3:])
+
+
+def wrench_of(force: Sequence[float], torque: Sequence[float]) -> Any:
+    """Return force [N] and torque [N m], 3 floats each, as geometry_msgs/Wrench."""
     message = _new(Wrench)
-    message.force, message.torque = vector_message(wrench[:3]), vector_message(wrench[3:])
+    message.force, message.torque = vector_message(force), vector_message(torque)
     return message
 
 

@@ -33,7 +33,7 @@ class ParameterTree:
                 if not isinstance(value, dict):
                     raise KeyError(name)
                 value = value[part]
-        return copy.deepcopy(value)
+        return _copy(value)
 
     def has(self, name: str) -> bool:
         """Return True if a parameter or subtree with this absolute name exists."""
@@ -51,7 +51,7 @@ class ParameterTree:
         if not parts:
             if not isinstance(value, dict):
                 raise HricError(f"parameter / (the root of all parameters) must be a dict, not {value!r}")
-            self._root = copy.deepcopy(value)
+            self._root = _copy(value)
             return
         node = self._root
         for part in parts[:-1]:
@@ -59,7 +59,17 @@ class ParameterTree:
             if not isinstance(child, dict):
                 child = node[part] = {}
             node = child
-        node[parts[-1]] = copy.deepcopy(value)
+        node[parts[-1]] = _copy(value)
+
+
+def _copy(value: Any) -> Any:
+    """Return a deep copy; that of plain values is several times as fast as `copy.deepcopy`."""
+    kind = type(value)
+    if kind is dict:
+        return {key: _copy(part) for key, part in value.items()}
+    if kind is list:
+        return [_copy(part) for part in value]
+    return value if kind in (float, str, int, bool) else copy.deepcopy(value)
 
 
 class LocalTopic:
@@ -100,7 +110,8 @@ class LocalCore:
 
     def publish(self, topic: LocalTopic, message: Any, latch: bool, header: dict[str, str]) -> None:
         """Call all taps and subscribers with a message; `header`: connection header, as rospy attaches it."""
-        names.check_message(f"topic {topic.name}", topic.type, message)
+        if type(message) is not topic.type:
+            names.check_message(f"topic {topic.name}", topic.type, message)
         message._connection_header = header
         topic.sequence += 1
         if getattr(topic.type, "_has_header", False):
