@@ -253,11 +253,14 @@ def _friction(spec: RobotSpec) -> dict[str, object]:
 def joint_limits(experiment: Experiment) -> Mapping[str, Mapping[str, object]]:
     """Return the parameters in `joint_limits/` of the robot's namespace; empty for a robot other than the Panda.
 
-    They are the Panda's limits with ros_control's names, including the torque rate, which a URDF cannot contain.
+    They are the limits of the Panda, or of the FR3 with `robot.description.limits`. Their names are those of
+    ros_control; they include the torque rate, which a URDF cannot contain.
     """
     if experiment.arms:
         return {name: limit for part in experiment.each_arm().values() for name, limit in joint_limits(part).items()}
-    return {} if experiment.robot.urdf else panda_description.joint_limit_parameters(experiment.robot.arm_id)
+    spec = experiment.robot
+    chosen: Any = spec.description.get("limits", "panda")
+    return {} if spec.urdf else panda_description.joint_limit_parameters(spec.arm_id, chosen)
 
 
 def mocap(experiment: Experiment, seed: int = 0) -> dict[str, dict[str, object]]:
