@@ -403,8 +403,8 @@ def test_others_wait_for_the_emulated_arm() -> None:
     description = str(others["/left/robot_description"]).replace("franka_sim/FrankaHWSim", "franka_real/FrankaHW")
     limits = re.compile("<(limit|safety_controller) .*?/>")
     assert limits.sub("", str(values["/left/robot_description"])) == limits.sub("", description)
-    (joint6,) = re.findall('name="panda_joint6" type="revolute">.*?<limit (.*?)/>', str(values["/left/robot_description"]), re.DOTALL)
-    assert joint6 == 'effort="12.0" lower="0.5445" upper="4.5169" velocity="4.18"', "those of limits_fr3.yaml"
+    joint6 = urdf.read(str(values["/left/robot_description"])).joints["panda_joint6"]
+    assert (joint6.lower, joint6.upper) == (0.5445, 4.5169), "those of limits_fr3.yaml"
     assert values["/left/joint_limits"]["panda_joint6"]["min_position"] == 0.5445
 
 

@@ -98,6 +98,7 @@ class RobotApp:
         self._counts_cycles = max(1, round(COUNTS_PERIOD / period))
         self.manager = ControllerManager(self.hw, root)
         self.manager.loop_running = self._live
+        self.manager.share_robots([app.manager for app in self.hw.apps.values()])
         offered = ScopedNode(root)
         self._closers += [self.manager.shutdown, offered.close]
         self._scale = self.hw.speed_scale
