@@ -95,7 +95,7 @@ class FrankaHWSim(SimulatedRobot, CommandedArm):
     # -- the cycle -----------------------------------------------------------------------------------------------------
 
     def begin(self) -> bool:
-        """Begin a requested motion, before the controllers are updated; return True if they must restart."""
+        """Start the motion that a controller switch has requested; return True if running controllers must restart."""
         waiting = self.mode is HOLD and self._requested.commanded and not self.error and not self.halted
         return waiting and self._begin()
 
