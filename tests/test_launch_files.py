@@ -401,7 +401,11 @@ def test_others_wait_for_the_emulated_arm() -> None:
     assert (values["/left/robot"]["robot_ip"], values["/left/robot"]["wait_for_arm"]) == ("127.0.0.1", 30)
     assert values["/left/franka_gripper/robot_ip"] == "127.0.0.1" and values["/left/franka_gripper/wait_for_arm"] == 30
     description = str(others["/left/robot_description"]).replace("franka_sim/FrankaHWSim", "franka_real/FrankaHW")
-    assert values["/left/robot_description"] == description
+    limits = re.compile("<(limit|safety_controller) .*?/>")
+    assert limits.sub("", str(values["/left/robot_description"])) == limits.sub("", description)
+    joint6 = urdf.read(str(values["/left/robot_description"])).joints["panda_joint6"]
+    assert (joint6.lower, joint6.upper) == (0.5445, 4.5169), "those of limits_fr3.yaml"
+    assert values["/left/joint_limits"]["panda_joint6"]["min_position"] == 0.5445
 
 
 def test_a_wrong_value_stops_the_launch() -> None:

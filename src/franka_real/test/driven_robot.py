@@ -31,8 +31,9 @@ QUIET = {"realtime_priority": 0, "lock_memory": False, "watchdog_timeout": 10.0}
 
 
 @functools.cache
-def description(inertials: str) -> str:
-    return panda_description.load(inertials=inertials, meshes=False, collision=False)
+def description(robot: str) -> str:
+    inertials = "fr3" if robot == "fr3" else "barycentric"
+    return panda_description.load(inertials=inertials, limits=robot, meshes=False, collision=False)
 
 
 class Law(Controller):
@@ -84,8 +85,8 @@ class Robot:
     """
 
     def __init__(self, hw: RobotHW, parameters: dict[str, Any]) -> None:
-        inertials = "fr3" if parameters.get("robot", {}).get("robot") == "fr3" else "barycentric"
-        self.node = LocalNode({"robot_description": description(inertials), **parameters})
+        robot = parameters.get("robot", {}).get("robot", "panda")
+        self.node = LocalNode({"robot_description": description(robot), **parameters})
         self.hw: Any = hw
         self.hw.init(self.node, self.node.child("robot"))
         self.manager = ControllerManager(hw, self.node, {"test/Law": Law, "test/Broadcaster": Broadcaster})

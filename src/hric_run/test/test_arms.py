@@ -6,12 +6,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+import rospy
 import yaml
 from std_msgs.msg import Float64MultiArray
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from hric_control.sim.combined_hw_sim import CombinedHWSim
+from control_msgs.msg import FollowJointTrajectoryGoal
+from franka_msgs.msg import ErrorRecoveryGoal
 from hric_core.errors import HricError
-from hric_run.definition import experiment
+from hric_run.definition import experiment, parameters
 from hric_run.simulation import Simulation
 
 ENGINES = ("mujoco", "pybullet", "opensim")
@@ -111,7 +114,6 @@ def test_a_reflex_of_one_arm_leaves_the_other_moving() -> None:
     with simulation(raw) as both:
         both.run(0.3)
         hw = both.app.hw
-        assert isinstance(hw, CombinedHWSim)
         hw.plant.apply_wrench("right_hand", (0.0, 0.0, 150.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.05)
         both.run(0.3)
         assert "right: the motion was aborted: cartesian_reflex" in hw.error and "left" not in hw.error
@@ -193,8 +195,17 @@ def test_a_payload_of_one_arm_is_carried_by_this_arm() -> None:
 
 
 def test_two_arms_cost_at_most_a_little_more_than_twice_one() -> None:
-    """Processor time per cycle, in alternating pieces of one process; the smallest ratio counts, as load only adds."""
-    raw = two_arms(duration=100.0)
+    assert cost_beside_one(two_arms(duration=100.0)) <= MOST
+
+
+def test_a_controller_of_both_arms_costs_no_more_than_one_each() -> None:
+    assert cost_beside_one(one_controller("joint_pd_controller", duration=100.0)) <= MOST
+
+
+def cost_beside_one(raw: dict[str, Any]) -> float:
+    """Return the processor time per cycle, as a ratio to one arm, in alternating pieces of one process.
+
+    The smallest ratio counts, as load only adds."""
     with simulation(raw) as both, simulation(one_arm("left")) as one:
 
         def cost(run: Simulation) -> float:
@@ -204,7 +215,114 @@ def test_two_arms_cost_at_most_a_little_more_than_twice_one() -> None:
 
         cost(both), cost(one)
         ratios = [cost(both) / cost(one) for _ in range(8)]
-    assert min(ratios) <= MOST
+    return min(ratios)
+
+
+JOINTS = [f"{arm}_joint{number}" for arm in ("left", "right") for number in range(1, 8)]
+POSE = ["-pi/4", 0, "-3*pi/4", 0, "pi/2", "pi/4"]
+
+
+def one_controller(name: str, **changes: Any) -> dict[str, Any]:
+    """Return the experiment of `two_arms` with one controller of both arms in place of one each."""
+    raw = two_arms(**changes)
+    for arm in raw["arms"].values():
+        arm["controllers"] = BROADCASTERS
+        own, _ = arm.pop("parameters"), arm.pop("setpoints")
+    parameters = own if name in own else {}
+    return raw | {"controllers": ["joint_state_controller", name], "parameters": parameters}
+
+
+def test_a_controller_of_both_arms_moves_them_as_one_controller_each(tmp_path: Path) -> None:
+    raw = one_controller("joint_pd_controller")
+    raw["setpoints"] = [{"time": 0.1, "controller": "joint_pd_controller", "positions": [0.3, *POSE, -0.3, *POSE]}]
+    path = tmp_path / "both.yaml"
+    path.write_text(yaml.safe_dump(raw))
+    with Simulation(str(path)) as both, simulation(two_arms()) as each:
+        assert both.node.param("joint_pd_controller/joints") == JOINTS
+        both.run()
+        each.run()
+        np.testing.assert_array_equal(both.signals.position, each.signals.position)
+        np.testing.assert_array_equal(both.signals.command, each.signals.command)
+        both.reset(in_place=True)
+        both.run()
+        np.testing.assert_array_equal(both.signals.position, each.signals.position)
+
+
+@pytest.mark.parametrize("controller", ["position_joint_trajectory_controller", "effort_joint_trajectory_controller"])
+def test_one_trajectory_moves_both_arms(controller: str) -> None:
+    with simulation(one_controller(controller, duration=2.0)) as both:
+        both.run(0.1)
+        start = list(both.app.hw.states.position)
+        goal = [q + 0.2 * (-1.0) ** i for i, q in enumerate(start)]
+        point = JointTrajectoryPoint(positions=goal, time_from_start=rospy.Duration(1.0))
+        trajectory = JointTrajectory(joint_names=JOINTS, points=[point])
+        message = FollowJointTrajectoryGoal(trajectory=trajectory)
+        handle = both.node.send_goal(f"{controller}/follow_joint_trajectory", message)
+        both.run(1.5)
+        assert handle.status == "SUCCEEDED"
+    np.testing.assert_allclose(both.signals.position[-1], goal, atol=0.01)
+
+
+def switch(both: Simulation, arm: str, start: list[str], stop: list[str]) -> None:
+    app = both.app.hw.apps[arm] if arm else both.app
+    app.manager.switch(start, stop)
+
+
+def test_a_joint_of_an_arm_has_one_controller_over_all_managers() -> None:
+    raw = one_controller("joint_pd_controller")
+    raw["arms"]["left"]["controllers"] = [*BROADCASTERS, "joint_pd_controller"]
+    with pytest.raises(HricError, match="left_joint1 is claimed by both /joint_pd_controller and joint_pd_contr"):
+        simulation(raw).close()
+    raw["controllers"] = ["joint_state_controller", "position_joint_trajectory_controller"]
+    raw["arms"]["left"]["controllers"] = BROADCASTERS
+    with simulation(raw | {"parameters": {}}) as both:
+        left, common = both.app.hw.apps["left"].manager, "position_joint_trajectory_controller"
+        for key, value in parameters.defaults("left")["joint_pd_controller"].items():
+            both.node.set_param(f"left/joint_pd_controller/{key}", value)
+        left.load("joint_pd_controller")
+        both.run(0.1)
+        assert both.signals.interfaces == ("position",) * 14
+        with pytest.raises(HricError, match=f"left_joint1 is claimed by both /{common} and joint_pd_controller"):
+            switch(both, "left", ["joint_pd_controller"], [])
+        switch(both, "", [], [common])
+        switch(both, "left", ["joint_pd_controller"], [])
+        both.run(0.1)
+        with pytest.raises(HricError, match=f"left_joint1 is claimed by both /left/joint_pd_controller and {common}"):
+            switch(both, "", [common], [])
+        assert both.signals.interfaces == ("effort",) * 7 + ("none",) * 7
+        switch(both, "left", [], ["joint_pd_controller"])
+        switch(both, "", [common], [])
+        both.run(0.1)
+        assert both.signals.interfaces == ("position",) * 14
+
+
+def test_a_controller_of_both_arms_must_claim_all_joints_of_an_arm() -> None:
+    raw = one_controller("joint_pd_controller")
+    raw["parameters"]["joint_pd_controller"] |= {"joints": JOINTS[:10]}
+    with pytest.raises(HricError, match=r"claims 3 of the arm's 7 joints; .* missing right_joint4"):
+        simulation(raw).close()
+
+
+def test_after_a_reflex_of_one_arm_both_stop_and_recover() -> None:
+    raw = one_controller("joint_pd_controller", duration=3.0)
+    for arm in raw["arms"].values():
+        arm["robot"]["parameters"] = {"rate_limiting": False}
+    with simulation(raw) as both:
+        both.run(0.1)
+        hw = both.app.hw
+        both.command("joint_pd_controller", [1.0, -0.7, 0.0, -2.3, 0.0, 1.5, 0.7] * 2)
+        hw.plant.apply_wrench("right_hand", (0.0, 0.0, 150.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.05)
+        both.run(0.5)
+        assert hw.error == "right: the motion was aborted: cartesian_reflex"
+        assert both.signals.interfaces == ("none",) * 14
+        stopped = both.signals.position[-1]
+        both.node.send_goal("right/franka_control/error_recovery", ErrorRecoveryGoal())
+        both.run(0.1)
+        assert hw.error == "" and both.signals.interfaces == ("effort",) * 14
+        np.testing.assert_allclose(both.signals.position[-1], stopped, atol=0.02)
+        both.command("joint_pd_controller", [0.3, -0.7, 0.0, -2.3, 0.0, 1.5, 0.7] * 2)
+        both.run(1.0)
+        assert np.abs(both.signals.position[-1] - stopped)[[0, 7]].min() > 0.05
 
 
 @pytest.mark.parametrize("engine", ["mujoco", "pybullet"])

@@ -10,6 +10,12 @@ def test_joint_limits_come_in_order_with_the_arm_s_prefix() -> None:
     assert limits["left_joint4"] == panda_description.JointLimit(-3.0718, -0.0698, 2.175, 12.5, 6250.0, 87.0, 1000.0)
 
 
+def test_an_fr3_has_its_published_limits() -> None:
+    limit = panda_description.joint_limits("right", limits="fr3")["right_joint6"]
+    assert limit == panda_description.JointLimit(0.5445, 4.5169, 4.18, 10.0, 5000.0, 12.0, 1000.0)
+    assert panda_description.joint_limit_parameters(limits="fr3")["panda_joint6"]["min_position"] == 0.5445
+
+
 def test_limits_under_the_names_of_ros_control_are_the_same_numbers() -> None:
     entry, limit = (
         panda_description.joint_limit_parameters()["panda_joint7"],

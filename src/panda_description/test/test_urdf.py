@@ -125,9 +125,10 @@ def test_frames_without_mass_say_so_and_the_world_has_no_inertial() -> None:
     assert "world" not in found
 
 
-def test_limits_of_the_urdf_equal_the_yaml() -> None:
-    robot = parse()
-    for name, limit in panda_description.joint_limits().items():
+@pytest.mark.parametrize("limits", parameters.LIMIT_SETS)
+def test_limits_of_the_urdf_equal_the_yaml(limits: str) -> None:
+    robot = parse(limits=limits)
+    for name, limit in panda_description.joint_limits(limits=limits).items():
         joint = robot.find(f"joint[@name='{name}']")
         said = {key: float(value) for key, value in joint.find("limit").attrib.items()}
         assert said == {"lower": limit.lower, "upper": limit.upper, "velocity": limit.velocity, "effort": limit.effort}

@@ -12,7 +12,6 @@ from franka_sim.box.control_box import ControlBox
 from franka_sim.box.requests import ControllerMode, GeneratorMode, MoveRequest, RequestOutcome
 from franka_sim.box_adapter import BoxAdapter
 from hric_control.limits import check_start
-from hric_control.robot_hw import OnCycle
 from hric_control.sim.simulated_robot import PlantInput, SimulatedRobot
 from hric_core.errors import HricError
 from hric_core.node import Node
@@ -95,15 +94,10 @@ class FrankaHWSim(SimulatedRobot, CommandedArm):
 
     # -- the cycle -----------------------------------------------------------------------------------------------------
 
-    def guarded(self, on_cycle: OnCycle) -> OnCycle:
-        """Return a callback that starts the motion that a controller switch has requested, then calls `on_cycle`."""
-
-        def begin_and_go_on(time: float, period: float, reset_controllers: bool) -> bool:
-            if self.mode is HOLD and self._requested.commanded and not self.error:
-                reset_controllers = self._begin() or reset_controllers
-            return on_cycle(time, period, reset_controllers)
-
-        return begin_and_go_on
+    def begin(self) -> bool:
+        """Start the motion that a controller switch has requested; return True if running controllers must restart."""
+        waiting = self.mode is HOLD and self._requested.commanded and not self.error and not self.halted
+        return waiting and self._begin()
 
     def read(self, time: float, period: float) -> None:
         """Read the plant's joint state with sensor noise, and pass it to the control box."""
@@ -129,7 +123,7 @@ class FrankaHWSim(SimulatedRobot, CommandedArm):
             self.plant.apply(box.write(None))
             return
         command = self._commands.limited_command(mode)
-        command.finished = self._requested is not mode
+        command.finished = self._requested is not mode or self.halted
         self.plant.apply(box.write(command))
         if not self.robot_state.moving:
             self._end()

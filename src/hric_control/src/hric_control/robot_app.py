@@ -99,6 +99,7 @@ class RobotApp:
         self._ahead = 1.5 * period
         self.manager = ControllerManager(self.hw, root)
         self.manager.loop_running = self._live
+        self.manager.share_robots([app.manager for app in self.hw.apps.values()])
         offered = ScopedNode(root)
         self._closers += [self.manager.shutdown, offered.close]
         self._scale = self.hw.speed_scale

@@ -13,6 +13,7 @@ from hric_core.errors import ResourceConflictError
 from hric_core.node import Node
 
 if TYPE_CHECKING:
+    from hric_control.robot_app import RobotApp
     from hric_control.sim.shared_plant import SharedPlant
 
 OnCycle = Callable[[float, float, bool], bool]
@@ -69,6 +70,8 @@ class RobotHW(InterfaceManager):
         """Rotor inertia at each joint, n floats [kg m^2], with which controllers check their gains; None: unknown."""
         self.shared: SharedPlant | None = None
         """Plant that the robot shares with others, as one of two arms; None: it has a plant and a clock of its own."""
+        self.apps: dict[str, RobotApp] = {}
+        """Robots that this one combines, each with its own controller manager, by name of the robot."""
         self.error = ""
         """Reason why the robot has aborted a motion, until it has recovered; else empty."""
 

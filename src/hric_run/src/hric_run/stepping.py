@@ -9,7 +9,6 @@ from std_msgs.msg import Float64MultiArray
 
 from hric_control.limits import check_start
 from hric_control.robot_app import RobotApp
-from hric_control.sim.combined_hw_sim import CombinedHWSim
 from hric_control.sim.simulated_robot import SimulatedRobot
 from hric_core.errors import HricError
 from hric_core.geometry import Pose, stamped
@@ -99,7 +98,7 @@ class ControlledRobot:
 
 def controlled_robots(app: RobotApp, node: LocalNode, definition: Experiment) -> list[ControlledRobot]:
     """Return the robot of an experiment and, if there are several arms, each arm."""
-    apps = app.hw.apps if isinstance(app.hw, CombinedHWSim) else {}
+    apps = app.hw.apps
     return [
         ControlledRobot(apps[prefix[:-1]] if prefix else app, node.child(prefix) if prefix else node, part, prefix)
         for prefix, part in definition.robots().items()

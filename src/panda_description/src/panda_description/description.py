@@ -20,7 +20,7 @@ from hric_core.command import Argument, Command
 from hric_core.errors import DescriptionError, ParameterError, UnknownNameError
 from hric_core.parameters import Parameter, Settings, choice, declared, flag, number, numbers, refused, text
 from panda_description.inertial_sets import INERTIAL_SETS, unphysical
-from panda_description.parameters import LOG, PACKAGE, find_package, folder_uri, share
+from panda_description.parameters import LIMIT_SETS, LOG, PACKAGE, find_package, folder_uri, share
 
 _BOOLS = {"true": True, "1": True, "false": False, "0": False}
 INTERFACES = ("EffortJointInterface", "PositionJointInterface", "VelocityJointInterface")
@@ -69,6 +69,9 @@ class Arguments(Settings):
         "(Gaz et al., RA-L 2019). `fr3`: links of the Franka Research 3 as published by its maker. `thesis`: not "
         "physical, only for reproducing the figures of the thesis; loading it warns link by link "
         "(logger `hric.panda_description`)",
+    )
+    limits: str = choice(
+        *LIMIT_SETS, text="position range, velocity and effort of the joints: those of the Panda, or of the FR3"
     )
     damping: float = number(0.0, minimum=0.0, unit="N m s/rad", text="viscous damping, the same on each joint")
     friction: str = choice(

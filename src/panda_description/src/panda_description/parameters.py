@@ -11,6 +11,7 @@ from hric_core.parameters import package_yaml
 
 LOG = logging.getLogger("hric.panda_description")
 PACKAGE = "panda_description"
+LIMIT_SETS = ("panda", "fr3")
 HAND_LINKS = {"hand", "leftfinger", "rightfinger"}
 
 
@@ -88,15 +89,18 @@ class CartesianLimit:
     jerk: float
 
 
-def joint_limits(arm_id: str = "panda") -> dict[str, JointLimit]:
-    """Return the limits of joints 1 to 7 by full joint name, in order."""
-    return {f"{arm_id}_{joint}": JointLimit(**values) for joint, values in config("joint_limits")["joints"].items()}
+def joint_limits(arm_id: str = "panda", limits: str = "panda") -> dict[str, JointLimit]:
+    """Return the limits of joints 1 to 7 by full joint name, in order; limits: one of LIMIT_SETS."""
+    joints, of_fr3 = config("joint_limits")["joints"], config("limits_fr3")
+    if limits == "fr3":
+        joints = {joint: {key: of_fr3[key][i] for key in row} for i, (joint, row) in enumerate(joints.items())}
+    return {f"{arm_id}_{joint}": JointLimit(**values) for joint, values in joints.items()}
 
 
-def joint_limit_parameters(arm_id: str = "panda") -> dict[str, dict[str, bool | float]]:
+def joint_limit_parameters(arm_id: str = "panda", limits: str = "panda") -> dict[str, dict[str, bool | float]]:
     """Return the joint limits in the form of ros_control's parameters `joint_limits/<joint>`, by full joint name."""
     parameters: dict[str, dict[str, bool | float]] = {}
-    for joint, limit in joint_limits(arm_id).items():
+    for joint, limit in joint_limits(arm_id, limits).items():
         parameters[joint] = {"has_position_limits": True, "min_position": limit.lower, "max_position": limit.upper}
         for field in ("velocity", "acceleration", "jerk", "effort", "effort_rate"):
             parameters[joint] |= {f"has_{field}_limits": True, f"max_{field}": getattr(limit, field)}

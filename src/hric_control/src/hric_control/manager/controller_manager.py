@@ -4,6 +4,7 @@ import contextlib
 import math
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 
 from hric_control.controller import Controller
 from hric_control.manager.loaded_controller import ControllerStatus, LoadedController, UpdateStatistics
@@ -71,6 +72,7 @@ class ControllerManager:
         self._classes = dict(classes or {})
         self._loaded: dict[str, LoadedController] = {}
         self._lock = threading.RLock()
+        self._others: list[ControllerManager] = []
         self._loop_thread: int | None = None
         self._loop = ManagerLoop(
             robot_hw, lambda text: realtime.defer(root_node, lambda: root_node.log_error(text), "log")
@@ -83,6 +85,16 @@ class ControllerManager:
         self._loop_thread = threading.get_ident()
         self.update = self._loop.update
         self._loop.update(time, period, reset_controllers)
+
+    def share_robots(self, managers: Sequence["ControllerManager"]) -> None:
+        """Respect the running controllers of other managers, whose robots this manager commands, too; and vice versa.
+
+        All these managers execute one request at a time. To be called before the first request.
+        """
+        for manager in managers:
+            manager._lock = self._lock
+            manager._others.append(self)
+            self._others.append(manager)
 
     @property
     def switch_pending(self) -> bool:
@@ -225,8 +237,13 @@ class ControllerManager:
     def _check(self, plan: SwitchPlan) -> None:
         stay = [entry.info for entry in self._loop.running if entry not in plan.stop]
         start = [entry.info for entry in plan.start]
-        self._hw.check_for_conflict([*stay, *start])
+        others = [info for manager in self._others for info in manager._running_elsewhere()]
+        self._hw.check_for_conflict([*others, *stay, *start])
         self._hw.prepare_switch(start, [entry.info for entry in plan.stop])
+
+    def _running_elsewhere(self) -> Sequence[ControllerInfo]:
+        """Return the running controllers for another manager, which may have controllers of the same names."""
+        return [replace(entry.info, name=self._node.resolve(entry.name)) for entry in self._loop.running]
 
     def _carry_out(self, request: SwitchRequest, loop_running: bool) -> None:
         if self._loop_thread == threading.get_ident():

@@ -3,7 +3,7 @@
 import math
 import signal
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from time import perf_counter
 
@@ -183,6 +183,7 @@ class ManagerLoop:
                     entry.state = ControllerState.WAITING
 
     def _give_up(self, request: SwitchRequest, group: list[LoadedController], reason: str) -> None:
+        self._release(group)
         for entry in group:
             request.waiting.remove(entry)
             entry.abort(f"it was not started: {reason}")
@@ -226,8 +227,13 @@ class ManagerLoop:
         entry.abort(f"it failed in {where}: {describe(error)}")
         self._report(f"controller {entry.name} is aborted, {entry.error}")
         self._call_stopping(entry, time)
+        self._release([entry])
+
+    def _release(self, entries: Sequence[LoadedController]) -> None:
+        """Release the joints of controllers that do not run, although `do_switch` was called to start them."""
         self._switching = self.mode_changed = True
         try:
-            self._hw.do_switch([], [entry.info])
+            self._hw.do_switch([], [entry.info for entry in entries])
         except BaseException as failure:  # the manager has released the joints; `run` of the robot reports its state
-            self._report(f"the robot could not release the joints of controller {entry.name}: {describe(failure)}")
+            names = ", ".join(entry.name for entry in entries)
+            self._report(f"the robot could not release the joints of controller {names}: {describe(failure)}")

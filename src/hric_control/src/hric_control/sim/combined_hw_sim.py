@@ -6,12 +6,19 @@ from dataclasses import dataclass
 from itertools import chain
 from typing import Any
 
-from hric_control.hardware_interface import JointStateInterface
+from hric_control.hardware_interface import (
+    EffortJointInterface,
+    JointCommandInterface,
+    JointCommands,
+    JointStateInterface,
+    PositionJointInterface,
+    VelocityJointInterface,
+)
 from hric_control.limits import LimitCounts
 from hric_control.plant import DEFAULT_PLANT
 from hric_control.plants import PHI, rotor_inertia
 from hric_control.robot_app import RobotApp
-from hric_control.robot_hw import LogRow, OnCycle
+from hric_control.robot_hw import ControllerInfo, LogRow, OnCycle
 from hric_control.robot_settings import new_robot_hw
 from hric_control.sim.shared_plant import SharedPlant
 from hric_control.sim.simulated_robot import PlantInput, SimulatedRobot
@@ -31,6 +38,8 @@ IDENTIFIED = "identified"
 BY_JOINT = "friction_parameters"
 """Parameter of the plant that is combined by joint, as is the rotor inertia; a payload belongs to one robot."""
 
+JOINT_COMMANDS = (EffortJointInterface, VelocityJointInterface, PositionJointInterface)
+
 
 @dataclass(frozen=True)
 class CombinedSettings(Settings):
@@ -44,15 +53,33 @@ class CombinedSettings(Settings):
     )
 
 
+@dataclass(frozen=True)
+class _Route:
+    """Way of the commands for one robot, from controllers of the combined robots."""
+
+    robot: SimulatedRobot
+    combined: JointCommands
+    own: JointCommands
+    span: slice
+
+    def fetch(self) -> None:
+        """Take over the present commands of the robot."""
+        self.combined.value[self.span] = self.own.value
+
+    def deliver(self) -> None:
+        """Set the commands of the robot."""
+        self.own.value[:] = self.combined.value[self.span]
+
+
 class CombinedHWSim(SimulatedRobot):
     """Several simulated robots in one plant, each with its own controller manager in its own namespace.
 
     Comparable to `combined_robot_hw` of ros_control. The joints of this RobotHW are those of all robots, in order; its
-    own controllers can read them. One loop reads all robots, updates all controllers, writes all commands, and steps
-    the plant once. The speed scale is common to all robots.
+    own controllers can read and command them, and are updated before those of the robots. One loop reads all robots,
+    updates all controllers, writes all commands, and steps the plant once. The speed scale is common to all robots.
 
     Attributes, in addition to those of `SimulatedRobot`:
-        apps: robot with its controller manager, by name of the robot.
+        compensates_gravity: True if one of the robots adds gravity torques to effort commands.
     """
 
     def init(self, root_node: Node, robot_hw_node: Node) -> None:
@@ -69,7 +96,6 @@ class CombinedHWSim(SimulatedRobot):
         plant = combined_input(needed)
         robot_hw_node.set_param("plant_type", _common("plant_type", engines))
         robot_hw_node.set_param("plant", dict(plant.config))  # for the record of the run
-        self.apps: dict[str, RobotApp] = {}
         self._kinds: tuple[list[str], tuple[Sequence[str], ...]] = ([], ())
         with self._new_plant(robot_hw_node, plant), ExitStack() as opened:
             self._shared = SharedPlant(self.plant, self.loop)
@@ -82,6 +108,7 @@ class CombinedHWSim(SimulatedRobot):
             self._opened = opened.pop_all()
             self.q_start = [value for robot in self._robots.values() for value in robot.q_start]
             self.register_interface(JointStateInterface(self.states))
+            self._offer_commands()
             self._put(self.q_start, self._reset_plant)
 
     def _new_robot(self, root_node: Node, private: Node) -> SimulatedRobot:
@@ -90,6 +117,69 @@ class CombinedHWSim(SimulatedRobot):
             raise HricError(f"{name} at {root_node.namespace} is not simulated; valid: simulated robots in one plant")
         robot.get(SpeedScaleInterface).scale = robot.speed_scale = self.speed_scale
         return robot
+
+    # -- controllers of several robots ---------------------------------------------------------------------------------
+
+    def _offer_commands(self) -> None:
+        """Register the command interfaces of all joints that have one in their robot."""
+        index = self.states.index
+        self._spans = {
+            robot: slice(index[robot.states.names[0]], index[robot.states.names[-1]] + 1)
+            for robot in self._robots.values()
+        }
+        self.compensates_gravity = any(robot.compensates_gravity for robot in self._robots.values())
+        self._controllers: dict[str, ControllerInfo] = {}
+        self._routes: list[_Route] = []
+        self._offered: list[JointCommandInterface] = []
+        for kind in JOINT_COMMANDS:
+            names = [name for robot in self._robots.values() if robot.has(kind) for name in robot.get(kind).names]
+            if names:
+                self._offered.append(kind(JointCommands(self.states), names))
+                self.register_interface(self._offered[-1])
+
+    def check_for_conflict(self, controllers: Sequence[ControllerInfo]) -> None:
+        """Refuse controllers that must not run together in one of the robots."""
+        for robot in self._robots.values():
+            robot.check_for_conflict(controllers)
+
+    def prepare_switch(self, start: Sequence[ControllerInfo], stop: Sequence[ControllerInfo]) -> None:
+        """Check with each robot that a switch of controllers is possible."""
+        for robot in self._robots.values():
+            robot.prepare_switch(start, stop)
+
+    def do_switch(self, start: Sequence[ControllerInfo], stop: Sequence[ControllerInfo]) -> None:
+        """Change the command modes of the robots whose joints are claimed or released."""
+        for robot in self._robots.values():
+            robot.do_switch(start, stop)
+        for info in stop:
+            self._controllers.pop(info.name, None)
+        self._controllers |= {info.name: info for info in start}
+        self._routes = [
+            _Route(robot, offered.commands, robot.get(type(offered)).commands, span)
+            for offered in self._offered
+            for robot, span in self._spans.items()
+            if robot.has(type(offered)) and not self._claimed(offered).isdisjoint(robot.states.names)
+        ]
+        for route in self._routes:
+            route.fetch()
+
+    def _claimed(self, offered: JointCommandInterface) -> set[str]:
+        return {name for info in self._controllers.values() for name in info.claims.get(offered.cpp_name, ())}
+
+    def switch_done(self, start: Sequence[ControllerInfo]) -> bool:
+        """Return True if each robot is ready for the commands of these controllers."""
+        return all([robot.switch_done(start) for robot in self._robots.values()])
+
+    def _halt_with_others(self) -> None:
+        """Halt the robots that share a controller with a robot in an error state, as franka_ros does; no others."""
+        halted: set[SimulatedRobot] = set()
+        for info in self._controllers.values():
+            joints = frozenset[str]().union(*info.claims.values())
+            shared = [robot for robot in self._robots.values() if not joints.isdisjoint(robot.states.names)]
+            if any(robot.error for robot in shared):
+                halted |= {*shared}
+        for robot in self._robots.values():
+            robot.halted = robot in halted
 
     # -- the cycle -----------------------------------------------------------------------------------------------------
 
@@ -106,14 +196,22 @@ class CombinedHWSim(SimulatedRobot):
         states.velocity[:] = chain.from_iterable(part.velocity for part in parts)
         states.effort[:] = chain.from_iterable(part.effort for part in parts)
 
-    def guarded(self, on_cycle: OnCycle) -> OnCycle:
+    def _also_of_robots(self, on_cycle: OnCycle) -> OnCycle:
         """Return a callback that also updates the controllers of each robot."""
-        cycles = [self._robots[name].guarded(app.on_cycle) for name, app in self.apps.items()]
+        robots = [(self._robots[name], app.on_cycle) for name, app in self.apps.items()]
 
         def all_cycles(time: float, period: float, reset_controllers: bool) -> bool:
-            on_cycle(time, period, reset_controllers)
-            for cycle in cycles:
-                cycle(time, period, reset_controllers)
+            if self.error:
+                self._halt_with_others()
+            restarts = {robot: robot.begin() for robot, _ in robots}
+            for route in self._routes:
+                route.fetch()
+            restarting = any(restarts[route.robot] for route in self._routes)
+            on_cycle(time, period, reset_controllers or restarting)
+            for route in self._routes:  # those after a switch in `on_cycle`
+                route.deliver()
+            for robot, cycle in robots:
+                cycle(time, period, reset_controllers or restarts[robot])
             return True
 
         return all_cycles
@@ -125,37 +223,31 @@ class CombinedHWSim(SimulatedRobot):
         for manager in managers:
             manager.loop_running = True
         try:
-            super().run(on_cycle)
+            super().run(self._also_of_robots(on_cycle))
         finally:
             for manager, running in zip(managers, before, strict=True):
                 manager.loop_running = running
 
     def write(self, time: float, period: float) -> None:
         """Let each robot write its commands, and pass those of all joints to the plant."""
+        failed = False
         for robot in self._robots.values():
             robot.write(time, period)
-            if robot.error:
-                self.error = "; ".join(f"{name}: {robot.error}" for name, robot in self._robots.items() if robot.error)
+            failed = failed or bool(robot.error)
+        if failed or self.error:
+            self.error = "; ".join(f"{name}: {robot.error}" for name, robot in self._robots.items() if robot.error)
         self.plant.apply(self._shared.command)
-
-    def _spans(self, values: Sequence[float]) -> Mapping[SimulatedRobot, Sequence[float]]:
-        """Return the values of each robot's joints, from those of all joints."""
-        result, first = {}, 0
-        for robot in self._robots.values():
-            result[robot] = values[first : first + len(robot.states.names)]
-            first += len(robot.states.names)
-        return result
 
     def _reset_plant(self, q: Sequence[float]) -> None:
         super()._reset_plant(q)
         self._shared.read()
-        for robot, part in self._spans(q).items():
-            robot._reset_plant(part)
+        for robot, span in self._spans.items():
+            robot._reset_plant(q[span])
 
     def _settle(self, q: Sequence[float]) -> None:
         self._shared.read()
-        for robot, part in self._spans(q).items():
-            robot._settle(part)
+        for robot, span in self._spans.items():
+            robot._settle(q[span])
         self._gather()
         self.error = ""
 

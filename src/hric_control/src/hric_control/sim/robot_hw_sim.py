@@ -151,15 +151,17 @@ class RobotHWSim(SimulatedRobot):
                     seen[joint] = interface
 
     def do_switch(self, start: Sequence[ControllerInfo], stop: Sequence[ControllerInfo]) -> None:
-        """Set each joint to the command mode of the interface that claims it; a changed joint first stays at rest."""
-        before = dict(self._claimed)
+        """Set each joint to the command mode of the interface that claims it; a changed joint first stays at rest.
+
+        Joints of other robots, in claims of a controller of several robots, are ignored.
+        """
+        before, own = dict(self._claimed), self.states.index
         for info in stop:
             for joint in _claimed(info):
                 self._claimed.pop(joint, None)
-        for info in start:
-            self._claimed.update(_claimed(info))
-        started = {joint for info in start for joint in _claimed(info)}
-        for joint in started | {
+        started = {joint: mode for info in start for joint, mode in _claimed(info).items() if joint in own}
+        self._claimed |= started
+        for joint in started.keys() | {
             joint for joint in {*before, *self._claimed} if before.get(joint) != self._claimed.get(joint)
         }:
             self._stay(self.states.index[joint])

@@ -45,6 +45,8 @@ class SimulatedRobot(RobotHW):
         plant: simulated physics of the robot and its surroundings.
         loop: simulation loop, which defines robot time.
         rotor_inertia: rotor inertia at the plant's joints, n floats [kg m^2].
+        halted: True while the robot holds its position, as another one with the same controller is in an error state;
+            a robot without an error state does not hold it.
     """
 
     description: str
@@ -53,6 +55,7 @@ class SimulatedRobot(RobotHW):
     plant: Plant
     loop: SimLoop
     rotor_inertia: tuple[float, ...]
+    halted: bool = False
 
     def plant_input(self, root_node: Node, robot_hw_node: Node) -> PlantInput:
         """Read what the robot needs of its plant from the parameters; may be called before `init`.
@@ -95,20 +98,19 @@ class SimulatedRobot(RobotHW):
         states = self.states
         self.plant.read_state(states.position, states.velocity, states.effort)
 
-    def guarded(self, on_cycle: OnCycle) -> OnCycle:
-        """Return the callback of a cycle between `read` and `write`: by default `on_cycle` itself."""
-        return on_cycle
+    def begin(self) -> bool:
+        """Prepare for the controllers of this cycle, after `read`; return True if running controllers must restart."""
+        return False
 
     def run(self, on_cycle: OnCycle) -> None:
         """Run cycles: read, `on_cycle` (the controllers), write, step the plant.
 
         The result of `on_cycle` is ignored, as a simulated robot changes its command mode without a new run."""
-        on_cycle = self.guarded(on_cycle)
-        read, write, step = self.read, self.write, self._participants.step
+        read, begin, write, step = self.read, self.begin, self.write, self._participants.step
 
         def cycle(time: float, period: float, reset_controllers: bool) -> bool:
             read(time, period)
-            on_cycle(time, period, reset_controllers)
+            on_cycle(time, period, begin() or reset_controllers)
             write(time, period)
             step(time)
             return True

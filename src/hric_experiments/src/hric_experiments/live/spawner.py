@@ -29,12 +29,12 @@ class SpawnError(FailureError):
 def configure(definition: Experiment) -> None:
     """Set the experiment's controller parameters on the parameter server; add missing controllers.
 
-    For a robot that is no Franka arm, they replace those of controllers.yaml, which the bring-up loads.
+    For several arms, and for a robot that is no Franka arm, they replace those that the bring-up loads.
     """
     for prefix, part in definition.robots().items():
         configured = parameters.controllers(part)
         for name in part.controllers:
-            present = None if part.robot.urdf else rospy.get_param(f"{prefix}{name}", None)
+            present = None if part.robot.urdf or part.arms else rospy.get_param(f"{prefix}{name}", None)
             changes = configured[name] if present is None else part.parameters.get(name, {})
             rospy.set_param(f"{prefix}{name}", parameters.overlay(present or {}, changes))
 
@@ -85,11 +85,12 @@ def load_others(definition: Experiment) -> None:
     """
     for prefix, part in definition.robots().items():
         manager = _Manager(prefix)
-        for name, values in () if part.arms else parameters.defaults(part.robot.arm_id).items():
+        for name, values in parameters.defaults(*(part.arms or [part.robot.arm_id])).items():
             if name not in part.controllers:
-                if prefix:  # those of the only arm are parameters of the bring-up
+                if prefix or part.arms:  # those of the only arm are parameters of the bring-up
                     rospy.set_param(f"{prefix}{name}", values)
-                manager.load(name)
+                if not part.arms:  # few people need a controller of several arms
+                    manager.load(name)
 
 
 class _Manager:

@@ -274,7 +274,7 @@ class _Motion(Settings):
         section(ArmSection),
         {},
         text="two or more arms in one world, by name, each with the keys below; `robot` then has what they have in "
-        "common, and `controllers` those that read the joints of all arms",
+        "common, and `controllers` those of all arms together",
     )
     controllers: tuple[str, ...] = CONTROLLERS
     parameters: Mapping[str, NodeParameters] = PARAMETERS

@@ -1,7 +1,7 @@
 """Conversion of an experiment to ROS parameters: of the robot, its controllers, the sensors and the supervisor."""
 
 import copy
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -77,16 +77,33 @@ def controllers_file() -> Path:
     return package_path("hric_bringup") / "config" / "controllers.yaml"
 
 
-def defaults(arm_id: str) -> dict[str, dict[str, object]]:
+def defaults(*arm_ids: str) -> dict[str, dict[str, object]]:
     """Return the parameters of all controllers in controllers.yaml, by name of the controller.
 
     Args:
-        arm_id: value that replaces $(arg arm_id) in the file.
+        arm_ids: value that replaces $(arg arm_id) in the file; of several, the parameters are for all joints.
 
     Raises:
         HricError: the file is missing or is not YAML.
     """
-    return _configured(controllers_file(), arm_id)
+    return _joined([_configured(controllers_file(), arm_id) for arm_id in arm_ids])
+
+
+def _joined(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return the parameters of several arms as one mapping.
+
+    Lists that differ are joined, mappings are united; other values that differ, such as `arm_id`, are left out.
+    """
+    result: dict[str, Any] = {}
+    for key in dict.fromkeys(key for part in parts for key in part):
+        values = [part[key] for part in parts if key in part]
+        if all(value == values[0] for value in values):
+            result[key] = values[0]
+        elif all(isinstance(value, Mapping) for value in values):
+            result[key] = _joined(values)
+        elif all(isinstance(value, list) for value in values):
+            result[key] = [item for value in values for item in value]
+    return result
 
 
 def _configured(path: Path, arm_id: str) -> dict[str, dict[str, object]]:
@@ -130,12 +147,8 @@ def controllers(experiment: Experiment) -> dict[str, dict[str, object]]:
     Raises:
         ExperimentError: a controller has no type; the message lists the configured ones.
     """
-    known = defaults(experiment.robot.arm_id)
-    if any(
-        "type" not in {**known.get(name, {}), **experiment.parameters.get(name, {})} for name in experiment.controllers
-    ):
-        known = configured_by_packages(experiment.robot.arm_id) | known
-    known = with_joints(known, experiment.robot)
+    parts = experiment.each_arm() or {"": experiment}
+    known = _joined([_known(experiment, part.robot) for part in parts.values()])
     result: dict[str, dict[str, object]] = {}
     for name in experiment.controllers:
         values = overlay(known.get(name, {}), experiment.parameters.get(name, {}))
@@ -147,6 +160,16 @@ def controllers(experiment: Experiment) -> dict[str, dict[str, object]]:
             )
         result[name] = values
     return result
+
+
+def _known(experiment: Experiment, spec: RobotSpec) -> dict[str, dict[str, object]]:
+    """Return the configured parameters of controllers for a robot, by name of the controller."""
+    known = defaults(spec.arm_id)
+    if any(
+        "type" not in {**known.get(name, {}), **experiment.parameters.get(name, {})} for name in experiment.controllers
+    ):
+        known = configured_by_packages(spec.arm_id) | known
+    return with_joints(known, spec)
 
 
 def robot(experiment: Experiment, seed: int = 0) -> dict[str, object]:
@@ -253,11 +276,14 @@ def _friction(spec: RobotSpec) -> dict[str, object]:
 def joint_limits(experiment: Experiment) -> Mapping[str, Mapping[str, object]]:
     """Return the parameters in `joint_limits/` of the robot's namespace; empty for a robot other than the Panda.
 
-    They are the Panda's limits with ros_control's names, including the torque rate, which a URDF cannot contain.
+    They are the limits of the Panda, or of the FR3 with `robot.description.limits`. Their names are those of
+    ros_control; they include the torque rate, which a URDF cannot contain.
     """
     if experiment.arms:
         return {name: limit for part in experiment.each_arm().values() for name, limit in joint_limits(part).items()}
-    return {} if experiment.robot.urdf else panda_description.joint_limit_parameters(experiment.robot.arm_id)
+    spec = experiment.robot
+    chosen: Any = spec.description.get("limits", "panda")
+    return {} if spec.urdf else panda_description.joint_limit_parameters(spec.arm_id, chosen)
 
 
 def mocap(experiment: Experiment, seed: int = 0) -> dict[str, dict[str, object]]:
