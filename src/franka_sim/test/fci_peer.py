@@ -16,7 +16,7 @@ from typing import Any
 
 from franka_sim.box.requests import MotionCommand
 from franka_sim.fci.device import Device
-from franka_sim.fci.server import PROTOCOLS, FciServer
+from franka_sim.fci.server import PROTOCOLS, FciServer, ServedArm
 from franka_sim.fci.wire import ARM_FRAMING, HAND_FRAMING, Framing
 
 ARM, HAND = 1337, 1338
@@ -165,7 +165,7 @@ class Peer:
 def serving(device: Device, version: int = 5, **arguments: Any) -> Iterator[str]:
     """Run a server in a thread; yield its address."""
     ip = new_address()
-    server = FciServer(device, ip, version, **arguments)
+    server = FciServer([ServedArm(device, ip, version)], **arguments)
     failure: list[BaseException] = []
 
     def run() -> None:

@@ -266,7 +266,7 @@ def test_only_the_links_of_the_arm_differ_and_the_rest_of_the_description_stays(
 @pytest.mark.parametrize("robot", ["panda", "fr3"])
 def test_the_box_keeps_the_arm_that_it_believes_in(make_device, robot: str) -> None:
     arm, ideal = make_device("--realism", "measured", robot=robot), make_device(robot=robot)
-    q = arm._q_start
+    q = arm.q_start
     assert np.array_equal(arm.box.model.mass(q), ideal.box.model.mass(q)) and arm.urdf() == ideal.urdf()
     assert 0.005 < np.abs(arm.plant.mass_matrix() - ideal.plant.mass_matrix()).max() < 0.5
 

@@ -115,11 +115,14 @@ class ArmService(Service):
             else:
                 self.late += 1
 
-    def tick(self) -> None:
-        """Run one cycle of the robot with the received command, and send its state to the client."""
+    def take_command(self) -> MotionCommand | None:
+        """Return the received command for the next cycle of the robot, None without one."""
         command, self._command = self._command, None
         self._started = self._moving is not None and (self._started or command is not None)
-        self._device.cycle(command)
+        return command
+
+    def send_state(self) -> None:
+        """Send the state of the robot after a cycle to the client, and the responses that became due."""
         self.message_id += 1
         if self.client is not None:
             self.client.link.send(self._device.encode(self._protocol.state, self.message_id))
