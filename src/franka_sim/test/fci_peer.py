@@ -165,7 +165,13 @@ class Peer:
 def serving(device: Device, version: int = 5, **arguments: Any) -> Iterator[str]:
     """Run a server in a thread; yield its address."""
     ip = new_address()
-    server = FciServer([ServedArm(device, ip, version)], **arguments)
+    with running(FciServer([ServedArm(device, ip, version)], **arguments)):
+        yield ip
+
+
+@contextmanager
+def running(server: FciServer) -> Iterator[None]:
+    """Run a server in a thread, and close it."""
     failure: list[BaseException] = []
 
     def run() -> None:
@@ -177,7 +183,7 @@ def serving(device: Device, version: int = 5, **arguments: Any) -> Iterator[str]
     thread = threading.Thread(target=run, name="server")
     thread.start()
     try:
-        yield ip
+        yield
     finally:
         server.stop()
         thread.join(PATIENCE)

@@ -63,7 +63,7 @@ def _parameters(definition: experiment.Experiment, options: argparse.Namespace) 
     """Return all parameters of the experiment's robots, with type and address of each control box.
 
     Unless the experiment sets them, the addresses count upwards from `--ip`, and the type follows from the inertial
-    parameters.
+    parameters. Raises HricError for a robot that is no Franka arm.
     """
     from hric_run.definition import parameters
 
@@ -72,6 +72,10 @@ def _parameters(definition: experiment.Experiment, options: argparse.Namespace) 
     if definition.arms:
         robots = [(tree[parameters.ROBOT]["arms"][name], part) for name, part in definition.each_arm().items()]
     for index, (values, part) in enumerate(robots):
+        if part.robot.urdf:
+            raise experiment.ExperimentError(
+                f"experiment {definition.name}: {part.robot.urdf} has no control box; valid: Franka arms"
+            )
         kind = "fr3" if part.robot.description.get("inertials") == "fr3" else "panda"
         ip = ipaddress.IPv4Address((int(ipaddress.IPv4Address(options.ip)) + index) % 2**32)
         values[parameters.ROBOT] = {"robot": kind, "ip": str(ip), **values[parameters.ROBOT]}

@@ -19,9 +19,18 @@ from franka_sim.fci.robots import MAX_LOST_PACKETS, ROBOTS, RobotKind
 from franka_sim.fci.server import ServedArm
 from franka_sim.model_library import library_for
 from franka_sim.realism import Realism, parse
-from franka_sim.settings import BoxSettings, joint_names, make_model, read, rotors_of, set_internal_impedance
+from franka_sim.settings import (
+    BoxSettings,
+    SimulatedArmSettings,
+    joint_names,
+    make_model,
+    read,
+    rotors_of,
+    set_internal_impedance,
+)
 from hric_control.limits import check_start
 from hric_control.plant import Plant
+from hric_control.robot_settings import COMMON_PARAMETERS, RobotSettings
 from hric_control.sim.combined_hw_sim import combined_input, common
 from hric_control.sim.participants import Participants
 from hric_control.sim.shared_plant import SharedPlant
@@ -30,7 +39,7 @@ from hric_core import plugins
 from hric_core.errors import ParameterError
 from hric_core.local.node import LocalNode
 from hric_core.node import Node
-from hric_core.parameters import choice, text
+from hric_core.parameters import choice, known_names, refuse_unknown, text
 
 
 @dataclass(frozen=True)
@@ -44,6 +53,10 @@ class EmulatedArmSettings(BoxSettings):
         text="address of the server, on libfranka's ports",
     )
     robot: str = choice("panda", "fr3", text="type of the arm; both use the description of the Panda")
+
+
+PARAMETERS = (EmulatedArmSettings, SimulatedArmSettings, RobotSettings, *COMMON_PARAMETERS)
+"""Valid parameters: an emulated arm ignores those of the simulated arm, as one experiment serves both."""
 
 
 @dataclass(frozen=True)
@@ -109,8 +122,9 @@ def read_arm(node: Node, max_lost_packets: int | None = MAX_LOST_PACKETS) -> Arm
         max_lost_packets: number of consecutive lost packets that ends a motion; None: no limit.
 
     Raises:
-        HricError: a parameter, a name or the description cannot be used.
+        HricError: a parameter is unknown, or it, a name or the description cannot be used.
     """
+    refuse_unknown(node.param(node.namespace, {}), known_names(PARAMETERS), node.namespace)
     settings, realism = read(node, EmulatedArmSettings)
     robot = ROBOTS[settings.robot]
     urdf_xml = robot.limited(node.search_param("robot_description"), settings.arm_id)

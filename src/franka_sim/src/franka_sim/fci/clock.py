@@ -2,7 +2,6 @@
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from enum import Enum
 
 from hric_core.errors import UnknownNameError
@@ -117,50 +116,19 @@ class LockStepClock(CycleClock):
         self._next = max(self._next + self._period, now - CATCH_UP) if self._paced else now + self._period
 
 
-class WorldClock:
-    """Clock of a world with one or several arms, which waits for each arm that a client moves.
-
-    Args:
-        clocks: clock of each arm.
-    """
-
-    def __init__(self, clocks: Sequence[CycleClock]) -> None:
-        self._clocks = clocks
-
-    def left(self, now: float, phases: Sequence[MotionPhase]) -> float:
-        """Return the time to wait before the next cycle [s], not above 0 if it is due.
-
-        Args:
-            now: time.monotonic [s].
-            phases: phase of the motion of each arm.
-        """
-        waits = [
-            clock.left(now, phase)
-            for clock, phase in zip(self._clocks, phases, strict=True)
-            if phase is not MotionPhase.IDLE
-        ]
-        return max(waits) if waits else self._clocks[0].left(now, MotionPhase.IDLE)
-
-    def ticked(self, now: float, phases: Sequence[MotionPhase]) -> None:
-        """Register that a cycle starts now."""
-        for clock, phase in zip(self._clocks, phases, strict=True):
-            clock.ticked(now, phase)
-
-
-def make_clock(name: str, real_time_factor: float, lossy: bool = False, arms: int = 1) -> WorldClock:
-    """Return the clock "lock_step" or "wall".
+def make_clock(name: str, real_time_factor: float, lossy: bool = False, alone: bool = True) -> CycleClock:
+    """Return the clock "lock_step" or "wall" of an arm.
 
     Args:
         name: name of the clock.
         real_time_factor: robot time per wall time.
-        lossy: True on a lossy network.
-        arms: number of arms in the world.
+        lossy, alone: as for `LockStepClock`.
 
     Raises:
         UnknownNameError, ParameterError: the name or the factor is wrong.
     """
     if name == "lock_step":
-        return WorldClock([LockStepClock(real_time_factor, lossy, alone=arms == 1) for _ in range(arms)])
+        return LockStepClock(real_time_factor, lossy, alone)
     if name == "wall":
-        return WorldClock([PeriodicClock(real_time_factor) for _ in range(arms)])
+        return PeriodicClock(real_time_factor)
     raise UnknownNameError("clock", name, ("lock_step", "wall"))

@@ -9,13 +9,11 @@ import threading
 from typing import Any
 
 from franka_sim.buttons import Buttons
-from franka_sim.fci.arm_building import EmulatedArmSettings, build_world, read_arm, served_arms
+from franka_sim.fci.arm_building import PARAMETERS, build_world, read_arm, served_arms
 from franka_sim.fci.epoch import Epoch
 from franka_sim.fci.server import FciServer
-from franka_sim.settings import SimulatedArmSettings
 from hric_control.clock_pairs import TOPIC
 from hric_control.loop_requests import LoopRequests
-from hric_control.robot_settings import COMMON_PARAMETERS, RobotSettings
 from hric_core.processes import prefer_this_thread, quiet_collector
 from hric_core.ros import RosNode, run
 from hric_core.ros.process import NodeApp
@@ -98,5 +96,4 @@ class EmulatedArm(NodeApp):
 
 def main(text_of_help: str) -> int:
     """Run the node and return its exit code."""
-    of_simulated_arm = (SimulatedArmSettings, RobotSettings, *COMMON_PARAMETERS)  # one parameter file serves both
-    return run("emulated_arm", text_of_help, EmulatedArm, EmulatedArmSettings, *of_simulated_arm)
+    return run("emulated_arm", text_of_help, EmulatedArm, *PARAMETERS)

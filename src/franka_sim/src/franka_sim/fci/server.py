@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from franka_sim.fci.arm_service import ArmService
-from franka_sim.fci.clock import PERIOD, make_clock
+from franka_sim.fci.clock import PERIOD, CycleClock, MotionPhase, make_clock
 from franka_sim.fci.device import Device
 from franka_sim.fci.faults import NetworkFaults
 from franka_sim.fci.hand_service import STEP, HandService
@@ -59,7 +59,6 @@ class FciServer:
         for version in (arm.version for arm in arms if arm.version not in PROTOCOLS):
             raise UnknownNameError("protocol version", version, map(str, PROTOCOLS), "FciServer")
         faults = faults or NetworkFaults()
-        self._clock = make_clock(clock, pace, faults.loss > 0.0, len(arms))
         self._cycle = arms[0].device.cycle  # of the world of all arms
         self._selector = selectors.SelectSelector()  # an epoll would round the wait up to a millisecond
         self._services: list[Service] = []
@@ -69,13 +68,15 @@ class FciServer:
         self._cycles = 0
         try:
             for index, arm in enumerate(arms):
-                self._serve(arm, replace(faults, seed=faults.seed + index))
+                ticks = make_clock(clock, pace, faults.loss > 0.0, alone=len(arms) == 1)
+                self._serve(arm, ticks, replace(faults, seed=faults.seed + index))
         except BaseException:
             self.close()
             raise
+        self._left = self._arms[0].left if len(arms) == 1 else self._until_all
 
-    def _serve(self, arm: ServedArm, faults: NetworkFaults) -> None:
-        self._arms.append(ArmService(self._selector, PROTOCOLS[arm.version], arm.device, arm.ip, faults))
+    def _serve(self, arm: ServedArm, clock: CycleClock, faults: NetworkFaults) -> None:
+        self._arms.append(ArmService(self._selector, PROTOCOLS[arm.version], arm.device, clock, arm.ip, faults))
         self._services.append(self._arms[-1])
         if arm.device.hand is not None:
             self._hands.append(HandService(self._selector, arm.device.hand, arm.ip, faults))
@@ -108,16 +109,21 @@ class FciServer:
 
     def _wait(self) -> None:
         """Serve the sockets until the next cycle is due, at least once."""
-        select, clock, arms = self._selector.select, self._clock, self._arms
+        select, time_left = self._selector.select, self._left
         first = True
         while not self._stop:
-            left = clock.left(time.monotonic(), [arm.phase for arm in arms])
+            left = time_left(time.monotonic())
             if left <= 0.0 and not first:
                 return
             first = False
             for key, events in select(min(max(left, 0.0), self._until_link())):
                 key.data(events)
             self._move_links()
+
+    def _until_all(self, now: float) -> float:
+        """Return the time to wait for all arms that clients move [s]; without one, that of an arm at rest."""
+        waits = [arm.left(now) for arm in self._arms if arm.phase is not MotionPhase.IDLE]
+        return max(waits) if waits else self._arms[0].left(now)
 
     def _until_link(self) -> float:
         """Return the time until a delayed datagram of an emulated network is due, at most LONGEST_WAIT [s]."""
@@ -135,8 +141,7 @@ class FciServer:
 
     def _tick(self) -> None:
         now = time.monotonic()
-        self._clock.ticked(now, [arm.phase for arm in self._arms])
-        self._cycle(*[arm.take_command() for arm in self._arms])
+        self._cycle(*[arm.take_command(now) for arm in self._arms])
         for arm in self._arms:
             arm.send_state()
         self._cycles += 1
