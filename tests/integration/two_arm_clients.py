@@ -51,16 +51,21 @@ tell()
 )
 """Joint motion to a target, after a line on the standard input."""
 
-LEAD = MOVE.replace(
-    "    note(state)\n",
-    "    note(state)\n    sender.send(json.dumps([state.time.to_sec(), list(state.q)]).encode())\n"
-    "    ready = ready or bool(select.select([sender], [], [], 0.0)[0])\n"
-    "    if not ready:\n        return franka.JointPositions(list(state.q_d))\n",
-).replace(
-    "start, begin = None, None\n",
-    "import select\nstart, begin, ready = None, None, False\n"
-    "sender = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)\nsender.connect(('127.0.0.1', int(sys.argv[4])))\n",
-).replace("global start, begin", "global start, begin, ready").replace("tell()\n", "sender.send(b'end')\ntell()\n")
+LEAD = (
+    MOVE.replace(
+        "    note(state)\n",
+        "    note(state)\n    sender.send(json.dumps([state.time.to_sec(), list(state.q)]).encode())\n"
+        "    ready = ready or bool(select.select([sender], [], [], 0.0)[0])\n"
+        "    if not ready:\n        return franka.JointPositions(list(state.q_d))\n",
+    )
+    .replace(
+        "start, begin = None, None\n",
+        "import select\nstart, begin, ready = None, None, False\n"
+        "sender = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)\nsender.connect(('127.0.0.1', int(sys.argv[4])))\n",
+    )
+    .replace("global start, begin", "global start, begin, ready")
+    .replace("tell()\n", "sender.send(b'end')\ntell()\n")
+)
 """The same, with the measured joint positions of each cycle sent to another program, after that one has answered."""
 
 FOLLOW = """

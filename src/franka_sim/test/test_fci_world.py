@@ -77,7 +77,9 @@ def test_a_plant_that_breaks_down_puts_all_arms_back_and_only_a_motion_ends_in_a
     world.plant.step = step
     world.cycle([None, None])
     assert left.state.q == pytest.approx(start[0], abs=1e-6) and right.state.q == pytest.approx(start[1], abs=1e-6)
-    assert left.take_finished() is RequestOutcome.REFLEX_ABORTED and left.state.current_errors == {"instability_detected"}
+    assert left.take_finished() is RequestOutcome.REFLEX_ABORTED and left.state.current_errors == {
+        "instability_detected"
+    }
     assert right.state.robot_mode is RobotMode.IDLE and not right.state.current_errors
 
 
