@@ -13,11 +13,12 @@ from fci_peer import Peer, command, new_address, running
 import panda_description
 from franka_hw_interface.robot_state import RobotMode
 from franka_sim.box.requests import ControllerMode, GeneratorMode, MoveRequest, RequestOutcome
-from franka_sim.fci.arm_building import build_world, read_arm, served_arms
+from franka_sim.fci.arm_input import read_arm
 from franka_sim.fci.arm_world import ArmWorld
 from franka_sim.fci.clock import SILENT, LockStepClock, MotionPhase
 from franka_sim.fci.console import Console
 from franka_sim.fci.server import FciServer
+from franka_sim.fci.world_building import build_world, served_arms
 from hric_core.errors import HricError
 from hric_core.local.node import LocalNode
 

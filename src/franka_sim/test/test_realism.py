@@ -20,10 +20,10 @@ from franka_sim.box.config import read_config
 from franka_sim.box.control_box import ControlBox
 from franka_sim.box.requests import ControllerMode, GeneratorMode, MoveRequest
 from franka_sim.fci.app import ControlBoxCommand
-from franka_sim.fci.arm_building import make_arm
 from franka_sim.fci.arm_device import ArmDevice
 from franka_sim.fci.protocol import PROTOCOL_5 as V5
 from franka_sim.fci.robots import ROBOTS
+from franka_sim.fci.world_building import make_arm
 from franka_sim.realism import IDEAL, parse, presets
 from franka_sim.sensors import attach
 from hric_core.command import main

@@ -43,7 +43,8 @@ class ExperimentBoxCommand(ControlBoxCommand):
                 )
         definition = experiment.load(options.experiment, ["hw:=franka_sim/FrankaHWSim", *options.overrides])
         # Imported only for an experiment, as engines and models are slow to import.
-        from franka_sim.fci.arm_building import build_world, read_arm, served_arms
+        from franka_sim.fci.arm_input import read_arm
+        from franka_sim.fci.world_building import build_world, served_arms
         from hric_control.sim.combined_hw_sim import robot_nodes
         from hric_core.local.node import LocalNode
         from hric_run.definition import parameters

@@ -15,7 +15,7 @@ from franka_sim.fci.console import HELP, Console
 from franka_sim.fci.device import ConstantDevice, Device
 from franka_sim.fci.faults import NetworkFaults
 from franka_sim.fci.robots import ROBOTS, RobotKind
-from franka_sim.fci.server import FciServer, ServedArm
+from franka_sim.fci.server import FciArm, FciServer
 from franka_sim.gripper import Gripper
 from hric_core.command import Argument, Command
 from hric_core.errors import FailureError, HricError
@@ -45,7 +45,7 @@ def make_device(options: argparse.Namespace, robot: RobotKind) -> tuple[Device, 
     """Return the emulated robot, and a function that releases its resources. Raises HricError."""
     if options.constant:
         return ConstantDevice(robot.served_urdf(), None if options.no_hand else Gripper()), lambda: None
-    from franka_sim.fci.arm_building import make_arm  # engine and models are slow to import, and --help needs neither
+    from franka_sim.fci.world_building import make_arm  # engine and models are slow to import, and --help needs neither
 
     arm = make_arm(options, robot)
     return arm, arm.close
@@ -56,7 +56,7 @@ def _attach_console(server: FciServer, devices: Mapping[str, Device]) -> None:
     server.watch(file, Console(devices, file, lambda: server.unwatch(file)).on_input)
 
 
-Arms = tuple[Mapping[str, ServedArm], Callable[[], None]]
+Arms = tuple[Mapping[str, FciArm], Callable[[], None]]
 """Emulated arms by name, and a function that releases their resources."""
 
 
@@ -110,7 +110,7 @@ class ControlBoxCommand(Command):
         """Construct the emulated arms that the arguments describe. Raises HricError."""
         robot = ROBOTS[options.robot]
         device, close = make_device(options, robot)
-        return {options.robot: ServedArm(device, options.ip, robot.version)}, close
+        return {options.robot: FciArm(device, options.ip, robot.version)}, close
 
     def run(self, arguments: argparse.Namespace) -> int:
         """Serve until Ctrl-C or SIGTERM."""

@@ -1,4 +1,4 @@
-"""World of one or several emulated arms: a physics plant with everything that acts in it, and the arms' control boxes."""
+"""World of one or several emulated arms: a physics plant, everything that acts in it, and the control boxes."""
 
 from collections.abc import Callable, Sequence
 

@@ -122,7 +122,8 @@ def make_clock(name: str, real_time_factor: float, lossy: bool = False, alone: b
     Args:
         name: name of the clock.
         real_time_factor: robot time per wall time.
-        lossy, alone: as for `LockStepClock`.
+        lossy: True on a lossy network.
+        alone: False if other arms wait with this one.
 
     Raises:
         UnknownNameError, ParameterError: the name or the factor is wrong.

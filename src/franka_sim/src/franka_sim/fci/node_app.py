@@ -9,9 +9,10 @@ import threading
 from typing import Any
 
 from franka_sim.buttons import Buttons
-from franka_sim.fci.arm_building import PARAMETERS, build_world, read_arm, served_arms
+from franka_sim.fci.arm_input import PARAMETERS, read_arm
 from franka_sim.fci.epoch import Epoch
 from franka_sim.fci.server import FciServer
+from franka_sim.fci.world_building import build_world, served_arms
 from hric_control.clock_pairs import TOPIC
 from hric_control.loop_requests import LoopRequests
 from hric_core.processes import prefer_this_thread, quiet_collector

@@ -20,7 +20,7 @@ CYCLES_PER_STEP = round(STEP / PERIOD)
 
 
 @dataclass(frozen=True)
-class ServedArm:
+class FciArm:
     """Emulated robot and its control box's address.
 
     Attributes:
@@ -51,7 +51,7 @@ class FciServer:
 
     def __init__(
         self,
-        arms: Sequence[ServedArm],
+        arms: Sequence[FciArm],
         clock: str = "lock_step",
         pace: float = 1.0,
         faults: NetworkFaults | None = None,
@@ -75,7 +75,7 @@ class FciServer:
             raise
         self._left = self._arms[0].left if len(arms) == 1 else self._until_all
 
-    def _serve(self, arm: ServedArm, clock: CycleClock, faults: NetworkFaults) -> None:
+    def _serve(self, arm: FciArm, clock: CycleClock, faults: NetworkFaults) -> None:
         self._arms.append(ArmService(self._selector, PROTOCOLS[arm.version], arm.device, clock, arm.ip, faults))
         self._services.append(self._arms[-1])
         if arm.device.hand is not None:
