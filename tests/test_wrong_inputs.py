@@ -151,6 +151,15 @@ TOOLS = [
     ("franka_sim control_box --loss 2", r"--loss is 2\.0; valid: a finite number from 0 to 1"),
     ("franka_sim control_box --realism clean", r"no preset 'clean' in --realism; valid: ideal, measured"),
     ("franka_sim control_box --plant nope/X", r"'nope/X' .*valid: mujoco\w+/MujocoPlant, opensim"),
+    (
+        "franka_sim control_box two_arms --friction none",
+        r"--friction and the experiment two_arms both describe the arm",
+    ),
+    ("franka_sim control_box ur5e_step", r"experiment ur5e_step: .*ur5e.* has no control box; valid: Franka arms"),
+    (
+        "franka_sim control_box two_arms arms.left.robot.parameters.ip:=here",
+        r"/left/robot/ip is 'here'; valid: an IPv4",
+    ),
     ("franka_real check_workstation --repair", r"\[--fix\] \[robot_ip\]\n.*unrecognized arguments: --repair"),
     (
         "mocap_natnet emulated_motive --transport tcp",

@@ -21,9 +21,9 @@ import numpy.typing as npt
 from franka_hw_interface.robot_state import RobotMode
 from franka_sim.box.requests import ControllerMode, GeneratorMode, MotionCommand, MoveRequest, RequestOutcome
 from franka_sim.fci.app import ControlBoxCommand
-from franka_sim.fci.arm_building import make_arm
 from franka_sim.fci.arm_device import ArmDevice
 from franka_sim.fci.robots import ROBOTS
+from franka_sim.fci.world_building import make_arm
 from franka_sim.settings import Q_START
 from hric_core.errors import HricError
 

@@ -8,7 +8,7 @@ from test_fci_wire import patterned
 from franka_sim.box.requests import MotionCommand
 from franka_sim.fci.device import ConstantDevice
 from franka_sim.fci.robots import fr3_served_urdf
-from franka_sim.fci.server import FciServer
+from franka_sim.fci.server import FciArm, FciServer
 from franka_sim.fci.wire import WIRE_ERRORS
 
 
@@ -26,4 +26,4 @@ class PatternDevice(ConstantDevice):
 
 
 if __name__ == "__main__":
-    FciServer(PatternDevice(), sys.argv[1], int(sys.argv[2])).run()
+    FciServer([FciArm(PatternDevice(), sys.argv[1], int(sys.argv[2]))]).run()

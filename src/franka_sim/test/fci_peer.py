@@ -16,7 +16,7 @@ from typing import Any
 
 from franka_sim.box.requests import MotionCommand
 from franka_sim.fci.device import Device
-from franka_sim.fci.server import PROTOCOLS, FciServer
+from franka_sim.fci.server import PROTOCOLS, FciArm, FciServer
 from franka_sim.fci.wire import ARM_FRAMING, HAND_FRAMING, Framing
 
 ARM, HAND = 1337, 1338
@@ -165,7 +165,13 @@ class Peer:
 def serving(device: Device, version: int = 5, **arguments: Any) -> Iterator[str]:
     """Run a server in a thread; yield its address."""
     ip = new_address()
-    server = FciServer(device, ip, version, **arguments)
+    with running(FciServer([FciArm(device, ip, version)], **arguments)):
+        yield ip
+
+
+@contextmanager
+def running(server: FciServer) -> Iterator[None]:
+    """Run a server in a thread, and close it."""
     failure: list[BaseException] = []
 
     def run() -> None:
@@ -177,7 +183,7 @@ def serving(device: Device, version: int = 5, **arguments: Any) -> Iterator[str]
     thread = threading.Thread(target=run, name="server")
     thread.start()
     try:
-        yield ip
+        yield
     finally:
         server.stop()
         thread.join(PATIENCE)

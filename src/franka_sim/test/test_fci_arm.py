@@ -13,9 +13,9 @@ from fci_peer import PATIENCE, Peer, command, control_box, log_of, run_client, w
 from franka_hw_interface.robot_state import RobotMode
 from franka_sim.box.requests import ControllerMode, GeneratorMode, MoveRequest, RequestOutcome
 from franka_sim.fci.app import ControlBoxCommand
-from franka_sim.fci.arm_building import make_arm
 from franka_sim.fci.robots import ROBOTS
 from franka_sim.fci.wire import WIRE_ERRORS
+from franka_sim.fci.world_building import make_arm
 from hric_core.errors import HricError
 
 FAST = ("--real-time-factor", "0", "--no-collision")

@@ -106,7 +106,7 @@ def test_a_line_of_the_console_may_come_in_pieces() -> None:
     receive, send = os.pipe()
     ended: list[bool] = []
     device = ConstantDevice()
-    console = Console(device, receive, lambda: ended.append(True))
+    console = Console({"panda": device}, receive, lambda: ended.append(True))
     pressed: list[bool] = []
     device.set_user_stop = pressed.append  # type: ignore[assignment]
     for part in (b"user_", b"stop o", b"n\nuser_stop off\nuser", b"_stop on"):

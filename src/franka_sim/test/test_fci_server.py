@@ -16,7 +16,7 @@ from franka_sim.fci.complaints import MAX_PEERS, PEER_QUIET, Complaints
 from franka_sim.fci.connection import MAX_UNSENT
 from franka_sim.fci.device import ConstantDevice
 from franka_sim.fci.faults import NetworkFaults
-from franka_sim.fci.server import FciServer
+from franka_sim.fci.server import FciArm, FciServer
 from franka_sim.fci.session import HANDSHAKE_TIME, MAX_WAITING
 from hric_core.errors import HricError, ParameterError, UnknownNameError
 
@@ -331,14 +331,14 @@ def test_a_library_that_is_not_there_is_refused_with_its_reason_in_the_log(caplo
 
 def test_a_port_that_is_taken_and_an_address_of_another_machine_are_refused_by_name() -> None:
     with serving(ConstantDevice()) as ip, pytest.raises(HricError, match=f"arm service cannot listen on {ip}:1337"):
-        FciServer(ConstantDevice(), ip)
+        FciServer([FciArm(ConstantDevice(), ip)])
     with pytest.raises(HricError, match=r"cannot listen on 203\.0\.113\.1:1337"):
-        FciServer(ConstantDevice(), "203.0.113.1")
+        FciServer([FciArm(ConstantDevice(), "203.0.113.1")])
 
 
 def test_wrong_arguments_are_refused() -> None:
     with pytest.raises(UnknownNameError, match="valid: 10, 5"):
-        FciServer(ConstantDevice(), new_address(), 7)
+        FciServer([FciArm(ConstantDevice(), new_address(), 7)])
     with pytest.raises(UnknownNameError, match="lock_step, wall"):
         make_clock("sundial", 1.0)
     for name in ("wall", "lock_step"):

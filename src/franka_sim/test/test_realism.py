@@ -20,10 +20,10 @@ from franka_sim.box.config import read_config
 from franka_sim.box.control_box import ControlBox
 from franka_sim.box.requests import ControllerMode, GeneratorMode, MoveRequest
 from franka_sim.fci.app import ControlBoxCommand
-from franka_sim.fci.arm_building import make_arm
 from franka_sim.fci.arm_device import ArmDevice
 from franka_sim.fci.protocol import PROTOCOL_5 as V5
 from franka_sim.fci.robots import ROBOTS
+from franka_sim.fci.world_building import make_arm
 from franka_sim.realism import IDEAL, parse, presets
 from franka_sim.sensors import attach
 from hric_core.command import main
@@ -266,7 +266,7 @@ def test_only_the_links_of_the_arm_differ_and_the_rest_of_the_description_stays(
 @pytest.mark.parametrize("robot", ["panda", "fr3"])
 def test_the_box_keeps_the_arm_that_it_believes_in(make_device, robot: str) -> None:
     arm, ideal = make_device("--realism", "measured", robot=robot), make_device(robot=robot)
-    q = arm._q_start
+    q = arm.q_start
     assert np.array_equal(arm.box.model.mass(q), ideal.box.model.mass(q)) and arm.urdf() == ideal.urdf()
     assert 0.005 < np.abs(arm.plant.mass_matrix() - ideal.plant.mass_matrix()).max() < 0.5
 

@@ -7,7 +7,7 @@ import logging
 import os
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from franka_sim.fci.arguments import care_arguments, network_arguments, physics_arguments, robot_arguments
 from franka_sim.fci.complaints import LOG
@@ -15,7 +15,7 @@ from franka_sim.fci.console import HELP, Console
 from franka_sim.fci.device import ConstantDevice, Device
 from franka_sim.fci.faults import NetworkFaults
 from franka_sim.fci.robots import ROBOTS, RobotKind
-from franka_sim.fci.server import FciServer
+from franka_sim.fci.server import FciArm, FciServer
 from franka_sim.gripper import Gripper
 from hric_core.command import Argument, Command
 from hric_core.errors import FailureError, HricError
@@ -45,25 +45,36 @@ def make_device(options: argparse.Namespace, robot: RobotKind) -> tuple[Device, 
     """Return the emulated robot, and a function that releases its resources. Raises HricError."""
     if options.constant:
         return ConstantDevice(robot.served_urdf(), None if options.no_hand else Gripper()), lambda: None
-    from franka_sim.fci.arm_building import make_arm  # engine and models are slow to import, and --help needs neither
+    from franka_sim.fci.world_building import make_arm  # engine and models are slow to import, and --help needs neither
 
     arm = make_arm(options, robot)
     return arm, arm.close
 
 
-def _attach_console(server: FciServer, device: Device) -> None:
+def _attach_console(server: FciServer, devices: Mapping[str, Device]) -> None:
     file = sys.stdin.fileno()
-    server.watch(file, Console(device, file, lambda: server.unwatch(file)).on_input)
+    server.watch(file, Console(devices, file, lambda: server.unwatch(file)).on_input)
 
 
-def serve(options: argparse.Namespace) -> None:
-    """Run the server until SIGINT or SIGTERM. Raises HricError."""
+Arms = tuple[Mapping[str, FciArm], Callable[[], None]]
+"""Emulated arms by name, and a function that releases their resources."""
+
+
+def serve(options: argparse.Namespace, make_arms: Callable[[argparse.Namespace], Arms]) -> None:
+    """Run the server until SIGINT or SIGTERM.
+
+    Args:
+        options: arguments of the command line.
+        make_arms: function that constructs the emulated arms from these arguments.
+
+    Raises:
+        HricError: an argument is wrong, or an address is not available.
+    """
     _check(options)
-    robot = ROBOTS[options.robot]
     faults = NetworkFaults(options.latency, options.jitter, options.loss, options.seed, where="--")
-    device, close = make_device(options, robot)
+    arms, close = make_arms(options)
     try:
-        server = FciServer(device, options.ip, robot.version, options.clock, options.real_time_factor, faults)
+        server = FciServer(list(arms.values()), options.clock, options.real_time_factor, faults)
     except HricError:
         close()
         raise
@@ -71,11 +82,12 @@ def serve(options: argparse.Namespace) -> None:
         signal.signal(number, lambda *_: server.stop())
     try:
         if options.console:
-            _attach_console(server, device)
+            _attach_console(server, {name: arm.device for name, arm in arms.items()})
         _take_priority(options.priority)
         gc.collect()
         gc.freeze()  # existing objects are permanent; the cycle creates little garbage
-        LOG.info("%s at %s, protocol %d, %s clock", options.robot, options.ip, robot.version, options.clock)
+        for name, arm in arms.items():
+            LOG.info("%s at %s, protocol %d, %s clock", name, arm.ip, arm.version, options.clock)
         server.run()
     finally:
         server.close()
@@ -94,7 +106,13 @@ class ControlBoxCommand(Command):
         """Return the command-line arguments."""
         return [*robot_arguments(), *physics_arguments(), *network_arguments(), *care_arguments()]
 
+    def arms(self, options: argparse.Namespace) -> Arms:
+        """Construct the emulated arms that the arguments describe. Raises HricError."""
+        robot = ROBOTS[options.robot]
+        device, close = make_device(options, robot)
+        return {options.robot: FciArm(device, options.ip, robot.version)}, close
+
     def run(self, arguments: argparse.Namespace) -> int:
         """Serve until Ctrl-C or SIGTERM."""
         logging.basicConfig(level=logging.INFO, format="[%(levelname)s] %(message)s")
-        return run_server("hric control_box", lambda: serve(arguments))
+        return run_server("hric control_box", lambda: serve(arguments, self.arms))

@@ -1,93 +1,45 @@
-"""Construction of the emulated arm from parameters or arguments."""
+"""Construction of an emulated arm in a plant."""
 
-import argparse
-from contextlib import ExitStack
 from dataclasses import replace
 from xml.etree import ElementTree
 
+from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_sim import sensors
 from franka_sim.box.compiled_arm import CompiledArm
 from franka_sim.box.control_box import ControlBox
 from franka_sim.fci.arm_device import ArmDevice
+from franka_sim.fci.arm_input import EmulatedArmInput
 from franka_sim.fci.clock import PERIOD
 from franka_sim.fci.complaints import LOG
-from franka_sim.fci.robots import MAX_LOST_PACKETS, RobotKind
 from franka_sim.model_library import library_for
-from franka_sim.realism import Realism, parse
-from franka_sim.settings import BoxSettings, make_model, rotors_of, set_internal_impedance
-from hric_control.sim.participants import Participants
-from hric_core import plugins
-from hric_core.errors import ParameterError
-from hric_core.local.node import LocalNode
-from hric_core.node import Node
+from franka_sim.settings import rotors_of, set_internal_impedance
+from hric_control.plant import Plant
+from hric_control.sim.simulated_robot import PlantInput
 
 
-def build_arm(
-    settings: BoxSettings,
-    realism: Realism,
-    robot: RobotKind,
-    urdf_xml: str,
-    node: Node,
-    max_lost_packets: int | None = MAX_LOST_PACKETS,
-) -> ArmDevice:
-    """Build the emulated arm: plant, participants, control box, and a hand if the robot description has one.
+def build_device(arm: EmulatedArmInput, plant: Plant, needed: PlantInput, model: KdlFrankaModel) -> ArmDevice:
+    """Construct the control box of an arm, and a hand if the robot description has one.
 
     Args:
-        settings: parameters of plant and box.
-        realism: sensor noise, and differences between the arm and the box's model of it.
-        robot: kind of arm.
-        urdf_xml: robot description.
-        node: private namespace of the robot node, where the plant's participants read their parameters.
-        max_lost_packets: number of consecutive lost packets that ends a motion; None: no limit.
+        arm: what the arm is constructed from.
+        plant: plant with the joints of this arm.
+        needed: the arm's `plant_input`.
+        model: the arm's `model`.
 
     Raises:
         HricError: a parameter, a name or the description cannot be used.
     """
-    arm_id = settings.arm_id
-    plant_config = realism.with_friction(settings.plant, arm_id)
-    model = make_model(node, urdf_xml, arm_id, plant_config)
-    names = model.joint_names
-    with ExitStack() as held:
-        plant = plugins.find(plugins.PLANT, settings.plant_type)(realism.body(urdf_xml, arm_id), names, plant_config)
-        held.callback(plant.close)
-        if plant.time_step != PERIOD:
-            raise ParameterError(f"{node.resolve('plant/time_step')} is {plant.time_step}; valid: {PERIOD} [s]")
-        config = settings.box(plant_config, rotors_of(urdf_xml, names, plant_config), PERIOD, realism)
-        config = replace(config, limits=robot.limits(), max_lost_packets=max_lost_packets)
-        compiled = CompiledArm(urdf_xml, arm_id, config.min_singular_value)
-        box = ControlBox(model, compiled, config, lambda text: LOG.warning("%s", text))
-        set_internal_impedance(node, settings.internal_impedance.stiffness, box.joint_impedance)
-        read_state = sensors.attach(plant, box, realism, plant_config.get("seed", 0))
-        participants = Participants(plant, node)
-        held.callback(participants.close)
-        library = library_for(urdf_xml, arm_id)
-        hand = _has_hand(urdf_xml, arm_id)
-        arm = ArmDevice(plant, participants, box, robot.served_urdf, library, settings.q_start, hand, read_state)
-        held.pop_all()
-    return arm
+    settings, realism, urdf_xml, arm_id = arm.settings, arm.realism, arm.urdf_xml, arm.settings.arm_id
+    rotors = rotors_of(urdf_xml, needed.joint_names, needed.config)
+    config = settings.box(needed.config, rotors, PERIOD, realism)
+    config = replace(config, limits=arm.robot.limits(), max_lost_packets=arm.max_lost_packets)
+    compiled = CompiledArm(urdf_xml, arm_id, config.min_singular_value)
+    box = ControlBox(model, compiled, config, lambda line: LOG.warning("%s", line))
+    set_internal_impedance(arm.node, settings.internal_impedance.stiffness, box.joint_impedance)
+    read_state = sensors.attach(plant, box, realism, needed.config.get("seed", 0))
+    library, hand = library_for(urdf_xml, arm_id), _has_hand(urdf_xml, arm_id)
+    return ArmDevice(plant, box, arm.robot.served_urdf, library, settings.q_start, hand, read_state)
 
 
 def _has_hand(urdf_xml: str, arm_id: str) -> bool:
     return any(link.get("name") == f"{arm_id}_hand" for link in ElementTree.fromstring(urdf_xml).iterfind("link"))
-
-
-def make_arm(options: argparse.Namespace, robot: RobotKind) -> ArmDevice:
-    """Build the emulated arm from the arguments of the command line. Raises HricError."""
-    plant_config = {name: getattr(options, name) for name in ("world", "gui", "friction") if getattr(options, name)}
-    plant_config["seed"] = options.seed
-    if options.rotor_inertia is not None:
-        plant_config["rotor_inertia"] = options.rotor_inertia
-    if options.no_collision:
-        plant_config |= {"collision": False, "self_collision": False}
-    settings = BoxSettings(
-        arm_id=robot.arm_id,
-        plant_type=options.plant,
-        plant=plant_config,
-        realism=options.realism,
-        q_start=tuple(options.q_start),
-        reflexes=not options.no_reflexes,
-        where="--",
-    )
-    urdf_xml = robot.urdf(not options.no_hand, not options.no_collision)
-    realism = parse(options.realism, "--realism")
-    return build_arm(settings, realism, robot, urdf_xml, LocalNode({}), options.max_lost_packets or None)

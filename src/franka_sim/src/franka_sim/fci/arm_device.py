@@ -1,16 +1,18 @@
-"""Emulated arm behind the network server: a physics plant with everything that acts in it, and the control box."""
+"""Emulated arm behind the network server: its joints in a physics plant, and its control box."""
 
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 from franka_sim import sensors
 from franka_sim.box.control_box import ControlBox
 from franka_sim.box.requests import MotionCommand, MoveRequest, RequestOutcome
-from franka_sim.fci.complaints import LOG
 from franka_sim.fci.wire import StateCodec
 from franka_sim.gripper import Gripper
 from hric_control.plant import Plant
-from hric_control.sim.participants import Participants
-from hric_core.errors import CommandError, HricError
+from hric_core.errors import CommandError
+
+if TYPE_CHECKING:
+    from franka_sim.fci.arm_world import ArmWorld
 
 MAX_LOAD, MAX_LOAD_DISTANCE, MAX_LOAD_INERTIA = 20.0, 1.0, 20.0
 """Maximum payload that a client may set: mass [kg], distance from the flange [m], inertia [kg m^2].
@@ -20,29 +22,30 @@ Project defaults, unconfirmed; far above the arm's rated payload of 3 kg.
 
 
 class ArmDevice:
-    """Arm that consists of a physics plant and a control box, advanced one millisecond at a time.
+    """Arm that consists of joints in a physics plant and a control box, in a world that advances it.
 
     Args:
-        plant: physics engine.
-        participants: others that act in the plant, e.g. an emulated human.
+        plant: physics engine, with the joints of this arm.
         box: control box.
         urdf: function that returns the arm's description for clients.
         model_library: compiled model of protocol 5.
-        q: pose at the start and after `reset`, 7 floats [rad].
+        q: start pose, 7 floats [rad].
         hand: True if there is a hand at the flange.
         read_state: function that reads the plant's joint state with sensor noise; None: without noise.
 
     Attributes:
         state: robot state, as the control box sends it.
-        plant, participants, box: as in Args.
+        world: world of the arm, which sets this attribute.
+        plant, box: as in Args.
         hand: hand at the flange, or None.
-        on_cycle: callback at the end of each cycle with the robot time [s], before the state is sent.
+        q_start: pose at the start and after `reset`, 7 floats [rad].
     """
+
+    world: "ArmWorld"
 
     def __init__(
         self,
         plant: Plant,
-        participants: Participants,
         box: ControlBox,
         urdf: Callable[[], str],
         model_library: bytes,
@@ -50,15 +53,13 @@ class ArmDevice:
         hand: bool = False,
         read_state: sensors.ReadState | None = None,
     ) -> None:
-        self.plant, self.participants, self.box, self.state = plant, participants, box, box.state
+        self.plant, self.box, self.state = plant, box, box.state
         self.hand = Gripper() if hand else None
-        self.on_cycle: Callable[[float], None] | None = None
         self._read_state = read_state or plant.read_state
         self._codec: StateCodec | None = None
         self.urdf, self.model_library = urdf, model_library
-        self._q_start = list(q)
+        self.q_start = list(q)
         self._q, self._dq, self._tau = [0.0] * 7, [0.0] * 7, [0.0] * 7
-        self._period, self._cycles, self._time = plant.time_step, 0, 0.0
         # Requests of clients go to the box unchanged.
         self.move: Callable[[MoveRequest], RequestOutcome] = box.move
         self.stop_move, self.recover, self.take_finished = box.stop_move, box.recover, box.take_finished
@@ -68,36 +69,14 @@ class ArmDevice:
         self.set_joint_impedance, self.set_cartesian_impedance = box.set_joint_impedance, box.set_cartesian_impedance
         self.set_guiding_mode, self.set_filters = box.set_guiding_mode, box.set_filters
         self.set_EE_T_K, self.set_NE_T_EE = box.set_EE_T_K, box.set_NE_T_EE
-        self.reset()
 
     def reset(self) -> None:
-        """Reset the arm to its start pose at rest, and the world to its initial state; robot time continues."""
-        self._reset_plant()
-        self.box.reset(self._q_start)
-        self._read()
+        """Reset the world, with all arms in it."""
+        self.world.reset()
 
-    def _reset_plant(self) -> None:
-        self.plant.reset(self._q_start)
-        self.participants.reset()
-
-    def cycle(self, command: MotionCommand | None) -> None:
-        """Apply the command's torques, step the plant, and update the box.
-
-        If the plant becomes unstable (it diverges, or gets an effort beyond the engine's limits), the motion ends in a
-        reflex that the client can read, and the arm returns to its start pose: the server continues.
-        """
-        try:
-            self.plant.apply(self.box.write(command))
-            self.participants.step(self._time)
-        except HricError as error:
-            LOG.error("the simulated arm is reset to its start pose after an error of the physics: %s", error)
-            self._reset_plant()
-            self.box.break_down(self._q_start)
-        self._cycles += 1
-        self._time = self._cycles * self._period
-        self._read()
-        if self.on_cycle is not None:
-            self.on_cycle(self._time)
+    def cycle(self, *commands: MotionCommand | None) -> None:
+        """Advance the world of the arm; commands: of each arm in this world, None: no packet came."""
+        self.world.cycle(commands)
 
     def set_load(self, mass: float, com: Sequence[float], inertia: Sequence[float]) -> RequestOutcome:
         """Set the payload of the box, up to MAX_LOAD and the other bounds, which keep its torques finite.
@@ -115,9 +94,10 @@ class ArmDevice:
             )
         return self.box.set_load(mass, com, inertia)
 
-    def _read(self) -> None:
+    def read(self, time: float) -> None:
+        """Pass the joint state of the plant to the control box; called by the world. time: robot time [s]."""
         self._read_state(self._q, self._dq, self._tau)
-        self.box.read(self._q, self._dq, self._tau, self._time)
+        self.box.read(self._q, self._dq, self._tau, time)
 
     def encode(self, codec: StateCodec, message_id: int) -> bytes:
         """Return the robot state as a datagram of the codec's protocol."""
@@ -130,6 +110,5 @@ class ArmDevice:
         self.plant.apply_wrench(link, force, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), duration)
 
     def close(self) -> None:
-        """Release the plant and all that act in it."""
-        self.participants.close()
-        self.plant.close()
+        """Release the world of the arm, with all arms in it."""
+        self.world.close()

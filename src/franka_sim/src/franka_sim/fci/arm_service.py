@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 from franka_hw_interface.robot_state import RobotMode
 from franka_sim.box.requests import ControllerMode, GeneratorMode, MotionCommand, MoveRequest, RequestOutcome
-from franka_sim.fci.clock import MotionPhase
+from franka_sim.fci.clock import CycleClock, MotionPhase
 from franka_sim.fci.complaints import LOG
 from franka_sim.fci.connection import FciMessage
 from franka_sim.fci.device import Device
@@ -40,6 +40,7 @@ class ArmService(Service):
         selector: selector of the server.
         protocol: protocol version.
         device: the robot.
+        clock: clock that waits for the commands to this robot.
         ip: address to listen on.
         faults: faults of the UDP link.
 
@@ -49,9 +50,15 @@ class ArmService(Service):
     """
 
     def __init__(
-        self, selector: selectors.BaseSelector, protocol: Protocol, device: Device, ip: str, faults: NetworkFaults
+        self,
+        selector: selectors.BaseSelector,
+        protocol: Protocol,
+        device: Device,
+        clock: CycleClock,
+        ip: str,
+        faults: NetworkFaults,
     ) -> None:
-        self._protocol, self._device = protocol, device
+        self._protocol, self._device, self._clock = protocol, device, clock
         self.message_id = self.late = 0
         self._command: MotionCommand | None = None
         self._moving: FciMessage | None = None
@@ -115,11 +122,19 @@ class ArmService(Service):
             else:
                 self.late += 1
 
-    def tick(self) -> None:
-        """Run one cycle of the robot with the received command, and send its state to the client."""
+    def left(self, now: float) -> float:
+        """Return the time to wait for this robot before the next cycle [s]; now: time.monotonic [s]."""
+        return self._clock.left(now, self.phase)
+
+    def take_command(self, now: float) -> MotionCommand | None:
+        """Return the command for the cycle that starts now, None without one; now: time.monotonic [s]."""
+        self._clock.ticked(now, self.phase)
         command, self._command = self._command, None
         self._started = self._moving is not None and (self._started or command is not None)
-        self._device.cycle(command)
+        return command
+
+    def send_state(self) -> None:
+        """Send the state of the robot after a cycle to the client, and the responses that became due."""
         self.message_id += 1
         if self.client is not None:
             self.client.link.send(self._device.encode(self._protocol.state, self.message_id))

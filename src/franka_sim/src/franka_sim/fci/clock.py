@@ -1,5 +1,6 @@
 """Clocks that time the robot's 1 ms cycles: in lock-step with the client, or by wall time."""
 
+import math
 from abc import ABC, abstractmethod
 from enum import Enum
 
@@ -26,6 +27,11 @@ state, however long it takes to compute, and every motion starts in the same way
 """
 STATES_BEFORE_FIRST = 2
 """Number of states that libfranka reads before its first command: the one with the requested modes and one more."""
+SILENT = 20
+"""Number of states without a command after which one of several arms is not waited for any more.
+
+Project default, unconfirmed: the number of lost commands that ends a motion.
+"""
 CATCH_UP = 0.02
 """Maximum delay that a lock-step clock with a real-time factor makes up for by faster cycles [s]."""
 
@@ -81,20 +87,21 @@ class LockStepClock(CycleClock):
     Args:
         real_time_factor: maximum robot time per wall time; 0: as fast as the client sends (in idle mode: real time).
         lossy: True on a network that loses datagrams: TIME_OUT applies to all commands.
+        alone: False if other arms wait with this one; then a client that is silent for SILENT states is not waited for.
     """
 
-    def __init__(self, real_time_factor: float = 1.0, lossy: bool = False) -> None:
+    def __init__(self, real_time_factor: float = 1.0, lossy: bool = False, alone: bool = True) -> None:
         factor = number(minimum=0.0).checked(real_time_factor, "the real-time factor of the lock-step clock")
         self._paced, self._period = factor > 0.0, PERIOD / (factor or 1.0)
         self._last = self._next = 0.0
-        self._starting = 0
-        self._lossy, self._lost = lossy, False
+        self._starting = self._lost = 0
+        self._lossy, self._silent = lossy, math.inf if alone else SILENT
 
     def left(self, now: float, phase: MotionPhase) -> float:
         """Return the time to the command's timeout, or to the deadline of the paced clock [s]."""
-        if phase is MotionPhase.AWAITING:
+        if phase is MotionPhase.AWAITING and self._lost < self._silent:
             return self._last + (TIME_OUT if self._lossy or self._lost else PATIENCE) - now
-        if phase is MotionPhase.STARTING and self._starting >= STATES_BEFORE_FIRST:
+        if phase is MotionPhase.STARTING and STATES_BEFORE_FIRST <= self._starting < self._silent:
             wait = FIRST_WAIT * 2.0 ** min(self._starting - STATES_BEFORE_FIRST, 8)
             return self._last + min(wait, PATIENCE) - now
         if phase is MotionPhase.ARRIVED and not self._paced:
@@ -104,15 +111,25 @@ class LockStepClock(CycleClock):
     def ticked(self, now: float, phase: MotionPhase) -> None:
         """Set the next deadline."""
         self._starting = self._starting + 1 if phase is MotionPhase.STARTING else 0
-        self._lost = phase is MotionPhase.AWAITING
+        self._lost = self._lost + 1 if phase is MotionPhase.AWAITING else 0
         self._last = now
         self._next = max(self._next + self._period, now - CATCH_UP) if self._paced else now + self._period
 
 
-def make_clock(name: str, real_time_factor: float, lossy: bool = False) -> CycleClock:
-    """Return the clock "lock_step" or "wall"; lossy: on a lossy network. Raises UnknownNameError, ParameterError."""
+def make_clock(name: str, real_time_factor: float, lossy: bool = False, alone: bool = True) -> CycleClock:
+    """Return the clock "lock_step" or "wall" of an arm.
+
+    Args:
+        name: name of the clock.
+        real_time_factor: robot time per wall time.
+        lossy: True on a lossy network.
+        alone: False if other arms wait with this one.
+
+    Raises:
+        UnknownNameError, ParameterError: the name or the factor is wrong.
+    """
     if name == "lock_step":
-        return LockStepClock(real_time_factor, lossy)
+        return LockStepClock(real_time_factor, lossy, alone)
     if name == "wall":
         return PeriodicClock(real_time_factor)
     raise UnknownNameError("clock", name, ("lock_step", "wall"))

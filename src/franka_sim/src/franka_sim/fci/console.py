@@ -1,7 +1,7 @@
 """Text console for what a person does to a real arm by hand: user stop, guiding, a push, an object in the hand."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from franka_sim.box.requests import RequestOutcome
 from franka_sim.fci.complaints import LOG
@@ -17,20 +17,22 @@ guiding on|off               press or release the guiding buttons
 push LINK FX FY FZ SECONDS   push a link with a force in the world frame [N]
 object WIDTH                 put an object of this width between the fingers [m]; 0: remove it
 reset                        put the arm back to its start pose
-help                         print these commands"""
+help                         print these commands
+Several arms: the name of the arm first, e.g. left user_stop on"""
 
 
 class Console:
     """Console that reads commands from a file descriptor and executes them between two cycles of the arm.
 
     Args:
-        device: the arm.
+        devices: arms by name; of several, a command begins with the name of its arm.
         file: file descriptor, e.g. that of the standard input.
         on_end: callback for the end of the file.
     """
 
-    def __init__(self, device: Device, file: int, on_end: Callable[[], None]) -> None:
-        self._device, self._file, self._on_end = device, file, on_end
+    def __init__(self, devices: Mapping[str, Device], file: int, on_end: Callable[[], None]) -> None:
+        self._devices, self._file, self._on_end = devices, file, on_end
+        self._device = next(iter(devices.values()))
         self._text = b""
         self._actions: dict[str, tuple[int, Callable[[list[str]], object]]] = {
             "user_stop": (1, lambda words: self._device.set_user_stop(_switch(words[0]))),
@@ -56,16 +58,26 @@ class Console:
         if not words:
             return
         try:
-            if words[0] not in self._actions:
-                raise UnknownNameError("console command", words[0], self._actions)
-            count, action = self._actions[words[0]]
-            if len(words) != count + 1:
-                raise CommandError(f"{words[0]} needs {count} values; got {len(words) - 1}. Commands:\n{HELP}")
-            outcome = action(words[1:])
+            name, *values = self._of_arm(words)
+            if name not in self._actions:
+                raise UnknownNameError("console command", name, self._actions)
+            count, action = self._actions[name]
+            if len(values) != count:
+                raise CommandError(f"{name} needs {count} values; got {len(values)}. Commands:\n{HELP}")
+            outcome = action(values)
             text = f": {outcome.value}" if isinstance(outcome, RequestOutcome) else ""
             LOG.info("console: %s%s", " ".join(words), text)
         except HricError as error:
             LOG.error("console: %s", error)
+
+    def _of_arm(self, words: list[str]) -> list[str]:
+        """Choose the arm that the words name, if there are several; return the other words."""
+        if len(self._devices) == 1 or words[0] == "help":
+            return words
+        if words[0] not in self._devices:
+            raise UnknownNameError("arm", words[0], self._devices)
+        self._device = self._devices[words[0]]
+        return words[1:] or [""]
 
     def _push(self, words: list[str]) -> None:
         x, y, z, duration = (_number(word) for word in words[1:])

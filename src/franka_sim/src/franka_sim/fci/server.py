@@ -1,11 +1,12 @@
-"""Network server of one emulated robot. One thread with one selector, which no client can block."""
+"""Network server of the emulated robots in one world. One thread with one selector, which no client can block."""
 
 import selectors
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 from franka_sim.fci.arm_service import ArmService
-from franka_sim.fci.clock import PERIOD, make_clock
+from franka_sim.fci.clock import PERIOD, CycleClock, MotionPhase, make_clock
 from franka_sim.fci.device import Device
 from franka_sim.fci.faults import NetworkFaults
 from franka_sim.fci.hand_service import STEP, HandService
@@ -18,13 +19,28 @@ LONGEST_WAIT = 0.05
 CYCLES_PER_STEP = round(STEP / PERIOD)
 
 
-class FciServer:
-    """Server that offers an emulated robot to libfranka clients, as the control box of a real arm does.
+@dataclass(frozen=True)
+class FciArm:
+    """Emulated robot and its control box's address.
 
-    Args:
+    Attributes:
         device: the emulated robot.
         ip: address to listen on; the ports are libfranka's (1337, with a hand 1338).
         version: protocol version, 5 or 10.
+    """
+
+    device: Device
+    ip: str = "127.0.0.1"
+    version: int = 5
+
+
+class FciServer:
+    """Server that offers emulated robots to libfranka clients, as the control boxes of real arms do.
+
+    In a cycle all robots take their commands, their world advances once, and then all send their states.
+
+    Args:
+        arms: robots of one world, in its order; a single one may be any device.
         clock: "lock_step" or "wall".
         pace: real-time factor; 0 (lock-step only): as fast as the client.
         faults: faults of the network.
@@ -35,30 +51,36 @@ class FciServer:
 
     def __init__(
         self,
-        device: Device,
-        ip: str = "127.0.0.1",
-        version: int = 5,
+        arms: Sequence[FciArm],
         clock: str = "lock_step",
         pace: float = 1.0,
         faults: NetworkFaults | None = None,
     ) -> None:
-        if version not in PROTOCOLS:
+        for version in (arm.version for arm in arms if arm.version not in PROTOCOLS):
             raise UnknownNameError("protocol version", version, map(str, PROTOCOLS), "FciServer")
         faults = faults or NetworkFaults()
-        self._clock = make_clock(clock, pace, lossy=faults.loss > 0.0)
+        self._cycle = arms[0].device.cycle  # of the world of all arms
         self._selector = selectors.SelectSelector()  # an epoll would round the wait up to a millisecond
         self._services: list[Service] = []
+        self._arms: list[ArmService] = []
+        self._hands: list[HandService] = []
         self._stop = False
         self._cycles = 0
         try:
-            self.arm = ArmService(self._selector, PROTOCOLS[version], device, ip, faults)
-            self._services.append(self.arm)
-            self._hand = None if device.hand is None else HandService(self._selector, device.hand, ip, faults)
-            if self._hand is not None:
-                self._services.append(self._hand)
+            for index, arm in enumerate(arms):
+                ticks = make_clock(clock, pace, faults.loss > 0.0, alone=len(arms) == 1)
+                self._serve(arm, ticks, replace(faults, seed=faults.seed + index))
         except BaseException:
             self.close()
             raise
+        self._left = self._arms[0].left if len(arms) == 1 else self._until_all
+
+    def _serve(self, arm: FciArm, clock: CycleClock, faults: NetworkFaults) -> None:
+        self._arms.append(ArmService(self._selector, PROTOCOLS[arm.version], arm.device, clock, arm.ip, faults))
+        self._services.append(self._arms[-1])
+        if arm.device.hand is not None:
+            self._hands.append(HandService(self._selector, arm.device.hand, arm.ip, faults))
+            self._services.append(self._hands[-1])
 
     def watch(self, file: int, callback: Callable[[int], None]) -> None:
         """Call `callback(events)` when a file descriptor is readable."""
@@ -87,16 +109,21 @@ class FciServer:
 
     def _wait(self) -> None:
         """Serve the sockets until the next cycle is due, at least once."""
-        select, clock, arm = self._selector.select, self._clock, self.arm
+        select, time_left = self._selector.select, self._left
         first = True
         while not self._stop:
-            left = clock.left(time.monotonic(), arm.phase)
+            left = time_left(time.monotonic())
             if left <= 0.0 and not first:
                 return
             first = False
             for key, events in select(min(max(left, 0.0), self._until_link())):
                 key.data(events)
             self._move_links()
+
+    def _until_all(self, now: float) -> float:
+        """Return the time to wait for all arms that clients move [s]; without one, that of an arm at rest."""
+        waits = [arm.left(now) for arm in self._arms if arm.phase is not MotionPhase.IDLE]
+        return max(waits) if waits else self._arms[0].left(now)
 
     def _until_link(self) -> float:
         """Return the time until a delayed datagram of an emulated network is due, at most LONGEST_WAIT [s]."""
@@ -114,11 +141,12 @@ class FciServer:
 
     def _tick(self) -> None:
         now = time.monotonic()
-        self._clock.ticked(now, self.arm.phase)
-        self.arm.tick()
+        self._cycle(*[arm.take_command(now) for arm in self._arms])
+        for arm in self._arms:
+            arm.send_state()
         self._cycles += 1
         if self._cycles % CYCLES_PER_STEP == 0:
-            if self._hand is not None:
-                self._hand.tick(now, STEP)
+            for hand in self._hands:
+                hand.tick(now, STEP)
             for service in self._services:
                 service.housekeeping(now)

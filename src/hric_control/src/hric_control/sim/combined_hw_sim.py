@@ -85,22 +85,18 @@ class CombinedHWSim(SimulatedRobot):
     def init(self, root_node: Node, robot_hw_node: Node) -> None:
         """Read the parameters, construct the plant of all robots, and then the robots."""
         self.description = root_node.search_param("robot_description")
-        arms = CombinedSettings.read(robot_hw_node).arms
-        for name, values in arms.items() if isinstance(arms, Mapping) else ():
-            root_node.set_param(name, values)
-        robot_hw_node.set_param("arms", list(arms))
-        nodes = {name: (root_node.child(name), root_node.child(f"{name}/{PRIVATE}")) for name in arms}
+        nodes = robot_nodes(root_node, robot_hw_node)
         self._robots = {name: self._new_robot(*pair) for name, pair in nodes.items()}
         needed = {name: robot.plant_input(*nodes[name]) for name, robot in self._robots.items()}
         engines = {name: private.param("plant_type", DEFAULT_PLANT) for name, (_, private) in nodes.items()}
         plant = combined_input(needed)
-        robot_hw_node.set_param("plant_type", _common("plant_type", engines))
+        robot_hw_node.set_param("plant_type", common("plant_type", engines))
         robot_hw_node.set_param("plant", dict(plant.config))  # for the record of the run
         self._kinds: tuple[list[str], tuple[Sequence[str], ...]] = ([], ())
         with self._new_plant(robot_hw_node, plant), ExitStack() as opened:
-            self._shared = SharedPlant(self.plant, self.loop)
+            self._shared = SharedPlant(self.plant)
             for name, pair in nodes.items():
-                self._robots[name].shared = self._shared
+                self._robots[name].shared, self._robots[name].loop = self._shared, self.loop
                 pair[1].set_param("control_log", False)
                 app = RobotApp(*pair, hw=self._robots[name], live=not root_node.publishes_inline)
                 opened.callback(app.shutdown)
@@ -274,6 +270,24 @@ class CombinedHWSim(SimulatedRobot):
         return LimitCounts.joined([part for part in counts if part is not None]) if all(counts) else None
 
 
+def robot_nodes(root_node: Node, robot_hw_node: Node) -> dict[str, tuple[Node, Node]]:
+    """Return the nodes of the combined robots by name: of a robot's namespace, and of its private one.
+
+    If the parameter `arms` is a mapping, these namespaces get its values, and it becomes a list of the names.
+
+    Args:
+        root_node, robot_hw_node: the two nodes of the combination.
+
+    Raises:
+        ParameterError: `arms` is neither a mapping of mappings nor a list of names.
+    """
+    arms = CombinedSettings.read(robot_hw_node).arms
+    for name, values in arms.items() if isinstance(arms, Mapping) else ():
+        root_node.set_param(name, values)
+    robot_hw_node.set_param("arms", list(arms))
+    return {name: (root_node.child(name), root_node.child(f"{name}/{PRIVATE}")) for name in arms}
+
+
 def combined_input(needed: Mapping[str, PlantInput]) -> PlantInput:
     """Return what the plant of several robots needs.
 
@@ -296,7 +310,7 @@ def combined_input(needed: Mapping[str, PlantInput]) -> PlantInput:
                 config[BY_JOINT] |= {joint: dict.fromkeys(PHI, 0.0) for joint in part.joint_names}
         rubbing = dict.fromkeys(rubbing, IDENTIFIED)
     if any(kind != "none" for kind in rubbing.values()):
-        config["friction"] = _common("plant/friction", rubbing)
+        config["friction"] = common("plant/friction", rubbing)
     keys = {key for part in needed.values() for key in part.config} - {
         "rotor_inertia",
         "friction",
@@ -305,7 +319,7 @@ def combined_input(needed: Mapping[str, PlantInput]) -> PlantInput:
         "seed",
     }
     for key in sorted(keys):
-        config[key] = _common(f"plant/{key}", {name: part.config.get(key) for name, part in needed.items()})
+        config[key] = common(f"plant/{key}", {name: part.config.get(key) for name, part in needed.items()})
     carrying = [name for name, part in needed.items() if _mapping(part.config.get("payload")).get("mass")]
     if len(carrying) > 1:
         raise ParameterError(f"plant/payload is set for {' and '.join(carrying)}; valid: for one of the robots")
@@ -323,7 +337,8 @@ def _mapping(value: object) -> dict[str, object]:
     return dict(value) if isinstance(value, Mapping) else {}
 
 
-def _common(key: str, values: Mapping[str, object]) -> Any:
+def common(key: str, values: Mapping[str, object]) -> Any:
+    """Return the value of a parameter that is the same for all robots, by name; raise ParameterError if it differs."""
     first, *others = values.values()
     if any(value != first for value in others):
         each = ", ".join(f"{value!r} for {name}" for name, value in values.items())

@@ -3,26 +3,24 @@
 from collections.abc import Mapping, Sequence
 
 from hric_control.plant import Contact, DrivenPlant, FloatArray, Load, Mode, Plant, Surface
-from hric_control.sim.sim_loop import SimLoop
 from hric_core.errors import HricError
 
 
 class SharedPlant:
-    """Plant and loop of several robots, with the state and the commands of all joints in the order of the plant.
+    """Plant of several robots, with the state and the commands of all joints in the order of the plant.
 
     Args:
         plant: plant with all joints of all robots.
-        loop: loop that steps the plant.
 
     Attributes:
-        plant, loop: as in Args.
+        plant: as in Args.
         position, velocity, effort: joint states that `read` has read last [rad or m], [rad/s or m/s], [N m or N].
         command: commands for the next step.
         modes, brakes: command mode of each joint, and True for a locked brake.
     """
 
-    def __init__(self, plant: Plant, loop: SimLoop) -> None:
-        self.plant, self.loop = plant, loop
+    def __init__(self, plant: Plant) -> None:
+        self.plant = plant
         n = len(plant.joint_names)
         self.position, self.velocity, self.effort, self.command = [0.0] * n, [0.0] * n, [0.0] * n, [0.0] * n
         self.modes, self.brakes = [Mode.EFFORT] * n, [False] * n

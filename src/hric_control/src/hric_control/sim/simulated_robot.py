@@ -85,7 +85,7 @@ class SimulatedRobot(RobotHW):
                 held.callback(self.plant.close)
                 self.loop = SimLoop(self.plant.time_step, node.param("real_time_factor", 1.0))
             else:
-                self.plant, self.loop = self.shared.part(needed.joint_names), self.shared.loop
+                self.plant = self.shared.part(needed.joint_names)  # whose owner has set the loop, too
             self._participants = Participants(self.plant, node)
             held.callback(self._participants.close)
             self.states = JointStates(needed.joint_names)

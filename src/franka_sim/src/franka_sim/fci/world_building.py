@@ -1,0 +1,67 @@
+"""Construction of the world of emulated arms from parameters or arguments."""
+
+import argparse
+from collections.abc import Mapping
+from contextlib import ExitStack
+
+from franka_sim.fci.arm_building import build_device
+from franka_sim.fci.arm_device import ArmDevice
+from franka_sim.fci.arm_input import EmulatedArmInput, input_of_arguments
+from franka_sim.fci.arm_world import ArmWorld
+from franka_sim.fci.clock import PERIOD
+from franka_sim.fci.robots import RobotKind
+from franka_sim.fci.server import FciArm
+from hric_control.sim.combined_hw_sim import combined_input, common
+from hric_control.sim.participants import Participants
+from hric_control.sim.shared_plant import SharedPlant
+from hric_core import plugins
+from hric_core.errors import ParameterError
+from hric_core.node import Node
+
+
+def build_world(arms: Mapping[str, EmulatedArmInput], node: Node) -> ArmWorld:
+    """Build the world of emulated arms: plant, participants, and the control box of each arm.
+
+    Args:
+        arms: the arms by name; several stand in one plant.
+        node: private namespace of the robot node, where the plant's participants read their parameters.
+
+    Raises:
+        HricError: a parameter, a name or the description cannot be used.
+    """
+    models = {name: arm.model() for name, arm in arms.items()}
+    needed = {name: arm.plant_input() for name, arm in arms.items()}
+    plant_type = common("plant_type", {name: arm.settings.plant_type for name, arm in arms.items()})
+    together = next(iter(needed.values())) if len(arms) == 1 else combined_input(needed)
+    with ExitStack() as held:
+        plant = plugins.find(plugins.PLANT, plant_type)(together.urdf_xml, together.joint_names, together.config)
+        held.callback(plant.close)
+        if plant.time_step != PERIOD:
+            where = next(iter(arms.values())).node.resolve("plant/time_step")
+            raise ParameterError(f"{where} is {plant.time_step}; valid: {PERIOD} [s]")
+        shared = None if len(arms) == 1 else SharedPlant(plant)
+        devices = [
+            build_device(
+                arm, plant if shared is None else shared.part(needed[name].joint_names), needed[name], models[name]
+            )
+            for name, arm in arms.items()
+        ]
+        participants = Participants(plant, node)
+        held.callback(participants.close)
+        world = ArmWorld(plant, participants, devices, shared)
+        held.pop_all()
+    return world
+
+
+def served_arms(arms: Mapping[str, EmulatedArmInput], world: ArmWorld) -> dict[str, FciArm]:
+    """Return the arms of a world with their addresses, for the server; arms: what the world was built from."""
+    return {
+        name: FciArm(device, arm.ip, arm.robot.version)
+        for (name, arm), device in zip(arms.items(), world.arms, strict=True)
+    }
+
+
+def make_arm(options: argparse.Namespace, robot: RobotKind) -> ArmDevice:
+    """Build the emulated arm from the arguments of the command line. Raises HricError."""
+    arm = input_of_arguments(options, robot)
+    return build_world({robot.arm_id: arm}, arm.node).arms[0]
