@@ -231,7 +231,7 @@ class ControlBox(ConfiguredBox):
             self._begin(q)
         else:
             self._gravity_torque = self._external.update(state.q, state.dq, q, dq, tau_J, self._friction_torque)
-        state.tau_before[:] = state.tau_J
+        state.tau_before[:], state.dq_before[:] = state.tau_J, state.dq
         state.q[:], state.dq[:], state.tau_J[:] = q, dq, tau_J
         state.time = time
         state.tick += 1

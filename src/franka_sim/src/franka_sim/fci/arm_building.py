@@ -54,7 +54,7 @@ def build_arm(
             raise ParameterError(f"{node.resolve('plant/time_step')} is {plant.time_step}; valid: {PERIOD} [s]")
         config = settings.box(plant_config, rotors_of(urdf_xml, names, plant_config), PERIOD, realism)
         config = replace(config, limits=robot.limits(), max_lost_packets=max_lost_packets)
-        compiled = CompiledArm(urdf_xml, arm_id, config.min_singular_value)
+        compiled = CompiledArm(urdf_xml, arm_id, config.min_singular_value, list(robot.accelerometers().values()))
         box = ControlBox(model, compiled, config, lambda text: LOG.warning("%s", text))
         set_internal_impedance(node, settings.internal_impedance.stiffness, box.joint_impedance)
         read_state = sensors.attach(plant, box, realism, plant_config.get("seed", 0))

@@ -122,7 +122,8 @@ class ArmDevice:
     def encode(self, codec: StateCodec, message_id: int) -> bytes:
         """Return the robot state as a datagram of the codec's protocol."""
         if codec is not self._codec:
-            self._codec, self._pack = codec, self.state.fields.packer(codec.names, codec.real)
+            names = (*codec.names, *codec.accelerometers)
+            self._codec, self._pack = codec, self.state.fields.packer(names, codec.real)
         return codec.join(message_id, self._pack(self.state), self.state)
 
     def push(self, link: str, force: Sequence[float], duration: float) -> None:
