@@ -26,7 +26,7 @@ typedef struct {
     /* computed unless a Cartesian motion generator commands them */
     double O_T_EE_d[16], O_T_EE_c[16], O_dP_EE_d[6], elbow_d[2], elbow_c[2];
     double O_dP_EE_c[6], O_ddP_EE_c[6], delbow_c[2], ddelbow_c[2];
-    double wrench_noise[6]; /* added to O_F_ext_hat_K; zero for noiseless sensors */
+    double wrench_noise[6];          /* added to O_F_ext_hat_K; zero for noiseless sensors */
     Pose accelerometers[2][SENSORS]; /* in their links; zero without accelerometers */
     double specific_force[2][SENSORS][3];
 } Fields;

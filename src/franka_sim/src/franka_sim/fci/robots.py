@@ -28,8 +28,8 @@ class RobotKind:
         limited: function that replaces the limits in a URDF of the Panda by this robot's; arguments: URDF, arm_id.
         served_urdf: function that returns the URDF for clients, without a hand.
         limits: function that returns the limits of the arm.
-        accelerometers: function that returns the poses of the accelerometers in their links, shape (4, 4), by name: those
-            on the top, then those on the bottom of links 0 to 5.
+        accelerometers: function that returns the poses of the accelerometers in their links, shape (4, 4), by name:
+            those on the top, then those on the bottom of links 0 to 5.
     """
 
     arm_id: str
