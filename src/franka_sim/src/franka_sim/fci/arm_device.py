@@ -6,8 +6,8 @@ from franka_sim import sensors
 from franka_sim.box.control_box import ControlBox
 from franka_sim.box.requests import MotionCommand, MoveRequest, RequestOutcome
 from franka_sim.fci.complaints import LOG
+from franka_sim.fci.hand_service import Tool
 from franka_sim.fci.wire import StateCodec
-from franka_sim.gripper import Gripper
 from hric_control.plant import Plant
 from hric_control.sim.participants import Participants
 from hric_core.errors import CommandError, HricError
@@ -29,13 +29,12 @@ class ArmDevice:
         urdf: function that returns the arm's description for clients.
         model_library: compiled model of protocol 5.
         q: pose at the start and after `reset`, 7 floats [rad].
-        hand: True if there is a hand at the flange.
+        hand: hand or vacuum gripper at the flange, or None.
         read_state: function that reads the plant's joint state with sensor noise; None: without noise.
 
     Attributes:
         state: robot state, as the control box sends it.
-        plant, participants, box: as in Args.
-        hand: hand at the flange, or None.
+        plant, participants, box, hand: as in Args.
         on_cycle: callback at the end of each cycle with the robot time [s], before the state is sent.
     """
 
@@ -47,11 +46,11 @@ class ArmDevice:
         urdf: Callable[[], str],
         model_library: bytes,
         q: Sequence[float],
-        hand: bool = False,
+        hand: Tool | None = None,
         read_state: sensors.ReadState | None = None,
     ) -> None:
         self.plant, self.participants, self.box, self.state = plant, participants, box, box.state
-        self.hand = Gripper() if hand else None
+        self.hand = hand
         self.on_cycle: Callable[[float], None] | None = None
         self._read_state = read_state or plant.read_state
         self._codec: StateCodec | None = None

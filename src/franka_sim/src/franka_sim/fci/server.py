@@ -8,7 +8,7 @@ from franka_sim.fci.arm_service import ArmService
 from franka_sim.fci.clock import PERIOD, make_clock
 from franka_sim.fci.device import Device
 from franka_sim.fci.faults import NetworkFaults
-from franka_sim.fci.hand_service import STEP, HandService
+from franka_sim.fci.hand_service import STEP, tool_service
 from franka_sim.fci.protocol import PROTOCOLS
 from franka_sim.fci.session import Service
 from hric_core.errors import UnknownNameError
@@ -53,7 +53,7 @@ class FciServer:
         try:
             self.arm = ArmService(self._selector, PROTOCOLS[version], device, ip, faults)
             self._services.append(self.arm)
-            self._hand = None if device.hand is None else HandService(self._selector, device.hand, ip, faults)
+            self._hand = None if device.hand is None else tool_service(self._selector, device.hand, ip, faults)
             if self._hand is not None:
                 self._services.append(self._hand)
         except BaseException:
