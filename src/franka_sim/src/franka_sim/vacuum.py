@@ -71,13 +71,14 @@ class SuctionCup:
     Args:
         plant: physics engine with the pump.
         arm_id: prefix of the pump's link.
-        config: parameters.
+        config: parameters; those of config/vacuum.yaml by default.
 
     Raises:
         ParameterError: the plant cannot connect bodies.
     """
 
-    def __init__(self, plant: Plant, arm_id: str, config: VacuumConfig) -> None:
+    def __init__(self, plant: Plant, arm_id: str, config: VacuumConfig | None = None) -> None:
+        config = config or defaults()
         if not isinstance(plant, Articulated):
             raise ParameterError(f"a vacuum gripper needs a plant that connects bodies; {type(plant).__name__} cannot")
         self._plant, self._link, self._config = plant, f"{arm_id}_{PUMP}", config

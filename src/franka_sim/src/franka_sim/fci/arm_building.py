@@ -3,22 +3,17 @@
 import argparse
 from contextlib import ExitStack
 from dataclasses import replace
-from xml.etree import ElementTree
 
-from franka_sim import sensors, vacuum
+from franka_sim import sensors
 from franka_sim.box.compiled_arm import CompiledArm
 from franka_sim.box.control_box import ControlBox
-from franka_sim.fci.arm_device import ArmDevice
+from franka_sim.fci.arm_device import ArmDevice, mounted_tool
 from franka_sim.fci.clock import PERIOD
 from franka_sim.fci.complaints import LOG
-from franka_sim.fci.hand_service import Tool
 from franka_sim.fci.robots import MAX_LOST_PACKETS, RobotKind
-from franka_sim.gripper import Gripper
 from franka_sim.model_library import library_for
 from franka_sim.realism import Realism, parse
 from franka_sim.settings import BoxSettings, make_model, rotors_of, set_internal_impedance
-from franka_sim.vacuum import PUMP, SuctionCup, VacuumGripper, with_pump
-from hric_control.plant import Plant
 from hric_control.sim.participants import Participants
 from hric_core import plugins
 from hric_core.errors import ParameterError
@@ -34,7 +29,7 @@ def build_arm(
     node: Node,
     max_lost_packets: int | None = MAX_LOST_PACKETS,
 ) -> ArmDevice:
-    """Build the emulated arm: plant, participants, control box, and a hand if the robot description has one.
+    """Build the emulated arm: plant, participants, control box, and the hand or vacuum gripper of the robot description.
 
     Args:
         settings: parameters of plant and box.
@@ -65,18 +60,10 @@ def build_arm(
         participants = Participants(plant, node)
         held.callback(participants.close)
         library = library_for(urdf_xml, arm_id)
-        hand = _tool(urdf_xml, arm_id, plant)
+        hand = mounted_tool(urdf_xml, arm_id, plant)
         arm = ArmDevice(plant, participants, box, robot.served_urdf, library, settings.q_start, hand, read_state)
         held.pop_all()
     return arm
-
-
-def _tool(urdf_xml: str, arm_id: str, plant: Plant) -> Tool | None:
-    """Return the hand or vacuum gripper that the robot description has, or None."""
-    links = {link.get("name") for link in ElementTree.fromstring(urdf_xml).iterfind("link")}
-    if f"{arm_id}_{PUMP}" in links:
-        return VacuumGripper(SuctionCup(plant, arm_id, vacuum.defaults()))
-    return Gripper() if f"{arm_id}_hand" in links else None
 
 
 def make_arm(options: argparse.Namespace, robot: RobotKind) -> ArmDevice:
@@ -96,8 +83,6 @@ def make_arm(options: argparse.Namespace, robot: RobotKind) -> ArmDevice:
         reflexes=not options.no_reflexes,
         where="--",
     )
-    urdf_xml = robot.urdf(not (options.no_hand or options.vacuum), not options.no_collision)
-    if options.vacuum:
-        urdf_xml = with_pump(urdf_xml, robot.arm_id)
+    urdf_xml = robot.description(not options.no_hand, options.vacuum, not options.no_collision)
     realism = parse(options.realism, "--realism")
     return build_arm(settings, realism, robot, urdf_xml, LocalNode({}), options.max_lost_packets or None)

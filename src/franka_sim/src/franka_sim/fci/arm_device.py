@@ -1,6 +1,7 @@
 """Emulated arm behind the network server: a physics plant with everything that acts in it, and the control box."""
 
 from collections.abc import Callable, Sequence
+from xml.etree import ElementTree
 
 from franka_sim import sensors
 from franka_sim.box.control_box import ControlBox
@@ -8,6 +9,8 @@ from franka_sim.box.requests import MotionCommand, MoveRequest, RequestOutcome
 from franka_sim.fci.complaints import LOG
 from franka_sim.fci.hand_service import Tool
 from franka_sim.fci.wire import StateCodec
+from franka_sim.gripper import Gripper
+from franka_sim.vacuum import PUMP, SuctionCup, VacuumGripper
 from hric_control.plant import Plant
 from hric_control.sim.participants import Participants
 from hric_core.errors import CommandError, HricError
@@ -133,3 +136,11 @@ class ArmDevice:
         """Release the plant and all that act in it."""
         self.participants.close()
         self.plant.close()
+
+
+def mounted_tool(urdf_xml: str, arm_id: str, plant: Plant) -> Tool | None:
+    """Return the hand or vacuum gripper that the robot description has, or None. Raises ParameterError."""
+    links = {link.get("name") for link in ElementTree.fromstring(urdf_xml).iterfind("link")}
+    if f"{arm_id}_{PUMP}" in links:
+        return VacuumGripper(SuctionCup(plant, arm_id))
+    return Gripper() if f"{arm_id}_hand" in links else None

@@ -35,7 +35,7 @@ class ArmService(Service):
 
     A command must refer to the last state sent; commands for older states and repeated ones are dropped (libfranka,
     "the command is dropped if it is late"). In an asynchronous motion no command is late, since libfranka reads states
-    only when its user asks for the feedback; a command that refers to an older state than the one before is dropped.
+    only when its user requests the feedback; a command that refers to an older state than the one before is dropped.
 
     Args:
         selector: selector of the server.

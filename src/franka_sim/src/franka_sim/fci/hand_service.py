@@ -3,6 +3,7 @@
 import math
 import selectors
 import struct
+from collections.abc import Mapping
 from typing import ClassVar
 
 from franka_hw_interface.hand import HandMotion, HandOutcome
@@ -43,7 +44,8 @@ class HandService(Service):
         faults: faults of the UDP link.
     """
 
-    name, port, version, payloads = "hand", PORT, VERSION, PAYLOADS
+    name, port, version = "hand", PORT, VERSION
+    payloads: ClassVar[Mapping[int, struct.Struct]] = PAYLOADS
 
     def __init__(self, selector: selectors.BaseSelector, hand: Tool, ip: str, faults: NetworkFaults) -> None:
         self._hand = hand
@@ -132,7 +134,7 @@ class VacuumService(HandService):
     """Service at the vacuum gripper's port; the arguments are those of the hand's. All four profiles are the same."""
 
     name, port, version = "vacuum gripper", 1339, 1
-    payloads: ClassVar = {
+    payloads: ClassVar[Mapping[int, struct.Struct]] = {
         CONNECT: CONNECT_PAYLOAD,
         VACUUM: struct.Struct("<BBq"),  # setpoint [10 mbar], profile, time-out [ms]
         DROP_OFF: struct.Struct("<q"),

@@ -7,6 +7,7 @@ from xml.etree import ElementTree
 
 import panda_description
 from franka_hw_interface.limits import FrankaLimits, fr3_limits, franka_limits
+from franka_sim.vacuum import with_pump
 from hric_core.errors import DescriptionError
 from hric_core.geometry import FloatArray, transform_from_rpy
 from hric_core.geometry.transforms import rpy_from_rotation
@@ -39,6 +40,11 @@ class RobotKind:
     served_urdf: Callable[[], str]
     limits: Callable[[], FrankaLimits]
     accelerometers: Callable[[], dict[str, FloatArray]] = dict
+
+    def description(self, hand: bool, vacuum: bool, collision: bool) -> str:
+        """Return the URDF for plant and box, with a vacuum gripper in place of the hand or without it."""
+        urdf_xml = self.urdf(hand and not vacuum, collision)
+        return with_pump(urdf_xml, self.arm_id) if vacuum else urdf_xml
 
 
 def _joint(root: ElementTree.Element, name: str) -> ElementTree.Element:
@@ -107,8 +113,8 @@ def fr3_served_urdf() -> str:
     for name, T in fr3_accelerometers().items():
         ElementTree.SubElement(root, "link", name=name)
         joint = ElementTree.SubElement(root, "joint", name=f"{name}_joint", type="fixed")
-        pose = {"xyz": T[:3, 3], "rpy": rpy_from_rotation(T[:3, :3])}
-        ElementTree.SubElement(joint, "origin", {key: " ".join(map(repr, map(float, x))) for key, x in pose.items()})
+        pose = {"xyz": T[:3, 3].tolist(), "rpy": rpy_from_rotation(T[:3, :3])}
+        ElementTree.SubElement(joint, "origin", {key: " ".join(map(str, row)) for key, row in pose.items()})
         ElementTree.SubElement(joint, "parent", link=name.partition("_")[0])
         ElementTree.SubElement(joint, "child", link=name)
     return ElementTree.tostring(root, encoding="unicode")

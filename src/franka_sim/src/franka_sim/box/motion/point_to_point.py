@@ -22,7 +22,7 @@ class PointToPointGenerator(MotionGenerator):
     libfranka (async_position_control.cpp) says that the arm is at rest at each target. The real planner is not public;
     here it is the time-optimal one of the library ruckig, within the client's maximum velocities and the arm's own
     limits of velocity, acceleration and jerk (project default, unconfirmed). A new target replaces the one before at
-    once. The last command has no target: the arm brakes, and `at_rest` tells when the motion has ended. A target
+    once. The last command has no target: the arm brakes, and the motion has ended when it is `at_rest`. A target
     outside the position limits ends the motion (the error's name is a project default, unconfirmed).
 
     Args:
