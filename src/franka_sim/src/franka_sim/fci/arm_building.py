@@ -29,7 +29,7 @@ def build_arm(
     node: Node,
     max_lost_packets: int | None = MAX_LOST_PACKETS,
 ) -> ArmDevice:
-    """Build the emulated arm: plant, participants, control box, and the hand or vacuum gripper of the robot description.
+    """Build the emulated arm: plant, participants, control box, and the tool of the robot description.
 
     Args:
         settings: parameters of plant and box.

@@ -23,7 +23,7 @@ class FciServer:
 
     Args:
         device: the emulated robot.
-        ip: address to listen on; the ports are libfranka's (1337, with a hand 1338).
+        ip: address to listen on; the ports are libfranka's (1337, with a hand 1338, with a vacuum gripper 1339).
         version: protocol version, 5 or 10.
         clock: "lock_step" or "wall".
         pace: real-time factor; 0 (lock-step only): as fast as the client.
