@@ -164,7 +164,7 @@ def test_a_snapshot_has_what_the_state_computes_field_by_field_and_the_wrench_of
 def test_its_numbers_make_the_datagram_that_the_state_makes(urdf: str, protocol: Protocol) -> None:
     box = make_box(urdf)
     state, codec = box.state, protocol.state
-    pack = state.fields.packer(codec.names, codec.real)
+    pack = state.fields.packer((*codec.names, *codec.accelerometers), codec.real)
     layout, random = struct.Struct(f"<284{codec.real}"), np.random.default_rng(1)
     for k, (q, dq, tau) in enumerate(states(40)):
         box.read(q.tolist(), dq.tolist(), tau.tolist(), 0.0)

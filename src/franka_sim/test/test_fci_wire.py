@@ -1,11 +1,17 @@
 """Bytes: each field at the place where libfranka looks for it."""
 
+import inspect
+import re
 import struct
+from dataclasses import astuple
+from pathlib import Path
 
 import pytest
 from fci_peer import command
 
 from franka_hw_interface.robot_state import ERROR_NAMES, RobotMode
+from franka_sim import box
+from franka_sim.box.rate_limits import CARTESIAN_ERRORS, CARTESIAN_JOINT_ERRORS, JOINT_ERRORS
 from franka_sim.box.requests import ControllerMode, GeneratorMode, MotionCommand, RequestOutcome
 from franka_sim.fci.device import DeviceState
 from franka_sim.fci.protocol import PROTOCOL_5 as V5
@@ -163,3 +169,13 @@ def test_a_reflex_has_the_number_that_each_protocol_gives_it() -> None:
         V5.status(FciRequest.MOVE, RequestOutcome.NOT_POSSIBLE),
         V10.status(FciRequest.MOVE, RequestOutcome.NOT_POSSIBLE),
     ) == (3, 5)
+
+
+def test_the_interface_page_lists_the_errors_that_the_box_never_raises() -> None:
+    page = (Path(__file__).parents[1] / "INTERFACE.md").read_text()
+    rows = page.partition("the box never raises these ten:")[2].partition("\n## ")[0].splitlines()
+    listed = [name for row in rows for name in re.findall(r"`(\w+)`", row.partition(" | ")[0])]
+    source = "".join(path.read_text() for path in Path(inspect.getfile(box)).parent.rglob("*.py"))
+    rates = {name for errors in (JOINT_ERRORS, CARTESIAN_ERRORS, CARTESIAN_JOINT_ERRORS) for name in astuple(errors)}
+    never = {name for name in WIRE_ERRORS if name not in rates and f'"{name}"' not in source}
+    assert len(listed) == 10 and set(listed) == never

@@ -7,12 +7,14 @@
 #include <float.h>
 
 #define N 6
+#define SENSORS 6 /* accelerometers on each side, top and bottom: one at each of the links 0 to 5 */
 
 /* Inputs and results for one robot state; members are named as in BoxState (state.py). Matrices are column-major. */
 typedef struct {
     /* each cycle */
     double q[7], q_d[7], dq[7], dq_d[7], ddq_d[7], tau_J[7], tau_before[7], tau_J_d[7];
     double tau_ext_hat_filtered[7], joint_collision[7], cartesian_collision[6];
+    double dq_before[7];
     double generated; /* not 0 with a Cartesian generator */
     /* configured; contact thresholds: nominal ones, and those that apply while the desired motion accelerates */
     double period, least_singular_value, elbow_flip;
@@ -24,7 +26,9 @@ typedef struct {
     /* computed unless a Cartesian motion generator commands them */
     double O_T_EE_d[16], O_T_EE_c[16], O_dP_EE_d[6], elbow_d[2], elbow_c[2];
     double O_dP_EE_c[6], O_ddP_EE_c[6], delbow_c[2], ddelbow_c[2];
-    double wrench_noise[6]; /* added to O_F_ext_hat_K; zero for noiseless sensors */
+    double wrench_noise[6];          /* added to O_F_ext_hat_K; zero for noiseless sensors */
+    Pose accelerometers[2][SENSORS]; /* in their links; zero without accelerometers */
+    double specific_force[2][SENSORS][3];
 } Fields;
 
 /* Cholesky factor L of A - shift I = L L' (Golub and Van Loan, Matrix Computations, 4th ed., sec. 4.2). Returns 0 if
@@ -77,11 +81,43 @@ static int wrench(const double J[42], const double tau[JOINTS], double min_singu
 
 static double side(const Fields *f, const double q[JOINTS]) { return q[3] > f->elbow_flip ? 1.0 : -1.0; }
 
+/* Specific forces (acceleration minus gravity) at the accelerometers, in their axes. The joint acceleration is the mean
+ * over the last cycle. */
+static void accelerate(const Pose poses[JOINTS], Fields *f)
+{
+    Spatial v = {{0}, {0}}, a = {{0}, {0}};
+    for (int k = 0; k < 3; k++)
+        a.v[k] = -f->O_ddP_O[k];
+    for (int i = 0; i < SENSORS; i++) {
+        const Pose *link = i > 0 ? &poses[i - 1] : &WORLD;
+        if (i > 0) {
+            Spatial S = {{0}, {0}};
+            joint_axis(link, S.w);
+            add_cross(link->p, S.w, S.v);
+            pass_joint(&S, f->dq[i - 1], (f->dq[i - 1] - f->dq_before[i - 1]) / f->period, &v, &a);
+        }
+        for (int side = 0; side < 2; side++) {
+            const Pose *in_link = &f->accelerometers[side][i];
+            Pose sensor;
+            double velocity[3], force[3];
+            compose(link, in_link->R, in_link->p, &sensor);
+            memcpy(velocity, v.v, sizeof velocity);
+            add_cross(v.w, sensor.p, velocity);
+            memcpy(force, a.v, sizeof force);
+            add_cross(a.w, sensor.p, force);
+            add_cross(v.w, velocity, force);
+            rotate_back(sensor.R, force, f->specific_force[side][i]);
+        }
+    }
+}
+
 static void measured(const Arm *arm, Fields *f)
 {
     double J[42];
     Pose poses[JOINTS + 1], tool, stiffness;
     forward(arm, f->q, poses);
+    if (dot(f->accelerometers[0][0].R, f->accelerometers[0][0].R) > 0.0)
+        accelerate(poses, f);
     beyond(&poses[FLANGE], f->F_T_EE, &tool);
     write_pose(&tool, f->O_T_EE);
     beyond(&tool, f->EE_T_K, &stiffness);

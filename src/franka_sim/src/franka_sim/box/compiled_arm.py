@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_sim.box.compiled_fields import CompiledFields
 from franka_sim.model_library.parameters import arm_parameters
+from hric_core.geometry import FloatArray
 from hric_core.native import load
 
 Vector = Sequence[float]
@@ -21,6 +22,7 @@ class CompiledArm:
         urdf_xml: robot description.
         arm_id: prefix of the arm's link names.
         min_singular_value: singular value of the stiffness frame's Jacobian below which the estimated wrench is zero.
+        accelerometers: see `CompiledFields`.
 
     Attributes:
         fields: compiled kinematic fields of the robot state.
@@ -29,9 +31,11 @@ class CompiledArm:
         DescriptionError, UnknownNameError: the URDF has no such arm.
     """
 
-    def __init__(self, urdf_xml: str, arm_id: str, min_singular_value: float) -> None:
+    def __init__(
+        self, urdf_xml: str, arm_id: str, min_singular_value: float, accelerometers: Sequence[FloatArray] = ()
+    ) -> None:
         self._arm = arm_parameters(urdf_xml, arm_id)
-        self.fields = CompiledFields(self._arm, min_singular_value)
+        self.fields = CompiledFields(self._arm, min_singular_value, accelerometers)
 
     def take_model(self, model: KdlFrankaModel) -> None:
         """Copy payload and mounting of the arm from the model."""

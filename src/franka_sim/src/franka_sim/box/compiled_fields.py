@@ -12,6 +12,7 @@ from operator import attrgetter
 
 from franka_hw_interface.robot_state import RobotState
 from franka_sim.box.state import CARTESIAN, ELBOW_FLIP, BoxState
+from hric_core.geometry import FloatArray
 from hric_core.native import load
 
 _fields: Callable[[bytes, bytearray], None] = load("hric_arm").fields
@@ -20,7 +21,7 @@ _Sizes = dict[str, int]
 _EACH_CYCLE: _Sizes = {
     **dict.fromkeys(("q", "q_d", "dq", "dq_d", "ddq_d", "tau_J", "tau_before", "tau_J_d"), 7),
     **{"tau_ext_hat_filtered": 7, "joint_collision": 7},
-    **{"cartesian_collision": 6, "generated": 1},
+    **{"cartesian_collision": 6, "dq_before": 7, "generated": 1},
 }
 _CONFIGURED: _Sizes = {
     **dict.fromkeys(("period", "min_singular_value", "elbow_flip"), 1),
@@ -38,7 +39,13 @@ _COMMANDED: _Sizes = {"O_dP_EE_c": 6, "O_ddP_EE_c": 6, "delbow_c": 2, "ddelbow_c
 """Zero unless a Cartesian generator writes them."""
 _NOISE: _Sizes = {"wrench_noise": 6}
 """Zero without sensor noise."""
-_LAYOUT: _Sizes = {**_EACH_CYCLE, **_CONFIGURED, **_COMPUTED, **_DESIRED, **_COMMANDED, **_NOISE}
+_SENSORS: _Sizes = {"accelerometers": 2 * 6 * 12}
+"""Poses of the accelerometers in links 0 to 5, top then bottom: rotation row by row, then position; zero without."""
+_SENSED: _Sizes = {"accelerometer_top": 6 * 3, "accelerometer_bottom": 6 * 3}
+_LAYOUT: _Sizes = {
+    **{**_EACH_CYCLE, **_CONFIGURED, **_COMPUTED, **_DESIRED, **_COMMANDED, **_NOISE},
+    **{**_SENSORS, **_SENSED},
+}
 _SAME = {"theta": "q", "dtheta": "dq"}
 _OFFSETS = {name: end - size for (name, size), end in zip(_LAYOUT.items(), accumulate(_LAYOUT.values()), strict=True)}
 """Offset of each member in the doubles of the C struct Fields."""
@@ -67,11 +74,15 @@ class CompiledFields:
         arm: arm parameters (`model_library.parameters`).
         min_singular_value: singular value of the stiffness frame's Jacobian below which the wrench is zero, as in
             the real box.
+        accelerometers: poses of the accelerometers on the top, then on the bottom of links 0 to 5, shape (4, 4) each;
+            empty: the arm has none.
     """
 
-    def __init__(self, arm: bytes, min_singular_value: float) -> None:
+    def __init__(self, arm: bytes, min_singular_value: float, accelerometers: Sequence[FloatArray] = ()) -> None:
         self._arm = arm
         self._values = bytearray(8 * sum(_LAYOUT.values()))
+        poses = [x for T in accelerometers for x in (*T[:3, :3].ravel(), *T[:3, 3])]
+        struct.pack_into(f"{len(poses)}d", self._values, 8 * _OFFSETS["accelerometers"], *poses)
         self._min_singular_value = min_singular_value
         self._configuration: tuple[object, ...] = (None, None)
 
@@ -137,7 +148,7 @@ class CompiledFields:
                 *state.tau_before,
                 *state.tau_J_d,
             ),
-            *(*state.tau_ext_hat_filtered, *state.joint_collision, *state.cartesian_collision),
+            *(*state.tau_ext_hat_filtered, *state.joint_collision, *state.cartesian_collision, *state.dq_before),
             state.generator_mode in CARTESIAN,
         )
 

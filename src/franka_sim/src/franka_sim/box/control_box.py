@@ -231,7 +231,7 @@ class ControlBox(ConfiguredBox):
             self._begin(q)
         else:
             self._gravity_torque = self._external.update(state.q, state.dq, q, dq, tau_J, self._friction_torque)
-        state.tau_before[:] = state.tau_J
+        state.tau_before[:], state.dq_before[:] = state.tau_J, state.dq
         state.q[:], state.dq[:], state.tau_J[:] = q, dq, tau_J
         state.time = time
         state.tick += 1
@@ -281,7 +281,7 @@ class ControlBox(ConfiguredBox):
             packets.accept()
         elif not packets.started:
             return self.joint_impedance.torque(state)
-        elif self._lost_too_many():
+        elif not self._run.asynchronous and self._lost_too_many():
             self._reflex(_LOST)
             return self._hold()
         state.control_command_success_rate = packets.success_rate
@@ -289,7 +289,7 @@ class ControlBox(ConfiguredBox):
         if wrong:
             self._reflex(wrong, self._run.reason)
             return self._hold()
-        if command is not None and command.finished:
+        if self._run.finished(command):
             self._change(BoxEvent.FINISH)
             return self._hold()
         state.tau_J_d[:] = tau

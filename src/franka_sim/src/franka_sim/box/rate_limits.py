@@ -154,11 +154,12 @@ class JointRates:
                 jerk = True
         if position or velocity or acceleration or jerk:
             reasons = self._too_large((velocity, acceleration, jerk), dq, ddq, last_ddq)
-            self.reason = "; ".join([self._out_of_range(q), *reasons] if position else reasons)
+            self.reason = "; ".join([self.out_of_range(q), *reasons] if position else reasons)
             return self._errors.named(position, velocity, acceleration, jerk)
         return NO_ERRORS
 
-    def _out_of_range(self, q: Sequence[float]) -> str:
+    def out_of_range(self, q: Sequence[float]) -> str:
+        """Return a text with the joint that is farthest beyond its position limits; q: 7 floats [rad]."""
         beyond = [max(low - x, x - high) for low, x, high in zip(self.lower, q, self.upper, strict=True)]
         i = _worst(beyond)
         return _passed(

@@ -34,12 +34,15 @@ class MoveRequest:
         controller, generator: requested modes.
         max_path_deviation, max_goal_deviation: allowed deviation of the end effector from path and goal: translation
             [m], rotation [rad], elbow [rad]; libfranka's defaults.
+        maximum_velocity: maximum joint velocities of an asynchronous motion, whose commands are sparse targets, 7
+            floats [rad/s]; None: the motion has a command in each millisecond.
     """
 
     controller: ControllerMode
     generator: GeneratorMode
     max_path_deviation: tuple[float, float, float] = (10.0, 3.12, 6.283185307179586)
     max_goal_deviation: tuple[float, float, float] = (10.0, 3.12, 6.283185307179586)
+    maximum_velocity: tuple[float, ...] | None = None
 
 
 class RequestOutcome(Enum):

@@ -78,6 +78,7 @@ class BoxState(RobotState):
     __slots__ = (
         "computed_at",
         "controller_mode",
+        "dq_before",
         "fields",
         "generator_mode",
         "kinematics",
@@ -111,7 +112,7 @@ class BoxState(RobotState):
         super().__init__()
         self.kinematics = ArmKinematics(model)
         self.model, self.period, self.thresholds, self.fields = model, period, thresholds, fields
-        self.tau_before = [0.0] * 7
+        self.tau_before, self.dq_before = [0.0] * 7, [0.0] * 7
         self.wrench_noise: list[float] | None = None
         self.theta, self.dtheta = self.q, self.dq
         self.computed_at.clear()

@@ -18,7 +18,7 @@ from franka_sim.fci.robots import ROBOTS, RobotKind
 from franka_sim.fci.server import FciArm, FciServer
 from franka_sim.gripper import Gripper
 from hric_core.command import Argument, Command
-from hric_core.errors import FailureError, HricError
+from hric_core.errors import CommandError, FailureError, HricError
 from hric_core.parameters import text, whole
 from hric_core.processes import run_server
 
@@ -44,6 +44,8 @@ def _take_priority(priority: int) -> None:
 def make_device(options: argparse.Namespace, robot: RobotKind) -> tuple[Device, Callable[[], None]]:
     """Return the emulated robot, and a function that releases its resources. Raises HricError."""
     if options.constant:
+        if options.vacuum:
+            raise CommandError("--vacuum needs physics, which --constant does not have")
         return ConstantDevice(robot.served_urdf(), None if options.no_hand else Gripper()), lambda: None
     from franka_sim.fci.world_building import make_arm  # engine and models are slow to import, and --help needs neither
 

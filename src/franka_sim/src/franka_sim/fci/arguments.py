@@ -55,6 +55,7 @@ def robot_arguments() -> list[Argument]:
             help="robot time per wall time; 0, with lock_step only: as fast as the client (default: %(default)s)",
         ),
         Argument("--no-hand", action="store_true", help="emulate the arm without a hand"),
+        Argument("--vacuum", action="store_true", help="emulate the arm with a vacuum gripper in place of the hand"),
         Argument(
             "--q-start", type=float, nargs=7, default=list(Q_START), metavar="RAD", help="initial joint positions [rad]"
         ),

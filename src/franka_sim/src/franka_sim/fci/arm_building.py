@@ -1,13 +1,12 @@
 """Construction of an emulated arm in a plant."""
 
 from dataclasses import replace
-from xml.etree import ElementTree
 
 from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_sim import sensors
 from franka_sim.box.compiled_arm import CompiledArm
 from franka_sim.box.control_box import ControlBox
-from franka_sim.fci.arm_device import ArmDevice
+from franka_sim.fci.arm_device import ArmDevice, mounted_tool
 from franka_sim.fci.arm_input import EmulatedArmInput
 from franka_sim.fci.clock import PERIOD
 from franka_sim.fci.complaints import LOG
@@ -18,7 +17,7 @@ from hric_control.sim.simulated_robot import PlantInput
 
 
 def build_device(arm: EmulatedArmInput, plant: Plant, needed: PlantInput, model: KdlFrankaModel) -> ArmDevice:
-    """Construct the control box of an arm, and a hand if the robot description has one.
+    """Construct the control box of an arm, and the tool of its robot description.
 
     Args:
         arm: what the arm is constructed from.
@@ -33,13 +32,9 @@ def build_device(arm: EmulatedArmInput, plant: Plant, needed: PlantInput, model:
     rotors = rotors_of(urdf_xml, needed.joint_names, needed.config)
     config = settings.box(needed.config, rotors, PERIOD, realism)
     config = replace(config, limits=arm.robot.limits(), max_lost_packets=arm.max_lost_packets)
-    compiled = CompiledArm(urdf_xml, arm_id, config.min_singular_value)
+    compiled = CompiledArm(urdf_xml, arm_id, config.min_singular_value, list(arm.robot.accelerometers().values()))
     box = ControlBox(model, compiled, config, lambda line: LOG.warning("%s", line))
     set_internal_impedance(arm.node, settings.internal_impedance.stiffness, box.joint_impedance)
     read_state = sensors.attach(plant, box, realism, needed.config.get("seed", 0))
-    library, hand = library_for(urdf_xml, arm_id), _has_hand(urdf_xml, arm_id)
-    return ArmDevice(plant, box, arm.robot.served_urdf, library, settings.q_start, hand, read_state)
-
-
-def _has_hand(urdf_xml: str, arm_id: str) -> bool:
-    return any(link.get("name") == f"{arm_id}_hand" for link in ElementTree.fromstring(urdf_xml).iterfind("link"))
+    library, tool = library_for(urdf_xml, arm_id), mounted_tool(urdf_xml, arm_id, plant)
+    return ArmDevice(plant, box, arm.robot.served_urdf, library, settings.q_start, tool, read_state)

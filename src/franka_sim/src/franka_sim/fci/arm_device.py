@@ -2,12 +2,15 @@
 
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
+from xml.etree import ElementTree
 
 from franka_sim import sensors
 from franka_sim.box.control_box import ControlBox
 from franka_sim.box.requests import MotionCommand, MoveRequest, RequestOutcome
+from franka_sim.fci.hand_service import Tool
 from franka_sim.fci.wire import StateCodec
 from franka_sim.gripper import Gripper
+from franka_sim.vacuum import PUMP, SuctionCup, VacuumGripper
 from hric_control.plant import Plant
 from hric_core.errors import CommandError
 
@@ -30,14 +33,13 @@ class ArmDevice:
         urdf: function that returns the arm's description for clients.
         model_library: compiled model of protocol 5.
         q: start pose, 7 floats [rad].
-        hand: True if there is a hand at the flange.
+        hand: hand or vacuum gripper at the flange, or None.
         read_state: function that reads the plant's joint state with sensor noise; None: without noise.
 
     Attributes:
         state: robot state, as the control box sends it.
         world: world of the arm, which sets this attribute.
-        plant, box: as in Args.
-        hand: hand at the flange, or None.
+        plant, box, hand: as in Args.
         q_start: pose at the start and after `reset`, 7 floats [rad].
     """
 
@@ -50,11 +52,10 @@ class ArmDevice:
         urdf: Callable[[], str],
         model_library: bytes,
         q: Sequence[float],
-        hand: bool = False,
+        hand: Tool | None = None,
         read_state: sensors.ReadState | None = None,
     ) -> None:
-        self.plant, self.box, self.state = plant, box, box.state
-        self.hand = Gripper() if hand else None
+        self.plant, self.box, self.state, self.hand = plant, box, box.state, hand
         self._read_state = read_state or plant.read_state
         self._codec: StateCodec | None = None
         self.urdf, self.model_library = urdf, model_library
@@ -102,7 +103,8 @@ class ArmDevice:
     def encode(self, codec: StateCodec, message_id: int) -> bytes:
         """Return the robot state as a datagram of the codec's protocol."""
         if codec is not self._codec:
-            self._codec, self._pack = codec, self.state.fields.packer(codec.names, codec.real)
+            names = (*codec.names, *codec.accelerometers)
+            self._codec, self._pack = codec, self.state.fields.packer(names, codec.real)
         return codec.join(message_id, self._pack(self.state), self.state)
 
     def push(self, link: str, force: Sequence[float], duration: float) -> None:
@@ -112,3 +114,11 @@ class ArmDevice:
     def close(self) -> None:
         """Release the world of the arm, with all arms in it."""
         self.world.close()
+
+
+def mounted_tool(urdf_xml: str, arm_id: str, plant: Plant) -> Tool | None:
+    """Return the hand or vacuum gripper that the robot description has, or None. Raises ParameterError."""
+    links = {link.get("name") for link in ElementTree.fromstring(urdf_xml).iterfind("link")}
+    if f"{arm_id}_{PUMP}" in links:
+        return VacuumGripper(SuctionCup(plant, arm_id))
+    return Gripper() if f"{arm_id}_hand" in links else None

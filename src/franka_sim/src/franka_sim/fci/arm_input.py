@@ -101,7 +101,7 @@ def input_of_arguments(options: argparse.Namespace, robot: RobotKind) -> Emulate
         reflexes=not options.no_reflexes,
         where="--",
     )
-    urdf_xml = robot.urdf(not options.no_hand, not options.no_collision)
+    urdf_xml = robot.description(not options.no_hand, options.vacuum, not options.no_collision)
     realism = parse(options.realism, "--realism")
     max_lost_packets = options.max_lost_packets or None
     return EmulatedArmInput(settings, realism, robot, urdf_xml, LocalNode({}), options.ip, max_lost_packets)

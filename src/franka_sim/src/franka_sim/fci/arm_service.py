@@ -34,7 +34,8 @@ class ArmService(Service):
     """Service at the arm's port.
 
     A command must refer to the last state sent; commands for older states and repeated ones are dropped (libfranka,
-    "the command is dropped if it is late").
+    "the command is dropped if it is late"). In an asynchronous motion no command is late, since libfranka reads states
+    only when its user requests the feedback; a command that refers to an older state than the one before is dropped.
 
     Args:
         selector: selector of the server.
@@ -62,7 +63,8 @@ class ArmService(Service):
         self.message_id = self.late = 0
         self._command: MotionCommand | None = None
         self._moving: FciMessage | None = None
-        self._started = False
+        self._started = self._asynchronous = False
+        self._oldest = 0  # message_id of the oldest state to which the command of an asynchronous motion may refer
         self._stopping: list[FciMessage] = []
         self._recovering: list[FciMessage] = []
         self._handlers = self._make_handlers()
@@ -94,7 +96,7 @@ class ArmService(Service):
     @property
     def phase(self) -> MotionPhase:
         """Present phase of the motion, by which the clock decides what to wait for."""
-        if self._moving is None:
+        if self._moving is None or self._asynchronous:
             return MotionPhase.IDLE
         if self._command is not None:
             return MotionPhase.ARRIVED
@@ -117,10 +119,14 @@ class ArmService(Service):
                 self.complaints.warn(
                     "size", f"a command datagram of {len(datagram)} bytes is dropped; expected {codec.size} bytes"
                 )
-            elif self._moving is not None and _MESSAGE_ID.unpack_from(datagram)[0] == self.message_id:
-                _, self._command = codec.decode(datagram)
+            elif self._moving is not None and self._current(_MESSAGE_ID.unpack_from(datagram)[0]):
+                self._oldest, self._command = codec.decode(datagram)
             else:
                 self.late += 1
+
+    def _current(self, message_id: int) -> bool:
+        """Return True if a command that refers to this state is accepted."""
+        return message_id == self.message_id or (self._asynchronous and self._oldest <= message_id < self.message_id)
 
     def left(self, now: float) -> float:
         """Return the time to wait for this robot before the next cycle [s]; now: time.monotonic [s]."""
@@ -145,6 +151,7 @@ class ArmService(Service):
         outcome = self._device.take_finished()
         if outcome is not None and self._moving is not None:
             message, self._moving, self._command = self._moving, None, None
+            self._oldest = self.message_id
             self._respond(message, outcome)
         if self._stopping and self._moving is None:
             self._respond_all(self._stopping)
@@ -187,14 +194,16 @@ class ArmService(Service):
             ) from None
         if controller is ControllerMode.OTHER or (generator is GeneratorMode.NONE and self._protocol.version < 7):
             raise HricError(f"a motion cannot have controller {controller.name} with motion generator {generator.name}")
-        if len(vectors) > 4 and vectors[4][0]:
-            raise HricError("asynchronous joint positions are not emulated")
         path, goal = vectors[2], vectors[3]
+        maximum_velocity = vectors[5] if len(vectors) > 4 and vectors[4][0] else None
         outcome = self._device.move(
-            MoveRequest(controller, generator, (path[0], path[1], path[2]), (goal[0], goal[1], goal[2]))
+            MoveRequest(
+                controller, generator, (path[0], path[1], path[2]), (goal[0], goal[1], goal[2]), maximum_velocity
+            )
         )
         if outcome is RequestOutcome.STARTED:
             self._moving, self._started, self._command = message, False, None
+            self._asynchronous = maximum_velocity is not None
         return outcome
 
     def _when_done(
@@ -226,7 +235,8 @@ class ArmService(Service):
     # -- clients -------------------------------------------------------------------------------------------------------
 
     def on_client(self) -> None:
-        """Do nothing when a client connects: states are sent from the next cycle on."""
+        """Forget the commands of clients before; states are sent from the next cycle on."""
+        self._oldest = self.message_id
 
     def on_client_lost(self) -> None:
         """Abort the motion of a client whose connection ended, and drop its pending requests."""

@@ -1,8 +1,10 @@
-"""Network service of the emulated hand: protocol version 3, which Panda and FR3 share."""
+"""Network services of the emulated hand (protocol version 3) and vacuum gripper (version 1), for Panda and FR3."""
 
 import math
 import selectors
 import struct
+from collections.abc import Mapping
+from typing import ClassVar
 
 from franka_hw_interface.hand import HandMotion, HandOutcome
 from franka_sim.fci.connection import FciMessage
@@ -10,7 +12,9 @@ from franka_sim.fci.faults import NetworkFaults
 from franka_sim.fci.session import Service
 from franka_sim.fci.wire import CONNECT, CONNECT_PAYLOAD, HAND_FRAMING
 from franka_sim.gripper import Gripper
+from franka_sim.vacuum import VacuumGripper
 
+Tool = Gripper | VacuumGripper
 PORT = 1338
 VERSION = 3
 HOMING, GRASP, MOVE, STOP = 1, 2, 3, 4
@@ -40,21 +44,24 @@ class HandService(Service):
         faults: faults of the UDP link.
     """
 
-    def __init__(self, selector: selectors.BaseSelector, hand: Gripper, ip: str, faults: NetworkFaults) -> None:
+    name, port, version = "hand", PORT, VERSION
+    payloads: ClassVar[Mapping[int, struct.Struct]] = PAYLOADS
+
+    def __init__(self, selector: selectors.BaseSelector, hand: Tool, ip: str, faults: NetworkFaults) -> None:
         self._hand = hand
         self._pending: list[tuple[FciMessage, HandMotion]] = []  # requests without a response
         self._message_id = 0
         self._next_state = 0.0
-        super().__init__(selector, "hand", HAND_FRAMING, VERSION, (ip, PORT), faults)
+        super().__init__(selector, self.name, HAND_FRAMING, self.version, (ip, self.port), faults)
 
     def size_of(self, command: int) -> int | None:
         """Return the payload size of a request [bytes], None if there is no request with this id."""
-        payload = PAYLOADS.get(command)
+        payload = self.payloads.get(command)
         return None if payload is None else payload.size
 
     def handle(self, message: FciMessage) -> None:
         """Start the requested motion. A running one is aborted, and its response is sent first."""
-        values = PAYLOADS[message.command].unpack(message.payload)
+        values = self.payloads[message.command].unpack(message.payload)
         if not all(map(math.isfinite, values)):
             self.complaints.warn("not finite", f"request {message.command} refused: values {values} are not finite")
             self.respond(message, STATUS[HandOutcome.FAIL])
@@ -65,13 +72,20 @@ class HandService(Service):
         self._report()
 
     def _begin(self, command: int, values: tuple[float, ...]) -> HandMotion:
+        hand = self._hand
+        assert isinstance(hand, Gripper)
         if command == HOMING:
-            return self._hand.homing()
+            return hand.homing()
         if command == STOP:
-            return self._hand.stop()
+            return hand.stop()
         if command == MOVE:
-            return self._hand.move(*values)
-        return self._hand.grasp(*values)
+            return hand.move(*values)
+        return hand.grasp(*values)
+
+    def _state(self) -> bytes:
+        hand = self._hand
+        assert isinstance(hand, Gripper)
+        return STATE.pack(self._message_id, hand.width, hand.max_width, hand.is_grasped, hand.temperature)
 
     def on_client(self) -> None:
         """Send the first state to a new client at once."""
@@ -98,10 +112,7 @@ class HandService(Service):
         if self.client is not None and now >= self._next_state:
             self._next_state = now + STATE_PERIOD
             self._message_id = (self._message_id + 1) & 0xFFFFFFFF
-            hand = self._hand
-            self.client.link.send(
-                STATE.pack(self._message_id, hand.width, hand.max_width, hand.is_grasped, hand.temperature)
-            )
+            self.client.link.send(self._state())
 
     def _report(self) -> None:
         ended = [(message, motion, motion.outcome) for message, motion in self._pending if motion.outcome is not None]
@@ -110,3 +121,42 @@ class HandService(Service):
             if outcome is HandOutcome.FAIL:
                 self.complaints.warn("refused", f"{motion.name} refused: {motion.reason}")
             self.respond(message, STATUS[outcome])
+
+
+VACUUM, DROP_OFF, VACUUM_STOP = 1, 2, 3
+VACUUM_STATE = struct.Struct("<I???Bii")
+"""Its state: message_id, in_control_range, part_detached, part_present, device status, power [%], vacuum [mbar]."""
+GREEN = 0
+"""Device status without warnings: nothing wears out here."""
+
+
+class VacuumService(HandService):
+    """Service at the vacuum gripper's port; the arguments are those of the hand's. All four profiles are the same."""
+
+    name, port, version = "vacuum gripper", 1339, 1
+    payloads: ClassVar[Mapping[int, struct.Struct]] = {
+        CONNECT: CONNECT_PAYLOAD,
+        VACUUM: struct.Struct("<BBq"),  # setpoint [10 mbar], profile, time-out [ms]
+        DROP_OFF: struct.Struct("<q"),
+        VACUUM_STOP: struct.Struct("<"),
+    }
+
+    def _begin(self, command: int, values: tuple[float, ...]) -> HandMotion:
+        pump = self._hand
+        assert isinstance(pump, VacuumGripper)
+        if command == VACUUM_STOP:
+            return pump.stop()
+        timeout = values[-1] / 1000.0
+        return pump.suck(10.0 * values[0], timeout) if command == VACUUM else pump.drop_off(timeout)
+
+    def _state(self) -> bytes:
+        pump = self._hand
+        assert isinstance(pump, VacuumGripper)
+        flags = pump.in_control_range, pump.part_detached, pump.part_present
+        return VACUUM_STATE.pack(self._message_id, *flags, GREEN, pump.power, round(pump.vacuum))
+
+
+def tool_service(selector: selectors.BaseSelector, tool: Tool, ip: str, faults: NetworkFaults) -> HandService:
+    """Return the service of what is mounted at the flange; arguments as for `HandService`. Raises HricError."""
+    kind = VacuumService if isinstance(tool, VacuumGripper) else HandService
+    return kind(selector, tool, ip, faults)

@@ -9,7 +9,7 @@ from franka_sim.fci.arm_service import ArmService
 from franka_sim.fci.clock import PERIOD, CycleClock, MotionPhase, make_clock
 from franka_sim.fci.device import Device
 from franka_sim.fci.faults import NetworkFaults
-from franka_sim.fci.hand_service import STEP, HandService
+from franka_sim.fci.hand_service import STEP, HandService, tool_service
 from franka_sim.fci.protocol import PROTOCOLS
 from franka_sim.fci.session import Service
 from hric_core.errors import UnknownNameError
@@ -25,7 +25,7 @@ class FciArm:
 
     Attributes:
         device: the emulated robot.
-        ip: address to listen on; the ports are libfranka's (1337, with a hand 1338).
+        ip: address to listen on; the ports are libfranka's (1337, with a hand 1338, with a vacuum gripper 1339).
         version: protocol version, 5 or 10.
     """
 
@@ -79,7 +79,7 @@ class FciServer:
         self._arms.append(ArmService(self._selector, PROTOCOLS[arm.version], arm.device, clock, arm.ip, faults))
         self._services.append(self._arms[-1])
         if arm.device.hand is not None:
-            self._hands.append(HandService(self._selector, arm.device.hand, arm.ip, faults))
+            self._hands.append(tool_service(self._selector, arm.device.hand, arm.ip, faults))
             self._services.append(self._hands[-1])
 
     def watch(self, file: int, callback: Callable[[int], None]) -> None:

@@ -71,7 +71,7 @@ _AFTER_LOAD = (
 FLOATS = 284
 """Count of numbers in the state datagram before the modes, without accelerometers."""
 ACCELEROMETERS = 36
-"""Count of accelerometer values in protocol 10: 6 sensors at top and bottom, 3 axes each [m/s^2]; always zero here."""
+"""Count of accelerometer values in protocol 10: 6 sensors at top and bottom, 3 axes each [m/s^2]."""
 
 
 def error_bytes(names: Iterable[str]) -> bytes:
@@ -89,6 +89,7 @@ class StateCodec:
 
     Attributes:
         names: numeric fields in the order of the datagram.
+        accelerometers: fields of the accelerometers, which follow them; empty without.
         size: size of the datagram [bytes].
     """
 
@@ -100,7 +101,7 @@ class StateCodec:
         self._head, self._tail = struct.Struct("<Q"), struct.Struct(f"<BB41s41sB{real}")
         self.size = self._struct.size
         self.real, self._extra = real, [0.0] * extra
-        self._no_accelerations = bytes(struct.calcsize(f"<{extra}{real}"))
+        self.accelerometers = ("accelerometer_top", "accelerometer_bottom") if accelerometers else ()
         self._before_ee, self._ee, self._after_load = (
             attrgetter(*_BEFORE_EE),
             attrgetter(*_EE),
@@ -109,7 +110,7 @@ class StateCodec:
         self._errors: dict[frozenset[str], bytes] = {}
 
     def encode(self, message_id: int, state: Any) -> bytes:
-        """Return the datagram of a robot state.
+        """Return the datagram of a robot state without accelerometers: their fields are zero.
 
         Args:
             message_id: robot time [ms].
@@ -131,8 +132,14 @@ class StateCodec:
             return self._struct.pack(message_id, *numbers, *self._extra, *tail)
 
     def join(self, message_id: int, numbers: bytes, state: Any) -> bytes:
-        """Return the datagram of a robot state whose numbers (fields `names`, little endian) are packed already."""
-        return self._head.pack(message_id) + numbers + self._no_accelerations + self._tail.pack(*self._modes(state))
+        """Return the datagram of a robot state.
+
+        Args:
+            message_id: robot time [ms].
+            numbers: packed fields `names` and `accelerometers`, little endian.
+            state: state whose modes, errors and success rate follow the numbers.
+        """
+        return self._head.pack(message_id) + numbers + self._tail.pack(*self._modes(state))
 
     def _modes(self, state: Any) -> tuple[int, int, bytes, bytes, int, float]:
         """Return modes, errors and success rate, which follow the numbers in the datagram."""

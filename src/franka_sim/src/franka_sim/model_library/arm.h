@@ -113,6 +113,23 @@ static inline void place_bodies(const Arm *arm, const Load *load, const double q
     add_body(poses[FLANGE].R, poses[FLANGE].p, load->mass, load->com, load->inertia, &bodies[JOINTS - 1]);
 }
 
+/* Velocity and acceleration of the body behind a joint with unit twist S, from those of the body before it. */
+static inline void pass_joint(const Spatial *S, double dq, double ddq, Spatial *v, Spatial *a)
+{
+    Spatial step;
+    for (int k = 0; k < 3; k++) {
+        step.w[k] = S->w[k] * dq;
+        step.v[k] = S->v[k] * dq;
+        v->w[k] += step.w[k];
+        v->v[k] += step.v[k];
+        a->w[k] += S->w[k] * ddq;
+        a->v[k] += S->v[k] * ddq;
+    }
+    add_cross(v->w, step.w, a->w);
+    add_cross(v->v, step.w, a->v);
+    add_cross(v->w, step.v, a->v);
+}
+
 /* Joint torques M ddq + C dq + g by recursive Newton-Euler, for joints and bodies from `place_bodies`. gravity [m/s^2],
  * in the base frame, enters as an acceleration of the base. */
 static inline void newton_euler(const Spatial S[JOINTS], const Body bodies[JOINTS], const double gravity[3],
@@ -122,18 +139,7 @@ static inline void newton_euler(const Spatial S[JOINTS], const Body bodies[JOINT
     for (int k = 0; k < 3; k++)
         a.v[k] = -gravity[k];
     for (int i = 0; i < JOINTS; i++) {
-        Spatial step;
-        for (int k = 0; k < 3; k++) {
-            step.w[k] = S[i].w[k] * dq[i];
-            step.v[k] = S[i].v[k] * dq[i];
-            v.w[k] += step.w[k];
-            v.v[k] += step.v[k];
-            a.w[k] += S[i].w[k] * ddq[i];
-            a.v[k] += S[i].v[k] * ddq[i];
-        }
-        add_cross(v.w, step.w, a.w);
-        add_cross(v.v, step.w, a.v);
-        add_cross(v.w, step.v, a.v);
+        pass_joint(&S[i], dq[i], ddq[i], &v, &a);
         motion_force(&bodies[i], &v, &a, &forces[i]);
     }
     joint_efforts(JOINTS, PARENT, S, forces, efforts);

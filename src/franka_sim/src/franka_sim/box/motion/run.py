@@ -2,16 +2,20 @@
 
 from collections.abc import Sequence
 from math import acos, dist, isfinite
+from typing import TYPE_CHECKING
 
 from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_hw_interface.robot_state import NO_ERRORS, Errors
-from franka_sim.box.config import BoxConfig
+from franka_sim.box.config import BoxConfig, motion_parameters
 from franka_sim.box.internal_impedance import ImpedanceLaw
 from franka_sim.box.motion import MotionGenerator, make_generator
 from franka_sim.box.requests import ControllerMode, GeneratorMode, MotionCommand, MoveRequest
 from franka_sim.box.state import BoxState
 from hric_core.errors import CommandError
 from hric_core.native.vectors import near, smaller
+
+if TYPE_CHECKING:
+    from franka_sim.box.motion.point_to_point import PointToPointGenerator
 
 
 def invalid(request: MoveRequest) -> str:
@@ -24,7 +28,12 @@ def invalid(request: MoveRequest) -> str:
         return "an internal controller needs a motion generator"
     if not all(isfinite(x) and x >= 0.0 for x in (*request.max_path_deviation, *request.max_goal_deviation)):
         return "the maximum deviations from path and goal must be finite and not negative"
-    return ""
+    if request.maximum_velocity is None:
+        return ""
+    if request.generator is not GeneratorMode.JOINT_POSITION or request.controller is ControllerMode.EXTERNAL:
+        return "an asynchronous motion needs joint positions and an internal controller"
+    fast = request.maximum_velocity
+    return "" if all(isfinite(v) and v > 0.0 for v in fast) else f"maximum velocities {fast} rad/s; valid: above 0"
 
 
 class MotionRun:
@@ -42,6 +51,7 @@ class MotionRun:
         self._generators: dict[GeneratorMode, MotionGenerator] = {}
         self._revision = -1
         self._generator: MotionGenerator | None = None
+        self._planned: PointToPointGenerator | None = None
         self._law: ImpedanceLaw | None = None
         self._start_errors: Errors = NO_ERRORS
         self._gain, self._still = 1.0, False
@@ -58,6 +68,8 @@ class MotionRun:
         state = self._state
         self._law, self._gain = law, filter_gain
         self._generator, self._start_errors = self._make(request.generator), NO_ERRORS
+        self._planned = None if request.maximum_velocity is None else self._plan(request.maximum_velocity)
+        self._generator = self._planned or self._generator
         limits = DeviationLimits(request)
         self._limits = limits if limits.path or limits.goal else None
         # For torque control alone, libfranka 0.9 requests a joint velocity generator and commands zero velocity.
@@ -79,6 +91,23 @@ class MotionRun:
             self._generators[kind] = make_generator(kind, model, config.limits, config.time_step)
         return self._generators[kind]
 
+    def _plan(self, maximum_velocity: Sequence[float]) -> "PointToPointGenerator":
+        from franka_sim.box.motion.point_to_point import PointToPointGenerator  # loads a library that few motions need
+
+        config, names = self._config, self._model.joint_names
+        return PointToPointGenerator(config.limits, maximum_velocity, names, motion_parameters(), config.time_step)
+
+    @property
+    def asynchronous(self) -> bool:
+        """True if the arm plans the motion itself, such that no packet counts as lost."""
+        return self._planned is not None
+
+    def finished(self, command: MotionCommand | None) -> bool:
+        """Return True if the motion ends in this cycle: with the last command, or when the arm has braked after it."""
+        if self._planned is not None:
+            return self._planned.at_rest
+        return command is not None and command.finished
+
     @property
     def reason(self) -> str:
         """Explanation of why the motion generator refused a command; empty if the errors' names are enough."""
@@ -88,7 +117,7 @@ class MotionRun:
         """Compute one cycle; return (torques without gravity, 7 floats [N m]; errors by libfranka's names)."""
         wrong = self._generate(command)
         if not wrong and self._limits is not None and self._config.reflexes:
-            wrong = self._limits.errors(self._state, command is not None and command.finished)
+            wrong = self._limits.errors(self._state, self.finished(command))
         if wrong:
             return [], wrong
         if self._law is not None:
