@@ -14,6 +14,7 @@ from hric_control.robot_hw import RobotHW
 from hric_control.speed_scale import SpeedScale, SpeedScaleInterface
 from hric_controllers.cartesian.arm import cartesian_arm
 from hric_controllers.cartesian.law import CartesianArmState, CartesianLaw, Compliance, limited
+from hric_controllers.cartesian.options import ImpedanceOptions
 from hric_controllers.cartesian.settings import CartesianImpedanceSettings, ComplianceSettings
 from hric_controllers.cartesian.workspace import JumpSettings, check_equilibrium
 from hric_controllers.dynamics import added_gravity, rotor_inertia
@@ -48,9 +49,11 @@ class CartesianImpedanceController(Controller):
         self._rotors = np.diag(rotor_inertia(robot_hw, settings.rotor_inertia, self.joints)[0])
         compliance = Compliance(**asdict(self._gain_settings))
         self._law = self._new_law(compliance, settings.filter_time)
+        self._law.error_limits = settings.error_limit.limits()
         self._max_rate = settings.rotatum_limit
         obeys = self._obeys(settings.filter_time)
         self._scale = robot_hw.get(SpeedScaleInterface).handle() if obeys else SpeedScale()
+        self._options = self._new_options(settings, root_node)
         self._read_input()
         self._posture = settings.posture(root_node, node)
         self._gains, self._softest = realtime.LatestValue(compliance), math.inf
@@ -61,6 +64,10 @@ class CartesianImpedanceController(Controller):
     def _new_law(self, compliance: Compliance, filter_time: float) -> CartesianLaw:
         """Return the control law with these gains; `filter_time`: time constant of equilibrium and gains [s]."""
         return CartesianLaw(compliance, filter_time)
+
+    def _new_options(self, settings: CartesianImpedanceSettings, root_node: Node) -> ImpedanceOptions:
+        """Return what the parameters add to the law."""
+        return ImpedanceOptions(settings, root_node, self._node, self._base)
 
     def _obeys(self, filter_time: float) -> bool:
         """Return True if the speed scale can slow the equilibrium down.
@@ -96,6 +103,7 @@ class CartesianImpedanceController(Controller):
             realtime.publisher(node, "commanded_wrench", WrenchStamped),
         )
         self._gain_settings.offer(node, self._on_gains)
+        self._options.open()
         self._open_input()
 
     def _on_gains(self, values: ParameterValues) -> ParameterValues:
@@ -123,26 +131,30 @@ class CartesianImpedanceController(Controller):
         q = self._group.positions()
         self._take_gains()
         self._start_input()
-        self._law.start(Pose.of_column_major(self._robot.O_T_EE), q if self._posture is None else self._posture)
+        measured = Pose.of_column_major(self._robot.O_T_EE)
+        self._law.start(measured, q if self._posture is None else self._posture)
+        self._options.start(self._law, measured, q)
         self._last = self._gravity(q) if self._gravity else [0.0] * len(q)
         self._state_time.restart()
         self._running = True
 
     def update(self, time: float, period: float) -> None:
         """Compute and command the torques of one cycle."""
-        law, model, robot = self._law, self._model, self._robot
+        law, model, robot, options = self._law, self._model, self._robot, self._options
         self._lead(time, period)
         self._take_gains()
         law.advance(period, self._scale.value)
-        measured = Pose.of_column_major(self._robot.O_T_EE)
+        measured = Pose.of_column_major(robot.O_T_EE)
+        options.admit(law, measured, robot.q)
         mass = model.mass() + self._rotors
-        tau = law.torque(
-            measured,
-            CartesianArmState(robot.q, robot.dq, model.zero_jacobian(FrankaFrame.END_EFFECTOR), mass, model.coriolis()),
-        )
-        if self._gravity is not None:
-            tau = [a + b for a, b in zip(tau, self._gravity(self._group.positions()), strict=True)]
+        jacobian = model.zero_jacobian(FrankaFrame.END_EFFECTOR)
+        arm = CartesianArmState(robot.q, robot.dq, jacobian, mass, model.coriolis())
+        tau = options.added(law, measured, arm, law.torque(measured, arm), period, self._scale.force)
+        gravity = None if self._gravity is None else self._gravity(self._group.positions())
+        if gravity is not None:
+            tau = [a + b for a, b in zip(tau, gravity, strict=True)]
         self._command(tau, period)
+        options.hold(self._last, gravity)
         if self._state_time.due(time):
             self._publish(measured)
 
@@ -165,7 +177,9 @@ class CartesianImpedanceController(Controller):
         self._publishers[0].publish(lambda: stamped.pose_stamped(stamped.header(stamp, base), desired))
         self._publishers[1].publish(lambda: stamped.pose_stamped(stamped.header(stamp, base), measured))
         self._publishers[2].publish(lambda: stamped.wrench_stamped(stamped.header(stamp, base), wrench))
+        self._options.publish()
 
     def stopping(self, time: float) -> None:
-        """Stop accepting equilibrium poses."""
+        """Stop accepting equilibrium poses and wrenches."""
         self._running = False
+        self._options.stop()
