@@ -7,7 +7,6 @@ import math
 import numpy as np
 import pytest
 from arm_rig import ArmRig
-from geometry_msgs.msg import PoseStamped, WrenchStamped
 
 import panda_description
 from franka_hw_interface.model import FrankaFrame
@@ -34,7 +33,9 @@ def pose_of(bench):
 
 
 def send_pose(bench, position, orientation):
-    bench.publish("equilibrium_pose", stamped.pose_stamped(stamped.header(bench.node.now(), ""), Pose(position, orientation)))
+    bench.publish(
+        "equilibrium_pose", stamped.pose_stamped(stamped.header(bench.node.now(), ""), Pose(position, orientation))
+    )
 
 
 def send_wrench(bench, wrench, frame="panda_link0"):
@@ -256,12 +257,12 @@ def test_a_margin_without_known_ranges_or_without_room_is_refused():
     from hric_controllers.cartesian.settings import JointRepulsionSettings
 
     settings = JointRepulsionSettings(0.4, 5.0, 1.0)
-    with pytest.raises(HricError, match="margin is 0.4; valid: 0, as robot_description gives no position range"):
+    with pytest.raises(HricError, match=r"margin is 0\.4; valid: 0, as robot_description gives no position range"):
         settings.check_ranges("margin", ["a"], [(-math.inf, math.inf)])
     with pytest.raises(HricError, match=r"below 0\.3 rad, half of the range of b"):
         settings.check_ranges("margin", ["a", "b"], [(-math.inf, math.inf), (0.0, 0.6)])
 
 
 def test_the_force_controller_refuses_a_tank():
-    with pytest.raises(HricError, match="energy_tank/initial is 1.0; valid: 0, as a held force"):
+    with pytest.raises(HricError, match=r"energy_tank/initial is 1\.0; valid: 0, as a held force"):
         ArmRig("force_controller", energy_tank={"initial": 1.0})

@@ -207,6 +207,13 @@ def test_each_call_of_the_table_is_an_attribute_of_a_handle_here(name):
     from franka_hw_interface.model import FrankaModelHandle
     from hric_control.hardware_interface import ForceTorqueSensorHandle, JointGroup, JointHandle
 
-    kinds = (ForceTorqueSensorHandle, FrankaModelHandle, JointHandle, JointGroup, FrankaCartesianPoseHandle, FrankaStateHandle)
+    kinds = (
+        ForceTorqueSensorHandle,
+        FrankaModelHandle,
+        JointHandle,
+        JointGroup,
+        FrankaCartesianPoseHandle,
+        FrankaStateHandle,
+    )
     attribute = counterpart(Use("call", name, "JointHandle", "")).text.split("(")[0].split(" ")[0]
     assert any(hasattr(kind, attribute) for kind in kinds)

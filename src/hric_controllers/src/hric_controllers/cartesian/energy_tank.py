@@ -5,11 +5,14 @@ of the tank obeys
 
     T_0 = initial energy,    T_k+1 = min(T_max, T_k - tau_k (q_k+1 - q_k) - (V_k+1 - V_k))
 
-so that tau_0 (q_1 - q_0) + tau_1 (q_2 - q_1) + ... <= T_0 + V_0 - V - T at any time: what a damper dissipates flows into
-the tank, and the work of changes of stiffness and equilibrium, of a wrench feed-forward and of a null-space torque is
-taken from it. Such work is scaled down when the tank is nearly empty. The idea is that of F. Ferraguti, C. Secchi and
-C. Fantuzzi, "A tank-based approach to impedance control with variable stiffness", ICRA 2013
+so that tau_0 (q_1 - q_0) + tau_1 (q_2 - q_1) + ... <= T_0 + V_0 - V - T at any time: what the damper dissipates flows
+into the tank, and the work of changes of stiffness and equilibrium, of a wrench feed-forward and of a null-space torque
+is taken from it. Such work is scaled down when the tank is nearly empty. The idea is that of F. Ferraguti, C. Secchi
+and C. Fantuzzi, "A tank-based approach to impedance control with variable stiffness", ICRA 2013
 (doi:10.1109/ICRA.2013.6631284); here the energy is counted per cycle, as what the held torque does between two samples.
+
+Not scaled is what spring and damper do themselves. A spring whose torque is held for a cycle of dt adds energy unless
+the damping D is at least K dt / 2, which a damping ratio of dt sqrt(K) / 4 gives: 0.014 at 3000 N/m and 1 ms.
 """
 
 from collections.abc import Callable, Sequence
@@ -48,7 +51,8 @@ class EnergyTank:
     def start(self, law: CartesianLaw, stored: float, q: Sequence[float]) -> None:
         """Fill the tank to its initial energy; `stored`: energy of the springs [J], `q`: joint positions [rad]."""
         self.energy, self._stored, self._setting = self._initial, stored, law.setting
-        self._q, self._tau = list(q), [0.0] * len(q)
+        self._q = list(q)
+        self._tau: Sequence[float] = [0.0] * len(q)
 
     def hold(self, tau: Sequence[float]) -> None:
         """Note the torques that act until the next cycle, without those against gravity, n floats [N m]."""

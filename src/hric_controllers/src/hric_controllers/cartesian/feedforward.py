@@ -20,7 +20,9 @@ class FeedForward:
         warn: function that logs a warning outside the loop.
     """
 
-    def __init__(self, settings: FeedForwardSettings, base: str, end_effector: str, warn: Callable[[str], None]) -> None:
+    def __init__(
+        self, settings: FeedForwardSettings, base: str, end_effector: str, warn: Callable[[str], None]
+    ) -> None:
         self._settings, self._base, self._end_effector, self._warn = settings, base, end_effector, warn
         self._newest: LatestValue[tuple[bool, list[float]] | None] = LatestValue(None)
         self.start()

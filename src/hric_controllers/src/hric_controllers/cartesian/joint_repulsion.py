@@ -36,6 +36,4 @@ class JointRepulsion:
     def energy(self, q: Sequence[float]) -> float:
         """Return the energy that the springs store [J]."""
         most = self._torque * self._margin
-        return sum(
-            most * (0.5 * depth * depth if depth < 1.0 else depth - 0.5) for depth in map(abs, self._depths(q))
-        )
+        return sum(most * (0.5 * depth * depth if depth < 1.0 else depth - 0.5) for depth in map(abs, self._depths(q)))

@@ -1,6 +1,5 @@
 """Options of the Cartesian impedance controller: wrench feed-forward, repulsion from joint limits, energy tank."""
 
-import math
 from collections.abc import Sequence
 from typing import Any
 

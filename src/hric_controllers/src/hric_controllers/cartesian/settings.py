@@ -40,7 +40,7 @@ class JointRepulsionSettings(Settings):
         minimum=0.0,
         maximum=1.0,
         unit="rad",
-        text="distance from the ends of the joints' position ranges at which the repulsion begins, such as 0.1; 0: none",
+        text="distance from the ends of the joints' position ranges where the repulsion begins, such as 0.1; 0: none",
     )
     torque: float = number(5.0, above=0.0, maximum=50.0, unit="N m", text="torque at the end of the range and beyond")
     damping: float = number(
@@ -82,7 +82,7 @@ class EnergyTankSettings(Settings):
         minimum=0.0,
         maximum=100.0,
         unit="J",
-        text="energy at the start: the most that the controller can give to the arm beyond what the arm gave; 0: no tank",
+        text="energy at the start, which the controller may give to the arm beyond what it gets; 0: no tank",
     )
     largest: float = number(10.0, above=0.0, maximum=100.0, unit="J", text="a full tank takes no more energy")
 

@@ -32,10 +32,7 @@ class ForceTorqueSensorController(Controller):
         self._time = realtime.Throttle(ForceTorqueSettings.read(controller_node).publish_rate)
         interface = robot_hw.get(ForceTorqueSensorInterface)
         sensors = [interface.handle(name) for name in interface.names]
-        self._publishers = [
-            (sensor, realtime.publisher(root_node, sensor.name, WrenchStamped))
-            for sensor in sensors
-        ]
+        self._publishers = [(sensor, realtime.publisher(root_node, sensor.name, WrenchStamped)) for sensor in sensors]
 
     def starting(self, time: float) -> None:
         """Make the first cycle publish."""
