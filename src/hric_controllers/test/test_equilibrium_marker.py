@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 import yaml
-from controller_manager_msgs.srv import LoadController, SwitchController
 from geometry_msgs.msg import PoseStamped
 from real_master import end_nodes, ros, roscore
 from visualization_msgs.msg import InteractiveMarkerFeedback, InteractiveMarkerInit, InteractiveMarkerUpdate
 
 import panda_description
+from controller_manager_msgs.srv import LoadController, SwitchController
 
 __all__ = ["ros", "roscore"]
 pytestmark = pytest.mark.alone

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import asdict
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped, WrenchStamped
@@ -16,10 +16,9 @@ from hric_controllers.cartesian.arm import cartesian_arm
 from hric_controllers.cartesian.law import CartesianArmState, CartesianLaw, Compliance, limited
 from hric_controllers.cartesian.options import ImpedanceOptions
 from hric_controllers.cartesian.settings import CartesianImpedanceSettings, ComplianceSettings
-from hric_controllers.cartesian.workspace import JumpSettings, check_equilibrium
+from hric_controllers.cartesian.workspace import JumpSettings, new_equilibrium
 from hric_controllers.dynamics import added_gravity, rotor_inertia
 from hric_core import realtime
-from hric_core.errors import CommandError
 from hric_core.geometry import Pose, stamped
 from hric_core.node import Node, ParameterValues
 
@@ -29,8 +28,12 @@ class CartesianImpedanceController(Controller):
 
     INTERFACE.md lists its parameters and topics. A subclass that gets its equilibrium from another source than the
     topic `equilibrium_pose` overrides `_read_input`, `_open_input`, `_start_input`, `_lead` and `_obeys`.
+
+    Attributes:
+        bounded_work: True if an energy tank can bound the work of the law.
     """
 
+    bounded_work: ClassVar[bool] = True
     settings: SettingsClasses = (CartesianImpedanceSettings, ComplianceSettings)
 
     def init(self, robot_hw: RobotHW, root_node: Node, controller_node: Node) -> None:
@@ -53,7 +56,7 @@ class CartesianImpedanceController(Controller):
         self._max_rate = settings.rotatum_limit
         obeys = self._obeys(settings.filter_time)
         self._scale = robot_hw.get(SpeedScaleInterface).handle() if obeys else SpeedScale()
-        self._options = self._new_options(settings, root_node)
+        self._options = ImpedanceOptions(settings, root_node, node, self._base, self.bounded_work)
         self._read_input()
         self._posture = settings.posture(root_node, node)
         self._gains, self._softest = realtime.LatestValue(compliance), math.inf
@@ -64,10 +67,6 @@ class CartesianImpedanceController(Controller):
     def _new_law(self, compliance: Compliance, filter_time: float) -> CartesianLaw:
         """Return the control law with these gains; `filter_time`: time constant of equilibrium and gains [s]."""
         return CartesianLaw(compliance, filter_time)
-
-    def _new_options(self, settings: CartesianImpedanceSettings, root_node: Node) -> ImpedanceOptions:
-        """Return what the parameters add to the law."""
-        return ImpedanceOptions(settings, root_node, self._node, self._base)
 
     def _obeys(self, filter_time: float) -> bool:
         """Return True if the speed scale can slow the equilibrium down.
@@ -119,12 +118,7 @@ class CartesianImpedanceController(Controller):
         Raises:
             CommandError: the pose is refused; the node logs the error's text with the topic's name.
         """
-        if not self._running:
-            raise CommandError("the controller is not running, the pose is ignored; start it first")
-        try:
-            self._target.set(check_equilibrium(message, self._base, self._law.pose, self._jump))
-        except CommandError as error:
-            raise CommandError(f"equilibrium pose refused, the present one is kept: {error}") from None
+        self._target.set(new_equilibrium(message, self._base, self._law.pose, self._jump, self._running))
 
     def starting(self, time: float) -> None:
         """Set the equilibrium to the pose of the end effector."""

@@ -35,5 +35,6 @@ class JointRepulsion:
 
     def energy(self, q: Sequence[float]) -> float:
         """Return the energy that the springs store [J]."""
-        most = self._torque * self._margin
-        return sum(most * (0.5 * depth * depth if depth < 1.0 else depth - 0.5) for depth in map(abs, self._depths(q)))
+        depths = [abs(depth) for depth in self._depths(q)]
+        relative = sum(0.5 * depth * depth if depth < 1.0 else depth - 0.5 for depth in depths)
+        return self._torque * self._margin * relative

@@ -43,7 +43,10 @@ def marker(pose: Any, scale: float) -> Any:
     result.description = "equilibrium pose"
     half = math.sqrt(0.5)
     for index, axis in enumerate("xyz"):
-        for kind, mode in (("move", InteractiveMarkerControl.MOVE_AXIS), ("turn", InteractiveMarkerControl.ROTATE_AXIS)):
+        for kind, mode in (
+            ("move", InteractiveMarkerControl.MOVE_AXIS),
+            ("turn", InteractiveMarkerControl.ROTATE_AXIS),
+        ):
             control = InteractiveMarkerControl(name=f"{kind}_{axis}", interaction_mode=mode)
             control.orientation.w = half
             # A control acts along its own x axis: for y and z a quarter turn about z and y.

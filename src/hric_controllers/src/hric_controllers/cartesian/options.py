@@ -17,21 +17,28 @@ from hric_core import realtime
 from hric_core.errors import CommandError
 from hric_core.geometry import Pose
 from hric_core.node import Node
+from hric_core.parameters import refused
 
 
 class ImpedanceOptions:
-    """What parameters add to the law; each part is absent unless its parameter is set.
+    """Parts that parameters add to the law; each is absent unless its parameter is set.
 
     Args:
         settings: parameters of the controller.
         root_node: node with the description of the robot.
         node: node of the controller.
         base: name of the base frame.
+        bounded_work: True if an energy tank can bound the work of the law.
     """
 
-    def __init__(self, settings: CartesianImpedanceSettings, root_node: Node, node: Node, base: str) -> None:
+    def __init__(
+        self, settings: CartesianImpedanceSettings, root_node: Node, node: Node, base: str, bounded_work: bool
+    ) -> None:
         self._node, self._running = node, False
         tank, repulsion, feedforward = settings.energy_tank, settings.joint_repulsion, settings.feedforward
+        if tank.initial > 0.0 and not bounded_work:
+            valid = "0, as a held force may do work without a bound"
+            raise refused(node.resolve("energy_tank/initial"), tank.initial, valid)
         self._tank = EnergyTank(tank.initial, tank.largest) if tank.initial > 0.0 else None
         self._repulsion = self._feedforward = None
         if repulsion.margin > 0.0:

@@ -10,8 +10,6 @@ from franka_hw_interface.interfaces import FrankaStateInterface
 from hric_control.robot_hw import RobotHW
 from hric_controllers.cartesian.impedance import CartesianImpedanceController
 from hric_controllers.cartesian.law import CartesianLaw, Compliance
-from hric_controllers.cartesian.options import ImpedanceOptions
-from hric_controllers.cartesian.settings import CartesianImpedanceSettings
 from hric_controllers.force.hybrid_law import HybridLaw
 from hric_controllers.force.settings import AXES, ForceSettings
 from hric_controllers.force.wrench import TaredWrench
@@ -20,7 +18,6 @@ from hric_core import realtime
 from hric_core.errors import CommandError
 from hric_core.geometry import Pose, messages, stamped
 from hric_core.node import Node
-from hric_core.parameters import refused
 
 
 class ForceController(CartesianImpedanceController):
@@ -30,6 +27,7 @@ class ForceController(CartesianImpedanceController):
     """
 
     settings = (*CartesianImpedanceController.settings, ForceSettings)
+    bounded_work = False
     _law: HybridLaw
 
     def init(self, robot_hw: RobotHW, root_node: Node, controller_node: Node) -> None:
@@ -41,13 +39,6 @@ class ForceController(CartesianImpedanceController):
     def _new_law(self, compliance: Compliance, filter_time: float) -> CartesianLaw:
         self._pressing = settings = ForceSettings.read(self._node)
         return HybridLaw(compliance, filter_time, settings.gains(), settings.frame == "end_effector")
-
-    def _new_options(self, settings: CartesianImpedanceSettings, root_node: Node) -> ImpedanceOptions:
-        """Refuse an energy tank: a force on a surface that moves along does work without a bound."""
-        if settings.energy_tank.initial > 0.0:
-            where, valid = self._node.resolve("energy_tank/initial"), "0, as a held force may do work without a bound"
-            raise refused(where, settings.energy_tank.initial, valid)
-        return super()._new_options(settings, root_node)
 
     def _read_input(self) -> None:
         super()._read_input()
