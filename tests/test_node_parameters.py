@@ -17,6 +17,7 @@ WRONG = {
     "hric_perception/live_view": ("_ratee:=3", "rate"),
     "hric_view/window": ("_ratee:=3", "rate"),
     "hric_perception/person": ("_subjekt:=a", "subject"),
+    "hric_controllers/equilibrium_marker": ("_controler:=a", "controller"),
     "hric_perception/synchronizer": ("_plann:={}", "plan"),
     "hric_perception/synchronizer_cpp": ("_plann:={}", "queue"),
     "hric_supervisor/supervisor": ("_moode:=a", "mode"),

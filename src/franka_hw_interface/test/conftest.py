@@ -191,8 +191,13 @@ def model(implementation: str, case: Case, arms: Arms) -> FrankaModel:
 
 
 @pytest.fixture
-def oracle(implementation: str, case: Case) -> Oracle:
-    return Oracle(replace(case, inertials="fr3") if "FR3" in implementation else case)
+def oracle_of(implementation: str) -> Callable[[Case], Oracle]:
+    return lambda case: Oracle(replace(case, inertials="fr3") if "FR3" in implementation else case)
+
+
+@pytest.fixture
+def oracle(oracle_of: Callable[[Case], Oracle], case: Case) -> Oracle:
+    return oracle_of(case)
 
 
 @pytest.fixture

@@ -1,10 +1,13 @@
 """One suite for every implementation of FrankaModel, against a second rigid-body library. The cases and implementations
 stand in conftest.py."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from franka_hw_interface.model import FrankaFrame
+from franka_hw_interface.model import FrankaFrame, FrankaModelHandle
+from franka_hw_interface.robot_state import RobotState
 from hric_core.errors import CommandError
 
 STATES = 1000
@@ -100,3 +103,41 @@ def test_frames_that_are_no_poses_are_refused_and_those_before_stay(model, state
 def test_a_state_of_the_wrong_length_is_refused(model) -> None:
     with pytest.raises(CommandError, match="6 values for 7 joints"):
         model.mass([0.0] * 6)
+
+
+def test_a_handle_evaluates_another_motion_and_another_payload_and_leaves_the_present_ones(
+    model, case, oracle_of, tolerance, states
+) -> None:
+    positions, velocities = states(3)
+    state = RobotState()
+    state.q[:], state.dq[:] = positions[0].tolist(), velocities[0].tolist()
+    handle = FrankaModelHandle("panda_model", model, state)
+    before = handle.mass().copy(), handle.gravity().copy()
+    mass, com, inertia = 1.7, (0.02, 0.01, -0.03), np.diag([0.004, 0.006, 0.005])
+    heavier = handle.with_load(mass, com, inertia.ravel().tolist())
+    present, loaded = oracle_of(case), oracle_of(replace(case, load=(mass, com, inertia)))
+    for q, dq in zip(positions[1:], velocities[1:], strict=True):
+        M, c, g = loaded.dynamics(q, dq)
+        there = heavier.at(q, dq)
+        assert np.abs(there.mass() - M).max() < tolerance
+        assert np.abs(there.coriolis() - c).max() < tolerance
+        assert np.abs(there.gravity() - g).max() < tolerance
+        for frame, (T, zero, body) in present.kinematics(q).items():
+            elsewhere = handle.at(q)
+            assert np.abs(elsewhere.pose(frame) - T).max() < tolerance
+            assert np.abs(elsewhere.zero_jacobian(frame) - zero).max() < tolerance
+            assert np.abs(elsewhere.body_jacobian(frame) - body).max() < tolerance
+    state.tick += 1
+    assert np.array_equal(handle.mass(), before[0]) and np.array_equal(handle.gravity(), before[1])
+    assert np.abs(heavier.mass() - loaded.dynamics(positions[0], velocities[0])[0]).max() < tolerance
+
+
+def test_a_handle_refuses_an_impossible_payload_and_keeps_its_own(model, states) -> None:
+    state = RobotState()
+    state.q[:] = states(1)[0][0].tolist()
+    handle = FrankaModelHandle("panda_model", model, state)
+    before = handle.mass().copy()
+    with pytest.raises(CommandError, match="must not be negative"):
+        handle.with_load(-1.0, [0.0] * 3, [0.0] * 9)
+    state.tick += 1
+    assert np.array_equal(handle.mass(), before)

@@ -146,11 +146,25 @@ def test_a_controller_of_one_joint_gets_its_topics(source, tmp_path, capsys):
 
 
 def test_what_is_missing_is_said_in_the_table_and_in_the_package(source, tmp_path, capsys):
+    (source / "src/wrench.cpp").write_text(WRENCH.replace("ForceTorqueSensor", "ImuSensor").replace("Force", "Yaw"))
     assert command.main(["port", str(source / "src/wrench.cpp"), "--output", str(tmp_path / "own")]) == 3
     output = capsys.readouterr().out
-    assert rows(output)[0][:2] == ("NO", "hardware_interface::ForceTorqueSensorInterface")
-    assert "O_F_ext_hat_K" in output and "0 of 2 exist in HRIC" in output
-    assert "ForceTorqueSensorInterface: not in HRIC" in (tmp_path / "own/src/wrench/law.py").read_text()
+    assert rows(output)[0][:2] == ("NO", "hardware_interface::ImuSensorInterface")
+    assert "no robot has it" in output and "0 of 2 exist in HRIC" in output
+    assert "ImuSensorInterface: not in HRIC" in (tmp_path / "own/src/wrench/law.py").read_text()
+
+
+def test_a_controller_of_sensors_gets_the_wrench_of_the_arm(source, tmp_path, monkeypatch, capsys):
+    assert command.main(["port", str(source / "src/wrench.cpp"), "--output", str(tmp_path / "own/wrench")]) == 0
+    assert "2 of 2 exist in HRIC" in capsys.readouterr().out
+    monkeypatch.setenv("ROS_PACKAGE_PATH", os.pathsep.join([str(tmp_path / "own"), os.environ["ROS_PACKAGE_PATH"]]))
+    plugins.clear_cache()
+    rig = ArmRig("joint_pd_controller", start=False)
+    for name, value in yaml.safe_load((tmp_path / "own/wrench/config/wrench.yaml").read_text())["wrench"].items():
+        rig.node.set_param(f"wrench/{name}", value)
+    rig.manager.load("wrench")
+    sensors = rig.manager._loaded["wrench"].controller.sensors
+    assert [(sensor.name, sensor.frame_id, len(sensor.force)) for sensor in sensors] == [("panda_K", "panda_K", 3)]
 
 
 def test_a_node_in_python_is_read_too(source, capsys):
@@ -191,8 +205,15 @@ def test_a_mistake_is_one_sentence_and_writes_nothing(words, said, source, monke
 def test_each_call_of_the_table_is_an_attribute_of_a_handle_here(name):
     from franka_hw_interface.interfaces import FrankaCartesianPoseHandle, FrankaStateHandle
     from franka_hw_interface.model import FrankaModelHandle
-    from hric_control.hardware_interface import JointGroup, JointHandle
+    from hric_control.hardware_interface import ForceTorqueSensorHandle, JointGroup, JointHandle
 
-    kinds = (FrankaModelHandle, JointHandle, JointGroup, FrankaCartesianPoseHandle, FrankaStateHandle)
+    kinds = (
+        ForceTorqueSensorHandle,
+        FrankaModelHandle,
+        JointHandle,
+        JointGroup,
+        FrankaCartesianPoseHandle,
+        FrankaStateHandle,
+    )
     attribute = counterpart(Use("call", name, "JointHandle", "")).text.split("(")[0].split(" ")[0]
     assert any(hasattr(kind, attribute) for kind in kinds)

@@ -16,6 +16,7 @@ from hric_core.errors import HricError, ParameterError
 from hric_core.urdf import read
 from hric_run.definition import experiment, overrides, parameters
 from hric_run.definition.experiment import ExperimentError
+from hric_run.simulation import Simulation
 from hric_sweep import definition as sweep
 from hric_sweep.study import definition as study
 
@@ -143,6 +144,36 @@ def test_a_controller_that_a_package_configures_is_started_by_its_name(
     assert found["my_controller"]["type"] == "my_controller/JointSpring" and "rate" not in found["my_controller"]
     with pytest.raises(ExperimentError, match=r"'nobody' is not in controllers.yaml nor .*configured: .*my_controller"):
         parameters.controllers(experiment.load("none", [given.replace("my_controller", "nobody")]))
+
+
+def with_globals(tmp_path: Path, values: dict[str, object]) -> Path:
+    raw = yaml.safe_load((experiment.config_path("experiments") / "pd_step.yaml").read_text())
+    path = tmp_path / "own.yaml"
+    path.write_text(yaml.safe_dump(raw | {"duration": 0.6, "global_parameters": values}))
+    return path
+
+
+def test_a_controller_reads_parameters_outside_its_namespace(tmp_path: Path) -> None:
+    path = with_globals(tmp_path, {"/robot_ip": "172.16.0.2", "cell/table/height": 0.8, "cell/table/tilt": 0.1})
+    with Simulation(str(path)) as simulation:
+        node = simulation.node.child("joint_pd_controller")
+        assert node.param("/robot_ip") == "172.16.0.2"
+        assert simulation.node.param("cell/table") == {"height": 0.8, "tilt": 0.1}
+        assert node.search_param("cell") == {"table": {"height": 0.8, "tilt": 0.1}}
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("joint_pd_controller/kp", "other keys of the experiment set what is in joint_pd_controller"),
+        ("/robot_description", "what is in robot_description"),
+        ("robot ip", "'robot ip' is no name of a ROS parameter"),
+        ("a//b", "'a//b' is no name"),
+    ],
+)
+def test_a_global_parameter_that_is_none_is_refused(tmp_path: Path, name: str, told: str) -> None:
+    with pytest.raises(ExperimentError, match=told):
+        experiment.load(str(with_globals(tmp_path, {name: 1})))
 
 
 def test_editors_have_the_schemas_and_accept_what_is_valid(capsys: pytest.CaptureFixture[str]) -> None:

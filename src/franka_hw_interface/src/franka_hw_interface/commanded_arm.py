@@ -8,7 +8,12 @@ from franka_hw_interface.interfaces import FrankaModelInterface, FrankaStateInte
 from franka_hw_interface.model import FrankaModel
 from franka_hw_interface.modes import HOLD, ArmMode, check_one_commander, claimed_modes
 from franka_hw_interface.robot_state import RobotState
-from hric_control.hardware_interface import JointStateInterface, JointStates
+from hric_control.hardware_interface import (
+    ForceTorqueSensorHandle,
+    ForceTorqueSensorInterface,
+    JointStateInterface,
+    JointStates,
+)
 from hric_control.limits import LimitCounts
 from hric_control.robot_hw import ControllerInfo, LogRow, RobotHW
 from hric_core import realtime
@@ -57,6 +62,9 @@ class CommandedArm(RobotHW):
         self.register_interface(JointStateInterface(self.states))
         self.register_interface(FrankaStateInterface(self.arm_id, self.robot_state))
         self.register_interface(FrankaModelInterface(self.arm_id, model, self.robot_state))
+        state = self.robot_state
+        sensor = ForceTorqueSensorHandle(f"{self.arm_id}_K", f"{self.arm_id}_K", lambda: state.K_F_ext_hat_K)
+        self.register_interface(ForceTorqueSensorInterface([sensor]))
         for interface in self._commands.interfaces():
             self.register_interface(interface)
 

@@ -1,6 +1,7 @@
 """Dynamics and kinematics of a Franka arm, computed by KDL from the URDF."""
 
 from collections.abc import Callable, Sequence
+from copy import copy
 
 import numpy as np
 import PyKDL
@@ -61,6 +62,12 @@ class KdlFrankaModel:
         self.F_T_EE, self.EE_T_K = self.F_T_NE.copy(), np.eye(4)
         self.gravity_list: Callable[[Sequence[float]], list[float]] = self.chain.gravity_list
         self._update_frames()
+
+    def __copy__(self) -> "KdlFrankaModel":
+        """Return a model whose setters do not change this one."""
+        other = object.__new__(KdlFrankaModel)
+        other.__dict__.update(self.__dict__, chain=copy(self.chain))
+        return other
 
     def _update_frames(self) -> None:
         flange = self.chain.T_last_tip

@@ -1,8 +1,9 @@
 """Dynamic model of the arm for controllers: a protocol with several implementations, and a handle to one."""
 
 from collections.abc import Callable, Sequence
+from copy import copy
 from enum import Enum
-from typing import Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -71,13 +72,27 @@ class FrankaModel(Protocol):
         """Set the stiffness frame in the end-effector frame, shape (4, 4)."""
 
 
+class Configuration(NamedTuple):
+    """Motion of the arm for which a model is evaluated.
+
+    Attributes:
+        q, dq: joint positions and velocities, 7 floats each [rad], [rad/s].
+        tick: never changes, as for a `RobotState` between two cycles.
+    """
+
+    q: Sequence[float]
+    dq: Sequence[float]
+    tick: int = 0
+
+
 class FrankaModelHandle:
     """Model evaluated at the robot's present state. Each value is computed when first read, once per cycle.
 
-    The arrays are shared by all users within the cycle, and read-only.
+    The arrays are shared by all users within the cycle, and read-only. `at` and `with_load` return handles for another
+    motion and another payload; both together: `handle.with_load(...).at(q)`.
     """
 
-    def __init__(self, name: str, model: FrankaModel, state: RobotState) -> None:
+    def __init__(self, name: str, model: FrankaModel, state: RobotState | Configuration) -> None:
         self.name, self._model, self._state = name, model, state
         self._cache: dict[object, FloatArray] = {}
         self._valid = (-1, -1)
@@ -92,6 +107,27 @@ class FrankaModelHandle:
             value = self._cache[key] = compute()
             value.setflags(write=False)
         return value
+
+    def at(self, q: Vector, dq: Vector = (0.0,) * 7) -> "FrankaModelHandle":
+        """Return a handle at other joint positions and velocities, shape (7,) each [rad], [rad/s]."""
+        return FrankaModelHandle(self.name, self._model, Configuration(list(map(float, q)), list(map(float, dq))))
+
+    def with_load(self, mass: float, com: Vector, inertia: Vector | FloatArray) -> "FrankaModelHandle":
+        """Return a handle with another payload, at the same state; takes milliseconds, so not for the control loop.
+
+        The new handle keeps the present end effector and frames, whatever is configured later.
+
+        Args:
+            mass: mass of the payload without the end effector [kg].
+            com: centre of mass in the flange, shape (3,) [m].
+            inertia: inertia about the centre of mass, 9 values [kg m^2].
+
+        Raises:
+            CommandError: this is not a payload.
+        """
+        other = copy(self._model)
+        other.set_load(mass, com, inertia)
+        return FrankaModelHandle(self.name, other, self._state)
 
     def mass(self) -> FloatArray:
         """Return the mass matrix without rotor inertia, shape (7, 7) [kg m^2]."""

@@ -7,7 +7,7 @@ claims and refuses conflicts.
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import ClassVar, TypeVar
 
 import numpy as np
@@ -309,6 +309,51 @@ class PositionJointInterface(JointCommandInterface):
     """Interface whose commands are joint positions [rad or m]."""
 
     cpp_name = "hardware_interface::PositionJointInterface"
+
+
+class ForceTorqueSensorHandle:
+    """Handle for reading the wrench of a force-torque sensor.
+
+    Args:
+        name: name of the sensor.
+        frame_id: frame in whose axes, and about whose origin, the wrench is given.
+        wrench: function that returns the present wrench, 6 floats [N], [N m].
+    """
+
+    __slots__ = ("_wrench", "frame_id", "name")
+
+    def __init__(self, name: str, frame_id: str, wrench: Callable[[], Sequence[float]]) -> None:
+        self.name, self.frame_id, self._wrench = name, frame_id, wrench
+
+    @property
+    def force(self) -> list[float]:
+        """Force, 3 floats [N]."""
+        return list(self._wrench()[:3])
+
+    @property
+    def torque(self) -> list[float]:
+        """Torque, 3 floats [N m]."""
+        return list(self._wrench()[3:])
+
+
+class ForceTorqueSensorInterface(HardwareInterface):
+    """Interface to the wrenches of force-torque sensors; claims nothing."""
+
+    cpp_name = "hardware_interface::ForceTorqueSensorInterface"
+
+    def __init__(self, sensors: Iterable[ForceTorqueSensorHandle]) -> None:
+        super().__init__()
+        self._sensors = {sensor.name: sensor for sensor in sensors}
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the sensors."""
+        return tuple(self._sensors)
+
+    def handle(self, name: str) -> ForceTorqueSensorHandle:
+        """Return the handle of one sensor."""
+        check_known("sensor", [name], self.names, type(self).__name__)
+        return self._sensors[name]
 
 
 InterfaceT = TypeVar("InterfaceT", bound=HardwareInterface)

@@ -352,6 +352,7 @@ def _tree(definition: Experiment, seed: int) -> dict[str, Any]:
     """Return all parameters of a run, as a live run has them on the parameter server."""
     namespace = parameters.namespace(definition, seed)
     return {
+        **parameters.global_tree(definition),
         **namespace,
         parameters.ROBOT: namespace[parameters.ROBOT] | {"real_time_factor": 0.0},
         **parameters.mocap(definition, seed),

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import asdict
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped, WrenchStamped
@@ -14,11 +14,11 @@ from hric_control.robot_hw import RobotHW
 from hric_control.speed_scale import SpeedScale, SpeedScaleInterface
 from hric_controllers.cartesian.arm import cartesian_arm
 from hric_controllers.cartesian.law import CartesianArmState, CartesianLaw, Compliance, limited
+from hric_controllers.cartesian.options import ImpedanceOptions
 from hric_controllers.cartesian.settings import CartesianImpedanceSettings, ComplianceSettings
-from hric_controllers.cartesian.workspace import JumpSettings, check_equilibrium
+from hric_controllers.cartesian.workspace import JumpSettings, new_equilibrium
 from hric_controllers.dynamics import added_gravity, rotor_inertia
 from hric_core import realtime
-from hric_core.errors import CommandError
 from hric_core.geometry import Pose, stamped
 from hric_core.node import Node, ParameterValues
 
@@ -28,8 +28,12 @@ class CartesianImpedanceController(Controller):
 
     INTERFACE.md lists its parameters and topics. A subclass that gets its equilibrium from another source than the
     topic `equilibrium_pose` overrides `_read_input`, `_open_input`, `_start_input`, `_lead` and `_obeys`.
+
+    Attributes:
+        bounded_work: True if an energy tank can bound the work of the law.
     """
 
+    bounded_work: ClassVar[bool] = True
     settings: SettingsClasses = (CartesianImpedanceSettings, ComplianceSettings)
 
     def init(self, robot_hw: RobotHW, root_node: Node, controller_node: Node) -> None:
@@ -48,9 +52,11 @@ class CartesianImpedanceController(Controller):
         self._rotors = np.diag(rotor_inertia(robot_hw, settings.rotor_inertia, self.joints)[0])
         compliance = Compliance(**asdict(self._gain_settings))
         self._law = self._new_law(compliance, settings.filter_time)
+        self._law.error_limits = settings.error_limit.limits()
         self._max_rate = settings.rotatum_limit
         obeys = self._obeys(settings.filter_time)
         self._scale = robot_hw.get(SpeedScaleInterface).handle() if obeys else SpeedScale()
+        self._options = ImpedanceOptions(settings, root_node, node, self._base, self.bounded_work)
         self._read_input()
         self._posture = settings.posture(root_node, node)
         self._gains, self._softest = realtime.LatestValue(compliance), math.inf
@@ -96,6 +102,7 @@ class CartesianImpedanceController(Controller):
             realtime.publisher(node, "commanded_wrench", WrenchStamped),
         )
         self._gain_settings.offer(node, self._on_gains)
+        self._options.open()
         self._open_input()
 
     def _on_gains(self, values: ParameterValues) -> ParameterValues:
@@ -111,38 +118,37 @@ class CartesianImpedanceController(Controller):
         Raises:
             CommandError: the pose is refused; the node logs the error's text with the topic's name.
         """
-        if not self._running:
-            raise CommandError("the controller is not running, the pose is ignored; start it first")
-        try:
-            self._target.set(check_equilibrium(message, self._base, self._law.pose, self._jump))
-        except CommandError as error:
-            raise CommandError(f"equilibrium pose refused, the present one is kept: {error}") from None
+        self._target.set(new_equilibrium(message, self._base, self._law.pose, self._jump, self._running))
 
     def starting(self, time: float) -> None:
         """Set the equilibrium to the pose of the end effector."""
         q = self._group.positions()
         self._take_gains()
         self._start_input()
-        self._law.start(Pose.of_column_major(self._robot.O_T_EE), q if self._posture is None else self._posture)
+        measured = Pose.of_column_major(self._robot.O_T_EE)
+        self._law.start(measured, q if self._posture is None else self._posture)
+        self._options.start(self._law, measured, q)
         self._last = self._gravity(q) if self._gravity else [0.0] * len(q)
         self._state_time.restart()
         self._running = True
 
     def update(self, time: float, period: float) -> None:
         """Compute and command the torques of one cycle."""
-        law, model, robot = self._law, self._model, self._robot
+        law, model, robot, options = self._law, self._model, self._robot, self._options
         self._lead(time, period)
         self._take_gains()
         law.advance(period, self._scale.value)
-        measured = Pose.of_column_major(self._robot.O_T_EE)
+        measured = Pose.of_column_major(robot.O_T_EE)
+        options.admit(law, measured, robot.q)
         mass = model.mass() + self._rotors
-        tau = law.torque(
-            measured,
-            CartesianArmState(robot.q, robot.dq, model.zero_jacobian(FrankaFrame.END_EFFECTOR), mass, model.coriolis()),
-        )
-        if self._gravity is not None:
-            tau = [a + b for a, b in zip(tau, self._gravity(self._group.positions()), strict=True)]
+        jacobian = model.zero_jacobian(FrankaFrame.END_EFFECTOR)
+        arm = CartesianArmState(robot.q, robot.dq, jacobian, mass, model.coriolis())
+        tau = options.added(law, measured, arm, law.torque(measured, arm), period, self._scale.force)
+        gravity = None if self._gravity is None else self._gravity(self._group.positions())
+        if gravity is not None:
+            tau = [a + b for a, b in zip(tau, gravity, strict=True)]
         self._command(tau, period)
+        options.hold(self._last, gravity)
         if self._state_time.due(time):
             self._publish(measured)
 
@@ -165,7 +171,9 @@ class CartesianImpedanceController(Controller):
         self._publishers[0].publish(lambda: stamped.pose_stamped(stamped.header(stamp, base), desired))
         self._publishers[1].publish(lambda: stamped.pose_stamped(stamped.header(stamp, base), measured))
         self._publishers[2].publish(lambda: stamped.wrench_stamped(stamped.header(stamp, base), wrench))
+        self._options.publish()
 
     def stopping(self, time: float) -> None:
-        """Stop accepting equilibrium poses."""
+        """Stop accepting equilibrium poses and wrenches."""
         self._running = False
+        self._options.stop()

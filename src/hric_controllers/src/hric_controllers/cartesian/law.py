@@ -76,6 +76,12 @@ def _between(start: float, goal: float, share: float) -> float:
     return goal if share >= 1.0 or abs(goal - start) < 1e-6 else start + share * (goal - start)
 
 
+def _spring_energy(stiffness: float, error: float, limit: float) -> float:
+    """Return the energy of a spring whose force stays the same beyond the error `limit` [J]."""
+    inside = min(error, limit)
+    return stiffness * inside * (error - 0.5 * inside)
+
+
 class CartesianArmState(NamedTuple):
     """Measured joint state and dynamic model of the arm in one cycle.
 
@@ -93,6 +99,20 @@ class CartesianArmState(NamedTuple):
     coriolis: FloatArray
 
 
+class LawSetting(NamedTuple):
+    """Part of a law's state that determines the energy of its spring.
+
+    Attributes:
+        pose: present equilibrium.
+        compliance: present gains.
+        force_limit: maximum force of the translational spring [N].
+    """
+
+    pose: poses.Pose
+    compliance: Compliance
+    force_limit: float
+
+
 class CartesianLaw:
     """Cartesian impedance law with its state: the present equilibrium and gains, and their targets.
 
@@ -103,6 +123,8 @@ class CartesianLaw:
     Attributes:
         pose, target: present equilibrium pose, and the pose that it moves to.
         force_limit: maximum force of the translational spring [N].
+        error_limits: maximum deflection of the spring, position [m] and rotation [rad]; beyond it the spring force
+            stays the same.
         compliance, target_compliance: present gains, and the gains that they approach.
         posture: joint positions q_n that the null-space torque pulls to, n floats [rad].
         twist: velocity v of the equilibrium, 6 floats [m/s], [rad/s]; zero unless the caller sets it.
@@ -116,6 +138,7 @@ class CartesianLaw:
         self.pose = self.target = poses.Pose()
         self.posture: Sequence[float] = ()
         self.twist, self.wrench, self.force_limit = [0.0] * 6, [0.0] * 6, math.inf
+        self.error_limits = (math.inf, math.inf)
         self._take_gains()
 
     def start(self, pose: poses.Pose, posture: Sequence[float]) -> None:
@@ -128,6 +151,33 @@ class CartesianLaw:
 
     def _take_gains(self) -> None:
         self._stiffness, self._damping = self.compliance.stiffness(), self.compliance.damping()
+
+    @property
+    def setting(self) -> LawSetting:
+        """Equilibrium, gains and limit of force of the spring."""
+        return LawSetting(self.pose, self.compliance, self.force_limit)
+
+    @setting.setter
+    def setting(self, setting: LawSetting) -> None:
+        self.pose, self.compliance, self.force_limit = setting
+        self._take_gains()
+
+    def energy(self, measured: poses.Pose) -> float:
+        """Return the energy that the spring stores at a pose of the end effector [J]."""
+        error, gains = poses.difference(measured, self.pose), self.compliance
+        k, limit = gains.translational_stiffness, self.error_limits[0]
+        return _spring_energy(k, math.hypot(*error[:3]), min(limit, self.force_limit / max(k, 1e-9))) + _spring_energy(
+            gains.rotational_stiffness, math.hypot(*error[3:]), self.error_limits[1]
+        )
+
+    def _error(self, measured: poses.Pose) -> list[float]:
+        """Return the pose error within `error_limits`, base axes, 6 floats [m], [rad]."""
+        error = poses.difference(measured, self.pose)
+        for first, limit in zip((0, 3), self.error_limits, strict=True):
+            size = math.hypot(*error[first : first + 3])
+            if size > limit:
+                error[first : first + 3] = [limit / size * x for x in error[first : first + 3]]
+        return error
 
     def advance(self, period: float, scale: float = 1.0) -> None:
         """Move equilibrium and gains towards their targets for one period [s].
@@ -156,7 +206,7 @@ class CartesianLaw:
         tau, self.wrench = _compiled.torque(
             self._stiffness,
             self._damping,
-            poses.difference(measured, self.pose),
+            self._error(measured),
             self.twist,
             self.force_limit,
             self.compliance.nullspace_stiffness,

@@ -1,11 +1,95 @@
 """Parameters of the Cartesian impedance controller."""
 
+import math
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 
 from hric_controllers.parameters import ArmSettings, LawSettings, initial_setpoint, position_ranges, state_rate
 from hric_core.live import live_parameters
 from hric_core.node import Node, OnChange
-from hric_core.parameters import Settings, names, number, per_joint, refused, text
+from hric_core.parameters import Settings, names, number, per_joint, refused, section, text
+
+DEFLECTION = "deflection of the spring of {} beyond which its force does not grow; 0: no limit"
+
+
+@dataclass(frozen=True)
+class ErrorLimitSettings(Settings):
+    """Largest deflection of the spring, as crisp_controllers (`error_clip`) and serl_franka_controllers have it.
+
+    They limit each axis, here the length of the vector is limited, so that the force keeps its direction.
+    """
+
+    translation: float = number(0.0, minimum=0.0, maximum=1.0, unit="m", text=DEFLECTION.format("position"))
+    rotation: float = number(0.0, minimum=0.0, maximum=math.pi, unit="rad", text=DEFLECTION.format("orientation"))
+
+    def limits(self) -> tuple[float, float]:
+        """Return the limits of position [m] and rotation [rad]; infinite: none."""
+        return self.translation or math.inf, self.rotation or math.inf
+
+
+@dataclass(frozen=True)
+class JointRepulsionSettings(Settings):
+    """Torque that keeps the joints away from the ends of their ranges, as in crisp_controllers and franky.
+
+    Sources: the default of the torque is crisp_controllers' `joint_limit_repulsion/max_torque`, its maximum the same;
+    the damping and its maximum are project defaults, unconfirmed.
+    """
+
+    margin: float = number(
+        0.0,
+        minimum=0.0,
+        maximum=1.0,
+        unit="rad",
+        text="distance from the ends of the joints' position ranges where the repulsion begins, such as 0.1; 0: none",
+    )
+    torque: float = number(5.0, above=0.0, maximum=50.0, unit="N m", text="torque at the end of the range and beyond")
+    damping: float = number(
+        1.0, minimum=0.0, maximum=10.0, unit="N m s/rad", text="damping at the end of the range; grows like the torque"
+    )
+
+    def check_ranges(self, where: str, joints: Sequence[str], ranges: Sequence[tuple[float, float]]) -> None:
+        """Refuse a margin without position ranges, and one that leaves no room between the ends of a range."""
+        if not any(math.isfinite(high - low) for low, high in ranges):
+            raise refused(where, self.margin, "0, as robot_description gives no position range of these joints")
+        joint, width = min(
+            ((joint, high - low) for joint, (low, high) in zip(joints, ranges, strict=True)), key=lambda pair: pair[1]
+        )
+        if 2.0 * self.margin >= width:
+            raise refused(where, self.margin, f"below {0.5 * width:.3g} rad, half of the range of {joint}")
+
+
+@dataclass(frozen=True)
+class FeedForwardSettings(Settings):
+    """Wrench of a topic that is added to the law. All defaults and maxima are project defaults, unconfirmed."""
+
+    timeout: float = number(
+        0.0,
+        minimum=0.0,
+        maximum=1.0,
+        unit="s",
+        text="time without a new wrench after which the last one ends; 0: there is no topic `feedforward_wrench`",
+    )
+    largest_force: float = number(30.0, minimum=0.0, maximum=100.0, unit="N", text="a larger force is refused")
+    largest_torque: float = number(5.0, minimum=0.0, maximum=20.0, unit="N m", text="a larger torque is refused")
+
+
+@dataclass(frozen=True)
+class EnergyTankSettings(Settings):
+    """Energy tank. All defaults and maxima are project defaults, unconfirmed."""
+
+    initial: float = number(
+        0.0,
+        minimum=0.0,
+        maximum=100.0,
+        unit="J",
+        text="energy at the start, which the controller may give to the arm beyond what it gets; 0: no tank",
+    )
+    largest: float = number(10.0, above=0.0, maximum=100.0, unit="J", text="a full tank takes no more energy")
+
+    def check(self, where: str) -> None:
+        """Refuse an initial energy that the tank cannot hold."""
+        if self.initial > self.largest:
+            raise refused(f"{where}initial", self.initial, f"up to {self.largest:g} J (largest)")
 
 
 @dataclass(frozen=True)
@@ -29,6 +113,10 @@ class CartesianImpedanceSettings(LawSettings, ArmSettings):
     )
     rotatum_limit: float = number(1000.0, minimum=0.0, unit="N m/s", text="largest rate of torque; 0: no limit")
     state_publish_rate: float = state_rate(100.0)
+    error_limit: ErrorLimitSettings = section(ErrorLimitSettings)
+    joint_repulsion: JointRepulsionSettings = section(JointRepulsionSettings)
+    feedforward: FeedForwardSettings = section(FeedForwardSettings)
+    energy_tank: EnergyTankSettings = section(EnergyTankSettings)
 
     def check(self, where: str) -> None:
         """Raise an error if the joints are not in the order of the Jacobian's columns."""

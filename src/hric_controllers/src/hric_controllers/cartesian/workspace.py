@@ -116,6 +116,16 @@ def check_equilibrium(message: Any, base: str, present: Pose, limit: JumpSetting
     return requested
 
 
+def new_equilibrium(message: Any, base: str, present: Pose, limit: JumpSettings, running: bool) -> Pose:
+    """Return the equilibrium pose in a message to a controller, which must be running; see `check_equilibrium`."""
+    if not running:
+        raise CommandError("the controller is not running, the pose is ignored; start it first")
+    try:
+        return check_equilibrium(message, base, present, limit)
+    except CommandError as error:
+        raise CommandError(f"equilibrium pose refused, the present one is kept: {error}") from None
+
+
 def check_target(message: Any, base: str, start: Pose, box: Box, largest_turn: float) -> tuple[Vector, Vector]:
     """Return the position [m] of a commanded pose, and its rotation vector from the pose at the start [rad].
 

@@ -27,6 +27,7 @@ class ForceController(CartesianImpedanceController):
     """
 
     settings = (*CartesianImpedanceController.settings, ForceSettings)
+    bounded_work = False
     _law: HybridLaw
 
     def init(self, robot_hw: RobotHW, root_node: Node, controller_node: Node) -> None:

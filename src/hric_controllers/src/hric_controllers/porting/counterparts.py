@@ -10,14 +10,19 @@ from franka_hw_interface.robot_state import RobotState
 from hric_control.hardware_interface import HardwareInterface
 from hric_controllers.porting.reading import Use
 
+AT = "; elsewhere: at(q, dq), with_load(mass, com, inertia) before it"
+"""Calls for the model at another configuration or load."""
 CALLS = {
     "getRobotState": "robot_state",
-    "getMass": "mass()",
-    "getCoriolis": "coriolis()",
-    "getGravity": "gravity()",
-    "getPose": "pose(frame)",
-    "getZeroJacobian": "zero_jacobian(frame)",
-    "getBodyJacobian": "body_jacobian(frame)",
+    "getMass": f"mass(){AT}",
+    "getCoriolis": f"coriolis(){AT}",
+    "getGravity": f"gravity(){AT}",
+    "getPose": f"pose(frame){AT}",
+    "getZeroJacobian": f"zero_jacobian(frame){AT}",
+    "getBodyJacobian": f"body_jacobian(frame){AT}",
+    "getForce": "force",
+    "getTorque": "torque",
+    "getFrameId": "frame_id",
     "getPosition": "position",
     "getVelocity": "velocity",
     "getEffort": "effort",
@@ -27,7 +32,6 @@ CALLS = {
 }
 """Attribute or method of HRIC's handle, by method of the C++ handle."""
 ELSEWHERE = {
-    "hardware_interface::ForceTorqueSensorInterface": "the wrench is O_F_ext_hat_K of the Franka state",
     "franka_hw::FrankaModelHandle": "use FrankaModelInterface",
 }
 """Replacements for interfaces that HRIC does not have."""
@@ -101,6 +105,6 @@ def _message(use: Use) -> Counterpart:
 
 
 def _call(use: Use) -> Counterpart:
-    if use.name not in CALLS or use.type.startswith("ForceTorque"):
+    if use.name not in CALLS:
         return Counterpart(False, f"{use.type} has no such method in HRIC")
     return Counterpart(True, CALLS[use.name])

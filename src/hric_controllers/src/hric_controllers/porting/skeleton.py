@@ -125,6 +125,8 @@ def _init(source: Source, names: dict[str, str]) -> Iterator[str]:
 def _interface(name: str, joints: str, arm: str) -> str:
     """Return the line that gets the handle of an interface."""
     got = f"robot_hw.get({name})"
+    if name == "ForceTorqueSensorInterface":
+        return f"self.sensors = [{got}.handle(name) for name in {got}.names]"
     if not name.startswith("Franka"):
         names = f"self.{joints}" if joints.endswith("s") else f"[self.{joints}]"
         return f"self.{snake(name.removesuffix('Interface'))} = {got}.group({names})"

@@ -27,10 +27,12 @@ class SpawnError(FailureError):
 
 
 def configure(definition: Experiment) -> None:
-    """Set the experiment's controller parameters on the parameter server; add missing controllers.
+    """Set the parameters of the experiment's controllers, and those outside them, on the parameter server.
 
     For several arms, and for a robot that is no Franka arm, they replace those that the bring-up loads.
     """
+    for name, value in definition.global_parameters.items():
+        rospy.set_param(name, value)
     for prefix, part in definition.robots().items():
         configured = parameters.controllers(part)
         for name in part.controllers:

@@ -278,6 +278,11 @@ class _Motion(Settings):
     )
     controllers: tuple[str, ...] = CONTROLLERS
     parameters: Mapping[str, NodeParameters] = PARAMETERS
+    global_parameters: NodeParameters = mapping(
+        default={},
+        text="ROS parameters outside the controllers, for controllers that read such, by name: absolute, or relative "
+        "to the namespace of the robot",
+    )
     setpoints: tuple[Setpoint, ...] = SETPOINTS
     duration: float = number(above=0.0, unit="s", text="robot time of the complete run")
     metrics: MetricsSpec = section(MetricsSpec)
@@ -301,6 +306,15 @@ class Experiment(_Sensed):
     human: NodeParameters | None = _OPTIONAL["human"]
     person: NodeParameters | None = _OPTIONAL["person"]
     supervisor: NodeParameters | None = _OPTIONAL["supervisor"]
+
+    def _check_global_parameters(self) -> None:
+        """Refuse names that are none of ROS, and those of parameters that other keys of the experiment set."""
+        taken = {"robot", "robot_description", "joint_limits", *self.controllers, *self.arms}
+        for name in self.global_parameters:
+            if not re.fullmatch(r"/?[A-Za-z]\w*(/[A-Za-z]\w*)*", name):
+                raise ParameterError(f"global_parameters: {name!r} is no name of a ROS parameter, such as /robot_ip")
+            if (first := name.strip("/").split("/")[0]) in taken:
+                raise ParameterError(f"global_parameters.{name}: other keys of the experiment set what is in {first}")
 
     def each_arm(self) -> "dict[str, Experiment]":
         """Return the part of the experiment that concerns one arm, by name of the arm; empty unless there are `arms`.
@@ -368,8 +382,8 @@ class Experiment(_Sensed):
                     raise ParameterError(f"setpoints[{i}].controller: {setpoint.controller!r} is {valid}")
             with mistakes.noted():
                 if setpoint.time >= self.duration:
-                    end = f"is not before the end (duration {self.duration} s)"
-                    raise ParameterError(f"setpoints[{i}].time {setpoint.time} s {end}")
+                    end = f"not before the end ({self.duration} s)"
+                    raise ParameterError(f"setpoints[{i}].time {setpoint.time} s is {end}")
             with mistakes.noted():
                 if (setpoint.time, setpoint.controller) in ((p.time, p.controller) for p in self.setpoints[:i]):
                     raise ParameterError(
@@ -377,6 +391,7 @@ class Experiment(_Sensed):
                         "different times for one controller"
                     )
         with mistakes.noted():
+            self._check_global_parameters()
             if others := sorted(set(self.parameters) - set(self.controllers)):
                 raise ParameterError(f"parameters for {', '.join(others)}, which is {valid}")
         for key in filter(None, (source.follows for source in self.sources)):

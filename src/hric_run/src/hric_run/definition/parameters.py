@@ -211,6 +211,16 @@ def namespace(experiment: Experiment, seed: int = 0) -> dict[str, Any]:
     }
 
 
+def global_tree(experiment: Experiment) -> dict[str, Any]:
+    """Return the parameters outside the controllers as nested mappings from the root."""
+    tree: dict[str, Any] = {}
+    for name, value in experiment.global_parameters.items():
+        for part in reversed(name.strip("/").split("/")):
+            value = {part: value}
+        tree = overlay(tree, value)
+    return tree
+
+
 def load_request(spec: RobotSpec) -> Any:
     """Return the request to the service `LOAD_SERVICE` for `robot.load` (inertia zero); None: there is no payload.
 
