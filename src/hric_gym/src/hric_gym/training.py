@@ -41,13 +41,11 @@ RATE = 1e-3
 SLOWEST = 0.2
 """Smallest speed that the network can choose, as share of the full speed [1] (project default). At this speed the arm
 reaches every goal within the time of the task, so even an untrained network does."""
-FORCE_COST = 50.0
+FORCE_COST = 20.0
 """Weight in training by which `policy_env.force_excess` reduces the reward of a step, in addition to the reward of the
 task [1], without a cost limit (project default). Reflexes alone are too rare to show how near a motion came to one."""
 ASCENT = 10.0
-"""Change of the weight of `force_excess` after an episode, per difference of its sum from the limit [1].
-
-Project default."""
+"""Change of the weight of `force_excess` after an episode, per excess over the limit [1] (project default)."""
 EXCESS = "force_excess"
 """Key of `info` in training: `policy_env.force_excess` of the step [1]."""
 TINY = 1e-6
@@ -85,7 +83,7 @@ class _Progress(BaseCallback):
 
 
 class CostBuffer(ReplayBuffer):
-    """Replay buffer whose rewards are reduced by the force excess of each step, at the present weight.
+    """Replay buffer that reduces the reward of each step by its force excess, at the present weight.
 
     Attributes:
         weight: Lagrange multiplier of the constraint [1]; a change applies to all steps in the buffer.
