@@ -44,7 +44,7 @@ reaches every goal within the time of the task, so even an untrained network doe
 FORCE_COST = 20.0
 """Weight in training by which `policy_env.force_excess` reduces the reward of a step, in addition to the reward of the
 task [1], without a cost limit (project default). Reflexes alone are too rare to show how near a motion came to one."""
-ASCENT = 10.0
+ASCENT = 100.0
 """Change of the weight of `force_excess` after an episode, per excess over the limit [1] (project default)."""
 EXCESS = "force_excess"
 """Key of `info` in training: `policy_env.force_excess` of the step [1]."""
