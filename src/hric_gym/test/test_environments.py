@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from hric_assessment.contact.limits import Limits
+from hric_assessment.separation.capsules import distances
 from hric_core.errors import HricError
 
 gymnasium = pytest.importorskip("gymnasium", reason="scripts/setup --with learning")
@@ -19,8 +20,10 @@ envs = pytest.importorskip("hric_gym.envs")
 
 from gymnasium.utils.env_checker import check_env  # noqa: E402
 
+from hric_gym import goals  # noqa: E402
 from hric_gym.actions import MODES  # noqa: E402
 from hric_gym.environment import CollaborationEnv  # noqa: E402
+from hric_gym.goals import NEAR, DrawnGoal  # noqa: E402
 
 
 def bits(values: dict[str, Any]) -> bytes:
@@ -212,6 +215,37 @@ def test_a_guided_hand_goes_where_the_agent_sends_it_and_stays_where_the_arm_end
         assert not ended
     assert np.isfinite(far["hand_position"]).all() and far["hand_position"][1] < before["hand_position"][1] + 0.7
     env.close()
+
+
+def straight(env: CollaborationEnv, values: dict[str, Any]) -> Any:
+    offset = env.goal.at(0.0) - values["ee_position"]
+    return 0.3 * offset / np.abs(offset).max()
+
+
+@pytest.mark.parametrize("seed", [1, 4, 7])
+def test_a_goal_is_drawn_where_the_arm_ends_without_contact(seed: int) -> None:
+    """The motion in the simulation, without a person, ends at the computed distance from the person of the draw."""
+    env, bare = (CollaborationEnv("Reach", "end_effector_stream", person=person) for person in ("scripted", "none"))
+    env.reset(seed=seed)
+    assert isinstance(env.goal, DrawnGoal)
+    start, computed = env._observation, env.goal.clearance(env._observation)
+    values, _ = bare.reset(seed=seed)
+    bare.goal, ended = env.goal, False
+    while not ended:
+        values, _, ended, _, _ = bare.step(straight(bare, values))
+    arm, person = bare._observation.arm.capsules, start.person.capsules
+    apart = distances(arm.ends[None], arm.radii, person.ends[None], person.radii)
+    assert computed >= NEAR and apart.min() == pytest.approx(computed, abs=1.5 * NEAR)
+    env.goal._point = start.person.T_world_hand[:3, 3]
+    assert env.goal.clearance(start) < 0.0 and bare.goal.clearance(bare._observation) == np.inf
+    for each in (env, bare):
+        each.close()
+
+
+def test_a_person_at_all_goals_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(goals, "BOX", np.array([[0.42, -0.29, 0.5], [0.44, -0.25, 0.54]]))  # their left hand
+    with pytest.raises(HricError, match="the person is at all of 100 drawn goals"):
+        CollaborationEnv("Reach")
 
 
 def test_a_reactive_hand_approaches_the_resting_arm() -> None:

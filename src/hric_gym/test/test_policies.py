@@ -17,11 +17,13 @@ pytest.importorskip("stable_baselines3", reason="scripts/setup --with learning")
 pytest.importorskip("onnxruntime", reason="scripts/setup --with learning")
 
 from stable_baselines3 import SAC
+from stable_baselines3.common.save_util import load_from_pkl
 
 from hric_controllers.policy.network import PolicyNetwork
 from hric_gym.evaluation import POLICY, REFLEX, SCRIPTED, EpisodeResult, ScriptedReach, passed, played, table
-from hric_gym.policy_env import contract, environment
-from hric_gym.training import SLOWEST, TrainingEnv, export, train
+from hric_gym.policy_env import TOLERATED, contract, environment, force_excess
+from hric_gym.spaces import unit_box
+from hric_gym.training import ASCENT, EXCESS, SLOWEST, CostBuffer, TrainingEnv, _CostLimit, export, train
 from hric_run.definition import experiment
 from hric_run.simulation import Simulation
 
@@ -56,16 +58,19 @@ def test_the_exported_network_acts_as_the_policy_of_stable_baselines3_on_the_str
 def test_the_same_seed_trains_the_same_file_in_another_process(tmp_path: Path) -> None:
     contents = []
     for name in ("first.onnx", "second.onnx"):
-        command = [*HRIC, "train", "Reach", "--steps", "1100", "--seed", "5", "--output", str(tmp_path / name)]
-        subprocess.run(command, check=True, capture_output=True, timeout=300)
+        command = [*HRIC, "train", "Reach", "--steps", "2000", "--seed", "5", "--output", str(tmp_path / name)]
+        subprocess.run(command, check=True, capture_output=True, timeout=600)
         contents.append((tmp_path / name).read_bytes())
     assert contents[0] == contents[1]
 
 
 @pytest.mark.slow  # two trainings of a minute each
-def test_ctrl_c_leaves_a_policy_and_a_checkpoint_from_which_the_training_goes_on(tmp_path: Path) -> None:
+@pytest.mark.parametrize("limit", [(), ("--cost-limit", "0")])
+def test_ctrl_c_leaves_a_policy_and_a_checkpoint_from_which_the_training_goes_on(
+    tmp_path: Path, limit: tuple[str, ...]
+) -> None:
     command = [*HRIC, "train", "Reach", "--output", str(tmp_path / "policy.onnx")]
-    process = subprocess.Popen([*command, "--steps", "1300"], stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen([*command, "--steps", "1300", *limit], stderr=subprocess.PIPE, text=True)
     assert process.stderr is not None
     shown = ""
     while "return" not in shown:  # shown after the first episode; the bar is written without line ends
@@ -76,9 +81,33 @@ def test_ctrl_c_leaves_a_policy_and_a_checkpoint_from_which_the_training_goes_on
     assert process.returncode == 130
     before = SAC.load(tmp_path / "policy.zip").num_timesteps
     assert 0 < before < 1300 and PolicyNetwork(tmp_path / "policy.onnx").contract.training["steps"] == 1300
+    assert isinstance(load_from_pkl(tmp_path / "policy.replay"), CostBuffer) is bool(limit)
     done = subprocess.run([*command, "--resume"], capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
     assert SAC.load(tmp_path / "policy.zip").num_timesteps == 1300
+    buffer, training = (
+        load_from_pkl(tmp_path / "policy.replay"),
+        PolicyNetwork(tmp_path / "policy.onnx").contract.training,
+    )
+    assert isinstance(buffer, CostBuffer) is bool(limit) and ("cost_limit" in training) is bool(limit)
+    assert buffer.size() == 1299, "the interrupted step is not stored"
+    assert not limit or 0.0 <= buffer.weight <= ASCENT * float(buffer._costs.sum()) * (1.0 + 1e-6)
+
+
+def test_the_weight_of_the_cost_follows_its_limit_and_applies_to_stored_steps() -> None:
+    one = unit_box(1)
+    buffer = CostBuffer(4, one, one)
+    ascent, zero = _CostLimit(0.3), np.zeros((1, 1), np.float32)
+    for cost, done in ((0.2, False), (0.5, True), (0.1, True), (0.0, False)):
+        info, dones = [{EXCESS: cost}], np.array([done])
+        ascent.update_locals({"infos": info, "dones": dones, "replay_buffer": buffer})
+        assert ascent._on_step()
+        buffer.add(zero, zero, zero, np.array([-1.0], np.float32), dones, info)
+    assert buffer.weight == pytest.approx(ASCENT * (0.7 - 0.3 + 0.1 - 0.3))
+    rewards = buffer._get_samples(np.arange(4)).rewards.numpy()
+    np.testing.assert_allclose(rewards[:, 0], -1.0 - buffer.weight * np.array([0.2, 0.5, 0.1, 0.0]), rtol=1e-6)
+    ascent.update_locals({"infos": [{EXCESS: 0.0}], "dones": [True], "replay_buffer": buffer})
+    assert all(ascent._on_step() for _ in range(3)) and buffer.weight == 0.0
 
 
 def test_without_a_checkpoint_nothing_is_resumed(tmp_path: Path) -> None:
@@ -89,6 +118,17 @@ def test_without_a_checkpoint_nothing_is_resumed(tmp_path: Path) -> None:
 def test_a_resumed_training_takes_no_other_settings() -> None:
     with pytest.raises(HricError, match="valid: --resume without --steps"):
         perform(["train", "Reach", "--resume", "--steps", "2000"])
+
+
+def test_an_impossible_cost_limit_is_refused() -> None:
+    with pytest.raises(HricError, match="--cost-limit"):
+        perform(["train", "Reach", "--cost-limit", "-1"])
+
+
+def test_only_a_force_above_the_tolerated_share_costs_and_an_unknown_one_costs_most() -> None:
+    shares = (0.0, TOLERATED, 0.3, float("inf"))
+    assert [force_excess({"force": share}) for share in shares] == pytest.approx([0.0, 0.0, 0.2, 0.9])
+    assert force_excess({}) == 0.0
 
 
 def test_a_task_whose_goal_moves_is_refused() -> None:
@@ -133,7 +173,7 @@ def test_the_scripted_reach_reaches_and_the_resting_arm_does_not() -> None:
 def episodes(score: float, count: int, above: int) -> list[EpisodeResult]:
     ends = [(frozenset({REFLEX}), "joint_reflex") if k < above else (frozenset[str](), "") for k in range(count)]
     return [
-        EpisodeResult(score + 0.1 * (k % 3), True, 1.0, limits, 0.5, 3.0, reflex)
+        EpisodeResult(score + 0.1 * (k % 3), True, 1.0, limits, 0.5, 3.0, 0.02 * (k % 2), reflex)
         for k, (limits, reflex) in enumerate(ends)
     ]
 
@@ -147,5 +187,5 @@ def test_a_policy_passes_if_it_scores_better_and_at_most_one_percent_exceed_a_li
     results = {POLICY: episodes(score, 200, above), SCRIPTED: episodes(-3.0, 200, 0)}
     assert passed(results) is good
     shown = table(results)
-    assert f"force or reflex {above} (" in shown
+    assert f"force or reflex {above} (" in shown and "cost of an episode, policy: 0.0100 +- 0.0014 (95 %)" in shown
     assert f"reflexes of policy: {f'joint_reflex {above}' if above else 'none'}\n" in shown

@@ -41,6 +41,12 @@ class TrainCommand(Command):
                 help="weight of a cost in the reward instead of its default, e.g. separation 0.01; may be repeated",
             ),
             Argument(
+                "--cost-limit",
+                type=float,
+                help="largest mean cost of an episode: the sum over its steps of contact force beyond a tenth of the "
+                "limit, as share of the limit [1]; the training finds the weight of the cost (default: a fixed weight)",
+            ),
+            Argument(
                 "--resume", action="store_true", help="continue from the checkpoint, with its steps, seed and weights"
             ),
         ]
@@ -53,17 +59,20 @@ class TrainCommand(Command):
         from hric_gym.training import train
 
         output = arguments.output
-        given = {name for name in ("steps", "seed", "weight") if getattr(arguments, name) not in (None, [])}
+        given = {
+            name for name in ("steps", "seed", "weight", "cost_limit") if getattr(arguments, name) not in (None, [])
+        }
         if arguments.resume and given:
-            raise HricError(
-                f"--resume takes --{min(given)} from the checkpoint; valid: --resume without --{min(given)}"
-            )
+            option = f"--{min(given).replace('_', '-')}"
+            raise HricError(f"--resume takes {option} from the checkpoint; valid: --resume without {option}")
         steps = whole(minimum=1000).checked(STEPS if arguments.steps is None else arguments.steps, "--steps")
         if output.suffix != ".onnx" or not output.parent.is_dir():
             raise HricError(f"--output is {output}; valid: a file with the suffix .onnx in a folder that exists")
         weights = {name: _weight(text) for name, text in arguments.weight}
         settings = {"steps": steps, "seed": whole(minimum=0).checked(arguments.seed or 0, "--seed")}
         settings["weights"] = WEIGHTS | weights
+        if arguments.cost_limit is not None:
+            settings["cost_limit"] = number(minimum=0.0).checked(arguments.cost_limit, "--cost-limit")
         agreed = PolicyNetwork(output).contract if arguments.resume else contract(arguments.task, settings)
         before = time.process_time()
         completed = train(agreed, output, resume=arguments.resume)

@@ -100,8 +100,8 @@ class CollaborationEnv(Env):
         self._open(Simulation(self._definition))
         observation = self.simulation.observe()
         self._mode.start(observation)
-        self._restart_goals(np.random.default_rng(0), 0)
         self._observation, self._ended = observation, True
+        self._restart_goals(np.random.default_rng(0), 0)
         self.action_space = self._mode.space
         self.observation_space = dict_space(self._values(Costs()))
 
@@ -131,7 +131,7 @@ class CollaborationEnv(Env):
 
     def _goal(self, hw: FrankaHWSim) -> Goal:
         if self.task.goal == DRAWN:
-            return DrawnGoal()
+            return DrawnGoal(hw)
         if self.task.goal == HAND:
             assert self._intended is not None, "a scene without it is refused"
             return self._intended
@@ -171,18 +171,19 @@ class CollaborationEnv(Env):
         if options:
             raise HricError(f"options {', '.join(options)} are not known; valid: none")
         random = self.np_random
-        self._restart_goals(random, self._begin(random))
+        seed = self._begin(random)
+        self._observation, self._ended = self.simulation.observe(), False
+        self._restart_goals(random, seed)
         if self._judge is not None:
             self._judge.restart()
-        self._observation, self._ended = self.simulation.observe(), False
         self._mode.start(self._observation)
         costs = Costs()
         return self._values(costs), self._info(costs)
 
     def _restart_goals(self, random: np.random.Generator, seed: int) -> None:
-        self.goal.restart(random, seed)
+        self.goal.restart(random, seed, self._observation)
         if self._intended is not None:
-            self._intended.restart(random, seed)
+            self._intended.restart(random, seed, self._observation)
 
     def _begin(self, random: np.random.Generator) -> int:
         """Begin an episode in which the person can reach the points of the task; return its seed."""

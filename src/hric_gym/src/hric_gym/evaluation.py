@@ -16,7 +16,7 @@ from hric_controllers.policy.network import PolicyNetwork
 from hric_core.geometry import FloatArray
 from hric_gym.actions import STREAM_SPEED
 from hric_gym.environment import CollaborationEnv
-from hric_gym.policy_env import PolicyEnv, environment
+from hric_gym.policy_env import PolicyEnv, environment, force_excess
 from hric_gym.tasks import FORCE, SEPARATION
 from hric_sweep.statistics.intervals import LEVEL, clopper_pearson
 
@@ -44,6 +44,7 @@ class EpisodeResult:
         violations: names of the costs that exceeded their limits, and REFLEX if the control box stopped the arm.
         force: largest contact force as share of its limit [1].
         separation: mean ratio of protective separation distance to distance, counted up to 10 [1].
+        cost: sum of `policy_env.force_excess` of all steps [1], which `hric train --cost-limit` limits.
         reflex: names of the errors with which the control box ended the episode; "": none.
     """
 
@@ -53,6 +54,7 @@ class EpisodeResult:
     violations: frozenset[str]
     force: float
     separation: float
+    cost: float
     reflex: str = ""
 
     @property
@@ -99,7 +101,7 @@ def played(env: PolicyEnv, act: Act, seed: int) -> EpisodeResult:
         act: function that chooses the actions.
         seed: seed of the episode.
     """
-    plain, score, seconds = env.unwrapped, 0.0, 0.0
+    plain, score, seconds, cost = env.unwrapped, 0.0, 0.0, 0.0
     observation, info = env.reset(seed=seed)
     violations: set[str] = set()
     forces, separations, ended, first = [0.0], [], False, True
@@ -109,6 +111,7 @@ def played(env: PolicyEnv, act: Act, seed: int) -> EpisodeResult:
         score, seconds, ended, first = score + reward, seconds + plain.period, over or late, False
         violations |= set(info["violations"]) | ({REFLEX} if info["reflex"] else set())
         forces.append(info["costs"].get(FORCE, 0.0))
+        cost += force_excess(info["costs"])
         separations.append(min(info["costs"].get(SEPARATION, math.nan), 10.0))
     return EpisodeResult(
         score,
@@ -117,6 +120,7 @@ def played(env: PolicyEnv, act: Act, seed: int) -> EpisodeResult:
         frozenset(violations),
         max(forces),
         float(np.mean(separations)),
+        cost,
         info["reflex"],
     )
 
@@ -149,9 +153,13 @@ def evaluated(network: PolicyNetwork, episodes: int, first: int, speed: float) -
 
 def better_by(policy: Sequence[EpisodeResult], scripted: Sequence[EpisodeResult]) -> tuple[float, float]:
     """Return the mean of the policy's score minus the scripted one in the same episodes, and half its 95 % interval."""
-    differences = [a.score - b.score for a, b in zip(policy, scripted, strict=True)]
-    half = float(stdtrit(len(differences) - 1, 0.5 + 0.5 * LEVEL)) * float(np.std(differences, ddof=1))
-    return float(np.mean(differences)), half / len(differences) ** 0.5
+    return _mean([a.score - b.score for a, b in zip(policy, scripted, strict=True)])
+
+
+def _mean(values: Sequence[float]) -> tuple[float, float]:
+    """Return the mean of values and half its 95 % interval."""
+    half = float(stdtrit(len(values) - 1, 0.5 + 0.5 * LEVEL)) * float(np.std(values, ddof=1))
+    return float(np.mean(values)), half / len(values) ** 0.5
 
 
 def table(results: dict[str, list[EpisodeResult]]) -> str:
@@ -171,6 +179,9 @@ def table(results: dict[str, list[EpisodeResult]]) -> str:
     for name, episodes in results.items():
         reflexes = Counter(episode.reflex for episode in episodes if episode.reflex)
         lines.append(f"reflexes of {name}: " + (", ".join(f"{x} {count}" for x, count in reflexes.items()) or "none"))
+    for name in (POLICY, SCRIPTED):
+        mean, half = _mean([episode.cost for episode in results[name]])
+        lines.append(f"cost of an episode, {name}: {mean:.4f} +- {half:.4f} (95 %)")
     mean, half = better_by(results[POLICY], results[SCRIPTED])
     lines.append(f"score of the policy minus score of the scripted reach: {mean:.2f} +- {half:.2f} (95 %)")
     return "\n".join(lines)

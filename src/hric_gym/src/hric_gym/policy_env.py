@@ -16,10 +16,13 @@ from hric_gym.actions import STREAM_SPEED
 from hric_gym.environment import STEP
 from hric_gym.goals import BOX, NEAR
 from hric_gym.spaces import Box, ObservationWrapper, Values, make
-from hric_gym.tasks import DRAWN, TASKS
+from hric_gym.tasks import DRAWN, FORCE, TASKS
 
 READY = (0.0, -math.pi / 4, 0.0, -3 * math.pi / 4, 0.0, math.pi / 2, math.pi / 4)
 """Joint positions that are 0 in scaled observations: the start position of the arm, 7 values [rad]."""
+TOLERATED = 0.1
+"""Contact force as share of its limit, up to which a step costs nothing in training [1] (project default). Reflexes
+come from hits of 0.2 or more; a cost of all forces would teach the arm to leave a light contact quickly."""
 
 
 def contract(task: str, training: Mapping[str, object]) -> PolicyContract:
@@ -67,6 +70,11 @@ class PolicyEnv(ObservationWrapper):
         """Return the scaled fields of the contract, shape (`agreed.size`,); `observation`: that of `env`."""
         self.fields = observation
         return self._contract.observation({name: values.tolist() for name, values in observation.items()})
+
+
+def force_excess(costs: Mapping[str, float]) -> float:
+    """Return the force above TOLERATED, as share of its limit (up to 1) [1]; `costs`: those of a step."""
+    return max(0.0, min(costs.get(FORCE, 0.0), 1.0) - TOLERATED)
 
 
 def environment(agreed: PolicyContract, person: str = "scripted") -> PolicyEnv:

@@ -12,7 +12,7 @@ from tqdm import tqdm
 from hric_controllers.policy.contract import KEY, PolicyContract, Vector
 from hric_controllers.policy.network import ACTIONS, INPUT, OUTPUT
 from hric_core.errors import HricError
-from hric_gym.policy_env import PolicyEnv, environment
+from hric_gym.policy_env import PolicyEnv, environment, force_excess
 from hric_gym.spaces import Wrapper, unit_box
 from hric_gym.tasks import FORCE
 
@@ -20,6 +20,7 @@ try:
     import onnx
     import torch
     from stable_baselines3 import SAC
+    from stable_baselines3.common.buffers import ReplayBuffer
     from stable_baselines3.common.callbacks import BaseCallback
 except ImportError:
     raise HricError(
@@ -40,9 +41,13 @@ RATE = 1e-3
 SLOWEST = 0.2
 """Smallest speed that the network can choose, as share of the full speed [1] (project default). At this speed the arm
 reaches every goal within the time of the task, so even an untrained network does."""
-FORCE_COST = 5.0
-"""Weight in training by which a force as share of its contact limit (up to 1) reduces the reward of a step, in addition
-to the reward of the task [1] (project default). Reflexes alone are too rare to show how near a motion came to one."""
+FORCE_COST = 20.0
+"""Weight in training by which `policy_env.force_excess` reduces the reward of a step, in addition to the reward of the
+task [1], without a cost limit (project default). Reflexes alone are too rare to show how near a motion came to one."""
+ASCENT = 100.0
+"""Change of the weight of `force_excess` after an episode, per excess over the limit [1] (project default)."""
+EXCESS = "force_excess"
+"""Key of `info` in training: `policy_env.force_excess` of the step [1]."""
 TINY = 1e-6
 """Smallest divisor of the goal's offset, which prevents a division by zero [1]."""
 RECENT = 50
@@ -77,16 +82,57 @@ class _Progress(BaseCallback):
         self._bar.close()
 
 
+class CostBuffer(ReplayBuffer):
+    """Replay buffer that reduces the reward of each step by its force excess, at the present weight.
+
+    Attributes:
+        weight: Lagrange multiplier of the constraint [1]; a change applies to all steps in the buffer.
+    """
+
+    def __init__(self, buffer_size: int, *arguments: Any, **options: Any) -> None:
+        super().__init__(buffer_size, *arguments, **options)
+        self.weight, self._costs = 0.0, np.zeros((buffer_size, 1), np.float32)
+
+    def add(self, obs: Any, next_obs: Any, action: Any, reward: Any, done: Any, infos: list[dict[str, Any]]) -> None:
+        """Store a step; its cost is in `infos`."""
+        self._costs[self.pos] = infos[0][EXCESS]
+        super().add(obs, next_obs, action, reward, done, infos)
+
+    def _get_samples(self, batch_inds: Any, env: Any = None) -> Any:
+        samples = super()._get_samples(batch_inds, env)
+        return samples._replace(rewards=samples.rewards - self.weight * self.to_torch(self._costs[batch_inds]))
+
+
+class _CostLimit(BaseCallback):
+    """Dual ascent: after an episode, the weight of the cost grows if its sum exceeds the limit, and else decreases."""
+
+    def __init__(self, limit: float) -> None:
+        super().__init__()
+        self._limit, self._sum = limit, 0.0
+
+    def _on_step(self) -> bool:
+        self._sum += self.locals["infos"][0][EXCESS]
+        if self.locals["dones"][0]:
+            buffer = self.locals["replay_buffer"]
+            buffer.weight = max(0.0, buffer.weight + ASCENT * (self._sum - self._limit))
+            self._sum = 0.0
+        return True
+
+
 class TrainingEnv(Wrapper):
-    """Training environment whose action is the speed of the straight motion to the goal; contacts cost FORCE_COST more.
+    """Training environment whose action is the speed of the straight motion to the goal; hard contacts cost more.
 
     An action of 1 is full speed along the axis on which the goal is farthest, -1 is SLOWEST times that. The network
     that `export` writes moves in the same way.
+
+    Args:
+        env: environment of the policy.
+        weight: weight by which `policy_env.force_excess` reduces the reward [1].
     """
 
-    def __init__(self, env: PolicyEnv) -> None:
+    def __init__(self, env: PolicyEnv, weight: float = FORCE_COST) -> None:
         super().__init__(env)
-        self.action_space = unit_box(1)
+        self.action_space, self._weight = unit_box(1), weight
 
     def reset(self, **settings: Any) -> tuple[Vector, dict[str, Any]]:
         """Begin an episode; return observation and `info`, see `CollaborationEnv.reset`."""
@@ -99,15 +145,16 @@ class TrainingEnv(Wrapper):
         speed = SLOWEST + (1.0 - SLOWEST) * 0.5 * (float(action[0]) + 1.0)
         velocity = speed * offset / max(float(np.abs(offset).max()), TINY)
         self._observation, reward, ended, late, info = self.env.step(velocity)
-        cost = FORCE_COST * min(info["costs"].get(FORCE, 0.0), 1.0)
-        return self._observation, float(reward) - cost, ended, late, info
+        excess = force_excess(info["costs"])
+        return self._observation, float(reward) - self._weight * excess, ended, late, {**info, EXCESS: excess}
 
 
 def train(agreed: PolicyContract, output: Path, *, resume: bool = False) -> bool:
     """Train a policy, and write it and a checkpoint; return True if all steps were done, False after Ctrl-C.
 
     Args:
-        agreed: contract of the policy; its `training` has the task, `steps`, `seed` and `weights` of the reward.
+        agreed: contract of the policy; its `training` has the task, `steps`, `seed`, `weights` of the reward and, if
+            the training is constrained, `cost_limit`: limit of the mean sum of `policy_env.force_excess` in an episode.
         output: ONNX file; the checkpoint is next to it, with the suffixes .zip and .replay.
         resume: True: continue from the checkpoint; False: start a new training.
 
@@ -117,7 +164,9 @@ def train(agreed: PolicyContract, output: Path, *, resume: bool = False) -> bool
     torch.set_num_threads(1)  # fastest for networks of this size
     steps, seed = (int(str(agreed.training[name])) for name in ("steps", "seed"))
     checkpoint, replay = output.with_suffix(".zip"), output.with_suffix(".replay")
-    env, rate = TrainingEnv(environment(agreed)), {"learning_rate": lambda left: RATE * left}
+    limit: Any = agreed.training.get("cost_limit")
+    env = TrainingEnv(environment(agreed), FORCE_COST if limit is None else 0.0)
+    rate = {"learning_rate": lambda left: RATE * left}
     if resume:
         if not (checkpoint.is_file() and replay.is_file()):
             raise HricError(
@@ -127,12 +176,14 @@ def train(agreed: PolicyContract, output: Path, *, resume: bool = False) -> bool
         model = SAC.load(checkpoint, env, custom_objects=rate)
         model.load_replay_buffer(replay)
     else:
-        model = SAC("MlpPolicy", env, seed=seed, buffer_size=steps, **rate, **SETTINGS)
+        buffer = None if limit is None else CostBuffer
+        model = SAC("MlpPolicy", env, seed=seed, buffer_size=steps, replay_buffer_class=buffer, **rate, **SETTINGS)
     interrupted = threading.Event()
     previous = signal.signal(signal.SIGINT, lambda *_: interrupted.set())
     left = steps - model.num_timesteps
+    callbacks = [_Progress(left, interrupted), *([] if limit is None else [_CostLimit(limit)])]
     try:
-        model.learn(left, _Progress(left, interrupted), reset_num_timesteps=False)
+        model.learn(left, callbacks, reset_num_timesteps=False)
     finally:
         signal.signal(signal.SIGINT, previous)
         env.close()
