@@ -70,7 +70,8 @@ def test_there_is_one_clock(arms: LiveSystem) -> None:
 
 
 def test_one_trajectory_moves_both_arms_and_a_conflict_is_refused(arms: LiveSystem) -> None:
-    refused = manager(arms, "", "spawn", BOTH)
+    wait_for(lambda: BOTH in arms.controllers(), 60.0, "the controllers of both arms are loaded")
+    refused = manager(arms, "", "start", BOTH)
     assert f"left_joint1 is claimed by both /left/{PD} and {BOTH}" in refused
     for arm in ("/left", "/right"):
         manager(arms, arm, "stop", PD)
