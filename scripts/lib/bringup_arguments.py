@@ -272,6 +272,10 @@ def _check_mocap(arguments: Mapping[str, str], known: Choices) -> None:
         raise ArgumentError(
             "mocap_calibration needs mocap:=motive: the experiment defines the pose of the emulated motion capture"
         )
+    if chosen != "none" and arguments.get("arms", "none") != "none" and not _has("mocap", arguments, known):
+        raise ArgumentError(
+            f"mocap:={chosen} with several arms needs an experiment whose section mocap names one of them: mocap.arm"
+        )
     if chosen != "none" and _unpaced(arguments):
         raise ArgumentError(
             f"real_time_factor:=0 is not possible with motion capture (mocap:={chosen}), which is received over the "

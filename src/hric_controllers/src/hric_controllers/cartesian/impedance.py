@@ -51,6 +51,7 @@ class CartesianImpedanceController(Controller):
         self._max_rate = settings.rotatum_limit
         obeys = self._obeys(settings.filter_time)
         self._scale = robot_hw.get(SpeedScaleInterface).handle() if obeys else SpeedScale()
+        self._beside = (root_node if robot_hw.shared else node).beside
         self._read_input()
         self._posture = settings.posture(root_node, node)
         self._gains, self._softest = realtime.LatestValue(compliance), math.inf
