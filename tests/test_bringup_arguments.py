@@ -28,6 +28,7 @@ from bringup_ready import arm, engine  # noqa: E402
 NAMES = (
     "env",
     "robot_ip",
+    "arms",
     "robot",
     "simulator",
     "controller",

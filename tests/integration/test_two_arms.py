@@ -21,7 +21,9 @@ JOINTS = [f"{arm}_joint{number}" for arm in ("left", "right") for number in rang
 @pytest.fixture(scope="module")
 def arms(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveSystem]:
     folder = tmp_path_factory.mktemp("arms")
-    system = LiveSystem(folder, "env:=sim", "rviz:=false", "view:=false", "record:=true", "arms:=left,right")
+    system = LiveSystem(
+        folder, "env:=sim", "rviz:=false", "view:=false", "record:=true", "load_gripper:=true", "arms:=left,right"
+    )
     try:
         for arm in ("/left", "/right"):
             system.wait_running(PD, namespace=arm)
@@ -60,6 +62,29 @@ def test_each_arm_has_a_controller_of_its_own(arms: LiveSystem) -> None:
     for arm, q1 in (("left", 0.5), ("right", -0.5)):
         publish(arms, f"/{arm}/{PD}/command", "std_msgs/Float64MultiArray", f"{{data: {[q1, *POSE]}}}")
     wait_at(arms, 0.5, -0.5)
+
+
+def test_each_arm_has_a_gripper(arms: LiveSystem) -> None:
+    for arm, width in (("left", 0.03), ("right", 0.06)):
+        publish(
+            arms,
+            f"/{arm}/franka_gripper/move/goal",
+            "franka_gripper/MoveActionGoal",
+            f"{{goal: {{width: {width}, speed: 0.1}}}}",
+        )
+
+    def opened() -> bool:
+        text = [
+            arms.run("rostopic", "echo", "-n", "1", f"/{arm}/franka_gripper/joint_states").stdout
+            for arm in ("left", "right")
+        ]
+        fingers = [
+            re.search(r"name: \n?.*?(\w+)_finger_joint1.*?position: \[([0-9.]+)", part, re.DOTALL) for part in text
+        ]
+        found = [(match[1], round(2.0 * float(match[2]), 3)) for match in fingers if match]
+        return found == [("left", 0.03), ("right", 0.06)]
+
+    wait_for(opened, 30.0, "the fingers of both arms at their own widths")
 
 
 def test_there_is_one_clock(arms: LiveSystem) -> None:
