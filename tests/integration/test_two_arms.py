@@ -81,8 +81,8 @@ def test_each_arm_has_a_gripper(arms: LiveSystem) -> None:
         fingers = [
             re.search(r"name: \n?.*?(\w+)_finger_joint1.*?position: \[([0-9.]+)", part, re.DOTALL) for part in text
         ]
-        found = [(match[1], round(2.0 * float(match[2]), 3)) for match in fingers if match]
-        return found == [("left", 0.03), ("right", 0.06)]
+        widths = [(match[1], round(2.0 * float(match[2]), 3)) for match in fingers if match]
+        return widths == [("left", 0.03), ("right", 0.06)]
 
     wait_for(opened, 30.0, "the fingers of both arms at their own widths")
 
