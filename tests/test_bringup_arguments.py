@@ -28,6 +28,7 @@ from bringup_ready import arm, engine  # noqa: E402
 NAMES = (
     "env",
     "robot_ip",
+    "arms",
     "robot",
     "simulator",
     "controller",
@@ -248,6 +249,14 @@ def test_the_emulated_arm_takes_no_pace() -> None:
         checked(*given, "real_time_factor:=0.5")
     with pytest.raises(ArgumentError, match="robot_ip can be given with env:=real only"):
         checked("robot_ip:=emulated")
+
+
+def test_motion_capture_of_several_arms_needs_an_experiment_that_names_one(tmp_path: Path) -> None:
+    with pytest.raises(ArgumentError, match=r"mocap:=emulated with several arms needs an experiment .*: mocap.arm"):
+        checked("arms:=left,right", "mocap:=emulated")
+    own = tmp_path / "own.yaml"
+    own.write_text("mocap: {arm: left}\n")
+    checked("arms:=left,right", f"experiment:={own}")
 
 
 def test_a_simulated_human_needs_no_real_arm(tmp_path: Path) -> None:

@@ -200,9 +200,8 @@ def _check_environment(arguments: Mapping[str, str]) -> None:
             "env:=real needs the address of the arm's control box, for example robot_ip:=172.16.0.2, or "
             "robot_ip:=emulated"
         )
-    alone = [name for name in ("arm_id", "load_gripper") if name in arguments]
-    if alone and arguments.get("arms", "none") != "none":
-        raise ArgumentError(f"{', '.join(alone)} can be given for one arm only; valid: without arms")
+    if "arm_id" in arguments and arguments.get("arms", "none") != "none":
+        raise ArgumentError("arm_id can be given for one arm only; valid: without arms")
     unrecorded = [name for name in arguments if name in ONLY_RECORDED]
     if unrecorded and arguments.get("record", "").lower() == "false":
         raise ArgumentError(
@@ -271,6 +270,10 @@ def _check_mocap(arguments: Mapping[str, str], known: Choices) -> None:
     if chosen != "motive" and arguments.get("mocap_calibration", "none") != "none":
         raise ArgumentError(
             "mocap_calibration needs mocap:=motive: the experiment defines the pose of the emulated motion capture"
+        )
+    if chosen != "none" and arguments.get("arms", "none") != "none" and not _has("mocap", arguments, known):
+        raise ArgumentError(
+            f"mocap:={chosen} with several arms needs an experiment whose section mocap names one of them: mocap.arm"
         )
     if chosen != "none" and _unpaced(arguments):
         raise ArgumentError(

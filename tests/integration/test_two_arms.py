@@ -21,7 +21,9 @@ JOINTS = [f"{arm}_joint{number}" for arm in ("left", "right") for number in rang
 @pytest.fixture(scope="module")
 def arms(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveSystem]:
     folder = tmp_path_factory.mktemp("arms")
-    system = LiveSystem(folder, "env:=sim", "rviz:=false", "view:=false", "record:=true", "arms:=left,right")
+    system = LiveSystem(
+        folder, "env:=sim", "rviz:=false", "view:=false", "record:=true", "load_gripper:=true", "arms:=left,right"
+    )
     try:
         for arm in ("/left", "/right"):
             system.wait_running(PD, namespace=arm)
@@ -62,6 +64,29 @@ def test_each_arm_has_a_controller_of_its_own(arms: LiveSystem) -> None:
     wait_at(arms, 0.5, -0.5)
 
 
+def test_each_arm_has_a_gripper(arms: LiveSystem) -> None:
+    for arm, width in (("left", 0.03), ("right", 0.06)):
+        publish(
+            arms,
+            f"/{arm}/franka_gripper/move/goal",
+            "franka_gripper/MoveActionGoal",
+            f"{{goal: {{width: {width}, speed: 0.1}}}}",
+        )
+
+    def opened() -> bool:
+        text = [
+            arms.run("rostopic", "echo", "-n", "1", f"/{arm}/franka_gripper/joint_states").stdout
+            for arm in ("left", "right")
+        ]
+        fingers = [
+            re.search(r"name: \n?.*?(\w+)_finger_joint1.*?position: \[([0-9.]+)", part, re.DOTALL) for part in text
+        ]
+        widths = [(match[1], round(2.0 * float(match[2]), 3)) for match in fingers if match]
+        return widths == [("left", 0.03), ("right", 0.06)]
+
+    wait_for(opened, 30.0, "the fingers of both arms at their own widths")
+
+
 def test_there_is_one_clock(arms: LiveSystem) -> None:
     with mock.patch.dict(os.environ, ROS_MASTER_URI=arms.uri):
         publishers = dict(rosgraph.Master("/looks_on").getSystemState()[0])
@@ -70,7 +95,8 @@ def test_there_is_one_clock(arms: LiveSystem) -> None:
 
 
 def test_one_trajectory_moves_both_arms_and_a_conflict_is_refused(arms: LiveSystem) -> None:
-    refused = manager(arms, "", "spawn", BOTH)
+    wait_for(lambda: BOTH in arms.controllers(), 60.0, "the controllers of both arms are loaded")
+    refused = manager(arms, "", "start", BOTH)
     assert f"left_joint1 is claimed by both /left/{PD} and {BOTH}" in refused
     for arm in ("/left", "/right"):
         manager(arms, arm, "stop", PD)

@@ -9,10 +9,10 @@ import pytest
 from fci_peer import Peer, control_box, run_client
 
 from franka_sim.fci.app import ControlBoxCommand
-from franka_sim.fci.world_building import make_arm
 from franka_sim.fci.arm_device import ArmDevice
 from franka_sim.fci.protocol import PROTOCOL_5, PROTOCOL_10
 from franka_sim.fci.robots import ROBOTS, fr3_accelerometers, fr3_served_urdf
+from franka_sim.fci.world_building import make_arm
 
 TOP, BOTTOM = 1144, 1216
 """Offsets of the two blocks in the state datagram (libfranka-common, d96c221)."""

@@ -14,9 +14,9 @@ from franka_hw_interface.hand import HandMotion, HandOutcome
 from franka_hw_interface.model import FrankaFrame
 from franka_sim.box.requests import ControllerMode, GeneratorMode, MoveRequest, RequestOutcome
 from franka_sim.fci.app import ControlBoxCommand
-from franka_sim.fci.world_building import make_arm
 from franka_sim.fci.arm_device import ArmDevice
 from franka_sim.fci.robots import ROBOTS
+from franka_sim.fci.world_building import make_arm
 from franka_sim.vacuum import VacuumGripper, defaults
 
 pytestmark = pytest.mark.alone

@@ -89,7 +89,7 @@ def test_no_message_makes_the_setpoint_jump_or_the_memory_grow(messages, on_retu
         "workspace": {"lower": [0.2, -0.3, 0.2]},
     }
     node = LocalNode({"c": params})
-    tracking = PoseTracking(node.child("c"), "panda_link0", SpeedScale())
+    tracking = PoseTracking(node.child("c"), "panda_link0", SpeedScale(), node.resolve)
     tracking.open()
     tracking.start(START)
     frames, commands = node.advertise("/hric/perception/mocap", MocapData), node.advertise("/c/command", PoseStamped)

@@ -14,6 +14,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from control_msgs.msg import FollowJointTrajectoryGoal
 from franka_msgs.msg import ErrorRecoveryGoal
 from hric_core.errors import HricError
+from hric_msgs.msg import MocapData
 from hric_run.definition import experiment, parameters
 from hric_run.simulation import Simulation
 
@@ -170,8 +171,12 @@ def test_what_cannot_be_one_world_is_refused_by_name() -> None:
     refused(r"arms: '3rd' is no name", **{"3rd": {"controllers": ["joint_state_controller"]}})
     with pytest.raises(HricError, match="arms has only left; valid: two arms or more"):
         experiment.parse("arms", two_arms(arms={"left": two_arms()["arms"]["left"]}))
-    with pytest.raises(HricError, match="mocap follows one arm"):
+    with pytest.raises(HricError, match=r"mocap\.arm is not given; valid: one of left, right"):
         experiment.parse("arms", two_arms(mocap={}))
+    with pytest.raises(HricError, match=r"mocap\.arm is mid; valid: one of left, right"):
+        experiment.parse("arms", two_arms(mocap={"arm": "mid"}))
+    with pytest.raises(HricError, match=r"mocap\.arm is left; valid: no mocap.arm, as there is one robot"):
+        experiment.parse("arms", one_arm("left") | {"mocap": {"arm": "left"}})
 
 
 def test_overrides_that_have_no_single_meaning_are_refused() -> None:
@@ -323,6 +328,32 @@ def test_after_a_reflex_of_one_arm_both_stop_and_recover() -> None:
         both.command("joint_pd_controller", [0.3, -0.7, 0.0, -2.3, 0.0, 1.5, 0.7] * 2)
         both.run(1.0)
         assert np.abs(both.signals.position[-1] - stopped)[[0, 7]].min() > 0.05
+
+
+def following(arm: str, **human: Any) -> dict[str, Any]:
+    """Return an experiment in which an arm follows the marker of motion capture in its base."""
+    raw = two_arms(duration=3.0)
+    for values in raw["arms"].values():
+        values.pop("parameters"), values.pop("setpoints")
+        values["controllers"] = BROADCASTERS
+    raw["arms"][arm]["controllers"] = [*BROADCASTERS, "cartesian_pose_controller"]
+    moving = {"program": "sinusoid", "begin": 0.2, "centre": [0.7, 0.0, 0.5], "amplitude": [0.0, 0.1, 0.0]}
+    moving |= {"frequency": 0.5, "cycles": 1, "ramp": 0.5} | human
+    base = {"xyz": [0, 0, 0], "xyzw": [0, 0, 0, 1]}
+    return raw | {"mocap": {"arm": arm, "human": moving, "base_from_mocap": base}}
+
+
+@pytest.mark.parametrize("arm", ["left", "right"])
+def test_an_arm_follows_a_marker_in_its_own_base(arm: str) -> None:
+    with simulation(following(arm)) as both:
+        frames: list[Any] = []
+        assert both.node.param("emulated_human/state_topic") == f"{arm}/franka_state_controller/franka_states"
+        both.node.subscribe("hric/perception/mocap", MocapData, frames.append)
+        both.run()
+    assert {frame.header.frame_id for frame in frames} == {f"{arm}_link0"}
+    moved = np.ptp(both.signals.position, axis=0)
+    first, second = moved[:7].max(), moved[7:].max()
+    assert (first > 0.1, second > 0.1) == (arm == "left", arm == "right")
 
 
 @pytest.mark.parametrize("engine", ["mujoco", "pybullet"])

@@ -238,7 +238,7 @@ def test_a_known_place_of_the_cameras_reaches_both_nodes() -> None:
         ),
         ("mocap.human:=3", "mocap.human is 3; valid: a mapping"),
         ("mocap.body:=head", "mocap.body is 'head'; valid: hand"),
-        ("mocap.camera:=1", "'camera' is not one of base_from_mocap, body, human, stream"),
+        ("mocap.camera:=1", "'camera' is not one of arm, base_from_mocap, body, human, stream"),
         ("mocap.base_from_mocap:={xyzw: [1, 1, 0, 0]}", "a unit quaternion"),
         ("mocap:=none", "no override 'mocap'"),
     ],

@@ -46,11 +46,14 @@ def analyse(description: str, bag: Path | Bag, run: RunFile, record: RunRecord) 
     Raises:
         HricError: the robot description is missing, or has no chain from base to flange.
     """
-    body = str((((run.get("definition") or {}).get("mocap")) or {}).get("body") or "")
+    definition = run.get("definition") or {}
+    body = str((definition.get("mocap") or {}).get("body") or "")
     tracked = tracking_record.read(bag, record.robot_time, body)
     if tracked is None:
         return None
-    parameters = (run.get("parameters") or {}).get(tracked.states.controller) or {}
+    parameters, arm = run.get("parameters") or {}, tracked.base.removesuffix("_link0")
+    parameters = parameters.get(arm) or {} if arm in (definition.get("arms") or {}) else parameters
+    parameters = parameters.get(tracked.states.controller) or {}
     R = (
         np.eye(3)
         if tracked.frames.frame == tracked.base

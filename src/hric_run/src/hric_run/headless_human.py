@@ -9,11 +9,10 @@ from hric_perception.human import CapturedHuman
 from hric_perception.human.truth import Truth
 from hric_perception.simulated import follow_events, follow_joints
 from hric_run.definition import parameters
+from hric_run.definition.sections import STATE_TOPIC
 from mocap_natnet.headless import HeadlessMocap, robot_time
 from mocap_natnet.node.parameters import Publishing
 from mocap_natnet.node.publisher import MocapPublisher
-
-STATE_TOPIC = "franka_state_controller/franka_states"
 
 
 class HeadlessHuman:
@@ -36,7 +35,8 @@ class HeadlessHuman:
         publisher = MocapPublisher(node, Publishing.read(node.child(parameters.MOCAP_CLIENT)), robot_time)
         self._mocap = HeadlessMocap(seen.motive, publisher)
         self._truth = Truth(node, seen.hand, node.param(f"{parameters.EMULATED_HUMAN}/base_frame"), announced)
-        node.subscribe(STATE_TOPIC, FrankaState, self._on_state)
+        state_topic = node.param(f"{parameters.EMULATED_HUMAN}/state_topic", STATE_TOPIC)
+        node.subscribe(state_topic, FrankaState, self._on_state)
         if self._body is not None:
             follow_joints(node, self._body.states.add)
             follow_events(node, self._on_event)

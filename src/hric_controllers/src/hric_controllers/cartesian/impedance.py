@@ -57,6 +57,7 @@ class CartesianImpedanceController(Controller):
         obeys = self._obeys(settings.filter_time)
         self._scale = robot_hw.get(SpeedScaleInterface).handle() if obeys else SpeedScale()
         self._options = ImpedanceOptions(settings, root_node, node, self._base, self.bounded_work)
+        self._beside = (root_node if robot_hw.shared else node).beside
         self._read_input()
         self._posture = settings.posture(root_node, node)
         self._gains, self._softest = realtime.LatestValue(compliance), math.inf

@@ -28,7 +28,8 @@ class CartesianPoseController(Controller):
         arm_id = ArmSettings.read(node).arm_id
         self._arm = robot_hw.get(FrankaPoseCartesianInterface).handle(f"{arm_id}_robot")
         scale = robot_hw.get(SpeedScaleInterface).handle()
-        self._tracking = PoseTracking(node, f"{arm_id}_link0", scale)
+        beside = (root_node if robot_hw.shared else node).beside
+        self._tracking = PoseTracking(node, f"{arm_id}_link0", scale, beside)
         self._tracking.open()
 
     def starting(self, time: float) -> None:
@@ -60,7 +61,7 @@ class CartesianPoseImpedanceController(CartesianImpedanceController):
         return True
 
     def _read_input(self) -> None:
-        self._tracking = PoseTracking(self._node, self._base, self._scale)
+        self._tracking = PoseTracking(self._node, self._base, self._scale, self._beside)
 
     def _open_input(self) -> None:
         self._tracking.open()

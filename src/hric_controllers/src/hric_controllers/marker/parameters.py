@@ -72,7 +72,8 @@ class TrackingSettings(Settings):
     target_marker: str = text(
         "",
         default_text="by `source`",
-        text="topic of the markers; empty: `hric/perception/mocap` or `mocap/marker` in the robot's namespace",
+        text="topic of the markers; empty: `hric/perception/mocap` or `mocap/marker` in the robot's namespace; of "
+        "several arms in one world, in that of all arms",
     )
     body: str = text("", text="name of the rigid body; empty: the first of each frame")
     mode: str = choice(

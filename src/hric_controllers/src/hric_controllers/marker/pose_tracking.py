@@ -1,7 +1,7 @@
 """Desired pose of the end effector in each cycle, from markers or commanded poses; shared by two controllers."""
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped
@@ -29,14 +29,15 @@ class PoseTracking:
         node: namespace of the controller.
         base: name of the robot's base frame.
         scale: speed scale; slows the motion to the targets down, not the targets themselves.
+        beside: function that resolves the name of a topic of the whole robot, or of all arms in one world.
 
     Attributes:
         pose: desired pose of the end effector in this cycle, in the base frame.
         twist: velocity of the desired pose, 6 floats [m/s], [rad/s].
     """
 
-    def __init__(self, node: Node, base: str, scale: SpeedScale) -> None:
-        self._node, self._base, self._scale = node, base, scale
+    def __init__(self, node: Node, base: str, scale: SpeedScale, beside: Callable[[str], str]) -> None:
+        self._node, self._base, self._scale, self._beside = node, base, scale, beside
         self._settings = TrackingSettings.read(node)
         self._follower = MarkerFollower(self._settings.follower, self._log)
         self._translation = self._motion(self._settings.translation)
@@ -61,7 +62,8 @@ class PoseTracking:
         """Subscribe to markers and commanded poses, and advertise the topic `state`."""
         settings, node = self._settings, self._node
         self._state = realtime.publisher(node, "state", MarkerTrackingState)
-        subscribe_markers(node, settings.source, settings.topic, settings.body, self._base, self._markers.append)
+        topic = self._beside(settings.topic)
+        subscribe_markers(node, settings.source, topic, settings.body, self._base, self._markers.append)
         node.subscribe("command", PoseStamped, self._on_command, queue_size=1)
 
     def _log(self, warn: bool, line: str) -> None:

@@ -91,12 +91,11 @@ def subscribe_markers(
     Args:
         node: namespace of the controller.
         source: `mocap` (hric_msgs/MocapData), `point` (geometry_msgs/Point) or `none` (no subscription).
-        topic: topic name, relative to the robot's namespace, which contains the controller's.
+        topic: absolute name of the topic.
         body: name of the rigid body to follow; empty: the first one of each MocapData.
         base: name of the robot's base frame.
         take: function that is called with each marker.
     """
-    topic = node.beside(topic) if topic else ""
     if source == "mocap":
         node.subscribe(topic, MocapData, MocapReader(node, topic, body, base, take), queue_size=10)
     elif source == "point":

@@ -91,7 +91,7 @@ def load_others(definition: Experiment) -> None:
             if name not in part.controllers:
                 if prefix or part.arms:  # those of the only arm are parameters of the bring-up
                     rospy.set_param(f"{prefix}{name}", values)
-                if not part.arms:  # few people need a controller of several arms
+                if not part.arms or "joints" in values:  # a controller of an end effector has one arm
                     manager.load(name)
 
 

@@ -341,6 +341,12 @@ class Experiment(_Sensed):
         return {"": self} | {f"{name}/": part for name, part in self.each_arm().items()}
 
     @property
+    def base_robot(self) -> RobotSpec:
+        """Robot in whose base motion capture and emulated devices measure: of several arms, that of `mocap.arm`."""
+        arm = "" if self.mocap is None else self.mocap.arm
+        return self._arm(arm).robot if arm else self.robot
+
+    @property
     def all_setpoints(self) -> list[Setpoint]:
         """Setpoints of the experiment and its arms, sorted by time; the controller of an arm is `ARM/CONTROLLER`."""
         of_arms = [
@@ -417,7 +423,12 @@ class Experiment(_Sensed):
         mistakes.raise_all()
 
     def _check_arms(self, mistakes: Mistakes) -> None:
-        """Refuse arms of which one is alone or has an invalid key, and devices that know one arm only."""
+        """Refuse arms of which one is alone or has an invalid key, and motion capture without its arm."""
+        with mistakes.noted():
+            arm = "" if self.mocap is None else self.mocap.arm
+            if arm not in self.arms if self.mocap is not None and self.arms else arm:
+                valid = f"one of {', '.join(self.arms)}" if self.arms else "no mocap.arm, as there is one robot only"
+                raise ParameterError(f"mocap.arm is {arm or 'not given'}; valid: {valid}")
         if not self.arms:
             return
         with mistakes.noted():
@@ -428,9 +439,6 @@ class Experiment(_Sensed):
                 raise ParameterError(
                     f"arms: {wrong[0]!r} is no name of an arm; valid: a letter, then letters, digits, _"
                 )
-        with mistakes.noted():
-            if self.mocap is not None:
-                raise ParameterError("mocap follows one arm, and this experiment has several; valid: no section mocap")
         for name in self.arms:
             with mistakes.noted():
                 try:

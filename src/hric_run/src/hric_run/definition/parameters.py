@@ -307,12 +307,13 @@ def mocap(experiment: Experiment, seed: int = 0) -> dict[str, dict[str, object]]
     if experiment.mocap is None:
         return {}
     program = experiment.mocap.human.get("program")
-    if program == "reactive" and experiment.robot.urdf:
+    spec = experiment.base_robot
+    if program == "reactive" and spec.urdf:
         raise ExperimentError(
             "mocap.human.program is reactive, but only a Franka arm publishes the pose that it reacts to; valid: "
             "another program"
         )
-    return experiment.mocap.nodes(base_link(experiment.robot), seed, person(experiment))
+    return experiment.mocap.nodes(base_link(spec), seed, person(experiment))
 
 
 def person(experiment: Experiment) -> dict[str, object]:
@@ -322,7 +323,7 @@ def person(experiment: Experiment) -> dict[str, object]:
     """
     if experiment.human is None:
         return {}
-    xyz, rpy = (_three(experiment.robot.description, name) for name in ("xyz", "rpy"))
+    xyz, rpy = (_three(experiment.base_robot.description, name) for name in ("xyz", "rpy"))
     base = {"xyz": xyz, "xyzw": list(quaternion_from_rotation(transform_from_rpy(xyz, rpy)[:3, :3]))}
     return {"person": dict(located(experiment.human, Path.cwd())), "world_from_base": base}
 

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from hric_run.simulation import Stepper
 
 FRAMES = "hric/perception/mocap"
+STATE_TOPIC = "franka_state_controller/franka_states"
+"""Topic of the arm's state, relative to the namespace of the arm."""
 MOCAP_GAP = 0.05
 """Longest time between two frames that the synchroniser interpolates, so that occlusions are not bridged [s].
 
@@ -41,6 +43,11 @@ class MocapSection(Settings):
         "",
         figures=True,
         text="body whose position is published on `/mocap/marker` and compared with the end effector's; empty: hand",
+    )
+    arm: str = text(
+        "",
+        text="with `arms`: the arm in whose base `base_from_mocap` and the motion of the emulated human are given, "
+        "and to which this human reacts",
     )
     stream: NodeParameters = mapping(default={}, text="settings of the emulated Motive: see hric_perception")
     human: NodeParameters = mapping(default={}, text="settings of the emulated human: see hric_perception")
@@ -87,6 +94,7 @@ class MocapSection(Settings):
         ports = {key: self.stream[key] for key in ("command_port", "data_port") if key in self.stream}
         client = {"body": self.body, "up_axis": self.stream.get("up_axis", "y"), **ports, **base}
         human = {"human": located(self.human, Path.cwd()), "stream": dict(self.stream), **base, **frame, "seed": seed}
+        human |= {"state_topic": f"{self.arm}/{STATE_TOPIC}"} if self.arm else {}
         human |= person if self.measures_person else {}
         return {MOCAP_CLIENT: client | (frame if base else {}), EMULATED_HUMAN: human}
 

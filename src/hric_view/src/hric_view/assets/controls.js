@@ -20,13 +20,15 @@
 
   const makeSliders = () => {
     sliders = new Map();
+    const short = (name) => name.replace(/^.*_/, ""), names = Object.keys(limits.limits);
+    const unique = new Set(names.map(short)).size === names.length;  // not so if there are several arms
     find("joints").replaceChildren(...Object.entries(limits.limits).map(([name, [lower, upper]]) => {
       const label = document.createElement("label"), input = document.createElement("input"), text = document.createElement("output");
       Object.assign(input, { type: "range", min: lower, max: upper, step: 0.001 });
       input.setAttribute("aria-label", name);
       input.addEventListener("input", () => { touched = performance.now(); text.textContent = degrees(Number(input.value)); });
       input.addEventListener("change", () => { touched = performance.now(); send("joints", { positions: { [name]: Number(input.value) } }); });
-      label.append(name.replace(/^.*_/, ""), " ", input, " ", text);
+      label.append(unique ? short(name) : name, " ", input, " ", text);
       sliders.set(name, { input, text });
       return label;
     }));
