@@ -10,7 +10,7 @@ from contextlib import suppress
 import pytest
 from fci_peer import ARM, HAND, PATIENCE, Peer, command, control_box
 
-from franka_sim.fci.hand_service import PAYLOADS
+from franka_sim.fci.hand_service import PAYLOADS, VacuumService
 from franka_sim.fci.server import PROTOCOLS
 
 NORMAL, MANY = 300, 100000
@@ -101,6 +101,16 @@ def check_usable(ip: str, version: int) -> None:
         assert peer.response(motion) == b"\x00"
     with connected(ip, 3, HAND) as hand:
         assert len(hand.udp.recv(100)) == 23
+
+
+@amounts
+def test_garbage_on_the_port_of_the_vacuum_gripper(n: int) -> None:
+    sizes = {number: payload.size for number, payload in VacuumService.payloads.items()}
+    with control_box("--no-collision", "--vacuum") as (ip, process):
+        throw(ip, 1, VacuumService.port, Garbage(sizes, struct.Struct("<HII"), 1), n)
+        check_alive(process)
+        with connected(ip, 1, VacuumService.port) as gripper:
+            assert len(gripper.udp.recv(100)) == 16
 
 
 def check_alive(process: subprocess.Popen[str]) -> None:

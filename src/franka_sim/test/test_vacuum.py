@@ -164,6 +164,7 @@ def test_a_setpoint_beyond_the_pump_is_lowered_and_one_of_zero_refused(make: Cal
     run(arm, seconds=1.0)
     assert motion.outcome is HandOutcome.SUCCESS and pump(arm).vacuum == 750.0
     assert pump(arm).suck(0.0, 1.0).outcome is HandOutcome.FAIL
+    assert pump(arm).suck(600.0, 1.0, profile=4).outcome is HandOutcome.FAIL
     assert pump(arm).drop_off(-1.0).outcome is HandOutcome.FAIL
     assert pump(arm).in_control_range, "a refused request changes nothing"
 

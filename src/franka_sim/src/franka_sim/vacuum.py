@@ -15,6 +15,8 @@ from hric_core.parameters import Settings, number, package_yaml
 
 PUMP = "cobot_pump"
 """Name of the pump's link, without the prefix of the arm."""
+PROFILES = range(4)
+"""Numbers of libfranka's production setup profiles."""
 _HELD = "vacuum"
 _MBAR = 100.0
 """One millibar [Pa]."""
@@ -161,14 +163,17 @@ class VacuumGripper:
         """Present power of the pump [%]."""
         return 100 if self._setpoint and not self.in_control_range else 0
 
-    def suck(self, setpoint: float, timeout: float) -> HandMotion:
+    def suck(self, setpoint: float, timeout: float, profile: int = 0) -> HandMotion:
         """Switch the pump on; success at the setpoint.
 
         Args:
             setpoint: vacuum [mbar]; the pump reaches `config.max_vacuum`.
             timeout: time after which the pump is switched off and the request is unsuccessful [s].
+            profile: number of the production setup profile, 0 to 3; all are the same.
         """
         wrong = "" if setpoint > 0.0 else f"setpoint {setpoint:g} mbar; valid: above 0"
+        if profile not in PROFILES:
+            wrong = f"profile {profile}; valid: 0 to 3"
         motion = self._begin("vacuum", timeout, True, wrong)
         if motion.outcome is None:
             self._setpoint, self.part_detached = min(setpoint, self.config.max_vacuum), False

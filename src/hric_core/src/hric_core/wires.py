@@ -184,7 +184,7 @@ WIRES = (
         ("control_box", "emulated_arm"),
         "FCI, requests",
         "tcp",
-        (1337, 1338, 1339),
+        (1337, 1339),
         "1337; with a hand also 1338, with a vacuum gripper 1339",
         "loopback (in a bring-up 127.0.0.1), unless `ip` is set",
         "the first client that completes the handshake within 1 s, until it disconnects. Up to 64 connections may be "

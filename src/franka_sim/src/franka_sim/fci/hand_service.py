@@ -131,7 +131,7 @@ GREEN = 0
 
 
 class VacuumService(HandService):
-    """Service at the vacuum gripper's port; the arguments are those of the hand's. All four profiles are the same."""
+    """Service at the vacuum gripper's port; the arguments are those of the hand's."""
 
     name, port, version = "vacuum gripper", 1339, 1
     payloads: ClassVar[Mapping[int, struct.Struct]] = {
@@ -147,7 +147,9 @@ class VacuumService(HandService):
         if command == VACUUM_STOP:
             return pump.stop()
         timeout = values[-1] / 1000.0
-        return pump.suck(10.0 * values[0], timeout) if command == VACUUM else pump.drop_off(timeout)
+        if command == VACUUM:
+            return pump.suck(10.0 * values[0], timeout, int(values[1]))
+        return pump.drop_off(timeout)
 
     def _state(self) -> bytes:
         pump = self._hand
