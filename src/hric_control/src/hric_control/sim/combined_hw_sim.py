@@ -179,15 +179,9 @@ class CombinedHWSim(SimulatedRobot):
 
 
 def robot_nodes(root_node: Node, robot_hw_node: Node) -> dict[str, tuple[Node, Node]]:
-    """Return the nodes of the combined robots by name: of a robot's namespace, and of its private one.
+    """Return the nodes of combined robots by name: of its namespace, and its private one; arguments: as for `init`.
 
     If the parameter `arms` is a mapping, these namespaces get its values, and it becomes a list of the names.
-
-    Args:
-        root_node, robot_hw_node: the two nodes of the combination.
-
-    Raises:
-        ParameterError: `arms` is neither a mapping of mappings nor a list of names.
     """
     arms = CombinedSettings.read(robot_hw_node).arms
     for name, values in arms.items() if isinstance(arms, Mapping) else ():
