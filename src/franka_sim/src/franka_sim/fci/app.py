@@ -63,15 +63,7 @@ Arms = tuple[Mapping[str, FciArm], Callable[[], None]]
 
 
 def serve(options: argparse.Namespace, make_arms: Callable[[argparse.Namespace], Arms]) -> None:
-    """Run the server until SIGINT or SIGTERM.
-
-    Args:
-        options: arguments of the command line.
-        make_arms: function that constructs the emulated arms from these arguments.
-
-    Raises:
-        HricError: an argument is wrong, or an address is not available.
-    """
+    """Run the server until SIGINT or SIGTERM, with the arms that `make_arms(options)` returns. Raises HricError."""
     _check(options)
     faults = NetworkFaults(options.latency, options.jitter, options.loss, options.seed, where="--")
     arms, close = make_arms(options)

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_sim import sensors
 from franka_sim.box.compiled_arm import CompiledArm
 from franka_sim.box.control_box import ControlBox
@@ -11,24 +10,20 @@ from franka_sim.fci.arm_input import EmulatedArmInput
 from franka_sim.fci.clock import PERIOD
 from franka_sim.fci.complaints import LOG
 from franka_sim.model_library import library_for
-from franka_sim.settings import rotors_of, set_internal_impedance
+from franka_sim.settings import make_model, rotors_of, set_internal_impedance
 from hric_control.plant import Plant
-from hric_control.sim.simulated_robot import PlantInput
 
 
-def build_device(arm: EmulatedArmInput, plant: Plant, needed: PlantInput, model: KdlFrankaModel) -> ArmDevice:
-    """Construct the control box of an arm, and the tool of its robot description.
+def build_device(arm: EmulatedArmInput, plant: Plant) -> ArmDevice:
+    """Construct the control box of an arm, and the tool of its robot description. Raises HricError.
 
     Args:
         arm: what the arm is constructed from.
         plant: plant with the joints of this arm.
-        needed: the arm's `plant_input`.
-        model: the arm's `model`.
-
-    Raises:
-        HricError: a parameter, a name or the description cannot be used.
     """
+    needed = arm.plant_input()
     settings, realism, urdf_xml, arm_id = arm.settings, arm.realism, arm.urdf_xml, arm.settings.arm_id
+    model = make_model(arm.node, urdf_xml, arm_id, needed.config)
     rotors = rotors_of(urdf_xml, needed.joint_names, needed.config)
     config = settings.box(needed.config, rotors, PERIOD, realism)
     config = replace(config, limits=arm.robot.limits(), max_lost_packets=arm.max_lost_packets)

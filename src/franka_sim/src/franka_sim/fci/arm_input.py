@@ -4,10 +4,9 @@ import argparse
 import ipaddress
 from dataclasses import dataclass
 
-from franka_hw_interface.kdl_model import KdlFrankaModel
 from franka_sim.fci.robots import MAX_LOST_PACKETS, ROBOTS, RobotKind
 from franka_sim.realism import Realism, parse
-from franka_sim.settings import BoxSettings, SimulatedArmSettings, joint_names, make_model, read
+from franka_sim.settings import BoxSettings, SimulatedArmSettings, joint_names, read
 from hric_control.limits import check_start
 from hric_control.robot_settings import COMMON_PARAMETERS, RobotSettings
 from hric_control.sim.simulated_robot import PlantInput
@@ -60,10 +59,6 @@ class EmulatedArmInput:
         arm_id = self.settings.arm_id
         config = self.realism.with_friction(self.settings.plant, arm_id)
         return PlantInput(self.realism.body(self.urdf_xml, arm_id), joint_names(arm_id), config)
-
-    def model(self) -> KdlFrankaModel:
-        """Return the control box's model of the arm. Raises HricError if the description is not that of the arm."""
-        return make_model(self.node, self.urdf_xml, self.settings.arm_id, self.settings.plant)
 
 
 def read_arm(node: Node, max_lost_packets: int | None = MAX_LOST_PACKETS) -> EmulatedArmInput:

@@ -117,17 +117,7 @@ class LockStepClock(CycleClock):
 
 
 def make_clock(name: str, real_time_factor: float, lossy: bool = False, alone: bool = True) -> CycleClock:
-    """Return the clock "lock_step" or "wall" of an arm.
-
-    Args:
-        name: name of the clock.
-        real_time_factor: robot time per wall time.
-        lossy: True on a lossy network.
-        alone: False if other arms wait with this one.
-
-    Raises:
-        UnknownNameError, ParameterError: the name or the factor is wrong.
-    """
+    """Return the clock "lock_step" or "wall"; the others: of LockStepClock. Raises UnknownNameError, ParameterError."""
     if name == "lock_step":
         return LockStepClock(real_time_factor, lossy, alone)
     if name == "wall":

@@ -29,7 +29,6 @@ def build_world(arms: Mapping[str, EmulatedArmInput], node: Node) -> ArmWorld:
     Raises:
         HricError: a parameter, a name or the description cannot be used.
     """
-    models = {name: arm.model() for name, arm in arms.items()}
     needed = {name: arm.plant_input() for name, arm in arms.items()}
     plant_type = common("plant_type", {name: arm.settings.plant_type for name, arm in arms.items()})
     together = next(iter(needed.values())) if len(arms) == 1 else combined_input(needed)
@@ -40,12 +39,8 @@ def build_world(arms: Mapping[str, EmulatedArmInput], node: Node) -> ArmWorld:
             where = next(iter(arms.values())).node.resolve("plant/time_step")
             raise ParameterError(f"{where} is {plant.time_step}; valid: {PERIOD} [s]")
         shared = None if len(arms) == 1 else SharedPlant(plant)
-        devices = [
-            build_device(
-                arm, plant if shared is None else shared.part(needed[name].joint_names), needed[name], models[name]
-            )
-            for name, arm in arms.items()
-        ]
+        parts = [plant] if shared is None else [shared.part(part.joint_names) for part in needed.values()]
+        devices = [build_device(arm, part) for arm, part in zip(arms.values(), parts, strict=True)]
         participants = Participants(plant, node)
         held.callback(participants.close)
         world = ArmWorld(plant, participants, devices, shared)

@@ -271,15 +271,13 @@ class CombinedHWSim(SimulatedRobot):
 
 
 def robot_nodes(root_node: Node, robot_hw_node: Node) -> dict[str, tuple[Node, Node]]:
-    """Return the nodes of the combined robots by name: of a robot's namespace, and of its private one.
+    """Return two nodes of each combined robot by its name: of its namespace, and of its private one.
 
     If the parameter `arms` is a mapping, these namespaces get its values, and it becomes a list of the names.
 
     Args:
-        root_node, robot_hw_node: the two nodes of the combination.
-
-    Raises:
-        ParameterError: `arms` is neither a mapping of mappings nor a list of names.
+        root_node: node of the namespace of all robots.
+        robot_hw_node: private node of the combination.
     """
     arms = CombinedSettings.read(robot_hw_node).arms
     for name, values in arms.items() if isinstance(arms, Mapping) else ():
