@@ -266,3 +266,20 @@ def test_a_margin_without_known_ranges_or_without_room_is_refused():
 def test_the_force_controller_refuses_a_tank():
     with pytest.raises(HricError, match=r"energy_tank/initial is 1\.0; valid: 0, as a held force"):
         ArmRig("force_controller", energy_tank={"initial": 1.0})
+
+
+def test_a_planned_motion_of_the_subclass_is_slowed_by_its_tank_and_arrives():
+    name = "cartesian_pose_impedance_controller"
+    tank = {"initial": 0.05, "largest": 0.5}
+    bench = ArmRig(name, source="none", state_publish_rate=1000.0, energy_tank=tank, error_limit={"translation": 0.1})
+    bench.run(0.01)
+    start = pose_of(bench)
+    goal = Pose(moved(start, (0.1, 0.0, 0.0)), start.orientation)
+    bench.publish("command", stamped.pose_stamped(stamped.header(bench.node.now(), ""), goal))
+    bench.run(0.6)
+    behind = goal.position[0] - pose_of(bench).position[0]
+    bench.run(8.0)
+    assert behind > 0.05  # the planned motion alone ends after 0.5 s
+    assert np.abs(np.subtract(pose_of(bench).position, goal.position)).max() < 3e-3
+    levels = [message.data for message in bench.messages[f"/{name}/tank_energy"]]
+    assert -1e-3 < min(levels) < 0.02
