@@ -10,7 +10,7 @@ from franka_hw_interface.robot_state import RobotState
 from franka_hw_interface.transforms import from_column_major
 from franka_real import probe
 from franka_real.backend import ArmLostError, Backend
-from franka_real.realtime_setup import priority_kept
+from hric_core.realtime_setup import priority_kept
 from franka_real.settings import FrankaRealSettings
 from franka_real.watchdog import Watchdog
 from hric_core.errors import CommandError, FailureError

@@ -11,8 +11,8 @@ from franka_hw_interface.modes import HOLD, ArmMode
 from franka_real import connection
 from franka_real.arm_adapter import ArmAdapter
 from franka_real.backend import RobotError
-from franka_real.realtime_setup import Measure, priority_kept, realtime, take_priority
-from franka_real.robot_time import ArmTime
+from hric_core.realtime_setup import Measure, priority_kept, realtime, take_priority
+from hric_core.robot_time.arm_time import ArmTime
 from franka_real.settings import FrankaRealSettings
 from franka_real.state import LibfrankaState
 from hric_control.loop_requests import LoopRequests
