@@ -5,9 +5,9 @@ from itertools import pairwise
 import genpy
 import pytest
 
+from hric_core.local.node import LocalNode
 from hric_core.robot_time import arm_time
 from hric_core.robot_time.arm_time import ArmTime
-from hric_core.local.node import LocalNode
 
 
 class WallNode:

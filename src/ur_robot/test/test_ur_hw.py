@@ -3,9 +3,10 @@
 import math
 import os
 import signal
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import pytest
+from std_msgs.msg import Float64MultiArray
 
 import panda_description
 from hric_control.hardware_interface import PositionJointInterface
@@ -14,7 +15,6 @@ from hric_control.robot_hw import ControllerInfo
 from hric_control.transmission import parse_transmissions
 from hric_core.errors import HricError
 from hric_core.local.node import LocalNode
-from std_msgs.msg import Float64MultiArray
 from ur_robot.connection import UrLostError, UrStoppedError
 from ur_robot.emulated.command import UR5E
 from ur_robot.ur_hw import UrHW
@@ -56,6 +56,17 @@ class Arm:
                 self.topic.publish(Float64MultiArray(data=goal))
 
         self.app.run(duration, send)
+
+
+def at(moment: float, call: Callable[[], object]) -> Callable[[float], None]:
+    """Return a hook that makes a call once, at a robot time [s]."""
+    waiting = [call]
+
+    def hook(time: float) -> None:
+        if time > moment and waiting:
+            waiting.pop()()
+
+    return hook
 
 
 @pytest.fixture
@@ -107,7 +118,6 @@ def test_a_protective_stop_ends_the_run_by_its_name(box, arm) -> None:
 
     arm.app.run(0.1)
 
-
     def jump(time: float) -> None:
         arm.hw._moved = True
         arm.hw._commands.value[0] = 4.8
@@ -122,18 +132,21 @@ def test_a_protective_stop_ends_the_run_by_its_name(box, arm) -> None:
 
 
 def test_a_dead_controller_ends_the_run(box, arm) -> None:
-    arm.app.run(0.1)
-    box.process.kill()
     with pytest.raises(UrLostError, match="is lost: no"):
-        arm.app.run(2.0)
+        arm.app.run(2.0, at(0.2, box.process.kill))
 
 
 def test_a_frozen_controller_ends_the_run(box, arm) -> None:
-    arm.app.run(0.1)
-    os.kill(box.process.pid, signal.SIGSTOP)
-    with pytest.raises(UrLostError, match=r"is lost: no new state for 0\.1 s"):
-        arm.app.run(2.0)
+    with pytest.raises(UrLostError, match=r"is lost: no new state for 0\.5 s"):
+        arm.app.run(2.0, at(0.2, lambda: os.kill(box.process.pid, signal.SIGSTOP)))
     box.process.kill()
+
+
+def test_a_run_on_a_controller_that_has_died_does_not_begin(box, arm) -> None:
+    arm.app.run(0.1)
+    box.process.kill()
+    with pytest.raises(UrLostError, match="is lost: no new state"):
+        arm.app.run(2.0)
 
 
 def test_an_absent_controller_is_named_before_ur_rtde_waits_for_it() -> None:

@@ -188,7 +188,7 @@ WIRES = (
         "29999, 30003 and 30004",
         "loopback, unless `--ip` is set",
         "everybody who reaches it; an input register has one writer",
-        "one state, and 64 KiB of answers, then the client is disconnected",
+        "one state, and 64 KiB of responses, then the client is disconnected",
         "move the emulated arm",
         address_argument=True,
     ),

@@ -2,18 +2,22 @@
 
 import socket
 import struct
+import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
 from typing import Any
 
+from hric_control.limits import ENFORCE_LIMITS
 from hric_core.errors import FailureError
-from ur_robot.settings import UrSettings
+from hric_core.parameters import Settings, flag, number, text, whole
 
 PORT = 30004
 """TCP port of RTDE, fixed in the controller."""
 HELLO = struct.pack(">HBH", 5, ord("V"), 2)
 """Request of RTDE's protocol version 2."""
-WATCHDOG_RATE = 10.0
+WATCHDOG_RATE = 2.0
 """Rate of commands below which the controller ends the control program [Hz]; project default, unconfirmed."""
 PLAYING = 2
 """Value of ur_rtde's runtime state while the control program runs."""
@@ -32,7 +36,35 @@ SAFETY = {
     9: "fault of the safety system",
     10: "stopped for safety",
 }
-"""Bits of `safety_status_bits` with which the arm does not obey (RTDE guide of the manufacturer), with their meaning."""
+"""Bits of `safety_status_bits` with which the arm does not obey (RTDE guide of the manufacturer)."""
+
+
+ROBOT_IP: Any = text(
+    valid="an address, e.g. 192.168.56.101,", empty=False, name="robot_ip", text="address of the controller"
+)
+
+
+@dataclass(frozen=True)
+class UrSettings(Settings):
+    """Parameters of the robot node for an arm of Universal Robots.
+
+    Defaults of `lookahead_time` and `gain` are those of ur_rtde's examples; the others are project defaults,
+    unconfirmed.
+    """
+
+    robot_ip: str = ROBOT_IP
+    lookahead_time: float = number(
+        0.1, minimum=0.03, maximum=0.2, unit="s", text="smoothing of `servoj`: a larger value is smoother and later"
+    )
+    gain: float = number(300.0, minimum=100.0, maximum=2000.0, text="proportional gain of `servoj`")
+    lost_after: float = number(
+        0.5, above=0.0, maximum=1.0, unit="s", text="silence of the controller after which the connection is lost"
+    )
+    probe_timeout: float = number(1.0, above=0.0, unit="s", text="timeout of the first connection")
+    enforce_limits: tuple[str, ...] = ENFORCE_LIMITS
+    realtime_priority: int = whole(80, minimum=0, maximum=98, text="SCHED_FIFO priority of the loop; 0: none")
+    lock_memory: bool = flag(True, text="keep the process from being paged out")
+    switch_interval: float = number(0.0005, above=0.0, unit="s", text="thread switch interval of Python")
 
 
 class UrLostError(FailureError):
@@ -97,7 +129,7 @@ class UrConnection:
 
         From now on, a command or `keep` must follow each state: without them, the controller ends the program.
         """
-        self._refuse_stopped()
+        self._next()
         deadline = time.monotonic() + START_TIMEOUT
         if self._states.getRuntimeState() != PLAYING:
             self._control.reuploadScript()
@@ -105,10 +137,34 @@ class UrConnection:
             if time.monotonic() > deadline:
                 raise UrStoppedError("the controller does not start ur_rtde's control program: see its log")
             time.sleep(POLL)
-        self._obey(lambda: self._control.setWatchdog(WATCHDOG_RATE))
+        self._within(lambda: self._obey(lambda: self._control.setWatchdog(WATCHDOG_RATE)))
+
+    def _within(self, call: Callable[[], object]) -> None:
+        """Make a call for which ur_rtde may wait 5 minutes, within `START_TIMEOUT`; raise its error, or UrLostError."""
+        outcome: list[Exception | None] = []
+
+        def work() -> None:
+            try:
+                call()
+                outcome.append(None)
+            except Exception as error:  # raised again below
+                outcome.append(error)
+
+        thread = threading.Thread(target=work, name="ur_rtde", daemon=True)
+        thread.start()
+        thread.join(START_TIMEOUT)
+        failure = outcome[0] if outcome else self._lost("no response")
+        if failure is not None:
+            raise failure
 
     def wait(self) -> float:
         """Wait for a new state and return its time [s]. Raises UrLostError or UrStoppedError."""
+        stamp = self._next()
+        if self._states.getRuntimeState() != PLAYING:
+            raise UrStoppedError("the control program no longer runs on the controller: see its log")
+        return stamp
+
+    def _next(self) -> float:
         deadline = time.monotonic() + self._settings.lost_after
         while (stamp := float(self._states.getTimestamp())) == self._time:
             if time.monotonic() > deadline or not self._states.isConnected():
@@ -116,8 +172,6 @@ class UrConnection:
             time.sleep(POLL)
         self._time = stamp
         self._refuse_stopped()
-        if self._states.getRuntimeState() != PLAYING:
-            raise UrStoppedError("the control program no longer runs on the controller: see its log")
         return stamp
 
     def _lost(self, what: str) -> UrLostError:
@@ -133,7 +187,8 @@ class UrConnection:
         if reasons:
             self._failed = True
             raise UrStoppedError(
-                f"the arm reports: {', '.join(reasons)}. Find the cause, release it on the teach pendant, and start again"
+                f"the arm reports: {', '.join(reasons)}. Find the cause, release it on the teach pendant, "
+                "and start again"
             )
 
     def read(self, position: list[float], velocity: list[float]) -> None:
@@ -145,7 +200,7 @@ class UrConnection:
         return list(self._states.getTargetQ())
 
     def keep(self) -> None:
-        """Tell the controller's watchdog that this program runs, without a motion."""
+        """Report to the controller's watchdog that this program runs, without a motion."""
         self._obey(lambda: self._control.kickWatchdog())
 
     def servo(self, q: Sequence[float], period: float) -> None:
@@ -153,7 +208,7 @@ class UrConnection:
         settings = self._settings
         self._obey(lambda: self._control.servoJ(list(q), 0.0, 0.0, period, settings.lookahead_time, settings.gain))
 
-    def _obey(self, call: Any) -> None:
+    def _obey(self, call: Callable[[], bool]) -> None:
         # ur_rtde would reconnect by itself, and move the arm on.
         if not self._control.isConnected():
             raise self._lost("no command accepted")
@@ -167,8 +222,8 @@ class UrConnection:
 
     def close(self) -> None:
         """End the control program, unless the arm or the connection has failed, and disconnect."""
-        # ur_rtde waits 5 minutes for the end of a program on a controller that does not respond.
         if not self._failed and self._control.isConnected():
-            self._control.stopScript()
+            with suppress(UrLostError):  # then the controller's watchdog has ended it
+                self._within(self._control.stopScript)
         self._control.disconnect()
         self._states.disconnect()

@@ -11,8 +11,7 @@ from hric_core.errors import DescriptionError
 from hric_core.node import Node
 from hric_core.realtime_setup import realtime
 from hric_core.robot_time.arm_time import ArmTime
-from ur_robot.connection import UrConnection
-from ur_robot.settings import UrSettings
+from ur_robot.connection import UrConnection, UrSettings
 
 JOINTS = 6
 PERIOD = 0.002
@@ -49,6 +48,7 @@ class UrHW(RobotHW):
         self.register_interface(JointStateInterface(states))
         self.register_interface(PositionJointInterface(self._commands))
         self._claimed: set[str] = set()
+        self._moved = False
         self._limiter.select(())
         self._stop = False
         self._robot_time = ArmTime([root_node, robot_hw_node], PERIOD)
@@ -119,7 +119,7 @@ class UrHW(RobotHW):
         self._moved = bool(self._claimed)
 
     def write(self, time: float, period: float) -> None:
-        """Limit the commands, then send them; before the first motion, only tell that the program runs."""
+        """Limit the commands, then send them; before the first motion, only report that the program runs."""
         self._raw = self._commands.value[:]
         if self._claimed:
             self._limiter.enforce(period)

@@ -121,7 +121,9 @@ class UrControllerCommand(Command):
 
 def serve(options: argparse.Namespace) -> None:
     """Run the emulated arm until SIGINT or SIGTERM. Raises HricError."""
-    text(valid="an IPv4 address of this machine, e.g. 127.0.0.2", made=ipaddress.IPv4Address).checked(options.ip, "--ip")
+    text(valid="an IPv4 address of this machine, e.g. 127.0.0.2", made=ipaddress.IPv4Address).checked(
+        options.ip, "--ip"
+    )
     arm = EmulatedUr(options.urdf, options.plant, options.q_start, options.ip)
     try:
         for number in (signal.SIGINT, signal.SIGTERM):

@@ -2,7 +2,7 @@
 
 The program is URScript, which is not interpreted: its register contract is followed, as in ur_rtde 1.6.5
 (scripts/rtde_control.script, src/rtde_control_interface.cpp). The client writes a command number into the first integer
-input register and its arguments into the others; the program answers in the first integer output register.
+input register and its arguments into the others; the program responds in the first integer output register.
 """
 
 import logging
@@ -16,7 +16,7 @@ LOG = logging.getLogger("hric.ur")
 JOINTS = 6
 PERIOD = 1.0 / CYCLE_RATE
 READY, DONE = 1, 2
-"""Answers of the program: ready for a command, and done with the present one."""
+"""Responses of the program: ready for a command, and done with the present one."""
 BRAKING = 10.0
 """Deceleration at a protective stop, and when a program ends [rad/s^2]; the manufacturer gives none: unconfirmed."""
 UNLOCK_TIME = 5.0
@@ -95,7 +95,7 @@ class UrController:
         self._cycles = 0
         self.runtime, self.stop_reason, self._stopped_at = Runtime.STOPPED, "", 0.0
         self.inputs: dict[str, float] = {}
-        self._offset = self._answer = 0
+        self._offset = self._response = 0
         self._executing: Callable[[], bool] | None = None
         self._watch = self._written = 0.0
         self._commands: dict[int, Callable[[], Callable[[], bool]]] = {
@@ -122,7 +122,7 @@ class UrController:
         if self.stop_reason:
             LOG.warning("program refused: protective stop (%s)", self.stop_reason)
             return
-        self.runtime, self._offset, self._answer = Runtime.PLAYING, offset, READY
+        self.runtime, self._offset, self._response = Runtime.PLAYING, offset, READY
         self._executing, self._watch = None, 0.0
         self.servo.brake(BRAKING)
 
@@ -169,16 +169,16 @@ class UrController:
             if not self._executing():
                 return
             self._executing = None
-            self._answer = DONE
+            self._response = DONE
         command = int(self.inputs.get(f"input_int_register_{self._offset}", 0))
         if command == 0:
-            self._answer = READY
+            self._response = READY
         elif command == 11:
             self._servo()
-            self._answer = READY
+            self._response = READY
         elif command == 255:
             self.end_program("stopped by the client")
-        elif self._answer != DONE:
+        elif self._response != DONE:
             self._begin(command)
 
     def _begin(self, command: int) -> None:
@@ -240,5 +240,5 @@ class UrController:
             "safety_mode": 3 if stopped else 1,
             "safety_status_bits": 1 << 2 | 1 << 10 if stopped else 1,
             "robot_status_bits": 1 | (self.runtime is Runtime.PLAYING) << 1,
-            f"output_int_register_{self._offset}": self._answer,
+            f"output_int_register_{self._offset}": self._response,
         }

@@ -53,7 +53,9 @@ _JOINTS = (
     "target_q target_qd target_qdd target_current target_moment actual_q actual_qd actual_current "
     "actual_current_as_torque joint_control_output joint_temperatures actual_joint_voltage"
 )
-_TOOL = "actual_TCP_pose actual_TCP_speed actual_TCP_force target_TCP_pose target_TCP_speed ft_raw_wrench payload_inertia"
+_TOOL = (
+    "actual_TCP_pose actual_TCP_speed actual_TCP_force target_TCP_pose target_TCP_speed ft_raw_wrench payload_inertia"
+)
 _SCALARS = (
     "timestamp actual_execution_time speed_scaling target_speed_fraction actual_momentum actual_main_voltage "
     "actual_robot_voltage actual_robot_current payload standard_analog_input0 standard_analog_input1 "
@@ -69,7 +71,7 @@ OUTPUTS: dict[str, str] = {
     "joint_mode": "VECTOR6INT32",
     **{f"output_{kind}_register_{i}": name for kind, name in _REGISTER_TYPES.items() for i in range(REGISTERS)},
 }
-"""Types of the variables that the controller sends, by name: those that ur_rtde 1.6.5 asks for."""
+"""Types of the variables that the controller sends, by name: those that ur_rtde 1.6.5 requests."""
 INPUTS: dict[str, str] = {
     "external_force_torque": "VECTOR6D",
     **{f"input_{kind}_register_{i}": name for kind, name in _REGISTER_TYPES.items() for i in range(REGISTERS)},

@@ -22,7 +22,7 @@ LARGEST_PROGRAM = 1 << 20
 LONGEST_LINE = 1024
 """Longest dashboard command [bytes] (project default, unconfirmed)."""
 MAX_UNSENT = 1 << 16
-"""Largest amount of answers that a client leaves unread [bytes] (project default, unconfirmed)."""
+"""Largest amount of responses that a client leaves unread [bytes] (project default, unconfirmed)."""
 
 
 class RtdeSession:
@@ -39,8 +39,8 @@ class RtdeSession:
         self._controller, self._owners = controller, owners
         self._outputs: Recipe | None = None
         self._inputs: list[Recipe] = []
-        self._every, self._started = 1, False
-        self._answers: dict[int, Callable[[bytes], bytes]] = {
+        self._interval, self._started = 1, False
+        self._responses: dict[int, Callable[[bytes], bytes]] = {
             Package.VERSION: self._version,
             Package.CONTROLLER: lambda _: struct.pack(">4I", *VERSION),
             Package.OUTPUTS: self._set_outputs,
@@ -50,20 +50,20 @@ class RtdeSession:
         }
 
     def feed(self, received: bytearray) -> bytes:
-        """Process the complete packages, remove them, and return the answers. Raises RtdeError."""
-        answers = b""
+        """Process the complete packages, remove them, and return the responses. Raises RtdeError."""
+        responses = b""
         for kind, payload in rtde.packages(received):
             if kind == Package.DATA:
                 self._take(payload)
-            elif kind in self._answers:
-                answers += rtde.package(Package(kind), self._answers[kind](payload))
+            elif kind in self._responses:
+                responses += rtde.package(Package(kind), self._responses[kind](payload))
             else:
                 raise RtdeError(f"a package of type {kind}; valid: {', '.join(str(int(one)) for one in Package)}")
-        return answers
+        return responses
 
     def state(self, cycle: int, values: Mapping[str, Value]) -> bytes:
         """Return the package of a state, empty if none is due in this cycle."""
-        if not self._started or self._outputs is None or cycle % self._every:
+        if not self._started or self._outputs is None or cycle % self._interval:
             return b""
         return rtde.package(Package.DATA, b"\x01" + self._outputs.pack(values))
 
@@ -84,7 +84,7 @@ class RtdeSession:
         if not 1.0 <= rate <= rtde.CYCLE_RATE:
             raise RtdeError(f"an output rate of {rate} Hz; valid: 1 to {rtde.CYCLE_RATE:g} Hz")
         recipe = Recipe(payload[8:], rtde.OUTPUTS)
-        self._every, self._outputs = round(rtde.CYCLE_RATE / rate), recipe if recipe.valid else None
+        self._interval, self._outputs = round(rtde.CYCLE_RATE / rate), recipe if recipe.valid else None
         return bytes([recipe.valid]) + ",".join(recipe.types).encode()
 
     def _add_inputs(self, payload: bytes) -> bytes:
@@ -128,7 +128,7 @@ class ScriptSession:
 
 
 class DashboardSession:
-    """Connection to the dashboard server; answers as in "Dashboard Server e-Series, port 29999" of the manufacturer.
+    """Connection to the dashboard server; responses as in "Dashboard Server e-Series, port 29999" of the manufacturer.
 
     Args:
         controller: the emulated controller.
@@ -140,23 +140,27 @@ class DashboardSession:
         self._controller = controller
 
     def feed(self, received: bytearray) -> bytes:
-        """Answer the complete lines. Raises RtdeError for a line that is too long."""
+        """Respond to the complete lines. Raises RtdeError for a line that is too long."""
         *lines, rest = bytes(received).split(b"\n")
         if len(rest) > LONGEST_LINE:
             raise RtdeError(f"a line of more than {LONGEST_LINE} bytes")
         received[:] = rest
-        return "".join(self._answer(line.decode("ascii", "replace").strip()) + "\n" for line in lines).encode()
+        return "".join(self._response(line.decode("ascii", "replace").strip()) + "\n" for line in lines).encode()
 
-    def _answer(self, line: str) -> str:
+    def _response(self, line: str) -> str:
         controller = self._controller
         playing = controller.runtime is Runtime.PLAYING
         mode = "PROTECTIVE_STOP" if controller.stop_reason else "NORMAL"
         if line == "stop":
             controller.end_program("dashboard")
         if line == "unlock protective stop":
-            return "Protective stop releasing" if controller.unlock() else (
-                "Cannot unlock protective stop until 5s after occurrence. Always inspect cause of protective stop "
-                "before unlocking"
+            return (
+                "Protective stop releasing"
+                if controller.unlock()
+                else (
+                    "Cannot unlock protective stop until 5s after occurrence. Always inspect cause of protective stop "
+                    "before unlocking"
+                )
             )
         fixed = {
             "PolyscopeVersion": f"URSoftware {'.'.join(map(str, VERSION))} (emulated)",
@@ -192,7 +196,7 @@ class _Client:
         self.received += data
         self.unsent += self.session.feed(self.received)
         if len(self.unsent) > MAX_UNSENT:
-            raise RtdeError(f"{len(self.unsent)} bytes of answers that it has not read")
+            raise RtdeError(f"{len(self.unsent)} bytes of responses that it has not read")
 
     def send(self) -> None:
         """Send what waits. Raises OSError if the client is gone."""
