@@ -14,7 +14,7 @@ PICTURE = ROOT / "docs" / "packages.svg"
 HOUSES = {
     "core": (
         *("hric_core", "hric_dynamics", "hric_control", "hric_controllers", "controller_manager", "panda_description"),
-        *("xacro", "franka_hw_interface", "franka_sim", "franka_real", "urdf_to_osim"),
+        *("xacro", "franka_hw_interface", "franka_sim", "franka_real", "ur_robot", "urdf_to_osim"),
         *("pybullet_ros_control", "opensim_ros_control", "mujoco_ros_control"),
     ),
     "human": (

@@ -232,7 +232,11 @@ def main(argv: list[str]) -> int:
             import hric_run.definition.experiment  # reports all mistakes of the file in one error
 
             hric_run.definition.experiment.load(arguments["experiment"])
-        if arguments["env"] == "real" and arguments["robot_ip"] != given.EMULATED:
+        if arguments["env"] == "real" and arguments["robot"] == given.UR5E:
+            import ur_robot.connection
+
+            ur_robot.connection.probe(arguments["robot_ip"], PROBE_TIMEOUT)
+        elif arguments["env"] == "real" and arguments["robot_ip"] != given.EMULATED:
             # imported here, since it loads libfranka, which a simulated arm does not need
             import franka_real.probe
 

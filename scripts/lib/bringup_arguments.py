@@ -56,6 +56,10 @@ DEVICES = ("mocap", *SENSORS)
 """Names of sections of an experiment file that are also arguments."""
 HUMAN = "human"
 """Name of the section of an experiment file with the simulated person."""
+UR5E = "ur5e"
+"""Value of `robot` for an arm of Universal Robots, which takes positions only."""
+POSITION_CONTROLLERS = ("position_joint_trajectory_controller", "joint_streaming_controller", "none")
+"""Controllers of the bring-up that such an arm can execute."""
 EMULATED = "emulated"
 """Value of `robot_ip` for an emulated arm on this machine, which the bring-up starts."""
 BROADCASTERS = ("joint_state_controller", "franka_state_controller")
@@ -200,12 +204,32 @@ def _check_environment(arguments: Mapping[str, str]) -> None:
             "env:=real needs the address of the arm's control box, for example robot_ip:=172.16.0.2, or "
             "robot_ip:=emulated"
         )
+    if arguments.get("robot") == UR5E:
+        _check_ur(arguments)
     if "arm_id" in arguments and arguments.get("arms", "none") != "none":
         raise ArgumentError("arm_id can be given for one arm only; valid: without arms")
     unrecorded = [name for name in arguments if name in ONLY_RECORDED]
     if unrecorded and arguments.get("record", "").lower() == "false":
         raise ArgumentError(
             f"{', '.join(unrecorded)} can be given with a recording only; valid: record:=true or record:=on_trigger"
+        )
+
+
+def _check_ur(arguments: Mapping[str, str]) -> None:
+    """Raise ArgumentError for arguments that an arm of Universal Robots cannot use."""
+    if arguments["robot_ip"] == EMULATED:
+        raise ArgumentError(
+            f"robot_ip:=emulated is an arm of Franka; valid with robot:={UR5E}: robot_ip:=127.0.0.2 after the start of "
+            "hric ur_controller --ip 127.0.0.2"
+        )
+    franka = [name for name in ("arm_id", "hand", "load_gripper", "inertials", "xyz", "rpy") if name in arguments]
+    if franka:
+        raise ArgumentError(f"{', '.join(franka)} can be given for an arm of Franka only; valid: without robot:={UR5E}")
+    controller = arguments.get("controller", "the default joint_pd_controller")
+    if "experiment" not in arguments and controller not in POSITION_CONTROLLERS:
+        raise ArgumentError(
+            f"{controller} does not command joint positions, and robot:={UR5E} takes nothing else; valid: controller:="
+            f"{', '.join(POSITION_CONTROLLERS)}"
         )
 
 
@@ -285,7 +309,7 @@ def _check_mocap(arguments: Mapping[str, str], known: Choices) -> None:
 
 WORDS: dict[str, tuple[str, ...]] = {
     "env": ("sim", "real"),
-    "robot": ("panda", "fr3"),
+    "robot": ("panda", "fr3", UR5E),
     "rviz": (*BOOL, "auto"),
     "view": (*BOOL, "auto", "plot", "web"),
     "control": BOOL,

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from bringup_arguments import EMULATED, EXPERIMENTS, WORKSPACE
+from bringup_arguments import EMULATED, EXPERIMENTS, UR5E, WORKSPACE
 from bringup_master import DEFAULT
 
 from hric_control.plant import DEFAULT_PLANT
@@ -14,6 +14,9 @@ PERIOD = 0.2
 """Period of the check whether all nodes are ready [s]."""
 POSITIONS = "[0.3, -0.785, 0, -2.356, 0, 1.571, 0.785]"
 """Joint positions of the example command: the default start pose of the arm, with joint 1 moved [rad]."""
+UR_POSITIONS = "[2.84, -1.57, 1.57, -1.57, -1.57, 0]"
+"""The same for a UR5e, from the start pose of its experiments [rad]."""
+UR_JOINTS = [f"{name}_joint" for name in ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")]
 
 Parameter = Callable[[str], Any]
 """Function that returns the value of a ROS parameter, or None if it does not exist."""
@@ -106,7 +109,10 @@ def _move(arguments: Mapping[str, str], space: str) -> str:
         return f"rostopic pub -1 {space}/{name}/command std_msgs/Float64MultiArray '{{data: {POSITIONS}}}'   # [rad]"
     if name.endswith("joint_trajectory_controller"):
         joints = ", ".join(f"{arm_id}_joint{number}" for number in range(1, 8))
-        points = f"points: [{{positions: {POSITIONS}, time_from_start: {{secs: 3}}}}]"
+        positions = POSITIONS
+        if arguments["env"] == "real" and arguments["robot"] == UR5E:
+            joints, positions = ", ".join(UR_JOINTS), UR_POSITIONS
+        points = f"points: [{{positions: {positions}, time_from_start: {{secs: 3}}}}]"
         return (
             f"rostopic pub -1 {space}/{name}/command trajectory_msgs/JointTrajectory "
             f"'{{joint_names: [{joints}], {points}}}'"

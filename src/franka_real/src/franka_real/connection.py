@@ -10,10 +10,10 @@ from franka_hw_interface.robot_state import RobotState
 from franka_hw_interface.transforms import from_column_major
 from franka_real import probe
 from franka_real.backend import ArmLostError, Backend
-from franka_real.realtime_setup import priority_kept
 from franka_real.settings import FrankaRealSettings
 from franka_real.watchdog import Watchdog
 from hric_core.errors import CommandError, FailureError
+from hric_core.realtime_setup import priority_kept
 
 MASS_TOLERANCE = 0.1
 """Difference of the end effector's mass between robot description and arm that is reported [kg].

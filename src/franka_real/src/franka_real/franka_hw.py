@@ -11,13 +11,13 @@ from franka_hw_interface.modes import HOLD, ArmMode
 from franka_real import connection
 from franka_real.arm_adapter import ArmAdapter
 from franka_real.backend import RobotError
-from franka_real.realtime_setup import Measure, priority_kept, realtime, take_priority
-from franka_real.robot_time import ArmTime
 from franka_real.settings import FrankaRealSettings
 from franka_real.state import LibfrankaState
 from hric_control.loop_requests import LoopRequests
 from hric_control.robot_hw import OnCycle
 from hric_core.node import Node
+from hric_core.realtime_setup import Measure, priority_kept, realtime, take_priority
+from hric_core.robot_time.arm_time import ArmTime
 
 LATE = 1.5 * PERIOD
 """Time between two received states above which at least one in between is lost [s]."""

@@ -37,7 +37,7 @@ HRIC_PACKAGES = (
     *("hric_core", "hric_dynamics", "hric_control", "hric_controllers", "hric_human", "hric_motion"),
     *("hric_assessment", "hric_perception", "hric_bags", "hric_run", "hric_analysis", "hric_report", "hric_sweep"),
     *("hric_supervisor", "hric_measurements", "hric_gym", "hric_msgs", "hric_experiments", "mocap_natnet"),
-    *("franka_hw_interface", "franka_real", "franka_sim", "urdf_to_osim", "panda_description"),
+    *("franka_hw_interface", "franka_real", "franka_sim", "ur_robot", "urdf_to_osim", "panda_description"),
 )
 NOT_RECORDED = ("robot_description", "roslaunch", "run_id", "rosdistro", "rosversion")
 """Names of parameters on the parameter server that are not recorded: they are no settings, or name the machine."""

@@ -1,6 +1,6 @@
 """Franka Panda: URDF from xacro, identified dynamics, friction and limits with their sources."""
 
-from panda_description.description import DescriptionArgument, arguments, load, process_xacro
+from panda_description.description import DescriptionArgument, arguments, load, load_file, process_xacro
 from panda_description.inertial_sets import inertials
 from panda_description.parameters import (
     CartesianLimit,
@@ -27,6 +27,7 @@ __all__ = [
     "joint_limit_parameters",
     "joint_limits",
     "load",
+    "load_file",
     "process_xacro",
     "rotor_inertia",
 ]

@@ -16,8 +16,9 @@ from typing import Any
 from xml.dom import Node, minidom
 from xml.parsers.expat import ExpatError
 
+from hric_core import resources
 from hric_core.command import Argument, Command
-from hric_core.errors import DescriptionError, ParameterError, UnknownNameError
+from hric_core.errors import DescriptionError, HricError, ParameterError, UnknownNameError
 from hric_core.parameters import Parameter, Settings, choice, declared, flag, number, numbers, refused, text
 from panda_description.inertial_sets import INERTIAL_SETS, unphysical
 from panda_description.parameters import LIMIT_SETS, LOG, PACKAGE, find_package, folder_uri, share
@@ -191,6 +192,21 @@ def process_xacro(path: Path, mappings: dict[str, str]) -> minidom.Document:
         except (xacro.XacroException, ExpatError) as error:
             raise DescriptionError(f"{path.name}: {'; '.join(str(error).splitlines())}") from error
     return document
+
+
+def load_file(address: str) -> str:
+    """Return the URDF in another robot's file, expanded if it is a xacro file; `address`: a path or package://...
+
+    Raises:
+        DescriptionError: the file is not usable.
+    """
+    try:
+        path = resources.resolve(address)
+        if path.suffix == ".xacro":
+            return resources.anchored(str(process_xacro(path, {}).toxml()), path.parent)
+        return resources.read_description(path)
+    except HricError as error:
+        raise DescriptionError(f"cannot read the robot description {address}: {error}") from error
 
 
 def _pure(document: minidom.Document, name: str) -> str:

@@ -147,7 +147,7 @@ def run() -> None:
     start(definition)
     started = [f"{prefix}{name}" for prefix, part in definition.robots().items() for name in part.controllers]
     rospy.loginfo("started the controllers %s", ", ".join(started))
-    if definition.name == experiments.NONE:
+    if definition.name == experiments.NONE and not definition.robot.urdf:  # the others are for an arm of Franka
         load_others(definition)
     rospy.set_param("~started", started)
     while not rospy.is_shutdown():

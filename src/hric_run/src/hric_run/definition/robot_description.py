@@ -5,8 +5,7 @@ from collections.abc import Mapping, Sequence
 import panda_description
 from hric_control.sim.combined_hw_sim import MODEL
 from hric_control.transmission import parse_transmissions
-from hric_core import resources
-from hric_core.errors import HricError, check_known
+from hric_core.errors import check_known
 from hric_core.urdf import read
 from hric_core.urdf.combining import combined
 from hric_run.definition.experiment import Experiment, RobotSpec
@@ -19,7 +18,7 @@ def description(spec: RobotSpec) -> str:
         HricError: an argument for the Panda's description is unknown, or the file is not usable.
     """
     if spec.urdf:
-        return _description_of(spec.urdf)
+        return panda_description.load_file(spec.urdf)
     valid = [name for name in panda_description.arguments() if name not in ("arm_id", "robot_sim_type")]
     check_known("key", spec.description, valid, "robot.description")
     return str(panda_description.load(arm_id=spec.arm_id, robot_sim_type=spec.hw, **spec.description))
@@ -34,16 +33,6 @@ def of_experiment(definition: Experiment) -> str:
     if not definition.arms:
         return description(definition.robot)
     return combined(MODEL, {name: description(part.robot) for name, part in definition.each_arm().items()})
-
-
-def _description_of(address: str) -> str:
-    try:
-        path = resources.resolve(address)
-        if path.suffix == ".xacro":
-            return resources.anchored(str(panda_description.process_xacro(path, {}).toxml()), path.parent)
-        return resources.read_description(path)
-    except HricError as error:
-        raise HricError(f"cannot read the robot description {address}: {error}") from error
 
 
 def _arm_joints(arm_id: str) -> list[str]:

@@ -23,14 +23,15 @@ class ArmTime:
 
     Args:
         nodes: nodes whose `now()`, and that of their child nodes, is to return the stamp of the last state.
+        period: time that counts for the first state [s].
 
     Attributes:
         now: robot time of the last state [s].
         epoch: present estimate of the ROS time at which robot time was 0 [s].
     """
 
-    def __init__(self, nodes: Iterable[Any]) -> None:
-        self._nodes = list(nodes)
+    def __init__(self, nodes: Iterable[Any], period: float = 1e-3) -> None:
+        self._nodes, self._period = list(nodes), period
         self._first: int | None = None
         self._last = 0
         self.now = self.epoch = 0.0
@@ -46,7 +47,7 @@ class ArmTime:
         """
         if self._first is None:
             self._begin(milliseconds)
-            return 1e-3
+            return self._period
         passed = milliseconds - self._last
         if passed <= 0:
             return 0.0

@@ -5,9 +5,9 @@ from itertools import pairwise
 import genpy
 import pytest
 
-from franka_real import robot_time
-from franka_real.robot_time import ArmTime
 from hric_core.local.node import LocalNode
+from hric_core.robot_time import arm_time
+from hric_core.robot_time.arm_time import ArmTime
 
 
 class WallNode:
@@ -32,7 +32,7 @@ class Machine:
 @pytest.fixture
 def machine(monkeypatch: pytest.MonkeyPatch) -> Machine:
     made = Machine(1.7e9)
-    monkeypatch.setattr(robot_time, "wall", made)
+    monkeypatch.setattr(arm_time, "wall", made)
     return made
 
 
