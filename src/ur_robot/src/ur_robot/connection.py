@@ -129,7 +129,8 @@ class UrConnection:
 
         From now on, a command or `keep` must follow each state: without them, the controller ends the program.
         """
-        self._next()
+        for _ in range(2):  # the first may have arrived long ago
+            self._next()
         deadline = time.monotonic() + START_TIMEOUT
         if self._states.getRuntimeState() != PLAYING:
             self._control.reuploadScript()
@@ -153,7 +154,7 @@ class UrConnection:
         thread = threading.Thread(target=work, name="ur_rtde", daemon=True)
         thread.start()
         thread.join(START_TIMEOUT)
-        failure = outcome[0] if outcome else self._lost("no response")
+        failure = outcome[0] if outcome else self._lost("no response", START_TIMEOUT)
         if failure is not None:
             raise failure
 
@@ -168,18 +169,16 @@ class UrConnection:
         deadline = time.monotonic() + self._settings.lost_after
         while (stamp := float(self._states.getTimestamp())) == self._time:
             if time.monotonic() > deadline or not self._states.isConnected():
-                raise self._lost("no new state")
+                raise self._lost("no new state", self._settings.lost_after)
             time.sleep(POLL)
         self._time = stamp
         self._refuse_stopped()
         return stamp
 
-    def _lost(self, what: str) -> UrLostError:
+    def _lost(self, what: str, duration: float | None = None) -> UrLostError:
         self._failed = True
-        return UrLostError(
-            f"the connection to the UR controller at {self._settings.robot_ip} is lost: {what} for "
-            f"{self._settings.lost_after:g} s"
-        )
+        since = "" if duration is None else f" for {duration:g} s"
+        return UrLostError(f"the connection to the UR controller at {self._settings.robot_ip} is lost: {what}{since}")
 
     def _refuse_stopped(self) -> None:
         bits = int(self._states.getSafetyStatusBits())
