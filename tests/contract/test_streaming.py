@@ -12,6 +12,7 @@ import yaml
 from contract_robots import BACKENDS, Boxes, connected
 from driven_robot import Robot
 from geometry_msgs.msg import PoseStamped
+from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -129,6 +130,26 @@ def test_a_bad_stream_is_followed_without_a_reflex_and_within_the_limits(
         rounding = float(8.0 * np.spacing(np.float32(0.25)) / 2.0) if backend == "fr3" else 0.0  # of its 32-bit state
         largest = 1.01 * np.array([1.5, 7.0, 500.0]) + rounding * np.array([0.0, 0.5e6, 1e9])
         assert np.all(rates(run.desired) <= largest)
+
+
+def test_a_hand_on_the_topic_of_the_leader_is_no_target(caplog: pytest.LogCaptureFixture) -> None:
+    with connected("mujoco", None) as robot:
+        settings = yaml.safe_load(YAML.read_text().replace("$(arg arm_id)", "panda"))[JOINT]
+        robot.load(JOINT, **settings, leader="left/joint_states")
+        robot.switch([JOINT], [])
+        robot.run(0.05)
+        publisher = robot.node.advertise(robot.node.beside("left/joint_states"), JointState)
+        arm, hand = [f"left_joint{k}" for k in range(1, 8)], [f"left_finger_joint{k}" for k in (1, 2)]
+        goal = [q + 0.1 for q in robot.hw.robot_state.q_d]
+
+        def cycle(time: float) -> None:
+            stamp = Header(stamp=genpy.Time.from_sec(time))
+            publisher.publish(JointState(header=stamp, name=arm + hand, position=[*goal, 0.04, 0.04]))
+            publisher.publish(JointState(header=stamp, name=hand, position=[0.04, 0.04]))
+
+        robot.run(2.0, cycle)
+        np.testing.assert_allclose(robot.hw.robot_state.q_d, goal, atol=1e-4)
+    assert [record.getMessage() for record in caplog.records if "leader" in record.getMessage()] == []
 
 
 def outstretched(time: float) -> tuple[list[float], list[float]]:

@@ -62,7 +62,7 @@ class PoseTracking:
         """Subscribe to markers and commanded poses, and advertise the topic `state`."""
         settings, node = self._settings, self._node
         self._state = realtime.publisher(node, "state", MarkerTrackingState)
-        topic = self._beside(settings.topic)
+        topic = self._beside(settings.topic) if settings.topic else ""
         subscribe_markers(node, settings.source, topic, settings.body, self._base, self._markers.append)
         node.subscribe("command", PoseStamped, self._on_command, queue_size=1)
 

@@ -20,7 +20,7 @@ from hric_controllers.state.messages import Point, build_state
 from hric_controllers.streaming.follower import KEPT, StreamFollower, StreamLimits
 from hric_controllers.trajectory.message import read_waypoints
 from hric_core import realtime
-from hric_core.errors import CommandError, check_known
+from hric_core.errors import CommandError
 from hric_core.node import Node
 from hric_core.parameters import Settings, names, number, per_joint, refused, text
 
@@ -125,6 +125,7 @@ class JointStreamingController(StreamedJoints):
     def init(self, robot_hw: RobotHW, root_node: Node, controller_node: Node) -> None:
         """Read the parameters, get the hardware interfaces, and subscribe to the topics."""
         super().init(robot_hw, root_node, controller_node)
+        self._ends, self._led = [joint.rpartition("_")[2] for joint in self.joints], False
         if leader := LeaderSettings.read(controller_node).leader:
             controller_node.subscribe(root_node.beside(leader), JointState, self._on_leader, queue_size=KEPT)
         controller_node.subscribe("command", Float64MultiArray, self._on_command, queue_size=KEPT)
@@ -149,15 +150,25 @@ class JointStreamingController(StreamedJoints):
     def _on_leader(self, message: Any) -> None:
         """Pass the positions of another arm, with the stamp of their header, to the loop, while it runs.
 
+        After the first message with an arm, messages without one are ignored: a hand may use the same topic.
+
         Raises:
-            CommandError: a joint of the other arm is missing, or its position is outside the range of this arm.
+            CommandError: the message has no arm, or several, or a position is outside the range of this arm.
         """
         if not self._running:
             return
-        positions = {name.rpartition("_")[2]: x for name, x in zip(message.name, message.position, strict=True)}
-        names = [joint.rpartition("_")[2] for joint in self.joints]
-        check_known("joint", names, positions, "the joint states of the leader")
-        self._take([positions[name] for name in names], message.header.stamp.to_sec())
+        positions, ends = dict(zip(message.name, message.position, strict=False)), self._ends
+        starts = [name.removesuffix(ends[0]) for name in positions if name.endswith(ends[0])]
+        arms = [start for start in starts if all(start + end in positions for end in ends)]
+        if not arms and self._led:
+            return
+        if len(arms) != 1:
+            raise CommandError(
+                f"joint states with the joints {', '.join(positions) or 'none'}; valid: those of one arm, with names "
+                f"that end in {', '.join(ends)}"
+            )
+        self._led = True
+        self._take([positions[arms[0] + end] for end in ends], message.header.stamp.to_sec())
 
     def _take(self, values: Sequence[float], stamp: float | None) -> None:
         if not self._running:
