@@ -124,7 +124,7 @@ class UrConnection:
             from rtde_receive import RTDEReceiveInterface
         except ImportError as error:
             raise FailureError(
-                "an arm of Universal Robots needs ur_rtde, which is not installed; valid: after scripts/setup --with ur"
+                "an arm of Universal Robots needs ur_rtde, which is not installed; run scripts/setup --with ur"
             ) from error
         names = ["timestamp", "actual_q", "actual_qd", "target_q", "safety_status_bits", "runtime_state"]
         try:
