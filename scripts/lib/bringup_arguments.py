@@ -219,8 +219,8 @@ def _check_ur(arguments: Mapping[str, str]) -> None:
     """Raise ArgumentError for arguments that an arm of Universal Robots cannot use."""
     if arguments["robot_ip"] == EMULATED:
         raise ArgumentError(
-            f"robot_ip:=emulated is an arm of Franka; valid with robot:={UR5E}: robot_ip:=127.0.0.2 after the start of "
-            "hric ur_controller --ip 127.0.0.2"
+            f"robot_ip:=emulated starts an emulated arm of Franka; valid with robot:={UR5E}: robot_ip:=127.0.0.2, with "
+            "hric ur_controller --ip 127.0.0.2 in another terminal"
         )
     franka = [name for name in ("arm_id", "hand", "load_gripper", "inertials", "xyz", "rpy") if name in arguments]
     if franka:

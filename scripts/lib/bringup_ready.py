@@ -15,7 +15,7 @@ PERIOD = 0.2
 POSITIONS = "[0.3, -0.785, 0, -2.356, 0, 1.571, 0.785]"
 """Joint positions of the example command: the default start pose of the arm, with joint 1 moved [rad]."""
 UR_POSITIONS = "[2.84, -1.57, 1.57, -1.57, -1.57, 0]"
-"""The same for a UR5e, from the start pose of its experiments [rad]."""
+"""Joint positions of the example command for a UR5e: the start pose of its experiments, with joint 1 moved [rad]."""
 UR_JOINTS = [f"{name}_joint" for name in ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")]
 
 Parameter = Callable[[str], Any]

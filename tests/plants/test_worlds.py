@@ -255,11 +255,14 @@ def test_a_sprung_link_meets_rigid_objects_softly(make_plant, panda_urdf, tmp_pa
 
 def test_a_rule_for_an_unknown_link_is_refused(make_plant):
     with pytest.raises(
-        UnknownNameError, match=r"no link 'hand' in surfaces, of planar::hand; valid: base, link1, link2"
+        UnknownNameError,
+        match=r"no link 'hand' in model planar, for the rule planar::hand of surfaces; valid: base, link1, link2",
     ):
         make_plant(two_link_urdf(), JOINTS, surfaces=[{"link": "planar::hand", "friction": 0.1}])
     plant = make_plant(two_link_urdf(), JOINTS, surfaces=[{"link": "ball::core", "friction": 0.1}])
-    with pytest.raises(UnknownNameError, match=r"no link 'core' in surfaces, of ball::core; valid: shell"):
+    with pytest.raises(
+        UnknownNameError, match=r"no link 'core' in model ball, for the rule ball::core of surfaces; valid: shell"
+    ):
         plant.spawn("ball", BALL, at(3, 0, 1))
     assert plant.model_names() == []
     plant.spawn("other", BALL, at(3, 0, 1))

@@ -250,7 +250,9 @@ def test_a_link_has_the_surface_that_its_model_brings_where_no_rule_goes_over_it
 def test_a_rule_for_a_link_that_a_model_does_not_have_is_refused_with_its_links():
     surfaces = Surfaces(rules_of([{"link": "arm::hnad", "friction": 0.1}]), 75000.0)
     assert surfaces.of_model("other", ["hand"], Surface()) == {"hand": Surface()}
-    with pytest.raises(UnknownNameError, match="no link 'hnad' in surfaces, of arm::hnad; valid: base, hand"):
+    with pytest.raises(
+        UnknownNameError, match="no link 'hnad' in model arm, for the rule arm::hnad of surfaces; valid: base, hand"
+    ):
         surfaces.of_model("arm", ["base", "hand"], Surface())
 
 

@@ -110,7 +110,7 @@ BAD = {
     "unknown": (30004, struct.pack(">HB", 3, 1), "a package of type 1"),
     "version": (30004, struct.pack(">HB", 3, ord("V")), "a protocol version of 0 bytes; valid: 2"),
     "rate": (30004, struct.pack(">HBd", 11, ord("O"), float("nan")), "an output rate of nan Hz"),
-    "inputs": (30004, struct.pack(">HBB", 4, ord("U"), 1), "inputs of recipe 1; valid: 1 to 0"),
+    "inputs": (30004, struct.pack(">HBB", 4, ord("U"), 1), "inputs of recipe 1, but has set up 0 recipes"),
     "values": (
         30004,
         struct.pack(">HB20s", 23, ord("I"), b"input_int_register_7") + struct.pack(">HBBB", 5, ord("U"), 1, 0),

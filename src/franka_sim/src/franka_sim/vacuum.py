@@ -49,7 +49,12 @@ def defaults() -> VacuumConfig:
 
 
 def with_pump(urdf_xml: str, arm_id: str) -> str:
-    """Return a description of the arm without a hand with the vacuum gripper at its flange."""
+    """Return a robot description with the vacuum gripper at the flange.
+
+    Args:
+        urdf_xml: description of the arm without a hand.
+        arm_id: prefix of the arm's link names.
+    """
     root, c, link = ElementTree.fromstring(urdf_xml), defaults(), f"{arm_id}_{PUMP}"
     root.extend(
         ElementTree.fromstring(
@@ -68,7 +73,8 @@ def with_pump(urdf_xml: str, arm_id: str) -> str:
 class SuctionCup:
     """Suction cup at the end of the pump: holds the body that it touches in the plant.
 
-    The held body hangs on a spring and damper. Above the force of vacuum times area it slips; after `lost` it is lost.
+    The held body hangs on a spring and damper. Beyond a force of vacuum times area it slips, and after a slip of
+    `config.lost` it is lost.
 
     Args:
         plant: physics engine with the pump.
@@ -82,7 +88,9 @@ class SuctionCup:
     def __init__(self, plant: Plant, arm_id: str, config: VacuumConfig | None = None) -> None:
         config = config or defaults()
         if not isinstance(plant, Articulated):
-            raise ParameterError(f"a vacuum gripper needs a plant that connects bodies; {type(plant).__name__} cannot")
+            raise ParameterError(
+                f"a vacuum gripper needs a plant that connects bodies (Articulated); {type(plant).__name__} cannot"
+            )
         self._plant, self._link, self._config = plant, f"{arm_id}_{PUMP}", config
         self._body, self._force = "", 0.0
         self._T_link_cup = np.eye(4)
@@ -102,7 +110,7 @@ class SuctionCup:
         return bool(self._body)
 
     def hold(self, vacuum: float) -> None:
-        """Hold the body that covers the cup with the force of a vacuum [mbar]."""
+        """Hold the body that covers the cup; `vacuum`: vacuum that determines the largest force [mbar]."""
         c, plant = self._config, self._plant
         force = vacuum * _MBAR * math.pi * c.cup_diameter**2 / 4.0
         if self._holding and force == self._force:
@@ -148,8 +156,8 @@ class VacuumGripper:
     Attributes:
         vacuum: pressure below that of the room [mbar].
         in_control_range: True from the setpoint on, until the vacuum leaves the control range or the pump is off.
-        part_present: True above the vacuum of a part, with hysteresis.
-        part_detached: True from the end of a suction cycle, in which a part was present, to the next suction.
+        part_present: True above the vacuum `config.present`, with hysteresis.
+        part_detached: True from the loss or release of a part to the next suction.
     """
 
     def __init__(self, cup: SuctionCup, config: VacuumConfig | None = None) -> None:
@@ -232,4 +240,4 @@ class VacuumGripper:
             return
         if task.suction:
             self._setpoint = 0.0
-        task.motion.end(HandOutcome.UNSUCCESSFUL, f"{self.vacuum:.0f} mbar at the time-out")
+        task.motion.end(HandOutcome.UNSUCCESSFUL, f"vacuum of {self.vacuum:.0f} mbar at the time-out")

@@ -38,11 +38,11 @@ class ScopedNode:
         return made
 
     def child(self, name: str) -> "ScopedNode":
-        """Return a node for the child namespace `name` that records in the same lists."""
+        """Return a node of the child namespace `name`; `close` and `refuse_unread` of this node cover its use, too."""
         return ScopedNode(self._node.child(name), self._made, self._read)
 
     def also(self, node: Node) -> "ScopedNode":
-        """Return a wrapper of another node that records in the same lists as this one."""
+        """Return a wrapper of another node; `close` and `refuse_unread` of this one cover its use, too."""
         return ScopedNode(node, self._made, self._read)
 
     def refuse_unread(self, known: Collection[str] = ()) -> None:

@@ -14,7 +14,7 @@ OF_ONE_ARM = (
     *("robot", "no_hand", "q_start", "plant", "rotor_inertia", "friction", "realism", "no_collision", "world", "gui"),
     *("no_reflexes", "constant"),
 )
-"""Arguments that describe the arm and its surroundings, as an experiment does."""
+"""Arguments that describe the arm and its surroundings, and are refused with an experiment, which does so itself."""
 
 
 class ExperimentBoxCommand(ControlBoxCommand):

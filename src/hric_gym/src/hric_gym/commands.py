@@ -44,7 +44,8 @@ class TrainCommand(Command):
                 "--cost-limit",
                 type=float,
                 help="largest mean cost of an episode: the sum over its steps of contact force beyond a tenth of the "
-                "limit, as share of the limit [1]; the training finds the weight of the cost (default: a fixed weight)",
+                "limit, as share of the limit [1]; the training finds the weight of the cost (default: no limit, "
+                "and a fixed weight)",
             ),
             Argument(
                 "--resume", action="store_true", help="continue from the checkpoint, with its steps, seed and weights"

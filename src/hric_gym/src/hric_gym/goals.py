@@ -56,7 +56,7 @@ class Goal(ABC):
 
 
 class DrawnGoal(Goal):
-    """Random point of BOX in each episode, at which the arm does not touch the person in their first posture.
+    """Random point of BOX, drawn in each episode, at which the arm does not touch the person in their first posture.
 
     The arm that moves straight to the point has a distance of at least NEAR from the person there, since the end
     effector may stop at this distance from the point. At nearer points the arm cannot end without contact.
@@ -77,10 +77,12 @@ class DrawnGoal(Goal):
             self._point = random.uniform(*BOX)
             if self.clearance(observation) >= NEAR:
                 return
-        raise HricError(f"the person is at all of {DRAWS} drawn goals; valid: a person elsewhere (argument changes)")
+        raise HricError(
+            f"the person is at all of {DRAWS} drawn goals; valid: a person farther from the arm (argument changes)"
+        )
 
     def clearance(self, observation: SimulationState) -> float:
-        """Return the distance of the person in a state from the arm at the goal [m]; negative: overlap."""
+        """Return the distance between the person in a state and the arm at the goal [m]; negative: overlap."""
         if observation.person is None:
             return np.inf
         q = self._q_start

@@ -42,10 +42,10 @@ SLOWEST = 0.2
 """Smallest speed that the network can choose, as share of the full speed [1] (project default). At this speed the arm
 reaches every goal within the time of the task, so even an untrained network does."""
 FORCE_COST = 20.0
-"""Weight in training by which `policy_env.force_excess` reduces the reward of a step, in addition to the reward of the
-task [1], without a cost limit (project default). Reflexes alone are too rare to show how near a motion came to one."""
+"""Weight with which `policy_env.force_excess` reduces the reward of a training step, unless there is a cost limit [1]
+(project default). Reflexes alone are too rare to show how near a motion came to one."""
 ASCENT = 100.0
-"""Change of the weight of `force_excess` after an episode, per excess over the limit [1] (project default)."""
+"""Change of the weight of `force_excess` after an episode, per cost beyond the cost limit [1] (project default)."""
 EXCESS = "force_excess"
 """Key of `info` in training: `policy_env.force_excess` of the step [1]."""
 TINY = 1e-6
@@ -120,7 +120,7 @@ class _CostLimit(BaseCallback):
 
 
 class TrainingEnv(Wrapper):
-    """Training environment whose action is the speed of the straight motion to the goal; hard contacts cost more.
+    """Environment whose action is the speed of the straight motion to the goal; hard contacts reduce the reward.
 
     An action of 1 is full speed along the axis on which the goal is farthest, -1 is SLOWEST times that. The network
     that `export` writes moves in the same way.

@@ -1,4 +1,4 @@
-"""Connection to a UR controller through ur_rtde: states, servo commands, and the reasons why it ends."""
+"""Connection to a UR controller through ur_rtde: states, servo commands, and errors of arm and connection."""
 
 import socket
 import struct
@@ -16,7 +16,7 @@ from hric_core.parameters import Settings, flag, number, text, whole
 PORT = 30004
 """TCP port of RTDE, fixed in the controller."""
 HELLO = struct.pack(">HBH", 5, ord("V"), 2)
-"""Request of RTDE's protocol version 2."""
+"""RTDE package that requests protocol version 2."""
 WATCHDOG_RATE = 2.0
 """Rate of commands below which the controller ends the control program [Hz]; project default, unconfirmed."""
 PLAYING = 2
@@ -24,7 +24,7 @@ PLAYING = 2
 START_TIMEOUT = 5.0
 """Time that the control program may take to start [s], as in ur_rtde."""
 POLL = 0.0002
-"""Time between two looks for a new state [s]."""
+"""Period of polling for a new state [s]."""
 SAFETY = {
     2: "protective stop",
     3: "recovery mode",
@@ -36,7 +36,7 @@ SAFETY = {
     9: "fault of the safety system",
     10: "stopped for safety",
 }
-"""Bits of `safety_status_bits` with which the arm does not obey (RTDE guide of the manufacturer)."""
+"""Reasons why the arm executes no command, by bit of `safety_status_bits` (RTDE guide of the manufacturer)."""
 
 
 ROBOT_IP: Any = text(
@@ -54,13 +54,19 @@ class UrSettings(Settings):
 
     robot_ip: str = ROBOT_IP
     lookahead_time: float = number(
-        0.1, minimum=0.03, maximum=0.2, unit="s", text="smoothing of `servoj`: a larger value is smoother and later"
+        0.1,
+        minimum=0.03,
+        maximum=0.2,
+        unit="s",
+        text="lookahead time of `servoj`: a larger value smooths and delays more",
     )
     gain: float = number(300.0, minimum=100.0, maximum=2000.0, text="proportional gain of `servoj`")
     lost_after: float = number(
-        0.5, above=0.0, maximum=1.0, unit="s", text="silence of the controller after which the connection is lost"
+        0.5, above=0.0, maximum=1.0, unit="s", text="time without a new state after which the connection is lost"
     )
-    probe_timeout: float = number(1.0, above=0.0, unit="s", text="timeout of the first connection")
+    probe_timeout: float = number(
+        1.0, above=0.0, unit="s", text="time limit for the first connection to the controller"
+    )
     enforce_limits: tuple[str, ...] = ENFORCE_LIMITS
     realtime_priority: int = whole(80, minimum=0, maximum=98, text="SCHED_FIFO priority of the loop; 0: none")
     lock_memory: bool = flag(True, text="keep the process from being paged out")
@@ -68,30 +74,34 @@ class UrSettings(Settings):
 
 
 class UrLostError(FailureError):
-    """Error of a controller that does not respond, or no longer."""
+    """Error of a controller that does not respond, or has stopped responding."""
 
 
 class UrStoppedError(FailureError):
-    """Error of an arm that has stopped, or whose control program no longer runs."""
+    """Error of an arm that has stopped, or whose control program has ended."""
 
 
 def probe(address: str, timeout: float) -> None:
-    """Check that RTDE responds; ur_rtde would wait without limit, and block all Python threads meanwhile.
+    """Check that the controller responds to RTDE; ur_rtde itself would block all Python threads without a time limit.
+
+    Args:
+        address: address of the controller.
+        timeout: time limit [s].
 
     Raises:
-        UrLostError: it does not.
+        UrLostError: no controller responds.
     """
     try:
         with socket.create_connection((address, PORT), timeout) as connection:
             connection.sendall(HELLO)
             if connection.recv(4)[:3] == struct.pack(">HB", 4, ord("V")):
                 return
-            reason = "what responds there is no RTDE of protocol version 2"
+            reason = "the program there does not speak RTDE protocol version 2"
     except OSError as error:
         reason = str(error.strerror or error)
     raise UrLostError(
-        f"no UR controller at {address}: TCP port {PORT}: {reason}. Is robot_ip right and the controller on? (For an "
-        f"emulated one, start: hric ur_controller --ip {address})"
+        f"no UR controller at {address}: TCP port {PORT}: {reason}. Check robot_ip, and switch the controller on; for "
+        f"an emulated one, start: hric ur_controller --ip {address}"
     )
 
 
@@ -114,7 +124,7 @@ class UrConnection:
             from rtde_receive import RTDEReceiveInterface
         except ImportError as error:
             raise FailureError(
-                "an arm of Universal Robots needs ur_rtde, which is not installed:  scripts/setup --with ur"
+                "an arm of Universal Robots needs ur_rtde, which is not installed; run scripts/setup --with ur"
             ) from error
         names = ["timestamp", "actual_q", "actual_qd", "target_q", "safety_status_bits", "runtime_state"]
         try:
@@ -122,12 +132,15 @@ class UrConnection:
             self._refuse_stopped()
             self._control: Any = RTDEControlInterface(settings.robot_ip)
         except RuntimeError as error:
-            raise UrLostError(f"ur_rtde cannot use the UR controller at {settings.robot_ip}: {error}") from error
+            raise UrLostError(
+                f"ur_rtde cannot use the UR controller at {settings.robot_ip}: {error}. Enable remote control on the "
+                "teach pendant, and free the input registers 0 to 23 of fieldbuses"
+            ) from error
 
     def start(self) -> None:
         """Start the control program, unless it runs already, and its watchdog. Raises UrLostError or UrStoppedError.
 
-        From now on, a command or `keep` must follow each state: without them, the controller ends the program.
+        From now on, `servo` or `keep` must be called after each state: otherwise the watchdog ends the program.
         """
         for _ in range(2):  # the first may have arrived long ago
             self._next()
@@ -136,12 +149,12 @@ class UrConnection:
             self._control.reuploadScript()
         while self._states.getRuntimeState() != PLAYING:
             if time.monotonic() > deadline:
-                raise UrStoppedError("the controller does not start ur_rtde's control program: see its log")
+                raise UrStoppedError("ur_rtde's control program does not start: see the log of the controller")
             time.sleep(POLL)
         self._within(lambda: self._obey(lambda: self._control.setWatchdog(WATCHDOG_RATE)))
 
     def _within(self, call: Callable[[], object]) -> None:
-        """Make a call for which ur_rtde may wait 5 minutes, within `START_TIMEOUT`; raise its error, or UrLostError."""
+        """Make a call that ur_rtde may block for 5 minutes; raise its error, or UrLostError after `START_TIMEOUT`."""
         outcome: list[Exception | None] = []
 
         def work() -> None:
@@ -162,7 +175,7 @@ class UrConnection:
         """Wait for a new state and return its time [s]. Raises UrLostError or UrStoppedError."""
         stamp = self._next()
         if self._states.getRuntimeState() != PLAYING:
-            raise UrStoppedError("the control program no longer runs on the controller: see its log")
+            raise UrStoppedError("ur_rtde's control program has ended: see the log of the controller")
         return stamp
 
     def _next(self) -> float:
@@ -178,7 +191,10 @@ class UrConnection:
     def _lost(self, what: str, duration: float | None = None) -> UrLostError:
         self._failed = True
         since = "" if duration is None else f" for {duration:g} s"
-        return UrLostError(f"the connection to the UR controller at {self._settings.robot_ip} is lost: {what}{since}")
+        return UrLostError(
+            f"the connection to the UR controller at {self._settings.robot_ip} is lost: {what}{since}. Check the "
+            "network and the controller, and start again"
+        )
 
     def _refuse_stopped(self) -> None:
         bits = int(self._states.getSafetyStatusBits())
@@ -199,7 +215,7 @@ class UrConnection:
         return list(self._states.getTargetQ())
 
     def keep(self) -> None:
-        """Report to the controller's watchdog that this program runs, without a motion."""
+        """Reset the controller's watchdog without commanding a motion."""
         self._obey(lambda: self._control.kickWatchdog())
 
     def servo(self, q: Sequence[float], period: float) -> None:
@@ -217,7 +233,9 @@ class UrConnection:
         except RuntimeError as error:
             raise self._lost(f"no command accepted ({error})") from error
         self._refuse_stopped()
-        raise UrStoppedError("the controller does not accept a command: its control program has ended")
+        raise UrStoppedError(
+            "ur_rtde's control program has ended, so a command was refused: see the log of the controller"
+        )
 
     def close(self) -> None:
         """End the control program, unless the arm or the connection has failed, and disconnect."""

@@ -22,7 +22,8 @@ class UrHW(RobotHW):
     """Arm of Universal Robots (e-Series) as a RobotHW: joint states, and joint positions by `servoj` at 500 Hz.
 
     The controller's clock times the cycles. Joints that no controller claims hold the position that was last commanded.
-    The run ends with an error if the arm stops, its program ends, or its states do: nothing recovers by itself.
+    The run ends with an error if the arm stops, the control program ends, or no state arrives. Nothing recovers by
+    itself.
 
     Attributes, in addition to those of `RobotHW`:
         description: URDF of the robot.
@@ -82,7 +83,7 @@ class UrHW(RobotHW):
         return kinds, self._raw, self._commands.value
 
     def do_switch(self, start: Sequence[ControllerInfo], stop: Sequence[ControllerInfo]) -> None:
-        """Let joints whose claim changes stay where they were last commanded."""
+        """Hold each joint whose claim changes at the position that was last commanded."""
         before = set(self._claimed)
         for info in stop:
             self._claimed -= _positions(info)
@@ -94,7 +95,7 @@ class UrHW(RobotHW):
         self._moved = self._moved or bool(self._claimed)
 
     def run(self, on_cycle: OnCycle) -> None:
-        """Run cycles by the controller's clock until `stop`. Raises UrLostError or UrStoppedError."""
+        """Run one cycle after each state of the controller, until `stop`. Raises UrLostError or UrStoppedError."""
         settings, connection, states = self._settings, self._connection, self.states
         with realtime(settings.realtime_priority, settings.lock_memory, settings.switch_interval) as measures:
             for measure in measures:

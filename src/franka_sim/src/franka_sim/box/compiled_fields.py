@@ -40,7 +40,7 @@ _COMMANDED: _Sizes = {"O_dP_EE_c": 6, "O_ddP_EE_c": 6, "delbow_c": 2, "ddelbow_c
 _NOISE: _Sizes = {"wrench_noise": 6}
 """Zero without sensor noise."""
 _SENSORS: _Sizes = {"accelerometers": 2 * 6 * 12}
-"""Poses of the accelerometers in links 0 to 5, top then bottom: rotation row by row, then position; zero without."""
+"""Poses of accelerometers in links 0 to 5, top then bottom: rotation by rows, then position; zero if there are none."""
 _SENSED: _Sizes = {"accelerometer_top": 6 * 3, "accelerometer_bottom": 6 * 3}
 _LAYOUT: _Sizes = {
     **{**_EACH_CYCLE, **_CONFIGURED, **_COMPUTED, **_DESIRED, **_COMMANDED, **_NOISE},

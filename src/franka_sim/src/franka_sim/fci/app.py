@@ -45,7 +45,7 @@ def make_device(options: argparse.Namespace, robot: RobotKind) -> tuple[Device, 
     """Return the emulated robot, and a function that releases its resources. Raises HricError."""
     if options.constant:
         if options.vacuum:
-            raise CommandError("--vacuum needs physics, which --constant does not have")
+            raise CommandError("--vacuum needs physics, which --constant does not have; valid: without --constant")
         return ConstantDevice(robot.served_urdf(), None if options.no_hand else Gripper()), lambda: None
     from franka_sim.fci.world_building import make_arm  # engine and models are slow to import, and --help needs neither
 

@@ -15,10 +15,10 @@ from hric_control.plant import Plant
 
 
 def build_device(arm: EmulatedArmInput, plant: Plant) -> ArmDevice:
-    """Construct the control box of an arm, and the tool of its robot description. Raises HricError.
+    """Construct the control box of an arm, with the hand or vacuum gripper of its description. Raises HricError.
 
     Args:
-        arm: what the arm is constructed from.
+        arm: parameters and description of the arm.
         plant: plant with the joints of this arm.
     """
     needed = arm.plant_input()

@@ -33,7 +33,7 @@ class ArmDevice:
         urdf: function that returns the arm's description for clients.
         model_library: compiled model of protocol 5.
         q: start pose, 7 floats [rad].
-        hand: hand or vacuum gripper at the flange, or None.
+        hand: hand or vacuum gripper at the flange; None: there is none.
         read_state: function that reads the plant's joint state with sensor noise; None: without noise.
 
     Attributes:
@@ -76,7 +76,7 @@ class ArmDevice:
         self.world.reset()
 
     def cycle(self, *commands: MotionCommand | None) -> None:
-        """Advance the world of the arm; commands: of each arm in this world, None: no packet came."""
+        """Advance the world of the arm; commands: command of each arm in this world, None: no packet came."""
         self.world.cycle(commands)
 
     def set_load(self, mass: float, com: Sequence[float], inertia: Sequence[float]) -> RequestOutcome:

@@ -23,7 +23,7 @@ class EmulatedArmSettings(BoxSettings):
         "127.0.0.1",
         valid="an IPv4 address of this machine, e.g. 127.0.0.2,",
         made=lambda address: str(ipaddress.IPv4Address(address)),
-        text="address of the server, on libfranka's ports",
+        text="address of the control box, which uses libfranka's ports",
     )
     robot: str = choice("panda", "fr3", text="type of the arm; both use the description of the Panda")
 
@@ -55,7 +55,7 @@ class EmulatedArmInput:
     max_lost_packets: int | None = MAX_LOST_PACKETS
 
     def plant_input(self) -> PlantInput:
-        """Return what the arm needs of its plant, as `FrankaHWSim.plant_input`."""
+        """Return description, joints and parameters for the plant of this arm, as `FrankaHWSim.plant_input` does."""
         arm_id = self.settings.arm_id
         config = self.realism.with_friction(self.settings.plant, arm_id)
         return PlantInput(self.realism.body(self.urdf_xml, arm_id), joint_names(arm_id), config)
@@ -69,7 +69,7 @@ def read_arm(node: Node, max_lost_packets: int | None = MAX_LOST_PACKETS) -> Emu
         max_lost_packets: number of consecutive lost packets that ends a motion; None: no limit.
 
     Raises:
-        HricError: a parameter is unknown, or it, a name or the description cannot be used.
+        HricError: a parameter is unknown or invalid, or the description cannot be used.
     """
     refuse_unknown(node.param(node.namespace, {}), known_names(PARAMETERS), node.namespace)
     settings, realism = read(node, EmulatedArmSettings)
@@ -80,7 +80,7 @@ def read_arm(node: Node, max_lost_packets: int | None = MAX_LOST_PACKETS) -> Emu
 
 
 def input_of_arguments(options: argparse.Namespace, robot: RobotKind) -> EmulatedArmInput:
-    """Return what the command line says about an emulated arm. Raises HricError."""
+    """Return the input of an emulated arm from the arguments of the command line. Raises HricError."""
     plant_config = {name: getattr(options, name) for name in ("world", "gui", "friction") if getattr(options, name)}
     plant_config["seed"] = options.seed
     if options.rotor_inertia is not None:

@@ -35,7 +35,7 @@ class ArmService(Service):
 
     A command must refer to the last state sent; commands for older states and repeated ones are dropped (libfranka,
     "the command is dropped if it is late"). In an asynchronous motion no command is late, since libfranka reads states
-    only when its user requests the feedback; a command that refers to an older state than the one before is dropped.
+    only when its user requests the feedback; a command is dropped if it refers to an older state than the one before.
 
     Args:
         selector: selector of the server.
@@ -235,7 +235,7 @@ class ArmService(Service):
     # -- clients -------------------------------------------------------------------------------------------------------
 
     def on_client(self) -> None:
-        """Forget the commands of clients before; states are sent from the next cycle on."""
+        """Discard commands of earlier clients; states are sent from the next cycle on."""
         self._oldest = self.message_id
 
     def on_client_lost(self) -> None:

@@ -18,7 +18,7 @@ class ArmWorld:
         plant: physics engine with the joints of all arms, in their order.
         participants: others that act in the plant, e.g. an emulated human.
         arms: the arms.
-        shared: the plant as several arms share it; None: there is one arm, whose plant this is.
+        shared: plant as divided among several arms; None: there is one arm, which has the whole plant.
 
     Attributes:
         plant, participants, arms: as in Args.
@@ -63,7 +63,7 @@ class ArmWorld:
                 self.plant.apply(self._shared.command)
             self.participants.step(self._time)
         except HricError as error:
-            LOG.error("the simulated arm is reset to its start pose after an error of the physics: %s", error)
+            LOG.error("each simulated arm is reset to its start pose after an error of the physics: %s", error)
             self._reset_plant()
             for arm in self.arms:
                 arm.box.break_down(arm.q_start)

@@ -28,7 +28,7 @@ state, however long it takes to compute, and every motion starts in the same way
 STATES_BEFORE_FIRST = 2
 """Number of states that libfranka reads before its first command: the one with the requested modes and one more."""
 SILENT = 20
-"""Number of states without a command after which one of several arms is not waited for any more.
+"""Number of states without a command after which a world of several arms no longer waits for this one.
 
 Project default, unconfirmed: the number of lost commands that ends a motion.
 """
@@ -87,7 +87,7 @@ class LockStepClock(CycleClock):
     Args:
         real_time_factor: maximum robot time per wall time; 0: as fast as the client sends (in idle mode: real time).
         lossy: True on a network that loses datagrams: TIME_OUT applies to all commands.
-        alone: False if other arms wait with this one; then a client that is silent for SILENT states is not waited for.
+        alone: True for the only arm of a world; False: do not wait for a client that was silent for SILENT states.
     """
 
     def __init__(self, real_time_factor: float = 1.0, lossy: bool = False, alone: bool = True) -> None:
@@ -117,7 +117,7 @@ class LockStepClock(CycleClock):
 
 
 def make_clock(name: str, real_time_factor: float, lossy: bool = False, alone: bool = True) -> CycleClock:
-    """Return the clock "lock_step" or "wall"; the others: of LockStepClock. Raises UnknownNameError, ParameterError."""
+    """Return the clock "lock_step" or "wall"; arguments: see LockStepClock. Raises UnknownNameError, ParameterError."""
     if name == "lock_step":
         return LockStepClock(real_time_factor, lossy, alone)
     if name == "wall":

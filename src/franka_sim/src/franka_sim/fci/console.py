@@ -18,14 +18,14 @@ push LINK FX FY FZ SECONDS   push a link with a force in the world frame [N]
 object WIDTH                 put an object of this width between the fingers [m]; 0: remove it
 reset                        put the arm back to its start pose
 help                         print these commands
-Several arms: the name of the arm first, e.g. left user_stop on"""
+With several arms, begin with the name of one, e.g. left user_stop on"""
 
 
 class Console:
     """Console that reads commands from a file descriptor and executes them between two cycles of the arm.
 
     Args:
-        devices: arms by name; of several, a command begins with the name of its arm.
+        devices: arms by name; if there are several, a command begins with the name of its arm.
         file: file descriptor, e.g. that of the standard input.
         on_end: callback for the end of the file.
     """

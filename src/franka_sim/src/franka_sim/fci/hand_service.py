@@ -125,13 +125,16 @@ class HandService(Service):
 
 VACUUM, DROP_OFF, VACUUM_STOP = 1, 2, 3
 VACUUM_STATE = struct.Struct("<I???Bii")
-"""Its state: message_id, in_control_range, part_detached, part_present, device status, power [%], vacuum [mbar]."""
+"""State datagram of the vacuum gripper.
+
+Fields: message_id, in_control_range, part_detached, part_present, device status, power [%], vacuum [mbar].
+"""
 GREEN = 0
 """Device status without warnings: nothing wears out here."""
 
 
 class VacuumService(HandService):
-    """Service at the vacuum gripper's port; the arguments are those of the hand's."""
+    """Network service of the emulated vacuum gripper; arguments as for `HandService`."""
 
     name, port, version = "vacuum gripper", 1339, 1
     payloads: ClassVar[Mapping[int, struct.Struct]] = {
@@ -159,6 +162,6 @@ class VacuumService(HandService):
 
 
 def tool_service(selector: selectors.BaseSelector, tool: Tool, ip: str, faults: NetworkFaults) -> HandService:
-    """Return the service of what is mounted at the flange; arguments as for `HandService`. Raises HricError."""
+    """Return the service of a hand or vacuum gripper; arguments as for `HandService`. Raises HricError."""
     kind = VacuumService if isinstance(tool, VacuumGripper) else HandService
     return kind(selector, tool, ip, faults)

@@ -42,7 +42,13 @@ class RobotKind:
     accelerometers: Callable[[], dict[str, FloatArray]] = dict
 
     def description(self, hand: bool, vacuum: bool, collision: bool) -> str:
-        """Return the URDF for plant and box, with a vacuum gripper in place of the hand or without it."""
+        """Return the URDF for plant and control box.
+
+        Args:
+            hand: True: with a hand, unless there is a vacuum gripper.
+            vacuum: True: with a vacuum gripper.
+            collision: True: with collision shapes.
+        """
         urdf_xml = self.urdf(hand and not vacuum, collision)
         return with_pump(urdf_xml, self.arm_id) if vacuum else urdf_xml
 

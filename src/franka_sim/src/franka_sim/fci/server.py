@@ -21,7 +21,7 @@ CYCLES_PER_STEP = round(STEP / PERIOD)
 
 @dataclass(frozen=True)
 class FciArm:
-    """Emulated robot and its control box's address.
+    """Emulated robot, with address and protocol of its control box.
 
     Attributes:
         device: the emulated robot.
@@ -40,7 +40,7 @@ class FciServer:
     In a cycle all robots take their commands, their world advances once, and then all send their states.
 
     Args:
-        arms: robots of one world, in its order; a single one may be any device.
+        arms: robots of one world, in its order; a single robot may be any `Device`.
         clock: "lock_step" or "wall".
         pace: real-time factor; 0 (lock-step only): as fast as the client.
         faults: faults of the network.

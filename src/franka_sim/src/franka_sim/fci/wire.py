@@ -89,7 +89,7 @@ class StateCodec:
 
     Attributes:
         names: numeric fields in the order of the datagram.
-        accelerometers: fields of the accelerometers, which follow them; empty without.
+        accelerometers: fields of the accelerometers, which follow `names`; empty: the datagram has none.
         size: size of the datagram [bytes].
     """
 

@@ -23,11 +23,11 @@ def build_world(arms: Mapping[str, EmulatedArmInput], node: Node) -> ArmWorld:
     """Build the world of emulated arms: plant, participants, and the control box of each arm.
 
     Args:
-        arms: the arms by name; several stand in one plant.
+        arms: inputs of the arms by name; several arms share one plant.
         node: private namespace of the robot node, where the plant's participants read their parameters.
 
     Raises:
-        HricError: a parameter, a name or the description cannot be used.
+        HricError: a parameter or a description is invalid, or the arms do not fit into one plant.
     """
     needed = {name: arm.plant_input() for name, arm in arms.items()}
     plant_type = common("plant_type", {name: arm.settings.plant_type for name, arm in arms.items()})
@@ -49,7 +49,7 @@ def build_world(arms: Mapping[str, EmulatedArmInput], node: Node) -> ArmWorld:
 
 
 def served_arms(arms: Mapping[str, EmulatedArmInput], world: ArmWorld) -> dict[str, FciArm]:
-    """Return the arms of a world with their addresses, for the server; arms: what the world was built from."""
+    """Return the arms of a world by name, with their addresses; arms: inputs from which the world was built."""
     return {
         name: FciArm(device, arm.ip, arm.robot.version)
         for (name, arm), device in zip(arms.items(), world.arms, strict=True)

@@ -54,4 +54,8 @@ class PushTable(TableFile):
         count = sum(len(group.intervals) for group in self.columns)
         for row in (*self.push, *self.pull):
             if {len(row.initial), len(row.sustained)} != {count}:
-                raise refused(f"{where}height {row.height:g}", len(row.initial), f"{count} forces of each kind")
+                raise refused(
+                    f"{where}height {row.height:g}: number of initial and sustained forces",
+                    (len(row.initial), len(row.sustained)),
+                    f"{count} each, one per interval of the columns",
+                )

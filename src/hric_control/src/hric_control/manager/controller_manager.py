@@ -87,9 +87,9 @@ class ControllerManager:
         self._loop.update(time, period, reset_controllers)
 
     def share_robots(self, managers: Sequence["ControllerManager"]) -> None:
-        """Respect the running controllers of other managers, whose robots this manager commands, too; and vice versa.
+        """Refuse conflicts with running controllers of other managers that command the same robots, and vice versa.
 
-        All these managers execute one request at a time. To be called before the first request.
+        All these managers execute one request at a time. Call it before the first request.
         """
         for manager in managers:
             manager._lock = self._lock
@@ -242,7 +242,7 @@ class ControllerManager:
         self._hw.prepare_switch(start, [entry.info for entry in plan.stop])
 
     def _running_elsewhere(self) -> Sequence[ControllerInfo]:
-        """Return the running controllers for another manager, which may have controllers of the same names."""
+        """Return the running controllers under their full names, as another manager may have the same short names."""
         return [replace(entry.info, name=self._node.resolve(entry.name)) for entry in self._loop.running]
 
     def _carry_out(self, request: SwitchRequest, loop_running: bool) -> None:

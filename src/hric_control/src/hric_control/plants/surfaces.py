@@ -107,7 +107,9 @@ class Surfaces:
                 continue
             meant = [link for link in surfaces if fnmatchcase(link, link_pattern)]
             if not meant and model_pattern == model:
-                raise UnknownNameError("link", link_pattern, surfaces, f"surfaces, of {rule.link}")
+                raise UnknownNameError(
+                    "link", link_pattern, surfaces, f"model {model}, for the rule {rule.link} of surfaces"
+                )
             surfaces.update({link: rule.over(surfaces[link], self._default_stiffness) for link in meant})
         return surfaces
 

@@ -55,7 +55,14 @@ class CombinedSettings(Settings):
 
 @dataclass(frozen=True)
 class _Route:
-    """Way of the commands for one robot, from controllers of the combined robots."""
+    """Path of joint commands from controllers of the combination to one robot.
+
+    Attributes:
+        robot: the robot.
+        combined: commands of all joints.
+        own: commands of the robot's joints.
+        span: indices of the robot's joints in `combined`.
+    """
 
     robot: SimulatedRobot
     combined: JointCommands
@@ -63,11 +70,11 @@ class _Route:
     span: slice
 
     def fetch(self) -> None:
-        """Take over the present commands of the robot."""
+        """Copy the robot's present commands to the combination."""
         self.combined.value[self.span] = self.own.value
 
     def deliver(self) -> None:
-        """Set the commands of the robot."""
+        """Copy the combination's commands to the robot."""
         self.own.value[:] = self.combined.value[self.span]
 
 
@@ -167,7 +174,7 @@ class CombinedHWSim(SimulatedRobot):
         return all([robot.switch_done(start) for robot in self._robots.values()])
 
     def _halt_with_others(self) -> None:
-        """Halt the robots that share a controller with a robot in an error state, as franka_ros does; no others."""
+        """Halt robots that share a controller with one in an error state, as franka_ros does; release the others."""
         halted: set[SimulatedRobot] = set()
         for info in self._controllers.values():
             joints = frozenset[str]().union(*info.claims.values())
@@ -271,9 +278,10 @@ class CombinedHWSim(SimulatedRobot):
 
 
 def robot_nodes(root_node: Node, robot_hw_node: Node) -> dict[str, tuple[Node, Node]]:
-    """Return two nodes of each combined robot by its name: of its namespace, and of its private one.
+    """Return two nodes for each combined robot, by its name: one of its namespace, and one of its private one.
 
-    If the parameter `arms` is a mapping, these namespaces get its values, and it becomes a list of the names.
+    If the parameter `arms` is a mapping, its values become parameters of these namespaces, and it
+    becomes a list of the names.
 
     Args:
         root_node: node of the namespace of all robots.
@@ -336,7 +344,12 @@ def _mapping(value: object) -> dict[str, object]:
 
 
 def common(key: str, values: Mapping[str, object]) -> Any:
-    """Return the value of a parameter that is the same for all robots, by name; raise ParameterError if it differs."""
+    """Return the value that all robots have for a parameter; raise ParameterError if they differ.
+
+    Args:
+        key: name of the parameter, relative to `robot`.
+        values: value of each robot, by its name.
+    """
     first, *others = values.values()
     if any(value != first for value in others):
         each = ", ".join(f"{value!r} for {name}" for name, value in values.items())

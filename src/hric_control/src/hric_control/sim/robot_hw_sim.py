@@ -151,7 +151,7 @@ class RobotHWSim(SimulatedRobot):
                     seen[joint] = interface
 
     def do_switch(self, start: Sequence[ControllerInfo], stop: Sequence[ControllerInfo]) -> None:
-        """Set each joint to the command mode of the interface that claims it; a changed joint first stays at rest.
+        """Set each joint to the command mode of the interface that claims it; a joint whose mode changes first rests.
 
         Joints of other robots, in claims of a controller of several robots, are ignored.
         """

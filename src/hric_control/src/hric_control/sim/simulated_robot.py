@@ -45,8 +45,8 @@ class SimulatedRobot(RobotHW):
         plant: simulated physics of the robot and its surroundings.
         loop: simulation loop, which defines robot time.
         rotor_inertia: rotor inertia at the plant's joints, n floats [kg m^2].
-        halted: True while the robot holds its position, as another one with the same controller is in an error state;
-            a robot without an error state does not hold it.
+        halted: True while the robot must hold its position because another one with the same controller is in an error
+            state; types of robot that have no error state ignore it.
     """
 
     description: str

@@ -55,17 +55,17 @@ class EnergyTank:
         self._tau: Sequence[float] = [0.0] * len(q)
 
     def hold(self, tau: Sequence[float]) -> None:
-        """Note the torques that act until the next cycle, without those against gravity, n floats [N m]."""
+        """Record the torques that act until the next cycle, without gravity compensation, n floats [N m]."""
         self._tau = tau
 
     def advance(self, law: CartesianLaw, measured: Pose, q: Sequence[float], elsewhere: float) -> None:
-        """Account for the last cycle, then scale the change of the law's setting to what the tank can give.
+        """Count the energy of the last cycle, then reduce the change of the law's setting to what the tank can pay for.
 
         Args:
             law: law with its new setting.
             measured: pose of the end effector.
             q: joint positions, n floats [rad].
-            elsewhere: energy of springs that are not part of the law [J].
+            elsewhere: energy of springs that are not part of the law, such as those at joint limits [J].
         """
         requested, law.setting = law.setting, self._setting
         stored = law.energy(measured) + elsewhere
@@ -109,12 +109,12 @@ class EnergyTank:
         return 0.0
 
     def admitted(self, law: CartesianLaw, arm: CartesianArmState, tau: list[float], period: float) -> list[float]:
-        """Return torques of which the part beyond spring and damper does no more work than the tank can give.
+        """Return the torques, with the part beyond spring and damper reduced to the work that the tank can pay for.
 
         Args:
             law: law after the calculation of its torques.
             arm: measured state of the arm.
-            tau: torques of the law with all that is added to them, n floats [N m].
+            tau: torques of the law with those of the feed-forward wrench, n floats [N m].
             period: duration of a cycle [s].
         """
         passive = arm.jacobian.T @ np.array(law.wrench)

@@ -11,13 +11,13 @@ from hric_core.realtime import LatestValue
 
 
 class FeedForward:
-    """Newest wrench of a topic, which ends when the topic falls silent.
+    """Newest wrench of a topic; it ends if no other one arrives for `feedforward/timeout`.
 
     Args:
         settings: time after which a wrench ends, and largest wrench.
         base: name of the base frame.
         end_effector: name of the end effector's frame.
-        warn: function that logs a warning outside the loop.
+        warn: function that logs a warning outside the control loop.
     """
 
     def __init__(
@@ -51,12 +51,12 @@ class FeedForward:
         self._newest.set((frame == self._end_effector, wrench))
 
     def advance(self, period: float, orientation: Quaternion, force_limit: float) -> list[float] | None:
-        """Return the wrench on the environment at the end effector, axes of the base [N], [N m]; None: there is none.
+        """Return the wrench that the end effector exerts, axes of the base, 6 floats [N], [N m]; None: there is none.
 
         Args:
             period: time since the last cycle [s].
             orientation: orientation of the end effector in the base.
-            force_limit: largest force [N].
+            force_limit: force to which a larger one is scaled down [N].
         """
         newest = self._newest.take_new()
         self._age += period

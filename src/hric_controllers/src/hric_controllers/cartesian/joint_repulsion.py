@@ -21,7 +21,7 @@ class JointRepulsion:
         self._ranges = ranges
 
     def _depths(self, q: Sequence[float]) -> list[float]:
-        """Return the signed relative depth in the margin of each joint, positive at the lower end; without limit."""
+        """Return the signed relative depth in the margin of each joint, positive at the lower end; not limited to 1."""
         width = self._margin
         return [
             max(0.0, low + width - x) / width - max(0.0, x - high + width) / width

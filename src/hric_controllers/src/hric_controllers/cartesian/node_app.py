@@ -91,6 +91,6 @@ class EquilibriumMarkerNode(NodeApp):
             self._equilibrium.publish(PoseStamped(header=feedback.header, pose=feedback.pose))
 
     def close(self) -> None:
-        """Take the marker away."""
+        """Remove the marker."""
         self._server.clear()
         self._server.applyChanges()

@@ -21,7 +21,7 @@ from hric_core.parameters import refused
 
 
 class ImpedanceOptions:
-    """Parts that parameters add to the law; each is absent unless its parameter is set.
+    """Options of the Cartesian impedance law; each is off unless its parameter is set.
 
     Args:
         settings: parameters of the controller.
@@ -37,7 +37,7 @@ class ImpedanceOptions:
         self._node, self._running = node, False
         tank, repulsion, feedforward = settings.energy_tank, settings.joint_repulsion, settings.feedforward
         if tank.initial > 0.0 and not bounded_work:
-            valid = "0, as a held force may do work without a bound"
+            valid = "0, as the work of a regulated force has no bound"
             raise refused(node.resolve("energy_tank/initial"), tank.initial, valid)
         self._tank = EnergyTank(tank.initial, tank.largest) if tank.initial > 0.0 else None
         self._repulsion = self._feedforward = None
@@ -50,7 +50,7 @@ class ImpedanceOptions:
             self._feedforward = FeedForward(feedforward, base, hand, self._warn)
 
     def open(self) -> None:
-        """Open the topics of the parts that there are."""
+        """Open the topics of the options that are on."""
         if self._tank is not None:
             self._energy = realtime.publisher(self._node, "tank_energy", Float64)
         if self._feedforward is not None:
@@ -108,7 +108,7 @@ class ImpedanceOptions:
         return tau
 
     def hold(self, tau: Sequence[float], gravity: Sequence[float] | None) -> None:
-        """Note the commanded torques, of which `gravity` holds the arm, n floats each [N m]."""
+        """Record the commanded torques and their part against gravity, n floats each [N m]; None: no such part."""
         if self._tank is not None:
             self._tank.hold(tau if gravity is None else [a - b for a, b in zip(tau, gravity, strict=True)])
 

@@ -9,14 +9,14 @@ from hric_core.live import live_parameters
 from hric_core.node import Node, OnChange
 from hric_core.parameters import Settings, names, number, per_joint, refused, section, text
 
-DEFLECTION = "deflection of the spring of {} beyond which its force does not grow; 0: no limit"
+DEFLECTION = "error of {} beyond which the force of the spring no longer grows; 0: no limit"
 
 
 @dataclass(frozen=True)
 class ErrorLimitSettings(Settings):
-    """Largest deflection of the spring, as crisp_controllers (`error_clip`) and serl_franka_controllers have it.
+    """Largest deflection of the spring, as in crisp_controllers (`error_clip`) and serl_franka_controllers.
 
-    They limit each axis, here the length of the vector is limited, so that the force keeps its direction.
+    Those limit each axis; here the length of the vector is limited, so that the force keeps its direction.
     """
 
     translation: float = number(0.0, minimum=0.0, maximum=1.0, unit="m", text=DEFLECTION.format("position"))
@@ -44,7 +44,11 @@ class JointRepulsionSettings(Settings):
     )
     torque: float = number(5.0, above=0.0, maximum=50.0, unit="N m", text="torque at the end of the range and beyond")
     damping: float = number(
-        1.0, minimum=0.0, maximum=10.0, unit="N m s/rad", text="damping at the end of the range; grows like the torque"
+        1.0,
+        minimum=0.0,
+        maximum=10.0,
+        unit="N m s/rad",
+        text="damping at the end of the range; inside the margin in proportion to the depth",
     )
 
     def check_ranges(self, where: str, joints: Sequence[str], ranges: Sequence[tuple[float, float]]) -> None:
@@ -69,8 +73,12 @@ class FeedForwardSettings(Settings):
         unit="s",
         text="time without a new wrench after which the last one ends; 0: there is no topic `feedforward_wrench`",
     )
-    largest_force: float = number(30.0, minimum=0.0, maximum=100.0, unit="N", text="a larger force is refused")
-    largest_torque: float = number(5.0, minimum=0.0, maximum=20.0, unit="N m", text="a larger torque is refused")
+    largest_force: float = number(
+        30.0, minimum=0.0, maximum=100.0, unit="N", text="largest force; a larger one is refused"
+    )
+    largest_torque: float = number(
+        5.0, minimum=0.0, maximum=20.0, unit="N m", text="largest torque; a larger one is refused"
+    )
 
 
 @dataclass(frozen=True)
@@ -82,9 +90,9 @@ class EnergyTankSettings(Settings):
         minimum=0.0,
         maximum=100.0,
         unit="J",
-        text="energy at the start, which the controller may give to the arm beyond what it gets; 0: no tank",
+        text="energy at the start: what the controller may give to the arm beyond what it gets; 0: no tank",
     )
-    largest: float = number(10.0, above=0.0, maximum=100.0, unit="J", text="a full tank takes no more energy")
+    largest: float = number(10.0, above=0.0, maximum=100.0, unit="J", text="energy of a full tank, which takes no more")
 
     def check(self, where: str) -> None:
         """Refuse an initial energy that the tank cannot hold."""

@@ -72,8 +72,8 @@ class TrackingSettings(Settings):
     target_marker: str = text(
         "",
         default_text="by `source`",
-        text="topic of the markers; empty: `hric/perception/mocap` or `mocap/marker` in the robot's namespace; of "
-        "several arms in one world, in that of all arms",
+        text="topic of the markers; empty: `hric/perception/mocap` or `mocap/marker` in the robot's namespace; if "
+        "several arms are in one world, in their common one",
     )
     body: str = text("", text="name of the rigid body; empty: the first of each frame")
     mode: str = choice(

@@ -29,7 +29,7 @@ class PoseTracking:
         node: namespace of the controller.
         base: name of the robot's base frame.
         scale: speed scale; slows the motion to the targets down, not the targets themselves.
-        beside: function that resolves the name of a topic of the whole robot, or of all arms in one world.
+        beside: function that resolves a topic in the robot's namespace, or in the common one of several arms.
 
     Attributes:
         pose: desired pose of the end effector in this cycle, in the base frame.

@@ -10,7 +10,7 @@ from franka_hw_interface.robot_state import RobotState
 from hric_control.hardware_interface import HardwareInterface
 from hric_controllers.porting.reading import Use
 
-AT = "; elsewhere: at(q, dq), with_load(mass, com, inertia) before it"
+AT = "; for another configuration or load, call at(q, dq) or with_load(mass, com, inertia) before"
 """Calls for the model at another configuration or load."""
 CALLS = {
     "getRobotState": "robot_state",

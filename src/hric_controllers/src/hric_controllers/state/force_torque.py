@@ -18,7 +18,7 @@ from hric_core.parameters import Settings, number
 class ForceTorqueSettings(Settings):
     """Parameter of the force-torque sensor controller."""
 
-    publish_rate: float = number(minimum=LOWEST_RATE, maximum=HIGHEST_RATE, unit="Hz")
+    publish_rate: float = number(minimum=LOWEST_RATE, maximum=HIGHEST_RATE, unit="Hz", text="rate of the wrenches")
 
 
 class ForceTorqueSensorController(Controller):

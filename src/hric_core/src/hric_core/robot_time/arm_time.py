@@ -23,7 +23,7 @@ class ArmTime:
 
     Args:
         nodes: nodes whose `now()`, and that of their child nodes, is to return the stamp of the last state.
-        period: time that counts for the first state [s].
+        period: duration of the cycle of the first state [s].
 
     Attributes:
         now: robot time of the last state [s].

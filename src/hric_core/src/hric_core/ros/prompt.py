@@ -55,7 +55,9 @@ class PromptConnection(Listener):
         """Send data, and queue what cannot be sent at once. Raises TransportTerminated if the connection is closed."""
         DISPATCHER.send((Parcel((self,), bytes(data)),))
         if not self.open:
-            raise TransportTerminated("connection closed")
+            raise TransportTerminated(
+                "the connection is closed; this subscriber gets no messages until it connects again"
+            )
         self._connection.stat_bytes += len(data)
         self._connection.stat_num_msg += 1
         return True

@@ -110,7 +110,9 @@ class TrignoClient(Driver):
                 continue
             now = time.monotonic()
             if not got:
-                raise ConnectionResetError("the server closed the connection")
+                raise ConnectionResetError(
+                    "the server closed the connection; check that it runs, the driver connects again by itself"
+                )
             self._stream.arrived(now, decoder.decode(got))
 
 
@@ -142,6 +144,8 @@ def _response(command: socket.socket) -> str:
             raise ValueError(f"a response did not end within {MAX_RESPONSE} bytes and {TIMEOUT:g} s")
         data = command.recv(4096)
         if not data:
-            raise ConnectionResetError("the server closed the connection")
+            raise ConnectionResetError(
+                "the server closed the connection; check that it runs, the driver connects again by itself"
+            )
         received += data
     return received.decode(errors="replace").strip()

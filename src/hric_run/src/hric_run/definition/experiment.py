@@ -280,8 +280,8 @@ class _Motion(Settings):
     parameters: Mapping[str, NodeParameters] = PARAMETERS
     global_parameters: NodeParameters = mapping(
         default={},
-        text="ROS parameters outside the controllers, for controllers that read such, by name: absolute, or relative "
-        "to the namespace of the robot",
+        text="ROS parameters that controllers read outside their own namespaces, by name: absolute, or relative to "
+        "the namespace of the robot",
     )
     setpoints: tuple[Setpoint, ...] = SETPOINTS
     duration: float = number(above=0.0, unit="s", text="robot time of the complete run")
@@ -308,11 +308,13 @@ class Experiment(_Sensed):
     supervisor: NodeParameters | None = _OPTIONAL["supervisor"]
 
     def _check_global_parameters(self) -> None:
-        """Refuse names that are none of ROS, and those of parameters that other keys of the experiment set."""
+        """Refuse invalid names, and those of parameters that other keys of the experiment set."""
         taken = {"robot", "robot_description", "joint_limits", *self.controllers, *self.arms}
         for name in self.global_parameters:
             if not re.fullmatch(r"/?[A-Za-z]\w*(/[A-Za-z]\w*)*", name):
-                raise ParameterError(f"global_parameters: {name!r} is no name of a ROS parameter, such as /robot_ip")
+                raise ParameterError(
+                    f"global_parameters: {name!r} is no name of a ROS parameter; valid: such as /robot_ip"
+                )
             if (first := name.strip("/").split("/")[0]) in taken:
                 raise ParameterError(f"global_parameters.{name}: other keys of the experiment set what is in {first}")
 
@@ -423,7 +425,7 @@ class Experiment(_Sensed):
         mistakes.raise_all()
 
     def _check_arms(self, mistakes: Mistakes) -> None:
-        """Refuse arms of which one is alone or has an invalid key, and motion capture without its arm."""
+        """Refuse a single arm, arms with an invalid key, and motion capture that names no arm."""
         with mistakes.noted():
             arm = "" if self.mocap is None else self.mocap.arm
             if arm not in self.arms if self.mocap is not None and self.arms else arm:

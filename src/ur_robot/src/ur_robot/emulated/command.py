@@ -26,7 +26,7 @@ Q_START = (math.pi, -math.pi / 2, math.pi / 2, -math.pi / 2, -math.pi / 2, 0.0)
 
 
 class EmulatedUr:
-    """Simulated arm, with the stiff drives of its plant, behind an emulated controller; 2 ms per cycle.
+    """Simulated arm whose joints follow the target exactly, behind an emulated controller; 2 ms per cycle.
 
     Args:
         urdf: address of the description, a path or package://...; its joints are those with a transmission.

@@ -1,6 +1,6 @@
 """Emulation of the control program that ur_rtde uploads, of the servo motion, and of the stops of the controller.
 
-The program is URScript, which is not interpreted: its register contract is followed, as in ur_rtde 1.6.5
+The program is URScript, which is not interpreted: its use of RTDE registers is emulated, as in ur_rtde 1.6.5
 (scripts/rtde_control.script, src/rtde_control_interface.cpp). The client writes a command number into the first integer
 input register and its arguments into the others; the program responds in the first integer output register.
 """
@@ -38,12 +38,12 @@ class Servo:
     `lookahead` (unconfirmed), so it follows a goal of constant speed with this delay; the gain has no effect.
 
     Args:
-        q: joint positions at the start [rad].
+        q: joint positions at the start, 6 floats [rad].
 
     Attributes:
-        q: target position [rad].
-        speed: its velocity [rad/s].
-        goal: position to approach [rad]; None: brake, then hold.
+        q: target position, 6 floats [rad].
+        speed: velocity of the target position, 6 floats [rad/s].
+        goal: position to approach, 6 floats [rad]; None: brake, then hold.
         lookahead: time constant [s].
         deceleration: deceleration while braking [rad/s^2].
     """
@@ -54,7 +54,7 @@ class Servo:
         self.lookahead, self.deceleration = 0.1, BRAKING
 
     def brake(self, deceleration: float) -> None:
-        """Brake from now on, and hold."""
+        """Brake with a deceleration [rad/s^2], then hold."""
         self.goal, self.deceleration = None, deceleration
 
     @property
@@ -81,7 +81,7 @@ class UrController:
 
     Args:
         q: joint positions at the start, 6 floats [rad].
-        limits: (lower, upper, speed) of each joint [rad, rad, rad/s].
+        limits: lower and upper position and largest speed of each joint [rad, rad, rad/s].
 
     Attributes:
         time: time since the start [s].
@@ -112,7 +112,7 @@ class UrController:
         return self._cycles * PERIOD
 
     def write(self, values: dict[str, float]) -> None:
-        """Write input registers, as a client sent them."""
+        """Write the input registers that a client sent, by name."""
         self.inputs.update(values)
         if f"input_int_register_{self._offset}" in values:
             self._written = self.time
@@ -120,7 +120,7 @@ class UrController:
     def start_program(self, offset: int) -> None:
         """Start ur_rtde's control program, whose registers begin at `offset`; refused at a protective stop."""
         if self.stop_reason:
-            LOG.warning("program refused: protective stop (%s)", self.stop_reason)
+            LOG.warning("control program refused: unlock the protective stop first (%s)", self.stop_reason)
             return
         self.runtime, self._offset, self._response = Runtime.PLAYING, offset, READY
         self._executing, self._watch = None, 0.0
@@ -141,7 +141,7 @@ class UrController:
         self.servo.brake(BRAKING)
 
     def unlock(self) -> bool:
-        """Unlock a protective stop; False if it is too early. The program stays paused."""
+        """Unlock a protective stop; return False before `UNLOCK_TIME` has passed. The program stays paused."""
         if self.stop_reason and self.time - self._stopped_at < UNLOCK_TIME:
             return False
         self.stop_reason = ""
@@ -193,7 +193,7 @@ class UrController:
         goal = [self._register(i) for i in range(JOINTS)]
         lookahead = self._register(9)
         if not all(map(math.isfinite, goal)) or not 0.03 <= lookahead <= 0.2:
-            self.end_program(f"servoj to {goal} with lookahead_time {lookahead}; valid: finite, 0.03 to 0.2 s")
+            self.end_program(f"servoj to {goal} rad, lookahead_time {lookahead} s; valid: finite, 0.03 to 0.2 s")
             return
         self.servo.goal, self.servo.lookahead = goal, lookahead
 
@@ -202,7 +202,7 @@ class UrController:
         return lambda: self.servo.at_rest
 
     def _stop_by_program(self) -> Callable[[], bool]:
-        self.protective_stop("by the program")
+        self.protective_stop("requested by the client")
         return lambda: True
 
     def _set_watchdog(self) -> Callable[[], bool]:
@@ -211,7 +211,7 @@ class UrController:
         return lambda: True
 
     def _check_target(self) -> None:
-        """Stop if a joint would exceed its speed, which is then kept at its limit, or has left its range."""
+        """Cause a protective stop if a joint exceeds its speed limit, or moves outwards beyond its position range."""
         servo, reason = self.servo, ""
         for i, (lower, upper, fastest) in enumerate(self._limits):
             q, v = servo.q[i], servo.speed[i]
@@ -224,7 +224,13 @@ class UrController:
             self.protective_stop(reason)
 
     def state(self, q: Sequence[float], dq: Sequence[float], tau: Sequence[float]) -> dict[str, Value]:
-        """Return the known variables of a state by name; q [rad], dq [rad/s], tau [N m]: measured, 6 floats each."""
+        """Return the simulated RTDE variables by name.
+
+        Args:
+            q: measured joint positions, 6 floats [rad].
+            dq: measured joint velocities, 6 floats [rad/s].
+            tau: measured joint torques, 6 floats [N m].
+        """
         stopped = bool(self.stop_reason)
         return {
             "timestamp": self.time,

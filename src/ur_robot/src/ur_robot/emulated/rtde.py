@@ -22,7 +22,7 @@ REGISTERS = 48
 
 
 class RtdeError(Exception):
-    """Error of a client: data that is no RTDE package; its connection is closed."""
+    """Error of a client, whose connection is then closed; the message names what the client sent."""
 
 
 class Package(IntEnum):
@@ -113,7 +113,7 @@ class Recipe:
 
     Attributes:
         names: names of the variables.
-        types: their types; NOT_FOUND for a name that does not exist.
+        types: RTDE types of the variables; NOT_FOUND for a name that does not exist.
     """
 
     def __init__(self, text: bytes, known: Mapping[str, str]) -> None:
@@ -140,7 +140,7 @@ class Recipe:
         return self._layout.pack(*flat)
 
     def unpack(self, payload: bytes) -> dict[str, float]:
-        """Return the single numbers of a payload by name. Raises RtdeError if it has another size."""
+        """Return the scalar variables of a payload by name. Raises RtdeError if it has another size."""
         values = iter(unpacked(self._layout, payload, "inputs"))
         rows = {name: [next(values) for _ in range(size)] for name, size in zip(self.names, self._sizes, strict=True)}
         return {name: row[0] for name, row in rows.items() if len(row) == 1}

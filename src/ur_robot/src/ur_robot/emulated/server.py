@@ -100,12 +100,12 @@ class RtdeSession:
     def _take(self, payload: bytes) -> None:
         number = payload[0] if payload else 0
         if not 1 <= number <= len(self._inputs):
-            raise RtdeError(f"inputs of recipe {number}; valid: 1 to {len(self._inputs)}")
+            raise RtdeError(f"inputs of recipe {number}, but has set up {len(self._inputs)} recipes, numbered from 1")
         self._controller.write(self._inputs[number - 1].unpack(payload[1:]))
 
 
 class ScriptSession:
-    """Connection to the script port, which accepts ur_rtde's control program only; `controller`: the controller."""
+    """Connection to the script port, which accepts ur_rtde's control program only; `controller`: the emulated one."""
 
     greeting = b""
     _program = re.compile(rb"def rtde_control\(\):\n.*?\nend\n", re.DOTALL)
@@ -196,10 +196,10 @@ class _Client:
         self.received += data
         self.unsent += self.session.feed(self.received)
         if len(self.unsent) > MAX_UNSENT:
-            raise RtdeError(f"{len(self.unsent)} bytes of responses that it has not read")
+            raise RtdeError(f"requests without reading the responses ({len(self.unsent)} bytes; valid: {MAX_UNSENT})")
 
     def send(self) -> None:
-        """Send what waits. Raises OSError if the client is gone."""
+        """Send the waiting responses and states. Raises OSError if the client is gone."""
         try:
             while self.unsent:
                 del self.unsent[: self.socket.send(self.unsent)]
@@ -243,7 +243,7 @@ class UrServer:
         self._selector.register(listener, selectors.EVENT_READ, session)
 
     def poll(self, values: Mapping[str, Value]) -> None:
-        """Serve what has arrived, and send the state of this cycle; `values`: its known variables by name."""
+        """Process what has arrived, and send the state of this cycle; `values`: its variables by name."""
         for key, _ in self._selector.select(0):
             if isinstance(key.data, _Client):
                 self._guarded(key.data, key.data.receive)

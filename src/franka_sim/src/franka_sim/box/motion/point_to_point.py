@@ -59,7 +59,11 @@ class PointToPointGenerator(MotionGenerator):
         return NO_ERRORS if self._rates.in_range(state.q_d) else START_POSE_INVALID
 
     def advance(self, command: MotionCommand | None) -> Errors:
-        """Take a new target, if any, and advance by one millisecond; return the error of a target out of range."""
+        """Advance by one millisecond and return the errors.
+
+        Args:
+            command: new target; None: the target stays the same.
+        """
         if command is not None:
             if not command.finished and not self._rates.in_range(command.q):  # NaN is not in range
                 self.reason = self._rates.out_of_range(command.q)

@@ -31,7 +31,7 @@ def invalid(request: MoveRequest) -> str:
     if request.maximum_velocity is None:
         return ""
     if request.generator is not GeneratorMode.JOINT_POSITION or request.controller is ControllerMode.EXTERNAL:
-        return "an asynchronous motion needs joint positions and an internal controller"
+        return "an asynchronous motion must have joint positions as commands, and an internal controller"
     fast = request.maximum_velocity
     return "" if all(isfinite(v) and v > 0.0 for v in fast) else f"maximum velocities {fast} rad/s; valid: above 0"
 
@@ -99,7 +99,7 @@ class MotionRun:
 
     @property
     def asynchronous(self) -> bool:
-        """True if the arm plans the motion itself, such that no packet counts as lost."""
+        """True if the control box plans the motion itself; then no packet counts as lost."""
         return self._planned is not None
 
     def finished(self, command: MotionCommand | None) -> bool:
