@@ -11,7 +11,19 @@ from hric_experiments.cli import experiment_arguments, sort_words
 from hric_run.definition import experiment
 
 OF_ONE_ARM = (
-    *("robot", "no_hand", "q_start", "plant", "rotor_inertia", "friction", "realism", "no_collision", "world", "gui"),
+    *(
+        "robot",
+        "no_hand",
+        "vacuum",
+        "q_start",
+        "plant",
+        "rotor_inertia",
+        "friction",
+        "realism",
+        "no_collision",
+        "world",
+        "gui",
+    ),
     *("no_reflexes", "constant"),
 )
 """Arguments that describe the arm and its surroundings, and are refused with an experiment, which does so itself."""

@@ -273,7 +273,7 @@ class UrServer:
             return
         except (OSError, RtdeError) as error:
             if isinstance(error, RtdeError):
-                LOG.error("a client of the %s sent %s; disconnected", type(client.session).__name__, error)
+                LOG.error("a client of port %d sent %s; disconnected", client.socket.getsockname()[1], error)
             self._drop(client)
 
     def _drop(self, client: _Client) -> None:
