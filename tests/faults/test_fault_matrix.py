@@ -45,6 +45,8 @@ NODES = {
 They need a ROS master, or wait for a peer or viewer (their faults are in tests/integration/test_killed.py), check the
 machine, are ROS's own xacro, or are the program that the others are aliases of.
 """
+SERVERS = {"ur_controller"}
+"""Commands without a program of the same name that wait for a peer, so that they are not tested here."""
 NO_FILES = {"schema"}
 """Commands that neither read nor write files of the user, so that only their standard output can fail."""
 DEFAULT = ["run"]
@@ -141,7 +143,7 @@ def commands() -> list[str]:
     nodes = {path.name for path in SOURCES.glob("*/nodes/*")}
     assert nodes >= NODES
     programs = nodes | {name for name in plugins.names(plugins.COMMAND) if name != "convert" and " " not in name}
-    return sorted(programs - NODES | set(RECIPES))
+    return sorted(programs - NODES - SERVERS | set(RECIPES))
 
 
 def cells() -> Iterator[Any]:

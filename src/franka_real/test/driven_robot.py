@@ -32,8 +32,8 @@ QUIET = {"realtime_priority": 0, "lock_memory": False, "watchdog_timeout": 10.0}
 
 @functools.cache
 def description(robot: str) -> str:
-    inertials = "fr3" if robot == "fr3" else "barycentric"
-    return panda_description.load(inertials=inertials, limits=robot, meshes=False, collision=False)
+    inertials, limits = ("fr3", "fr3") if robot == "fr3" else ("barycentric", "panda")
+    return panda_description.load(inertials=inertials, limits=limits, meshes=False, collision=False)
 
 
 class Law(Controller):

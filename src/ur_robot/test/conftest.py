@@ -5,6 +5,7 @@ import time
 from collections.abc import Iterator
 
 import pytest
+from fci_peer import new_address
 
 from ur_robot.connection import UrLostError, probe
 
@@ -39,7 +40,7 @@ class Box:
 
 @pytest.fixture
 def box() -> Iterator[Box]:
-    made = Box("127.0.0.31")
+    made = Box(new_address())
     yield made
     if made.process.poll() is None:
         made.process.kill()
