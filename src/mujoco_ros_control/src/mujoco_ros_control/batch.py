@@ -108,7 +108,7 @@ class MujocoBatch:
                 state[:] = after[:, 0]
                 q[:, k], dq[:, k] = self._measured(state)
                 self._check_state(k, state)
-        return Trajectories(self._step * np.arange(1, steps + 1), q, dq, tau)
+        return Trajectories(np.asarray(self._step * np.arange(1, steps + 1), np.float64), q, dq, tau)
 
     def _measured(self, state: FloatArray) -> tuple[FloatArray, FloatArray]:
         dq = state[:, self._columns + len(self._columns)]
