@@ -1,5 +1,6 @@
 """Pairs of shapes that are checked for collisions, and rigid contact against closed formulas."""
 
+import coal
 import numpy as np
 import pytest
 from two_link import two_link_urdf
@@ -45,6 +46,23 @@ def test_no_pair_that_is_near_is_left_out(make_plant, contact_urdf, rng):
 
 def test_without_pairs_nothing_is_near():
     assert Collisions([], 3).near(np.zeros(3)) == []
+
+
+ROUND = {"capsule": coal.Capsule(0.05, 0.2), "cylinder": coal.Cylinder(0.05, 0.2), "sphere": coal.Sphere(0.05)}
+
+
+@pytest.mark.parametrize("pair", [("capsule", "capsule"), ("cylinder", "sphere"), ("sphere", "cylinder")])
+def test_shapes_with_a_common_axis_part_across_it(pair, rng):
+    R, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    T = np.eye(4)
+    T[:3, :3] = R * np.linalg.det(R)
+    T_sphere = np.eye(4)
+    a, b = (ROUND[name] for name in pair)
+    T_a, T_b = (T_sphere if name == "sphere" else T for name in pair)
+    touch = Pairing(MARGIN).touch(a, pose(T_a), b, pose(T_b))
+    moved = T_a.copy()
+    moved[:3, 3] = touch.depth * touch.normal
+    assert Pairing(MARGIN).distance(a, pose(moved), b, pose(T_b)) == pytest.approx(0.0, abs=1e-6)
 
 
 def on_a_floor(x, y, friction, depth=0.0):

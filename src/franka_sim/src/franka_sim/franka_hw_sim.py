@@ -96,7 +96,7 @@ class FrankaHWSim(SimulatedRobot, CommandedArm):
     # -- the cycle -----------------------------------------------------------------------------------------------------
 
     def guarded(self, on_cycle: OnCycle) -> OnCycle:
-        """Return a callback that begins a requested motion before the controllers are updated."""
+        """Return a callback that starts the motion that a controller switch has requested, then calls `on_cycle`."""
 
         def begin_and_go_on(time: float, period: float, reset_controllers: bool) -> bool:
             if self.mode is HOLD and self._requested.commanded and not self.error:

@@ -170,9 +170,14 @@ class Parameter:
     def converted(self, value: Any, where: str, joints: Sequence[str]) -> Any:
         """Return the value, converted and checked for its range, before `made` is applied.
 
+        Args:
+            value: value as given.
+            where: name of the parameter, for error messages.
+            joints: names of the joints, for a value by joint.
+
         Raises:
-            ValueError: the value is not valid.
-            ParameterError: an element of the value is not valid.
+            ValueError: the value is not valid; the caller names the parameter.
+            ParameterError: an element of a list or mapping is not valid.
         """
         result = self.convert(value, where, joints)
         if self.above > -math.inf or self.minimum > -math.inf or self.maximum < math.inf:

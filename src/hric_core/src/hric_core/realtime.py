@@ -202,7 +202,7 @@ def hand_over(timeout: float) -> bool:
         timeout: longest wait for the thread to finish the messages of the last call [s of wall time].
 
     Returns:
-        False if that took longer; then nothing was done.
+        False if the thread did not finish in time; then no message was taken from the queue.
     """
     return _thread.hand_over(timeout) if _thread is not None else True
 

@@ -360,7 +360,15 @@ def _doubtful(feet: FootEnds, time: FloatArray, plates: Mapping[int, TrialPlate]
 def _support(
     feet: FootEnds, body_weight: float, time: FloatArray, plates: Mapping[int, TrialPlate], cutoff: float
 ) -> _Support:
-    """Return the loads on the feet; body_weight: in N, time: instants of the trial, shape (n,) [s]."""
+    """Return the loads of the force plates on the feet.
+
+    Args:
+        feet: positions of heel and toe of each foot.
+        body_weight: weight of the person [N]; a load below a share SLIGHT of it is ignored.
+        time: instants of the trial, shape (n,) [s].
+        plates: force plates by number.
+        cutoff: cut-off frequency of the low-pass filter of the loads [Hz].
+    """
     support = _Support([], {link: () for link in feet}, np.zeros(len(time), bool), [])
     for number, plate in plates.items():
         load = plate.loads(time)

@@ -70,7 +70,10 @@ def use_session(session: str) -> None:
     if not re.fullmatch(r"[A-Za-z0-9_-]{1,60}", session):
         raise ParameterError(f"the lsl session is {session!r}; valid: up to 60 letters, digits, _ and -, or nothing")
     if not confine("liblsl"):  # liblsl has no option for it
-        raise FailureError("liblsl cannot be restricted to loopback: its calls of bind() were not found")
+        raise FailureError(
+            f"lsl session {session!r}: this build of liblsl cannot be restricted to loopback, as it does not import "
+            "bind() of the C library; use the liblsl that scripts/setup installs, or no session"
+        )
     pylsl.set_config_content(_MACHINE.format(session=session))
 
 

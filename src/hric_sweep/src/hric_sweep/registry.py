@@ -9,7 +9,7 @@ from hric_core.parameters import Settings, refused
 
 
 class FileSettings(Settings):
-    """Settings from a YAML file; nested keys are joined by dots in messages and tables."""
+    """Settings of a sweep, study or sampler from a YAML file; messages and tables join nested keys by dots."""
 
     separator = "."
 

@@ -197,7 +197,7 @@ class Controls:
     def _switch(self, message: Mapping[str, Any]) -> None:
         stop = message["stop"]
         if not isinstance(stop, list) or not all(isinstance(name, str) for name in stop):
-            raise ForeignMessageError("the key stop is not a list of names")
+            raise ForeignMessageError("`stop` must be a list of controller names")
         self._actions.switch(_text(message, "start"), stop)
 
     def _joints(self, message: Mapping[str, Any]) -> None:

@@ -146,8 +146,10 @@ class Pairing:
         if not coal.collide(a, T_a, b, T_b, self._request, self._result):
             return None
         contact = self._result.getContact(0)
-        # coal's normal goes from the first shape to the second.
-        return Touch([np.array(contact.pos)], -np.array(contact.normal), -float(contact.penetration_depth))
+        normal = -np.array(contact.normal)  # coal's normal goes from the first shape to the second
+        if not normal.any():  # the axes of round shapes coincide: every direction across them is as short a way out
+            normal = np.array((T_b if isinstance(a, coal.Sphere) else T_a).getRotation())[:, 0]
+        return Touch([np.array(contact.pos)], normal, -float(contact.penetration_depth))
 
     def beyond(self, point: FloatArray, shape: Any, T: Any) -> float:
         """Return the distance of a point from a shape [m], negative inside."""

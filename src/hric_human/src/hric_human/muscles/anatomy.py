@@ -196,7 +196,8 @@ def _muscle(row: _MuscleRow) -> Muscle:
     force, optimal, slack = (float(row[key]) for key in ("max_force", "optimal_length", "slack_length"))
     if not (0.0 < force < math.inf and 0.0 < optimal < math.inf and 0.0 <= slack < math.inf):
         raise ValueError(
-            f"muscle {row['name']} has max_force {force} N, optimal_length {optimal} m, slack_length {slack} m"
+            f"muscle {row['name']}: max_force {force} N, optimal_length {optimal} m, slack_length {slack} m; valid: "
+            "finite numbers, the first two above 0, slack_length at least 0"
         )
     pulls = {}
     for centre, (x, y, z) in row["pulls"].items():
