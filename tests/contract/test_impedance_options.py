@@ -154,8 +154,8 @@ def test_the_wrench_of_the_arm_is_a_force_torque_sensor(
     assert np.linalg.norm([force.x, force.y, force.z]) == pytest.approx(10.0, abs=1.5)
 
 
-def test_a_joint_stays_away_from_the_end_of_its_range(connect: Callable[..., Robot]) -> None:
-    limit = list(panda_description.joint_limits().values())[5]
+def test_a_joint_stays_away_from_the_end_of_its_range(connect: Callable[..., Robot], backend: str) -> None:
+    limit = list(panda_description.joint_limits(limits="fr3" if backend == "fr3" else "panda").values())[5]
     repulsion = {"margin": 0.6, "torque": 20.0}
     bench = Bench(connect(), joint_repulsion=repulsion, filter_time=1.0, largest_step=1.0, nullspace_stiffness=0.0)
     goal = (0.007, 0.0, 0.787)  # without the repulsion, joint 6 comes within 0.3 rad of its end

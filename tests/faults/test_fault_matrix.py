@@ -38,7 +38,18 @@ NODES = {
     *("experiment", "recorder", "spawn", "supervisor", "robot", "spawner", "unspawner", "controller_manager"),
     *("franka_gripper", "control_box", "emulated_arm", "emulated_motive", "natnet_client", "body", "camera", "emg"),
     *("emulated_emg", "emulated_human", "emulated_plate", "force_plate", "live_plot", "live_view", "person"),
-    *("view", "window", "try", "synchronizer", "synchronizer_cpp", "calibrate", "check_workstation", "xacro", "hric"),
+    *(
+        "view",
+        "window",
+        "try",
+        "synchronizer",
+        "synchronizer_cpp",
+        "calibrate",
+        "check_workstation",
+        "xacro",
+        "hric",
+        "equilibrium_marker",
+    ),
 }
 """Programs that are not tested here.
 

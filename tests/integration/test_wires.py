@@ -26,6 +26,7 @@ OTHERS = (
     ("scripts/scheduler", "--port", "8786"),
     ("scripts/worker", "tcp://127.0.0.1:8786", "--workers", "1"),
     ("scripts/docs", "--serve"),
+    ("devel/bin/hric", "ur_controller", "--ip", "127.0.0.1"),
 )
 """Programs with ports that no bring-up starts; the worker waits for the scheduler."""
 FILE = ROOT / "src/hric_experiments/config/experiments/data_collection.yaml"
