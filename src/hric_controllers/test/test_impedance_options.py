@@ -264,7 +264,7 @@ def test_a_margin_without_known_ranges_or_without_room_is_refused():
 
 
 def test_the_force_controller_refuses_a_tank():
-    with pytest.raises(HricError, match=r"energy_tank/initial is 1\.0; valid: 0, as a held force"):
+    with pytest.raises(HricError, match=r"energy_tank/initial is 1\.0; valid: 0, as the work of a regulated force"):
         ArmRig("force_controller", energy_tank={"initial": 1.0})
 
 
