@@ -13,6 +13,7 @@ import pytest
 
 from hric_assessment.contact.limits import Limits
 from hric_assessment.separation.capsules import distances
+from hric_control.speed_scale import stopping_time
 from hric_core.errors import HricError
 
 gymnasium = pytest.importorskip("gymnasium", reason="scripts/setup --with learning")
@@ -183,7 +184,7 @@ def test_what_does_not_fit_is_refused_with_the_valid_choices() -> None:
         ({"task": "Handover", "person": "none"}, "valid: scripted, policy"),
         ({"population": "children"}, "adult_female"),
         ({"step": 0.0015}, "a multiple of 0.001 s"),
-        ({"weights": {"speed": 1.0}}, "effort, force, posture, separation"),
+        ({"weights": {"speed": 1.0}}, "effort, force, posture, separation, stopping"),
     ):
         with pytest.raises(HricError, match=match):
             CollaborationEnv(**settings)
@@ -220,6 +221,25 @@ def test_a_guided_hand_goes_where_the_agent_sends_it_and_stays_where_the_arm_end
 def straight(env: CollaborationEnv, values: dict[str, Any]) -> Any:
     offset = env.goal.at(0.0) - values["ee_position"]
     return 0.3 * offset / np.abs(offset).max()
+
+
+def test_the_cost_stopping_is_the_way_of_a_stop_towards_the_person_as_share_of_the_distance() -> None:
+    """The person does not move in the first half second; the time of a stop is that of the supervisor's defaults."""
+    env = CollaborationEnv("Reach", "end_effector_stream")
+    before, _ = env.reset(seed=1)
+    env.goal._point = np.array([0.43, -0.27, 0.52])  # their left hand
+    before, _, _, _, info = env.step(np.zeros(3))
+    shares, expected = [info["costs"]["stopping"]], [0.0]
+    for _ in range(8):
+        after, _, _, _, info = env.step(straight(env, before))
+        speed, distance = (before["separation"][0] - after["separation"][0]) / env.period, after["separation"][0]
+        shares.append(info["costs"]["stopping"])
+        expected.append(speed * (0.1 + 0.5 * stopping_time(1.0) + 0.25) / distance)
+        before = after
+    env.close()
+    assert shares[0] < 0.01 and expected[-1] > 0.3
+    ratios = np.divide(shares[-3:], expected[-3:])  # a part that is not the nearest may have the larger share
+    assert ratios.min() > 0.95 and ratios.max() < 1.25
 
 
 @pytest.mark.parametrize("seed", [1, 4, 7])

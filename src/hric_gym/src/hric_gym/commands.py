@@ -3,9 +3,10 @@
 import argparse
 import time
 from pathlib import Path
+from typing import Any
 
 from hric_core.command import Argument, Command
-from hric_core.errors import NOT_GOOD, HricError
+from hric_core.errors import NOT_GOOD, HricError, check_known
 from hric_core.parameters import number, whole
 from hric_core.processes import INTERRUPTED_CODE
 
@@ -42,10 +43,10 @@ class TrainCommand(Command):
             ),
             Argument(
                 "--cost-limit",
-                type=float,
-                help="largest mean cost of an episode: the sum over its steps of contact force beyond a tenth of the "
-                "limit, as share of the limit [1]; the training finds the weight of the cost (default: no limit, "
-                "and a fixed weight)",
+                nargs=2,
+                metavar=("COST", "SHARE"),
+                help="largest share of the episodes, 0 to 1, in which a cost may exceed its limit, e.g. stopping 0.3; "
+                "the training finds the weight of the cost (default: no limit)",
             ),
             Argument(
                 "--resume", action="store_true", help="continue from the checkpoint, with its steps, seed and weights"
@@ -57,6 +58,7 @@ class TrainCommand(Command):
         from hric_controllers.policy.network import PolicyNetwork
         from hric_gym.environment import WEIGHTS
         from hric_gym.policy_env import contract
+        from hric_gym.tasks import COSTS
         from hric_gym.training import train
 
         output = arguments.output
@@ -69,11 +71,13 @@ class TrainCommand(Command):
         steps = whole(minimum=1000).checked(STEPS if arguments.steps is None else arguments.steps, "--steps")
         if output.suffix != ".onnx" or not output.parent.is_dir():
             raise HricError(f"--output is {output}; valid: a file with the suffix .onnx in a folder that exists")
-        weights = {name: _weight(text) for name, text in arguments.weight}
+        weights = {name: _given(text, number(minimum=0.0), "--weight") for name, text in arguments.weight}
         settings = {"steps": steps, "seed": whole(minimum=0).checked(arguments.seed or 0, "--seed")}
         settings["weights"] = WEIGHTS | weights
         if arguments.cost_limit is not None:
-            settings["cost_limit"] = number(minimum=0.0).checked(arguments.cost_limit, "--cost-limit")
+            name, share = arguments.cost_limit
+            check_known("cost", [name], COSTS)
+            settings["cost_limit"] = [name, _given(share, number(minimum=0.0, maximum=1.0), "--cost-limit")]
         agreed = PolicyNetwork(output).contract if arguments.resume else contract(arguments.task, settings)
         before = time.process_time()
         completed = train(agreed, output, resume=arguments.resume)
@@ -82,13 +86,13 @@ class TrainCommand(Command):
         return 0 if completed else INTERRUPTED_CODE
 
 
-def _weight(text: str) -> float:
-    """Return the number of a --weight option. Raises ParameterError if it is not a number of 0 or more."""
+def _given(text: str, quantity: Any, option: str) -> float:
+    """Return the number of an option. Raises ParameterError if it is not a valid one of the quantity."""
     try:
         value: object = float(text)
     except ValueError:
         value = text
-    return float(number(minimum=0.0).checked(value, "--weight"))
+    return float(quantity.checked(value, option))
 
 
 class CheckPolicyCommand(Command):
@@ -101,8 +105,8 @@ class CheckPolicyCommand(Command):
     """
 
     epilog = (
-        "exit codes: 0 the policy scores better than the scripted reach, and force or reflex exceed a limit in at "
-        "most 1 % of the episodes; 3 it does not."
+        "exit codes: 0 the policy scores better than the scripted reach or, if it was trained with a cost limit, keeps "
+        "that, and force or reflex exceed a limit in at most 1 % of the episodes; 3 it does not."
     )
 
     def arguments(self) -> list[Argument]:
@@ -126,7 +130,9 @@ class CheckPolicyCommand(Command):
         speed = usual.checked(usual if arguments.speed is None else arguments.speed, "--speed")
         first = whole(evaluation.FIRST, minimum=0)
         start = first.checked(first if arguments.first is None else arguments.first, "--first")
-        results = evaluation.evaluated(PolicyNetwork(arguments.policy), episodes, start, speed)
+        network = PolicyNetwork(arguments.policy)
+        limit: Any = network.contract.training.get("cost_limit")
+        results = evaluation.evaluated(network, episodes, start, speed)
         print(f"{episodes} episodes, seeds {start} to {start + episodes - 1}")
-        print(evaluation.table(results))
-        return 0 if evaluation.passed(results) else NOT_GOOD
+        print(evaluation.table(results, limit))
+        return 0 if evaluation.passed(results, limit) else NOT_GOOD

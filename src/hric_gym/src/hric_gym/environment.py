@@ -17,7 +17,7 @@ from hric_gym.guided import TARGETS
 from hric_gym.judge import Costs, Judge
 from hric_gym.picture import Renderer, prepare
 from hric_gym.spaces import Box, Env, Values, arm_values, as_values, dict_space, person_values, unit_box
-from hric_gym.tasks import DRAWN, DRAWS, HAND, TASKS, PersonChoice, drawn_body, scene
+from hric_gym.tasks import COSTS, DRAWN, DRAWS, HAND, TASKS, PersonChoice, drawn_body, scene
 from hric_human.control.inverse_kinematics import OutOfReachError
 from hric_human.participant.settings import HumanSettings
 from hric_run.definition.parameters import HUMAN, overlay
@@ -56,7 +56,7 @@ class CollaborationEnv(Env):
         action: name of an action mode, one of `actions.MODES`.
         person, trial, population, drive: person next to the arm, see `tasks.PersonChoice` (person: its `kind`).
         step: robot time between two actions, a multiple of 1 ms [s].
-        weights: weights of the costs in the reward, by name (force, separation, posture, effort); None: WEIGHTS.
+        weights: weights of the costs in the reward, by name (one of `tasks.COSTS`); None: WEIGHTS.
         changes: overrides of the experiment, `key:=value`.
         render_mode: "rgb_array", or None: without pictures.
 
@@ -87,7 +87,7 @@ class CollaborationEnv(Env):
         check_known("render_mode", [] if render_mode is None else [render_mode], self.metadata["render_modes"])
         self.task, self._choice = TASKS[task], PersonChoice(person, trial, population, drive)
         self._weights, self.render_mode = WEIGHTS if weights is None else dict(weights), render_mode
-        check_known("cost", self._weights, ("force", "separation", "posture", "effort"))
+        check_known("cost", self._weights, COSTS)
         self._mode_class, self.period, self._cycles = MODES[action], step, round(step / 1e-3)
         if self._cycles < 1 or abs(self._cycles * 1e-3 - step) > 1e-9:
             raise HricError(f"step is {step} s; valid: a multiple of 0.001 s")

@@ -16,8 +16,8 @@ from hric_controllers.policy.network import PolicyNetwork
 from hric_core.geometry import FloatArray
 from hric_gym.actions import STREAM_SPEED
 from hric_gym.environment import CollaborationEnv
-from hric_gym.policy_env import PolicyEnv, environment, force_excess
-from hric_gym.tasks import FORCE, SEPARATION
+from hric_gym.policy_env import PolicyEnv, environment
+from hric_gym.tasks import FORCE, SEPARATION, STOPPING
 from hric_sweep.statistics.intervals import LEVEL, clopper_pearson
 
 FIRST = 1_000_000
@@ -29,6 +29,8 @@ LARGEST = 0.01
 REFLEX = "reflex"
 POLICY, SCRIPTED, RESTING = "policy", "scripted", "resting"
 """Names of the rows of the table: the arm moved by the policy, by ScriptedReach, or not at all."""
+CostLimit = Sequence[Any]
+"""Name of a cost, and largest share of episodes in which it may exceed its limit [1]: `cost_limit` of a training."""
 Act = Callable[[Any, dict[str, Any]], Any]
 """Function (scaled observation, `PolicyEnv.fields` and `first`: True in the first step) -> action, shape (3,)."""
 
@@ -41,10 +43,10 @@ class EpisodeResult:
         score: sum of the rewards of all steps [1].
         success: True if the end effector reached the goal.
         seconds: robot time until the end [s].
-        violations: names of the costs that exceeded their limits, and REFLEX if the control box stopped the arm.
+        violations: names of the costs that exceeded their limits or are not known, and REFLEX if the control box
+            stopped the arm.
         force: largest contact force as share of its limit [1].
         separation: mean ratio of protective separation distance to distance, counted up to 10 [1].
-        cost: sum of `policy_env.force_excess` of all steps [1], which `hric train --cost-limit` limits.
         reflex: names of the errors with which the control box ended the episode; "": none.
     """
 
@@ -54,7 +56,6 @@ class EpisodeResult:
     violations: frozenset[str]
     force: float
     separation: float
-    cost: float
     reflex: str = ""
 
     @property
@@ -101,7 +102,7 @@ def played(env: PolicyEnv, act: Act, seed: int) -> EpisodeResult:
         act: function that chooses the actions.
         seed: seed of the episode.
     """
-    plain, score, seconds, cost = env.unwrapped, 0.0, 0.0, 0.0
+    plain, score, seconds = env.unwrapped, 0.0, 0.0
     observation, info = env.reset(seed=seed)
     violations: set[str] = set()
     forces, separations, ended, first = [0.0], [], False, True
@@ -109,9 +110,8 @@ def played(env: PolicyEnv, act: Act, seed: int) -> EpisodeResult:
         action = act(observation, {**env.fields, "first": first})
         observation, reward, over, late, info = env.step(action)
         score, seconds, ended, first = score + reward, seconds + plain.period, over or late, False
-        violations |= set(info["violations"]) | ({REFLEX} if info["reflex"] else set())
+        violations |= {*info["violations"], *info["not_known"]} | ({REFLEX} if info["reflex"] else set())
         forces.append(info["costs"].get(FORCE, 0.0))
-        cost += force_excess(info["costs"])
         separations.append(min(info["costs"].get(SEPARATION, math.nan), 10.0))
     return EpisodeResult(
         score,
@@ -120,7 +120,6 @@ def played(env: PolicyEnv, act: Act, seed: int) -> EpisodeResult:
         frozenset(violations),
         max(forces),
         float(np.mean(separations)),
-        cost,
         info["reflex"],
     )
 
@@ -153,22 +152,19 @@ def evaluated(network: PolicyNetwork, episodes: int, first: int, speed: float) -
 
 def better_by(policy: Sequence[EpisodeResult], scripted: Sequence[EpisodeResult]) -> tuple[float, float]:
     """Return the mean of the policy's score minus the scripted one in the same episodes, and half its 95 % interval."""
-    return _mean([a.score - b.score for a, b in zip(policy, scripted, strict=True)])
-
-
-def _mean(values: Sequence[float]) -> tuple[float, float]:
-    """Return the mean of values and half its 95 % interval."""
+    values = [a.score - b.score for a, b in zip(policy, scripted, strict=True)]
     half = float(stdtrit(len(values) - 1, 0.5 + 0.5 * LEVEL)) * float(np.std(values, ddof=1))
     return float(np.mean(values)), half / len(values) ** 0.5
 
 
-def table(results: dict[str, list[EpisodeResult]]) -> str:
-    """Return the text table of the results of `evaluated`."""
+def table(results: dict[str, list[EpisodeResult]], limit: CostLimit | None = None) -> str:
+    """Return the text table of the results of `evaluated`; `limit`: cost limit of the policy's training."""
+    limits = dict.fromkeys((FORCE, REFLEX, STOPPING, SEPARATION, *(limit or ())[:1]))
     columns = "".join(f"{name:>9}" for name in ("episodes", "score", "reached", "time", "force"))
     lines = [f"{'':10}{columns}{'separation':>12}   episodes above a limit"]
     for name, episodes in results.items():
         reached = [episode.seconds for episode in episodes if episode.success]
-        above = {limit: [limit in episode.violations for episode in episodes] for limit in (FORCE, REFLEX, SEPARATION)}
+        above = {limit: [limit in episode.violations for episode in episodes] for limit in limits}
         above["force or reflex"] = [episode.violated for episode in episodes]
         counts = [f"{limit} {_counted(flags)}" for limit, flags in above.items()]
         lines.append(
@@ -179,11 +175,11 @@ def table(results: dict[str, list[EpisodeResult]]) -> str:
     for name, episodes in results.items():
         reflexes = Counter(episode.reflex for episode in episodes if episode.reflex)
         lines.append(f"reflexes of {name}: " + (", ".join(f"{x} {count}" for x, count in reflexes.items()) or "none"))
-    for name in (POLICY, SCRIPTED):
-        mean, half = _mean([episode.cost for episode in results[name]])
-        lines.append(f"cost of an episode, {name}: {mean:.4f} +- {half:.4f} (95 %)")
     mean, half = better_by(results[POLICY], results[SCRIPTED])
     lines.append(f"score of the policy minus score of the scripted reach: {mean:.2f} +- {half:.2f} (95 %)")
+    if limit is not None:
+        shown = "kept" if _kept(results[POLICY], limit) else "not shown to be kept"
+        lines.append(f"{limit[0]} above its limit in at most {100.0 * limit[1]:g} % of the episodes: {shown}")
     return "\n".join(lines)
 
 
@@ -193,12 +189,20 @@ def _counted(flags: Sequence[bool]) -> str:
     return f"{sum(flags)} ({low:.1f} to {high:.1f} %)"
 
 
-def passed(results: dict[str, list[EpisodeResult]]) -> bool:
-    """Return True if the policy scores better and exceeds a force limit, or causes a reflex, in few episodes (LARGEST).
+def _kept(episodes: Sequence[EpisodeResult], limit: CostLimit) -> bool:
+    """Return True if the exact 95 % interval of the share of episodes above the limit ends at the permitted share."""
+    above = sum(limit[0] in episode.violations for episode in episodes)
+    return bool(clopper_pearson(above, len(episodes))[1] <= limit[1])
 
-    Better: the 95 % interval of the difference to the scripted reach is above 0.
+
+def passed(results: dict[str, list[EpisodeResult]], limit: CostLimit | None = None) -> bool:
+    """Return True if the policy is good and exceeds a force limit, or causes a reflex, in few episodes (LARGEST).
+
+    Good: the 95 % interval of the difference to the scripted reach is above 0; or, for a policy with a cost limit, the
+    interval of the share of episodes in which the cost exceeds its limit does not exceed the permitted share.
     """
     episodes = results[POLICY]
     above = sum(episode.violated for episode in episodes)
     mean, half = better_by(episodes, results[SCRIPTED])
-    return mean - half > 0.0 and above <= LARGEST * len(episodes)
+    good = mean - half > 0.0 if limit is None else _kept(episodes, limit)
+    return good and above <= LARGEST * len(episodes)

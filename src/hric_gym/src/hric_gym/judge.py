@@ -1,4 +1,4 @@
-"""Costs of a step by the rules of hric_assessment: force, separation, posture and effort, as shares of their limits."""
+"""Costs of a step by the rules of hric_assessment, `tasks.COSTS`, as shares of their limits."""
 
 import math
 from collections.abc import Iterable
@@ -14,7 +14,7 @@ from hric_assessment.ergonomics.rula import Rula
 from hric_assessment.findings import Finding, Outcome
 from hric_control.sim.simulated_robot import SimulatedRobot
 from hric_core.geometry import FloatArray
-from hric_gym.tasks import EFFORT, FORCE, POSTURE, SEPARATION
+from hric_gym.tasks import COSTS, EFFORT, FORCE, POSTURE, SEPARATION, STOPPING
 from hric_human.contact import ContactSeries, RegionContact, RegionContacts
 from hric_human.participant.settings import HUMAN, HumanSettings
 from hric_run.observation import SimulationState
@@ -128,23 +128,25 @@ class Judge:
         findings = self._watch.findings()
         poor = [finding for finding in findings if finding.outcome != Outcome.WITHIN]
         shares = {FORCE: max((math.inf if item.share is None else item.share for item in findings), default=0.0)}
-        shares[SEPARATION] = self._separation(observation)
+        shares[SEPARATION], shares[STOPPING] = self._separation(observation)
         effort = float(np.nanmax(person.strength_share, initial=-math.inf))
         if math.isfinite(effort):
             shares[EFFORT] = effort
         if "trunk_flex" in person.joints:
             shares[POSTURE] = self._posture(person.joints, person.q)
         over = {name for name, share in shares.items() if share > 1.0} | ({FORCE} if poor else set())
-        known = (FORCE, SEPARATION, POSTURE, EFFORT)
         return Costs(
             shares,
-            tuple(name for name in known if name in over),
-            tuple(name for name in known if name not in shares),
+            tuple(name for name in COSTS if name in over),
+            tuple(name for name in COSTS if name not in shares),
             tuple(f"{finding.subject}: {finding.outcome}: {finding.reason}" for finding in poor),
         )
 
-    def _separation(self, observation: SimulationState) -> float:
-        """Return the largest ratio of protective separation distance to distance [1]; infinite in a contact."""
+    def _separation(self, observation: SimulationState) -> tuple[float, float]:
+        """Return the largest ratios of protective separation and of stopping distance to distance [1].
+
+        In a contact, the first is infinite, and the second is very large if the arm moves towards the person.
+        """
         person = observation.person
         assert person is not None
         ends = person.capsules.ends
@@ -154,8 +156,9 @@ class Judge:
         speed = float(np.linalg.norm(observation.arm.capsules.velocities, axis=2).max())
         braking = self._stopping.left(observation.time, observation.time, InForce(), speed)
         _, terms = self._protective.measured(near, braking)
-        shares = terms.total / np.maximum(near.distance, TINY)
-        return float(np.where(near.distance > 0.0, shares, math.inf).max())
+        distance = np.maximum(near.distance, TINY)
+        shares = np.where(near.distance > 0.0, terms.total / distance, math.inf)
+        return float(shares.max()), float(((terms.reaction + terms.stopping) / distance).max())
 
     @staticmethod
     def _posture(joints: tuple[str, ...], q: FloatArray) -> float:

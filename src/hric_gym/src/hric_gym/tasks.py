@@ -17,7 +17,7 @@ from hric_sweep import populations
 REACH = Path(__file__).resolve().parents[2] / "config" / "reach.yaml"
 DRAWN, SETPOINTS, HAND = "drawn", "setpoints", "hand"
 """Kinds of goals: a random point, the end effector's position at the experiment's setpoints, the person's motion."""
-FORCE, SEPARATION, POSTURE, EFFORT = "force", "separation", "posture", "effort"
+COSTS = FORCE, SEPARATION, STOPPING, POSTURE, EFFORT = "force", "separation", "stopping", "posture", "effort"
 """Names of the costs of a step, each of which is a share of a limit; see `judge.Costs`."""
 START = 0.05
 """Largest random deviation of a joint from its start position at the start of an episode [rad] (project default)."""

@@ -1,5 +1,6 @@
 """Training of a policy by SAC of stable-baselines3, and its export to ONNX with its contract."""
 
+import math
 import signal
 import threading
 from collections.abc import Mapping
@@ -41,13 +42,21 @@ RATE = 1e-3
 SLOWEST = 0.2
 """Smallest speed that the network can choose, as share of the full speed [1] (project default). At this speed the arm
 reaches every goal within the time of the task, so even an untrained network does."""
+CAREFUL = 0.05
+"""SLOWEST of a training with a cost limit [1] (project default): near the person the arm has to be slower."""
 FORCE_COST = 20.0
-"""Weight with which `policy_env.force_excess` reduces the reward of a training step, unless there is a cost limit [1]
-(project default). Reflexes alone are too rare to show how near a motion came to one."""
-ASCENT = 100.0
-"""Change of the weight of `force_excess` after an episode, per cost beyond the cost limit [1] (project default)."""
-EXCESS = "force_excess"
-"""Key of `info` in training: `policy_env.force_excess` of the step [1]."""
+"""Weight with which `policy_env.force_excess` reduces the reward of a training step [1] (project default). Reflexes
+alone are too rare to show how near a motion came to one."""
+ASCENT = 0.05
+"""Change of the weight of the limited cost per episode above the limit and episode aimed at [1] (project default)."""
+AIM = 0.6
+"""Ratio of the share of episodes at which a training aims to the largest permitted share [1] (project default). A
+policy at the permitted share itself would exceed it in half of all checks."""
+LIMITED = "limited"
+"""Key of `info` in training: limited cost of the step beyond WEIGHED, as share of its limit, at most 1 [1]."""
+WEIGHED = 0.5
+"""Share of its limit above which a limited cost reduces the reward [1] (project default). The training thus also learns
+from steps that come near the limit."""
 TINY = 1e-6
 """Smallest divisor of the goal's offset, which prevents a division by zero [1]."""
 RECENT = 50
@@ -83,7 +92,7 @@ class _Progress(BaseCallback):
 
 
 class CostBuffer(ReplayBuffer):
-    """Replay buffer that reduces the reward of each step by its force excess, at the present weight.
+    """Replay buffer that reduces the reward of each step by its limited cost, times a weight.
 
     Attributes:
         weight: Lagrange multiplier of the constraint [1]; a change applies to all steps in the buffer.
@@ -95,7 +104,7 @@ class CostBuffer(ReplayBuffer):
 
     def add(self, obs: Any, next_obs: Any, action: Any, reward: Any, done: Any, infos: list[dict[str, Any]]) -> None:
         """Store a step; its cost is in `infos`."""
-        self._costs[self.pos] = infos[0][EXCESS]
+        self._costs[self.pos] = infos[0][LIMITED]
         super().add(obs, next_obs, action, reward, done, infos)
 
     def _get_samples(self, batch_inds: Any, env: Any = None) -> Any:
@@ -104,35 +113,54 @@ class CostBuffer(ReplayBuffer):
 
 
 class _CostLimit(BaseCallback):
-    """Dual ascent: after an episode, the weight of the cost grows if its sum exceeds the limit, and else decreases."""
+    """Dual ascent: the weight grows after an episode in which the cost exceeded its limit, and else decreases.
 
-    def __init__(self, limit: float) -> None:
+    A cost that is not known counts as exceeding its limit.
+
+    Args:
+        cost: name of the cost.
+        aim: share of the episodes in which the cost may exceed its limit [1].
+    """
+
+    def __init__(self, cost: str, aim: float) -> None:
         super().__init__()
-        self._limit, self._sum = limit, 0.0
+        self._cost, self._aim, self._above = cost, aim, False
 
     def _on_step(self) -> bool:
-        self._sum += self.locals["infos"][0][EXCESS]
+        info = self.locals["infos"][0]
+        self._above |= self._cost in {*info["violations"], *info["not_known"]}
         if self.locals["dones"][0]:
             buffer = self.locals["replay_buffer"]
-            buffer.weight = max(0.0, buffer.weight + ASCENT * (self._sum - self._limit))
-            self._sum = 0.0
+            buffer.weight = max(0.0, buffer.weight + ASCENT * (self._above - self._aim))
+            self._above = False
         return True
+
+
+def _limit(agreed: PolicyContract) -> Any:
+    """Return the cost limit of a training, [name of the cost, largest share of episodes]; None: there is none."""
+    return agreed.training.get("cost_limit")
+
+
+def slowest(agreed: PolicyContract) -> float:
+    """Return the smallest speed that a network with this contract can choose, as share of the full speed [1]."""
+    return CAREFUL if _limit(agreed) else SLOWEST
 
 
 class TrainingEnv(Wrapper):
     """Environment whose action is the speed of the straight motion to the goal; hard contacts reduce the reward.
 
-    An action of 1 is full speed along the axis on which the goal is farthest, -1 is SLOWEST times that. The network
+    An action of 1 is full speed along the axis on which the goal is farthest, -1 is `slowest` times that. The network
     that `export` writes moves in the same way.
 
     Args:
         env: environment of the policy.
-        weight: weight by which `policy_env.force_excess` reduces the reward [1].
+        agreed: contract of the policy.
     """
 
-    def __init__(self, env: PolicyEnv, weight: float = FORCE_COST) -> None:
+    def __init__(self, env: PolicyEnv, agreed: PolicyContract) -> None:
         super().__init__(env)
-        self.action_space, self._weight = unit_box(1), weight
+        self.action_space, self._slowest = unit_box(1), slowest(agreed)
+        self._limited, *_ = _limit(agreed) or [""]
 
     def reset(self, **settings: Any) -> tuple[Vector, dict[str, Any]]:
         """Begin an episode; return observation and `info`, see `CollaborationEnv.reset`."""
@@ -142,11 +170,12 @@ class TrainingEnv(Wrapper):
     def step(self, action: Vector) -> tuple[Vector, float, bool, bool, dict[str, Any]]:
         """Move straight to the goal for one step; `action`: speed as a number from -1 to 1, shape (1,)."""
         offset = self._observation[-3:]
-        speed = SLOWEST + (1.0 - SLOWEST) * 0.5 * (float(action[0]) + 1.0)
+        speed = self._slowest + (1.0 - self._slowest) * 0.5 * (float(action[0]) + 1.0)
         velocity = speed * offset / max(float(np.abs(offset).max()), TINY)
         self._observation, reward, ended, late, info = self.env.step(velocity)
-        excess = force_excess(info["costs"])
-        return self._observation, float(reward) - self._weight * excess, ended, late, {**info, EXCESS: excess}
+        reward -= FORCE_COST * force_excess(info["costs"])
+        limited = float(np.clip(info["costs"].get(self._limited, math.inf) - WEIGHED, 0.0, 1.0))
+        return self._observation, float(reward), ended, late, {**info, LIMITED: limited}
 
 
 def train(agreed: PolicyContract, output: Path, *, resume: bool = False) -> bool:
@@ -154,7 +183,8 @@ def train(agreed: PolicyContract, output: Path, *, resume: bool = False) -> bool
 
     Args:
         agreed: contract of the policy; its `training` has the task, `steps`, `seed`, `weights` of the reward and, if
-            the training is constrained, `cost_limit`: limit of the mean sum of `policy_env.force_excess` in an episode.
+            the training is constrained, `cost_limit`: name of a cost, and largest share of episodes in which it may
+            exceed its limit.
         output: ONNX file; the checkpoint is next to it, with the suffixes .zip and .replay.
         resume: True: continue from the checkpoint; False: start a new training.
 
@@ -164,8 +194,7 @@ def train(agreed: PolicyContract, output: Path, *, resume: bool = False) -> bool
     torch.set_num_threads(1)  # fastest for networks of this size
     steps, seed = (int(str(agreed.training[name])) for name in ("steps", "seed"))
     checkpoint, replay = output.with_suffix(".zip"), output.with_suffix(".replay")
-    limit: Any = agreed.training.get("cost_limit")
-    env = TrainingEnv(environment(agreed), FORCE_COST if limit is None else 0.0)
+    limit, env = _limit(agreed), TrainingEnv(environment(agreed), agreed)
     rate = {"learning_rate": lambda left: RATE * left}
     if resume:
         if not (checkpoint.is_file() and replay.is_file()):
@@ -176,12 +205,12 @@ def train(agreed: PolicyContract, output: Path, *, resume: bool = False) -> bool
         model = SAC.load(checkpoint, env, custom_objects=rate)
         model.load_replay_buffer(replay)
     else:
-        buffer = None if limit is None else CostBuffer
+        buffer = CostBuffer if limit else None
         model = SAC("MlpPolicy", env, seed=seed, buffer_size=steps, replay_buffer_class=buffer, **rate, **SETTINGS)
     interrupted = threading.Event()
     previous = signal.signal(signal.SIGINT, lambda *_: interrupted.set())
     left = steps - model.num_timesteps
-    callbacks = [_Progress(left, interrupted), *([] if limit is None else [_CostLimit(limit)])]
+    callbacks = [_Progress(left, interrupted), *([_CostLimit(limit[0], AIM * limit[1])] if limit else [])]
     try:
         model.learn(left, callbacks, reset_num_timesteps=False)
     finally:
@@ -200,8 +229,8 @@ def export(model: Any, agreed: PolicyContract, output: Path) -> None:
     """
     actor, make = model.actor, onnx.helper.make_node
     layers = [layer for layer in (*actor.latent_pi, actor.mu) if isinstance(layer, torch.nn.Linear)]
-    half = 0.5 * (1.0 - SLOWEST)
-    constants = {"half": np.float32(half), "middle": np.float32(SLOWEST + half), "tiny": np.float32(TINY)} | {
+    half = 0.5 * (1.0 - slowest(agreed))
+    constants = {"half": np.float32(half), "middle": np.float32(1.0 - half), "tiny": np.float32(TINY)} | {
         name: np.array([value]) for name, value in (("first", agreed.size - 3), ("end", agreed.size), ("axis", 1))
     }
     nodes, value = [], INPUT
