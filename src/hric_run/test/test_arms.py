@@ -164,6 +164,7 @@ def test_what_cannot_be_one_world_is_refused_by_name() -> None:
     )
     payload = {"robot": {"plant": {"payload": {"mass": 1.0}}}}
     refused("plant/payload is set for left and right; valid: for one", left=payload, right=payload)
+    refused(r"arms\.left\.robot\.load is 2\.0; valid: a mapping", left={"robot": {"load": 2.0}})
     refused(
         r"2 mistakes\s+arms.right: setpoints.*not started.*\s+arms.right: parameters for",
         right={"controllers": ["joint_state_controller"]},

@@ -10,7 +10,7 @@ from pathlib import Path
 from textwrap import indent
 from typing import TYPE_CHECKING, Any, cast
 
-from hric_bags.run_file import Definition, NodeParameters
+from hric_bags.run_file import Definition, NodeParameters, with_own
 from hric_control.plant import REPLACEMENT
 from hric_core import plugins, resources
 from hric_core.errors import HricError, ParameterError, ParameterErrors, UnknownNameError, message_about
@@ -330,10 +330,7 @@ class Experiment(_Sensed):
 
     def _arm(self, name: str) -> "Experiment":
         arm, common = self.arms[name], {**asdict(self.robot), "arm_id": name}
-        groups = {
-            key: {**common[key], **value} for key, value in arm.robot.items() if isinstance(common.get(key), dict)
-        }
-        robot = RobotSpec.of({**common, **arm.robot, **groups}, f"arms.{name}.robot")
+        robot = RobotSpec.of(with_own(common, arm.robot), f"arms.{name}.robot")
         part: dict[str, Any] = {key: getattr(arm, key) for key in ("controllers", "parameters", "setpoints")}
         left_out: dict[str, Any] = dict.fromkeys((*_OPTIONAL, *SENSORS, *ADDED))
         return replace(self, arms={}, robot=robot, **part, **left_out)
