@@ -35,6 +35,13 @@ FILES = {
     "controllers: [joint_state_controller]\nduration: 1.0\n",
     "cartesian.yaml": "robot: {hw: franka_sim/FrankaHWSim}\ncontrollers: [cartesian_impedance_controller]\n"
     "duration: 1.0\n",
+    "still.urdf": "<robot name='r'><link name='base'/><link name='arm'><inertial><mass value='1'/><inertia ixx='1' "
+    "iyy='1' izz='1' ixy='0' ixz='0' iyz='0'/></inertial></link><joint name='a' type='continuous'><parent link='base'/>"
+    "<child link='arm'/><limit effort='0' velocity='0'/></joint><transmission name='t'><type>transmission_interface/"
+    "SimpleTransmission</type><joint name='a'><hardwareInterface>hardware_interface/EffortJointInterface"
+    "</hardwareInterface></joint><actuator name='m'/></transmission></robot>",
+    "still.yaml": "robot: {hw: hric_control/RobotHWSim, urdf: still.urdf}\n"
+    "controllers: [joint_state_controller]\nduration: 1.0\n",
     "step.yaml": "robot: {hw: franka_sim/FrankaHWSim, parameters: {reflexs: false}}\n"
     "controllers: [joint_pd_controller]\n"
     "parameters: {joint_pd_controller: {strict_gain: true}}\nduration: 1.0\n",
@@ -158,6 +165,7 @@ MISTAKES = [
     ("run marker_tracking mocap.human.amplitude:=[0,15,5]", r"amplitude is \[0, 15, 5\]; valid: .* from -2 to 2 \[m\]"),
     ("run pd_step simulator:=opensim robot.plant.accuracy:=100", r"valid: a finite number above 0 to 0\.1"),
     ("run smooth.yaml friction:=coulomb", r"friction: coulomb has no effect: no joint has <dynamics friction>"),
+    ("run still.yaml", r"joint a: its limit of effort and velocity is 0, .*valid: above 0, in its <limit> or in"),
     (
         "run pd_step robot.description.friction:=none robot.plant.friction:=coulomb",
         r"friction: coulomb has no effect: no joint has <dynamics friction>",
