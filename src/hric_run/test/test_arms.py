@@ -170,6 +170,12 @@ def test_what_cannot_be_one_world_is_refused_by_name() -> None:
         right={"controllers": ["joint_state_controller"]},
     )
     refused(r"arms: '3rd' is no name", **{"3rd": {"controllers": ["joint_state_controller"]}})
+    refused("arms: other parameters have the name robot; valid: another", robot={"controllers": BROADCASTERS})
+    refused(r"arms\.right: .*xyz is .*500 mm would be", right={"robot": {"description": {"xyz": [0.0, 500.0, 0.0]}}})
+    others = {"joint_pd_controller": {"joints": [f"left_joint{number}" for number in range(1, 8)]}}
+    refused(
+        "controller right/joint_pd_controller cannot be loaded: no joint 'left_joint1'", right={"parameters": others}
+    )
     with pytest.raises(HricError, match="arms has only left; valid: two arms or more"):
         experiment.parse("arms", two_arms(arms={"left": two_arms()["arms"]["left"]}))
     with pytest.raises(HricError, match=r"mocap\.arm is not given; valid: one of left, right"):

@@ -309,7 +309,7 @@ class Experiment(_Sensed):
 
     def _check_global_parameters(self) -> None:
         """Refuse invalid names, and those of parameters that other keys of the experiment set."""
-        taken = {"robot", "robot_description", "joint_limits", *self.controllers, *self.arms}
+        taken = {*self._other_names(), *self.arms}
         for name in self.global_parameters:
             if not re.fullmatch(r"/?[A-Za-z]\w*(/[A-Za-z]\w*)*", name):
                 raise ParameterError(
@@ -317,6 +317,10 @@ class Experiment(_Sensed):
                 )
             if (first := name.strip("/").split("/")[0]) in taken:
                 raise ParameterError(f"global_parameters.{name}: other keys of the experiment set what is in {first}")
+
+    def _other_names(self) -> list[str]:
+        """Return the names of parameters in the namespace of the experiment other than those of arms."""
+        return ["robot", "robot_description", "joint_limits", *self.controllers]
 
     def each_arm(self) -> "dict[str, Experiment]":
         """Return the part of the experiment that concerns one arm, by name of the arm; empty unless there are `arms`.
@@ -438,6 +442,9 @@ class Experiment(_Sensed):
                 raise ParameterError(
                     f"arms: {wrong[0]!r} is no name of an arm; valid: a letter, then letters, digits, _"
                 )
+        with mistakes.noted():
+            if taken := [name for name in self.arms if name in self._other_names()]:
+                raise ParameterError(f"arms: other parameters have the name {taken[0]}; valid: another name")
         for name in self.arms:
             with mistakes.noted():
                 try:
