@@ -30,6 +30,7 @@ from hric_core.parameters import (
     number,
     numbers,
     read_yaml,
+    refused,
     section,
     text,
     unknown,
@@ -232,6 +233,15 @@ class ArmSection(Settings):
     setpoints: tuple[Setpoint, ...] = SETPOINTS
 
 
+def _is_ros_value(value: object) -> bool:
+    """Return True if ROS's parameter server can hold a value."""
+    if isinstance(value, Mapping):
+        return all(isinstance(key, str) and _is_ros_value(item) for key, item in value.items())
+    if isinstance(value, list | tuple):
+        return all(map(_is_ros_value, value))
+    return -(2**31) <= value < 2**31 if isinstance(value, int) else isinstance(value, float | str)
+
+
 def _optional(name: str) -> Any:
     """Return the parameter of an optional section, whose settings class is imported only if a file has the section.
 
@@ -317,10 +327,13 @@ class Experiment(_Sensed):
                 )
             if (first := name.strip("/").split("/")[0]) in taken:
                 raise ParameterError(f"global_parameters.{name}: other keys of the experiment set what is in {first}")
+            if not _is_ros_value(self.global_parameters[name]):
+                valid = "numbers, integers of 32 bits, texts, true, false, and lists and mappings of them"
+                raise refused(f"global_parameters.{name}", self.global_parameters[name], valid)
 
     def _other_names(self) -> list[str]:
         """Return the names of parameters in the namespace of the experiment other than those of arms."""
-        return ["robot", "robot_description", "joint_limits", *self.controllers]
+        return ["robot", "robot_description", "joint_limits", "use_sim_time", *self.controllers]
 
     def each_arm(self) -> "dict[str, Experiment]":
         """Return the part of the experiment that concerns one arm, by name of the arm; empty unless there are `arms`.
@@ -450,7 +463,7 @@ class Experiment(_Sensed):
                 try:
                     self._arm(name).check("")
                 except HricError as error:
-                    lines = str(error).splitlines()
+                    lines = [line.removeprefix(f"arms.{name}.") for line in str(error).splitlines()]
                     raise ParameterErrors([ParameterError(f"arms.{name}: {line}") for line in lines]) from error
 
     def _check_supervisor(self) -> None:
