@@ -304,7 +304,7 @@ def _unproven(approach: PersonSeparation) -> tuple[str, str]:
         why = f"the angles of {', '.join(unmeasured)} are not known and are assumed to be zero"
         return why, f"record all joints of the body in {person.name}/joint_states"
     if approach.shapeless:
-        why = f"the distance of {', '.join(approach.shapeless)} is not known: their collision shapes are meshes or missing"
+        why = f"the distance of {', '.join(approach.shapeless)} is not known: collision shapes are meshes or missing"
         return why, "give these links collision shapes: capsules, cylinders, spheres or boxes"
     if approach.unbraked and approach.margin >= 0.0:
         why = f"how fast {approach.unbraked} stops is not known; S_p has an assumed stop"
