@@ -78,8 +78,8 @@ def fit_load(model: KdlFrankaModel, loaded: ModelCheck, empty: ModelCheck) -> Lo
     mass, mass_deviation = float(values[0]), float(np.sqrt(covariance[0, 0]))
     if not mass > LEAST * mass_deviation:
         raise LogError(
-            f"the mass is {mass:.4f} +- {mass_deviation:.1g} kg; valid: above {LEAST:g} standard deviations (is the log "
-            "with the payload given as the one without it, or has neither a payload?)"
+            f"the mass is {mass:.4f} +- {mass_deviation:.1g} kg; valid: above {LEAST:g} standard deviations (is the "
+            "log with the payload given as the one without it, or has neither a payload?)"
         )
     inertia, inertia_deviation = _inertia(values, covariance)
     com = values[1:4] / values[0]
