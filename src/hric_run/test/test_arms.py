@@ -14,7 +14,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from control_msgs.msg import FollowJointTrajectoryGoal
 from franka_msgs.msg import ErrorRecoveryGoal
 from hric_core.errors import HricError
-from hric_msgs.msg import MocapData
+from hric_msgs.msg import MocapData, SafetyEvent
 from hric_run.definition import experiment, parameters
 from hric_run.simulation import Simulation
 
@@ -150,6 +150,19 @@ def refused(match: str, **arms: Any) -> None:
             raw["arms"][name][key] = {**raw["arms"][name].get(key, {}), **value} if isinstance(value, dict) else value
     with pytest.raises(HricError, match=match):
         simulation(raw).close()
+
+
+def test_a_supervisor_stops_the_controller_of_an_arm_that_does_not_obey() -> None:
+    raw = two_arms(human={"position": [0.62, 0.1]}, supervisor={"mode": "speed_and_separation"})
+    raw["arms"]["left"]["parameters"]["joint_pd_controller"]["profile"] = {"enabled": False}
+    events: list[SafetyEvent] = []
+    with simulation(raw) as both:
+        both.node.subscribe("hric/safety/events", SafetyEvent, events.append)
+        both.run()
+        states = {name: [one.state for one in app.manager.list()] for name, app in both.app.hw.apps.items()}
+    (stopped,) = [event.text for event in events if event.kind == "controller_stopped"]
+    assert stopped.startswith("controller left/joint_pd_controller commands the arm and does not obey")
+    assert states == {"left": ["running", "running", "stopped"], "right": ["running"] * 3}
 
 
 def test_what_cannot_be_one_world_is_refused_by_name() -> None:
