@@ -158,10 +158,17 @@ def _log(metrics: RunMetrics) -> str:
     return f"control log: every cycle recorded once{start}, state_sha256 {metrics.state_sha256[:16]}"
 
 
+UNJUDGED = {"moved": "something else than its controllers moved it", "fault": "a fault made the distance unknown"}
+"""Clause on the time after an event in which the supervisor judges no motion, by the kind of the event."""
+
+
 def violations(supervisor: SupervisorMetrics) -> str:
     """Return a sentence on the time for which the arm moved closer to the person than the protective distance."""
     if not supervisor.violations:
-        return "the arm never moved closer than the protective distance"
+        kinds = {event.kind for event in supervisor.events}
+        unjudged = [clause for kind, clause in UNJUDGED.items() if kind in kinds]
+        unless = f", except perhaps while {' or '.join(unjudged)}" if unjudged else ""
+        return f"the arm never moved closer than the protective distance{unless}"
     duration = sum(interval.end - interval.begin for interval in supervisor.violations)
     return (
         f"THE ARM MOVED CLOSER THAN THE PROTECTIVE DISTANCE for {duration:.2f} s ({len(supervisor.violations)} times), "
