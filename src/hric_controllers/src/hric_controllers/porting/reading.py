@@ -232,7 +232,7 @@ def _arguments(text: str, opening: int) -> list[str]:
 
 
 def _parameter(call: str, arguments: Sequence[str]) -> tuple[str, str]:
-    """Return name and default (empty: none) of a parameter that is read by `call`; a computed name is "(EXPRESSION)"."""
+    """Return name, "(EXPRESSION)" if it is computed, and default (empty: none) of a parameter read by `call`."""
     default = "" if call.startswith("get") or len(arguments) < 2 else arguments[-1]
     literal = re.fullmatch(TEXT, arguments[0])
     return (literal.group(1) if literal else f"({arguments[0]})"), default
