@@ -137,6 +137,15 @@ def test_a_motion_that_is_too_fast_is_limited_and_the_report_says_so(tmp_path: P
     assert record.limit_counts.velocity[0] > 0 and "limits acted" in summary
 
 
+def test_a_jolt_that_the_box_smooths_is_reported(tmp_path: Path) -> None:
+    values = motion(0.4)
+    values[75, 4] += 0.02
+    record, summary = replayed(imported(version_3(tmp_path / "data", values, JOINTS)), tmp_path / "runs")
+    change = np.abs(record.log.command - record.log.command_raw).max(axis=0)
+    assert change[4] > 0.01 and not any(record.limit_counts.velocity)
+    assert f"by up to: panda_joint5 {change[4]:.2g}\n" in summary and "no limit acted" not in summary
+
+
 @pytest.mark.parametrize(
     ("values", "names", "options", "reason"),
     [
