@@ -133,8 +133,8 @@ def _limits(metrics: RunMetrics) -> str:
         lines = [f"limits acted (cycles, summed over the joints): {counts}", *_limited(metrics.joints)]
     if changed:
         lines.append(
-            "limits, such as those of acceleration and jerk, changed commands of position [rad] or velocity [rad/s] by up "
-            f"to: {', '.join(changed)}"
+            "limits, such as those of acceleration and jerk, changed commands of position [rad] or velocity [rad/s] "
+            f"by up to: {', '.join(changed)}"
         )
     if outside := ", ".join(
         f"{name} (at most {joint.position_excess_max:.4f} rad outside)"
