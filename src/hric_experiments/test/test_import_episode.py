@@ -36,9 +36,8 @@ def version_3(folder: Path, values: np.ndarray, names: list[str] | None, width: 
     still = np.tile(values[0], (10, 1))
     rows = np.concatenate([still, values]).astype(np.float32)
     episodes = [0] * len(still) + [1] * len(values)
-    frames = [*range(len(still)), *range(len(values))]
     write(folder, "v3.0", "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet", names, width)
-    table(folder / "data/chunk-000/file-001.parquet", rows, frames, episodes)
+    table(folder / "data/chunk-000/file-001.parquet", rows, episodes)
     (folder / "meta/episodes/chunk-000").mkdir(parents=True)
     about = {"episode_index": [0, 1], "data/chunk_index": [0, 0], "data/file_index": [1, 1]}
     pandas.DataFrame(about).to_parquet(folder / "meta/episodes/chunk-000/file-000.parquet")
@@ -50,12 +49,7 @@ def version_2(folder: Path, values: np.ndarray, names: list[str] | None, width: 
     """Write a data set in the layout of version 2, with a file per episode."""
     pattern = "data/chunk-{episode_chunk:03d}/episode_{episode_index:06d}.parquet"
     write(folder, "v2.1", pattern, names, width)
-    table(
-        folder / "data/chunk-000/episode_000001.parquet",
-        values.astype(np.float32),
-        range(len(values)),
-        [1] * len(values),
-    )
+    table(folder / "data/chunk-000/episode_000001.parquet", values.astype(np.float32), [1] * len(values))
     (folder / "meta/tasks.jsonl").write_text('{"task_index": 0, "task": "none"}\n{"task_index": 1, "task": "wave"}\n')
     return folder
 
@@ -71,15 +65,16 @@ def write(folder: Path, version: str, pattern: str, names: list[str] | None, wid
     (folder / "meta/info.json").write_text(json.dumps(info))
 
 
-def table(path: Path, rows: np.ndarray, frames: Any, episodes: list[int]) -> None:
+def table(path: Path, rows: np.ndarray, episodes: list[int]) -> None:
+    """Write frames in random order, with the columns that data sets of LeRobot and of Isaac GR00T share."""
     path.parent.mkdir(parents=True)
     columns = {
         "observation.state": list(rows),
-        "frame_index": frames,
+        "index": range(len(rows)),
         "episode_index": episodes,
         "task_index": episodes,
     }
-    pandas.DataFrame(columns).to_parquet(path)
+    pandas.DataFrame(columns).sample(frac=1.0, random_state=0).to_parquet(path)
 
 
 def imported(dataset: Path, *options: str) -> Path:
@@ -142,6 +137,15 @@ def test_a_motion_that_is_too_fast_is_limited_and_the_report_says_so(tmp_path: P
     assert record.limit_counts.velocity[0] > 0 and "limits acted" in summary
 
 
+def test_a_jolt_that_the_box_smooths_is_reported(tmp_path: Path) -> None:
+    values = motion(0.4)
+    values[75, 4] += 0.02
+    record, summary = replayed(imported(version_3(tmp_path / "data", values, JOINTS)), tmp_path / "runs")
+    change = np.abs(record.log.command - record.log.command_raw).max(axis=0)
+    assert change[4] > 0.01 and not any(record.limit_counts.velocity)
+    assert f"by up to: panda_joint5 {change[4]:.2g}\n" in summary and "no limit acted" not in summary
+
+
 @pytest.mark.parametrize(
     ("values", "names", "options", "reason"),
     [
@@ -175,6 +179,14 @@ def test_what_cannot_be_replayed_is_refused(
     message = capsys.readouterr().err
     assert reason in message and message.count("\n") == 1
     assert not list(tmp_path.glob("*.yaml"))
+
+
+def test_a_file_without_a_column_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    dataset = version_2(tmp_path / "data", motion(0.4), JOINTS)
+    path = dataset / "data/chunk-000/episode_000001.parquet"
+    pandas.read_parquet(path).drop(columns="index").to_parquet(path)
+    assert main(["import", str(dataset), "--episode", "1"]) == 2
+    assert f"cannot read {path}: no column index\n" in capsys.readouterr().err
 
 
 def test_a_folder_without_data_set_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

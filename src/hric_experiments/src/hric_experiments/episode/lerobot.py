@@ -123,9 +123,11 @@ def _file(dataset: Path, info: dict[str, Any], number: int) -> str:
 
 
 def _table(path: Path, number: int, feature: str) -> Any:
-    columns, chosen = [feature, "episode_index", "frame_index", "task_index"], [("episode_index", "=", number)]
+    columns, chosen = [feature, "episode_index", "index", "task_index"], [("episode_index", "=", number)]
     try:
-        return pyarrow.parquet.read_table(path, columns=columns, filters=chosen).sort_by("frame_index")
+        if missing := sorted(set(columns) - set(pyarrow.parquet.read_schema(path).names)):
+            raise ValueError(f"no column {', '.join(missing)}")
+        return pyarrow.parquet.read_table(path, columns=columns, filters=chosen).sort_by("index")
     except (OSError, ValueError) as error:
         raise HricError(f"cannot read {path}: {error}") from error
 
