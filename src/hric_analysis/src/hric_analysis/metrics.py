@@ -204,7 +204,7 @@ def joint_metrics(
     effort = np.array([kind == "effort" for kind in log.interfaces])
     if not effort.all():
         change = np.abs(log.command - log.command_raw).max(axis=0)
-        peaks["command_change"] = np.where(change > ROUNDING, change, 0.0)
+        peaks["command_change"] = np.where(change <= ROUNDING, 0.0, change)  # NaN stays
     if effort.any():
         peaks["effort_peak"] = np.abs(log.command).max(axis=0)
         peaks["effort_raw_peak"] = np.abs(log.command_raw).max(axis=0)
