@@ -221,5 +221,18 @@ def test_a_controller_that_is_not_started_is_refused(tmp_path: Path, capsys: pyt
     content = yaml.safe_load(path.read_text())
     content["replay"]["controller"] = "effort_joint_trajectory_controller"
     path.write_text(yaml.safe_dump(content))
-    assert main(["run", str(path), "--runs", str(tmp_path / "runs"), "--quiet"]) != 0
+    assert main(["run", str(path), "--runs", str(tmp_path / "runs"), "--quiet"]) == 2
     assert "no controller 'effort_joint_trajectory_controller' in replay.controller; valid: " in capsys.readouterr().err
+    assert not (tmp_path / "runs").exists()
+
+
+def test_an_episode_is_replayed_by_one_of_two_arms(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = imported(version_3(tmp_path / "data", motion(0.4), JOINTS))
+    arms = ["arms:=left,right", "replay.controller:=left/position_joint_trajectory_controller"]
+    assert main(["run", str(path), *arms, "--runs", str(tmp_path / "runs"), "--quiet"]) == 2
+    assert "has the joints panda_joint1, " in (error := capsys.readouterr().err) and "valid: those of left/" in error
+    csv = path.with_suffix(".csv")
+    csv.write_text(csv.read_text().replace("panda_", "left_"))
+    record, _ = replayed(path, tmp_path / "runs", *arms)
+    moved = np.ptp(record.log.position, axis=0)
+    assert moved[:7].min() > 0.1 and moved[7:].max() < 1e-3

@@ -15,6 +15,7 @@ from hric_assessment.contact.classes import BY_CLAMPING, INTERPRETATIONS, Contac
 from hric_assessment.contact.energy import energy_finding
 from hric_assessment.contact.episodes import PENALTY, Episode, episodes, window_of
 from hric_assessment.findings import CONTACT, ENERGY, Evidence, Finding, Outcome
+from hric_assessment.separation.capsules import moved_by, shapeless
 from hric_assessment.tables import MASS, ROTORS, STIFFNESS, TIME_STEP, verdict_table
 from hric_assessment.verdict.choices import AssessmentChoices
 from hric_assessment.verdict.impacts import ExpectedImpacts
@@ -22,6 +23,7 @@ from hric_assessment.verdict.inputs import AssessmentInput
 from hric_assessment.verdict.person import body_of
 from hric_bags.records.human_record import HumanRecord
 from hric_bags.records.region_contacts import ContactStream
+from hric_core import urdf
 from hric_core.errors import HricError
 from hric_human.contact import RegionContact
 
@@ -82,6 +84,9 @@ def _of_person(source: AssessmentInput, record: HumanRecord, choices: Assessment
         return [_not_recorded(source, choices, record.name)]
     judge = _Judge(source, record, choices)
     evidence, lost = _evidence(source, record, record.stream)
+    remedy = f"record every message of {record.name}/contacts, with an empty one every 50 ms without contact"
+    if not lost and (lost := _untouchable(source)):
+        remedy = "run again with robot.plant.collision: true, and a collision shape for each link of the robot"
     regions: dict[tuple[tuple[str, ...], str], list[RegionContact]] = {}
     for contact in record.region_contacts:
         side = contact.link[:2] if contact.link.startswith(("r_", "l_")) else ""
@@ -89,7 +94,7 @@ def _of_person(source: AssessmentInput, record: HumanRecord, choices: Assessment
     findings = [finding for contacts in regions.values() for finding in judge.of_region(contacts)]
     findings = [replace(finding, evidence=evidence) for finding in findings]
     if not findings or lost:
-        rest = _rest(source, record, evidence, lost, bool(findings), choices)
+        rest = _rest(source, record, evidence, lost, remedy, choices)
         judged = any(finding.group == ENERGY for finding in findings)
         findings += [rest, replace(rest, subject=f"energy of {ALL}", group=ENERGY)] if lost and judged else [rest]
     return findings
@@ -122,6 +127,17 @@ def _evidence(source: AssessmentInput, record: HumanRecord, stream: ContactStrea
     return evidence, f"contacts of the person are not known for the whole time: {evidence.shortfall}{why}"
 
 
+def _untouchable(source: AssessmentInput) -> str:
+    """Return why a simulated arm cannot touch the person with all of its links, a clause; empty: it can."""
+    if not source.definition.get("human"):
+        return ""
+    if source.plant.get("collision") is False:
+        return "the robot touches nothing in this simulation (robot.plant.collision: false)"
+    log, tree = source.recording.log, urdf.read(source.description) if source.description else None
+    without = shapeless(tree, moved_by(tree, log.joint_names)) if tree is not None and log is not None else []
+    return f"contacts of {', '.join(without)}, without collision shape, are not simulated" if without else ""
+
+
 def reports_silence(source: AssessmentInput, stream: ContactStream) -> bool:
     """Return True if the source of contacts sends messages while nothing touches the person."""
     return stream.silent > 1 or bool(source.definition.get("human"))
@@ -142,7 +158,7 @@ def _rest(
     record: HumanRecord,
     evidence: Evidence,
     lost: str,
-    touched: bool,
+    remedy: str,
     choices: AssessmentChoices,
 ) -> Finding:
     """Return the finding that nothing touched the person in the time without contacts, or that this is not known."""
@@ -152,7 +168,6 @@ def _rest(
     reason = f"nothing but the grips ({', '.join(held)}) touched the person" if held else "nothing touched the person"
     finding = Finding(ALL, Outcome.WITHIN, reason, table, 0.0, {}, window, signals, group=CONTACT, evidence=evidence)
     if lost:
-        remedy = f"record every message of {record.name}/contacts, with an empty one every 50 ms without contact"
         outcome = Outcome.NOT_ASSESSABLE
         finding = replace(finding, outcome=outcome, share=None, reason=lost, remedy=remedy)
     return replace(finding, person=record.name)
