@@ -252,3 +252,10 @@ def test_a_definition_without_a_field_that_is_read_is_refused_by_its_name(
     connection.close()
     assert main(["export", str(file), "--format", "csv", "--output", str(tmp_path / "out")]) == 2
     assert "hric_msgs/msg/ControlLog in the bag has no field 'n_cycles'" in capsys.readouterr().err
+
+
+def test_a_run_whose_bag_is_a_folder_is_exported(exported: Path, tmp_path: Path) -> None:
+    shutil.copytree(exported / "mcap", tmp_path / "run/bag")
+    (tmp_path / "run/run.yaml").write_text("bag: bag")
+    assert main(["export", str(tmp_path / "run"), "--format", "csv", "--topics", "/joint_states"]) == 0
+    assert (tmp_path / "run/export/csv/joint_states.csv").is_file()
