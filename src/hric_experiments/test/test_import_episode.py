@@ -189,6 +189,89 @@ def test_a_file_without_a_column_is_refused(tmp_path: Path, capsys: pytest.Captu
     assert f"cannot read {path}: no column index\n" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("about", "reason"),
+    [
+        ({"fps": 0}, "fps is 0; valid: a finite number from 0.1 to 1000 [Hz]"),
+        ({"fps": float("nan")}, "fps is nan; valid: "),
+        ({"codebase_version": "v1.6"}, "has version v1.6; valid: LeRobot data sets of version 2 or 3"),
+        ({"chunks_size": 0}, "is not a LeRobot data set of version 2 or 3: ZeroDivisionError"),
+        ({"features": {"observation.state": None}}, "is not a LeRobot data set of version 2 or 3: AttributeError"),
+        (
+            {
+                "features": {
+                    "observation.state": {
+                        "dtype": "float32",
+                        "shape": [7],
+                        "names": JOINTS,
+                        "units": ["deg"] + ["rad"] * 6,
+                    }
+                }
+            },
+            "reaches 2.356 deg; valid: joint positions in rad",
+        ),
+    ],
+)
+def test_a_description_that_is_not_of_a_data_set_is_refused(
+    tmp_path: Path, about: dict[str, Any], reason: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    dataset = version_3(tmp_path / "data", motion(0.4), JOINTS)
+    info = json.loads((dataset / "meta/info.json").read_text())
+    (dataset / "meta/info.json").write_text(json.dumps(info | about))
+    refused(dataset, reason, capsys)
+
+
+def refused(dataset: Path, reason: str, capsys: pytest.CaptureFixture[str]) -> None:
+    output = dataset.parent / "wave.yaml"
+    assert main(["import", str(dataset), "--episode", "1", "-o", str(output)]) == 2
+    message = capsys.readouterr().err
+    assert reason in message and message.count("\n") == 1 and not output.exists()
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (lambda rows: rows[rows["index"] != 50], "index of frame 40 is 51; valid: 50"),  # the episode begins at 10
+        (lambda rows: pandas.concat([rows, rows[rows["index"] == 20]]), "index of frame 11 is 20; valid: 21"),
+        (
+            lambda rows: rows.assign(timestamp=(rows["index"] - 10) / 30),
+            "timestamp of frame 1 is 0.0333333; valid: 0.02",
+        ),
+        (lambda rows: rows.assign(frame_index=(rows["index"] - 10) // 2), "frame_index of frame 1 is 0; valid: 1"),
+        (lambda rows: rows.assign(timestamp=float("nan")), "timestamp of frame 0 is nan"),
+        (lambda rows: rows[rows.episode_index == 0], "has 0 frames; valid: at least 2"),
+        (lambda rows: rows.assign(**{"observation.state": [[0.0] * 8] * len(rows)}), "a frame with 8 values; valid: 7"),
+        (
+            lambda rows: rows.assign(**{"observation.state": [[0.0] * 7, None] * (len(rows) // 2) + [[0.0] * 7]}),
+            "valid: 7",
+        ),
+    ],
+)
+def test_frames_that_do_not_give_the_motion_are_refused(
+    tmp_path: Path, change: Any, reason: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    dataset = version_3(tmp_path / "data", motion(0.4), JOINTS)
+    path = dataset / "data/chunk-000/file-001.parquet"
+    change(pandas.read_parquet(path)).to_parquet(path)
+    refused(dataset, reason, capsys)
+
+
+def test_an_episode_that_no_file_lists_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    dataset = version_3(tmp_path / "data", motion(0.4), JOINTS)
+    path = dataset / "meta/episodes/chunk-000/file-000.parquet"
+    pandas.read_parquet(path)[:1].to_parquet(path)
+    refused(dataset, "data does not list episode 1 in meta/episodes", capsys)
+
+
+@pytest.mark.parametrize("name", ["wave.yaml", "wave.csv"])
+def test_an_existing_file_is_not_replaced(tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    dataset = version_3(tmp_path / "data", motion(0.4), JOINTS)
+    (tmp_path / name).write_text("mine")
+    assert main(["import", str(dataset), "--episode", "1", "-o", str(tmp_path / "wave.yaml")]) == 2
+    assert f"{name} exists; valid: another name with --output" in capsys.readouterr().err
+    assert (tmp_path / name).read_text() == "mine" and len(list(tmp_path.glob("wave.*"))) == 1
+
+
 def test_a_folder_without_data_set_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["import", str(tmp_path)]) == 2
     assert "is not a LeRobot data set of version 2 or 3" in capsys.readouterr().err
