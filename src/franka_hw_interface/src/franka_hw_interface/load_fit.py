@@ -23,8 +23,8 @@ LOOSE_INERTIA = 0.3
 project default, unconfirmed."""
 SHORTEST = 2.0
 """Minimum time in which a joint moves, summed over the joints [s]; project default, unconfirmed."""
-MIN_DEVIATIONS = 3.0
-"""Minimum mass of a payload, in standard deviations of the mass [1]; project default, unconfirmed."""
+SIGNIFICANT = 3.0
+"""Smallest mass that shows a payload, in standard deviations of the mass [1]; project default, unconfirmed."""
 REFINEMENTS = 5
 """Number of steps that refine the shift between both logs."""
 
@@ -76,9 +76,9 @@ def fit_load(model: KdlFrankaModel, loaded: ModelCheck, empty: ModelCheck) -> Lo
     regressor = _regressor(model, loaded)
     values, covariance = _solved(regressor, torque, moving, loaded)
     mass, mass_deviation = float(values[0]), float(np.sqrt(covariance[0, 0]))
-    if not mass > MIN_DEVIATIONS * mass_deviation:
+    if not mass > SIGNIFICANT * mass_deviation:
         raise LogError(
-            f"the mass is {mass:.4f} +- {mass_deviation:.1g} kg; valid: above {MIN_DEVIATIONS:g} standard deviations (is "
+            f"the mass is {mass:.4f} +- {mass_deviation:.1g} kg; valid: above {SIGNIFICANT:g} standard deviations (is "
             "the log with the payload given as the one without it, or has neither a payload?)"
         )
     inertia, inertia_deviation = _inertia(values, covariance)

@@ -125,11 +125,17 @@ def _limits(metrics: RunMetrics) -> str:
     touched = metrics.limits_touched
     if touched is None:
         return "limits: the robot published no counts of limited cycles"
+    changed = [f"{name} {joint.command_change:.2g}" for name, joint in metrics.joints.items() if joint.command_change]
     if not any(touched.values()):
-        lines = ["limits: no limit acted"]
+        lines = [] if changed else ["limits: no limit acted"]
     else:
         counts = ", ".join(f"{kind} {count}" for kind, count in touched.items())
         lines = [f"limits acted (cycles, summed over the joints): {counts}", *_limited(metrics.joints)]
+    if changed:
+        lines.append(
+            "limits, such as those of acceleration and jerk, changed commands of position [rad] or velocity [rad/s] "
+            f"by up to: {', '.join(changed)}"
+        )
     if outside := ", ".join(
         f"{name} (at most {joint.position_excess_max:.4f} rad outside)"
         for name, joint in metrics.joints.items()

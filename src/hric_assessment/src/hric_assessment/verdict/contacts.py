@@ -15,7 +15,6 @@ from hric_assessment.contact.classes import BY_CLAMPING, INTERPRETATIONS, Contac
 from hric_assessment.contact.energy import energy_finding
 from hric_assessment.contact.episodes import PENALTY, Episode, episodes, window_of
 from hric_assessment.findings import CONTACT, ENERGY, Evidence, Finding, Outcome
-from hric_assessment.separation.capsules import moved_by, shapeless
 from hric_assessment.tables import MASS, ROTORS, STIFFNESS, TIME_STEP, verdict_table
 from hric_assessment.verdict.choices import AssessmentChoices
 from hric_assessment.verdict.impacts import ExpectedImpacts
@@ -23,7 +22,6 @@ from hric_assessment.verdict.inputs import AssessmentInput
 from hric_assessment.verdict.person import body_of
 from hric_bags.records.human_record import HumanRecord
 from hric_bags.records.region_contacts import ContactStream
-from hric_core import urdf
 from hric_core.errors import HricError
 from hric_human.contact import RegionContact
 
@@ -85,7 +83,7 @@ def _of_person(source: AssessmentInput, record: HumanRecord, choices: Assessment
     judge = _Judge(source, record, choices)
     evidence, lost = _evidence(source, record, record.stream)
     remedy = f"record every message of {record.name}/contacts, with an empty one every 50 ms without contact"
-    if not lost and (lost := _untouchable(source)):
+    if not lost and (lost := source.untouchable):
         remedy = "run again with robot.plant.collision: true, and a collision shape for each link of the robot"
     regions: dict[tuple[tuple[str, ...], str], list[RegionContact]] = {}
     for contact in record.region_contacts:
@@ -125,17 +123,6 @@ def _evidence(source: AssessmentInput, record: HumanRecord, stream: ContactStrea
     silent = ", and the source sends no empty messages while nothing touches the person"
     why = "" if reports_silence(source, stream) else silent
     return evidence, f"contacts of the person are not known for the whole time: {evidence.shortfall}{why}"
-
-
-def _untouchable(source: AssessmentInput) -> str:
-    """Return why a simulated arm cannot touch the person with all of its links, a clause; empty: it can."""
-    if not source.definition.get("human"):
-        return ""
-    if source.plant.get("collision") is False:
-        return "the robot touches nothing in this simulation (robot.plant.collision: false)"
-    log, tree = source.recording.log, urdf.read(source.description) if source.description else None
-    without = shapeless(tree, moved_by(tree, log.joint_names)) if tree is not None and log is not None else []
-    return f"contacts of {', '.join(without)}, without collision shape, are not simulated" if without else ""
 
 
 def reports_silence(source: AssessmentInput, stream: ContactStream) -> bool:
