@@ -43,11 +43,18 @@ def test_the_environment_has_no_ros(hric: Path, figure: Callable[[str, float, st
     assert "dist-packages" not in path and str(ROOT) not in path
 
 
-def test_an_experiment_has_the_bits_of_the_workspace(hric: Path, tmp_path: Path) -> None:
+def test_all_experiments_of_the_workspace_are_listed(hric: Path, tmp_path: Path) -> None:
+    ours = subprocess.run(["hric", "list"], capture_output=True, text=True, check=True)
+    theirs = run(hric, "list", folder=tmp_path)
+    assert (theirs.stdout, theirs.stderr) == (ours.stdout, "")
+
+
+@pytest.mark.parametrize("name", ["pd_step", "two_arms", "ur5e_step"])
+def test_an_experiment_has_the_bits_of_the_workspace(hric: Path, tmp_path: Path, name: str) -> None:
     ours = subprocess.run(
-        ["hric", "run", "pd_step", "simulator:=mujoco", "--quiet", "--runs", tmp_path / "ours"], check=False
+        ["hric", "run", name, "simulator:=mujoco", "--quiet", "--runs", tmp_path / "ours"], check=False
     )
-    theirs = run(hric, "run", "pd_step", "--quiet", folder=tmp_path)
+    theirs = run(hric, "run", name, "--quiet", folder=tmp_path)
     assert (ours.returncode, theirs.returncode) == (0, 0), theirs.stderr
     (a, b) = (yaml.safe_load((tmp_path / f"{runs}/latest/run.yaml").read_text()) for runs in ("ours", "runs"))
     assert a["state_sha256"] == b["state_sha256"]

@@ -1,5 +1,7 @@
 """Sections emg, force_plate and sync of an experiment file: content, parameters of the nodes, messages for mistakes."""
 
+import subprocess
+import sys
 from typing import Any
 
 import pytest
@@ -31,6 +33,11 @@ def test_the_data_collection_has_every_sensor_at_the_requested_rates() -> None:
     assert run.force_plate is not None and (run.force_plate.rate, run.force_plate.time_code) == (1000.0, True)
     assert run.sync.rates == (100.0, 1000.0)
     assert run.sync.topics == ["hric/perception/sync_100hz", "hric/perception/sync_1000hz"]
+
+
+def test_the_sections_are_read_where_pylsl_is_not_installed() -> None:
+    code = "import sys; sys.modules['pylsl'] = None\nfrom hric_run.definition import experiment"
+    subprocess.run([sys.executable, "-c", f"{code}; experiment.load('data_collection')"], check=True)
 
 
 def test_every_node_gets_its_parameters_from_the_sections(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -37,6 +37,11 @@ class Layout:
         return words[0] if len(set(words)) == 1 else " ".join(words)
 
 
+def source_name(kind: str, name: str) -> str:
+    """Return the name by which a driver's messages refer to an LSL stream of this type and name."""
+    return f"lsl {kind} {name}"
+
+
 @dataclass(frozen=True)
 class Chunk:
     """Samples without a gap; sample k was taken at start + k / rate, the rate being the layout's times `pace`.

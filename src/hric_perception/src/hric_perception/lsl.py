@@ -11,8 +11,7 @@ import pylsl
 
 from hric_core.errors import FailureError, ParameterError
 from hric_core.native.sockets import confine
-from hric_core.parameters import Settings, text
-from hric_perception.chunk import FloatArray, Layout
+from hric_perception.chunk import FloatArray, Layout, source_name
 from hric_perception.stream import Driver, SampleStream, StreamHealth
 
 _MACHINE = """[lab]
@@ -190,11 +189,6 @@ def _clock_flags(info: pylsl.StreamInfo) -> int:
     return 0 if abs(probe.time_correction(CLOCK_TIMEOUT)) < SAME_CLOCK else int(pylsl.proc_clocksync)
 
 
-def source_name(kind: str, name: str) -> str:
-    """Return the name by which a driver's messages refer to an LSL stream of this type and name."""
-    return f"lsl {kind} {name}"
-
-
 def describe(info: pylsl.StreamInfo) -> tuple[Layout, FloatArray]:
     """Return the layout of an LSL stream in SI units, and the factors to these, shape (channels,).
 
@@ -217,24 +211,6 @@ def describe(info: pylsl.StreamInfo) -> tuple[Layout, FloatArray]:
         scales.append(scale)
         channel = channel.next_sibling("channel")
     return Layout(source_name(info.type(), name), tuple(labels), tuple(units), rate), np.array(scales)
-
-
-@dataclass(frozen=True)
-class LslSettings(Settings):
-    """Parameters that select an LSL stream; without `type`, the stream type of the sensor is used."""
-
-    type: str | None = text(None)
-    name: str = text("", figures=True)
-    source_id: str = text("", figures=True)
-    session: str = text("", figures=True)
-
-    def reader(
-        self, kind: str, stream: SampleStream, health: StreamHealth, choose: Callable[[Layout], Layout]
-    ) -> LslReader:
-        """Return a reader for streams of type `kind`, or of the type in these settings if there is one."""
-        use_session(self.session)
-        query = StreamQuery(kind if self.type is None else self.type, self.name, self.source_id)
-        return LslReader(query, stream, health, choose, local=bool(self.session))
 
 
 class LslOutlet:

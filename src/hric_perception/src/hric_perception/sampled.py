@@ -11,9 +11,8 @@ from typing import Any, ClassVar, NamedTuple, Protocol
 from hric_core.node import Node
 from hric_core.parameters import Settings, choice, mapping, number, refused, section, text
 from hric_core.robot_time.stream_time import Clock
-from hric_perception.chunk import Chunk, FloatArray, Layout
+from hric_perception.chunk import Chunk, FloatArray, Layout, source_name
 from hric_perception.emulation import BLOCK, SEED, Emulator, EvenSensor, Faults, Outlet, Signal
-from hric_perception.lsl import LslOutlet, LslSettings, source_name, use_session
 from hric_perception.replayed import Replayed
 from hric_perception.simulated import KnownTime
 from hric_perception.stream import CHUNK, NS, Driver, SampleStream, StreamHealth
@@ -105,12 +104,37 @@ class DeviceSettings(Settings):
 
     def outlet(self, device: Device) -> Outlet:
         """Create the outlet that sends the device's samples. Raises HricError."""
+        from hric_perception.lsl import LslOutlet, use_session
+
         use_session(self.session)
         return LslOutlet(device.layout, self.kind, self.name)
 
     def served(self, device: Device, clock: Clock, on_reached: Callable[[float | None], None]) -> Closable | None:
         """Start and return a server that samples the device itself; None: an `Emulator` samples it for `outlet`."""
         return None
+
+
+@dataclass(frozen=True)
+class LslSettings(Settings):
+    """Parameters that select an LSL stream; without `type`, the stream type of the sensor is used.
+
+    Reading them does not import pylsl, since headless runs need no liblsl.
+    """
+
+    type: str | None = text(None)
+    name: str = text("", figures=True)
+    source_id: str = text("", figures=True)
+    session: str = text("", figures=True)
+
+    def reader(
+        self, kind: str, stream: SampleStream, health: StreamHealth, choose: Callable[[Layout], Layout]
+    ) -> Driver:
+        """Return a reader for streams of type `kind`, or of the type in these settings if there is one."""
+        from hric_perception.lsl import LslReader, StreamQuery, use_session
+
+        use_session(self.session)
+        query = StreamQuery(kind if self.type is None else self.type, self.name, self.source_id)
+        return LslReader(query, stream, health, choose, local=bool(self.session))
 
 
 @dataclass(frozen=True)

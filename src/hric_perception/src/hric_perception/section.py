@@ -15,8 +15,7 @@ from urllib.parse import urlparse
 from hric_core.node import Node
 from hric_core.parameters import Parameter, Settings, choice, mapping, number, section
 from hric_core.trial.c3d import located
-from hric_perception.lsl import LslSettings
-from hric_perception.sampled import DeviceSettings, DriverSettings, HeadlessSensor, headless
+from hric_perception.sampled import DeviceSettings, DriverSettings, HeadlessSensor, LslSettings, headless
 
 EMULATED, REAL, NONE = "emulated", "real", "none"
 BLOCK = 0.02
