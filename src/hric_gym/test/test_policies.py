@@ -139,7 +139,7 @@ def test_a_cost_far_above_its_limit_or_not_known_counts_fully_and_a_small_one_no
     training = agreed(cost_limit=[cost, 0.3])
     env = TrainingEnv(environment(training), training)
     env.reset(seed=4)
-    info = env.step(np.zeros(1))[4]
+    info = env.step(np.zeros(1, np.float32))[4]
     env.close()
     assert info["costs"]["separation"] > 1.5 and "heat" not in info["costs"] and info["costs"]["force"] == 0.0
     assert info[LIMITED] == limited
