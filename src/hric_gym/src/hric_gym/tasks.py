@@ -113,6 +113,10 @@ TASKS = {
 """Tasks by name; the id of a task's environment is hric/NAME-v0."""
 
 
+TRIALS = (".c3d", ".trc", ".mot")
+"""Extensions of files with a recorded trial."""
+
+
 @dataclass(frozen=True)
 class PersonChoice:
     """Choice of the person in an environment.
@@ -139,8 +143,14 @@ class PersonChoice:
             raise HricError(
                 f"trial is {self.trial!r} with person={self.kind!r}; valid: a path with person='trial', else none"
             )
+        if self.trial and (kind := Path(self.trial).suffix) not in TRIALS:
+            raise HricError(
+                f"trial is {self.trial!r}, a file {kind or 'without extension'}; valid: {', '.join(TRIALS)}"
+            )
         if self.population:
             check_known("population", [self.population], populations.names())
+            if self.kind == "none":
+                raise HricError(f"population is {self.population!r} with person='none'; valid: another person, or none")
 
 
 @dataclass(frozen=True)
