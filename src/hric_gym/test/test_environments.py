@@ -72,6 +72,25 @@ def test_pettingzoos_test_passes(task: str) -> None:
     env = CollaborationParallelEnv(task)
     testing.parallel_api_test(env, num_cycles=60)
     env.close()
+    testing.parallel_seed_test(lambda: CollaborationParallelEnv(task), num_cycles=5)
+
+
+def test_two_agents_act_only_in_an_episode_and_together() -> None:
+    pytest.importorskip("pettingzoo")
+    from hric_gym.parallel import CollaborationParallelEnv
+
+    env = CollaborationParallelEnv("HandGuidance", step=1.0)
+    actions = {agent: np.zeros(env.action_space(agent).shape) for agent in env.possible_agents}
+    with pytest.raises(HricError, match="no episode is running"):
+        env.step(actions)
+    env.reset(seed=1)
+    with pytest.raises(HricError, match="no action of person; valid: one of each agent, robot, person"):
+        env.step({"robot": actions["robot"]})
+    while env.agents:
+        env.step(actions)
+    with pytest.raises(HricError, match="no episode is running"):
+        env.step(actions)
+    env.close()
 
 
 SCRIPT = """

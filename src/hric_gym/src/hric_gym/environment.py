@@ -108,7 +108,7 @@ class CollaborationEnv(Env):
         self._mode.start(observation)
         self._observation, self._ended = observation, True
         self._restart_goals(np.random.default_rng(0), 0)
-        self.action_space = self._mode.space
+        self.action_space = unit_box(*self._mode.space.shape)  # with a random generator of its own
         self.observation_space = dict_space(self._values(Costs()))
 
     def _with_controller(self) -> Any:

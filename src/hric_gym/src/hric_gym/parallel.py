@@ -69,7 +69,15 @@ class CollaborationParallelEnv(ParallelEnv):
         return self._values(values), dict.fromkeys(self.agents, info)
 
     def step(self, actions: dict[str, Any]) -> tuple[Any, Any, Any, Any, Any]:
-        """Execute an action of each agent; return observations, rewards, terminated, truncated and infos by agent."""
+        """Execute an action of each agent; return observations, rewards, terminated, truncated and infos by agent.
+
+        Raises:
+            HricError: no episode is running, an agent has no action, or as in `CollaborationEnv.step`.
+        """
+        if not self.agents:
+            raise HricError("no episode is running: it has ended, or none has begun; call reset() first")
+        if missing := sorted({*self.agents} - {*actions}):
+            raise HricError(f"no action of {', '.join(missing)}; valid: one of each agent, {', '.join(self.agents)}")
         values, reward, ended, late, info = self._env.step_with(actions[ROBOT], actions[PERSON])
         observations, agents = self._values(values), self.agents
         away = observations[PERSON]["hand_position"] - observations[PERSON]["hand_goal"]
