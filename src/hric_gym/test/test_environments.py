@@ -1,7 +1,9 @@
 """Environments of Gymnasium and PettingZoo: checkers, bits, reflexes, costs, persons."""
 
+import copy
 import hashlib
 import json
+import pickle
 import subprocess
 import sys
 import warnings
@@ -70,6 +72,25 @@ def test_pettingzoos_test_passes(task: str) -> None:
 
     env = CollaborationParallelEnv(task)
     testing.parallel_api_test(env, num_cycles=60)
+    env.close()
+    testing.parallel_seed_test(lambda: CollaborationParallelEnv(task), num_cycles=5)
+
+
+def test_two_agents_act_only_in_an_episode_and_together() -> None:
+    pytest.importorskip("pettingzoo")
+    from hric_gym.parallel import CollaborationParallelEnv
+
+    env = CollaborationParallelEnv("HandGuidance", step=1.0)
+    actions = {agent: np.zeros(env.action_space(agent).shape) for agent in env.possible_agents}
+    with pytest.raises(HricError, match="no episode is running"):
+        env.step(actions)
+    env.reset(seed=1)
+    with pytest.raises(HricError, match="no action of person; valid: one of each agent, robot, person"):
+        env.step({"robot": actions["robot"]})
+    while env.agents:
+        env.step(actions)
+    with pytest.raises(HricError, match="no episode is running"):
+        env.step(actions)
     env.close()
 
 
@@ -184,17 +205,37 @@ def test_what_does_not_fit_is_refused_with_the_valid_choices() -> None:
         ({"task": "Handover", "person": "none"}, "valid: scripted, policy"),
         ({"population": "children"}, "adult_female"),
         ({"step": 0.0015}, "a multiple of 0.001 s"),
+        ({"step": 1e9}, "step is 1000000000.0; valid: a finite number above 0 to 1"),
+        ({"step": float("nan")}, "step is nan; valid: a finite number above 0 to 1"),
         ({"weights": {"speed": 1.0}}, "effort, force, posture, separation, stopping"),
+        ({"weights": {"force": float("nan")}}, "weights.force is nan; valid: a finite number"),
+        ({"weights": [1.0]}, "weights is "),
+        ({"population": "adult_mixed", "person": "none"}, "population is 'adult_mixed' with person='none'"),
+        ({"person": "trial", "trial": "walk.csv"}, r"a file .csv; valid: .c3d, .trc, .mot"),
     ):
         with pytest.raises(HricError, match=match):
             CollaborationEnv(**settings)
     env = CollaborationEnv("Reach", person="none")
     env.reset(seed=0)
-    for action in (np.full(7, np.nan), np.zeros(6)):
+    for action in (np.full(7, np.nan), np.zeros(6), "left", {}, [0.0] * 6 + [[0.0]]):
         with pytest.raises(HricError, match="valid: 7 finite numbers"):
             env.step(action)
     with pytest.raises(HricError, match="cannot be guided"):
         env.step_with(np.zeros(7), np.zeros(3))
+    for copied in (copy.deepcopy, pickle.dumps):
+        with pytest.raises(HricError, match="an environment cannot be copied; valid: a new one"):
+            copied(env)
+    env.close()
+
+
+@pytest.mark.parametrize(("step", "steps"), [(0.04, 100), (0.1, 40), (0.4, 10)])
+def test_an_episode_ends_after_the_time_of_the_task_for_any_step(step: float, steps: int) -> None:
+    env = gymnasium.make("hric/Reach-v0", person="none", step=step, action="torque")
+    env.reset(seed=1)
+    late = [env.step(np.zeros(7))[2:4] for _ in range(steps)]
+    assert late == [(False, False)] * (steps - 1) + [(False, True)]
+    env.reset()
+    assert env.step(np.zeros(7))[2:4] == (False, False)
     env.close()
 
 

@@ -134,7 +134,10 @@ def test_wrong_arguments_are_refused(panda_urdf):
     other = start(MujocoPlant(panda_urdf, PANDA, {"time_step": 0.002}), 1)
     batch = MujocoBatch([plant, plant])
     laws: list[tuple[Law, str]] = [
-        (lambda t, q, dq: q[0], r"shape \(2, 7\) \(runs, joints\); got \(7,\)"),
+        (lambda t, q, dq: q[0], r"shape \(2, 7\) \(runs, joints\), as numbers; got \(7,\)"),
+        (lambda t, q, dq: q + 1j, "elements of type complex128"),
+        (lambda t, q, dq: q.astype(str), "elements of type <U"),
+        (lambda t, q, dq: [[0.0] * 7, [0.0]], r"got \(\)"),
         (lambda t, q, dq: q * np.where([[0], [t]], np.nan, 1.0), "run 1: .* of panda_joint1 at 0.001 s is nan"),
     ]  # fmt: skip
     for law, words in laws:
@@ -142,9 +145,11 @@ def test_wrong_arguments_are_refused(panda_urdf):
             batch.run(law, 10)
     for make, words in [
         (lambda: MujocoBatch([]), "at least one plant"),
-        (lambda: MujocoBatch([plant], 0), "threads must be at least 1; got 0"),
+        (lambda: MujocoBatch([plant], 0), "threads must be a whole number of at least 1; got 0"),
+        (lambda: MujocoBatch([plant], 1.5), "threads must be a whole number of at least 1; got 1.5"),
         (lambda: MujocoBatch([plant, other]), "run 1: its plant has another"),
-        (lambda: batch.run(hold, 0), "steps must be at least 1; got 0"),
+        (lambda: batch.run(hold, 0), "steps must be a whole number of at least 1; got 0"),
+        (lambda: batch.run(hold, 2.5), "steps must be a whole number of at least 1; got 2.5"),
     ]:
         with pytest.raises(CommandError, match=words):
             make()

@@ -17,7 +17,17 @@ from hric_gym.guided import TARGETS
 from hric_gym.judge import Costs, Judge
 from hric_gym.picture import Renderer, prepare
 from hric_gym.spaces import Box, Env, Values, arm_values, as_values, dict_space, person_values, unit_box
-from hric_gym.tasks import COSTS, DRAWN, DRAWS, HAND, TASKS, PersonChoice, drawn_body, scene
+from hric_gym.tasks import (
+    DRAWN,
+    DRAWS,
+    HAND,
+    TASKS,
+    PersonChoice,
+    checked_step,
+    checked_weights,
+    drawn_body,
+    scene,
+)
 from hric_human.control.inverse_kinematics import OutOfReachError
 from hric_human.participant.settings import HumanSettings
 from hric_run.definition.parameters import HUMAN, overlay
@@ -55,7 +65,7 @@ class CollaborationEnv(Env):
         task: name of a task, one of `tasks.TASKS`.
         action: name of an action mode, one of `actions.MODES`.
         person, trial, population, drive: person next to the arm, see `tasks.PersonChoice` (person: its `kind`).
-        step: robot time between two actions, a multiple of 1 ms [s].
+        step: robot time between two actions, a multiple of 1 ms, at most 1 s [s].
         weights: weights of the costs in the reward, by name (one of `tasks.COSTS`); None: WEIGHTS.
         changes: overrides of the experiment, `key:=value`.
         render_mode: "rgb_array", or None: without pictures.
@@ -86,11 +96,10 @@ class CollaborationEnv(Env):
         check_known("action", [action], MODES)
         check_known("render_mode", [] if render_mode is None else [render_mode], self.metadata["render_modes"])
         self.task, self._choice = TASKS[task], PersonChoice(person, trial, population, drive)
-        self._weights, self.render_mode = WEIGHTS if weights is None else dict(weights), render_mode
-        check_known("cost", self._weights, COSTS)
-        self._mode_class, self.period, self._cycles = MODES[action], step, round(step / 1e-3)
-        if self._cycles < 1 or abs(self._cycles * 1e-3 - step) > 1e-9:
-            raise HricError(f"step is {step} s; valid: a multiple of 0.001 s")
+        self._weights, self.render_mode = checked_weights(WEIGHTS if weights is None else weights), render_mode
+        self._mode_class, self.period = MODES[action], checked_step(step)
+        self._cycles = round(self.period / 1e-3)
+        self._limit, self._steps = round(self.task.seconds / self.period), 0
         if render_mode is not None:
             prepare()
         self._scene = scene(self.task, self._choice, tuple(changes))
@@ -102,7 +111,7 @@ class CollaborationEnv(Env):
         self._mode.start(observation)
         self._observation, self._ended = observation, True
         self._restart_goals(np.random.default_rng(0), 0)
-        self.action_space = self._mode.space
+        self.action_space = unit_box(*self._mode.space.shape)  # with a random generator of its own
         self.observation_space = dict_space(self._values(Costs()))
 
     def _with_controller(self) -> Any:
@@ -172,7 +181,7 @@ class CollaborationEnv(Env):
             raise HricError(f"options {', '.join(options)} are not known; valid: none")
         random = self.np_random
         seed = self._begin(random)
-        self._observation, self._ended = self.simulation.observe(), False
+        self._observation, self._ended, self._steps = self.simulation.observe(), False, 0
         self._restart_goals(random, seed)
         if self._judge is not None:
             self._judge.restart()
@@ -203,7 +212,9 @@ class CollaborationEnv(Env):
         )
 
     def step(self, action: Any) -> tuple[Values, float, bool, bool, dict[str, Any]]:
-        """Execute an action; return observation, reward, terminated, truncated (always False) and `info`.
+        """Execute an action; return observation, reward, terminated, truncated and `info`.
+
+        An episode is truncated after the time of the task, whatever `step` is.
 
         Args:
             action: numbers from -1 to 1, of the shape of `action_space`; numbers outside are clipped.
@@ -234,8 +245,9 @@ class CollaborationEnv(Env):
         )
         if info["reflex"]:
             reward -= REFLEX_COST
-        self._ended = bool(self._hw.error) or info["success"]
-        return self._values(costs), float(reward), self._ended, False, info
+        self._ended, self._steps = bool(self._hw.error) or info["success"], self._steps + 1
+        late = self._steps >= self._limit and not self._ended
+        return self._values(costs), float(reward), self._ended, late, info
 
     def _guide(self, hand: FloatArray) -> None:
         """Move the target of the person's hand for one step, at most HAND_LEAD [m] from the hand on each axis."""
@@ -279,6 +291,10 @@ class CollaborationEnv(Env):
             self._renderer = Renderer(self._hw, self.simulation.definition)
         return self._renderer.picture(self._observation)
 
+    def __reduce__(self) -> Any:
+        """Refuse copies, also by pickle: they would share the simulation. Raises HricError."""
+        raise HricError("an environment cannot be copied; valid: a new one with the same arguments")
+
     def close(self) -> None:
         """Release simulation and renderer; a second call does nothing."""
         if self._renderer is not None:
@@ -291,7 +307,10 @@ class CollaborationEnv(Env):
 
 def _checked(action: Any, space: Box) -> FloatArray:
     """Return an action clipped to -1 to 1. Raises HricError for a wrong shape or numbers that are not finite."""
-    values = np.asarray(action, np.float64)
+    try:
+        values = np.asarray(action, np.float64)
+    except (TypeError, ValueError):
+        values = np.array(np.nan)
     if values.shape != space.shape or not np.isfinite(values).all():
         raise HricError(f"the action is {action}; valid: {space.shape[0]} finite numbers from -1 to 1")
     return values.clip(-1.0, 1.0)

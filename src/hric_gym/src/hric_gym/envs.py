@@ -1,6 +1,6 @@
 """Registration of the environments with Gymnasium: `import hric_gym.envs`, then `gymnasium.make("hric/Reach-v0")`."""
 
-from hric_gym.environment import STEP, CollaborationEnv
+from hric_gym.environment import CollaborationEnv
 from hric_gym.spaces import register
 from hric_gym.tasks import TASKS
 
@@ -9,9 +9,4 @@ IDS = {f"hric/{name}-v0": name for name in TASKS}
 """Name of the task of each environment, by the environment's id such as hric/Reach-v0."""
 
 for identity, name in IDS.items():
-    register(
-        identity,
-        entry_point="hric_gym.environment:CollaborationEnv",
-        max_episode_steps=round(TASKS[name].seconds / STEP),
-        kwargs={"task": name},
-    )
+    register(identity, entry_point="hric_gym.environment:CollaborationEnv", kwargs={"task": name})

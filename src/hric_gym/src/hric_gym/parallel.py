@@ -7,7 +7,6 @@ import numpy as np
 from hric_core.errors import HricError
 from hric_gym.environment import CollaborationEnv
 from hric_gym.spaces import Values, as_values, dict_space
-from hric_gym.tasks import TASKS
 
 try:
     from pettingzoo import ParallelEnv
@@ -39,7 +38,6 @@ class CollaborationParallelEnv(ParallelEnv):
 
     def __init__(self, task: str = "HandGuidance", **settings: Any) -> None:
         self._env = CollaborationEnv(task, **settings, person="policy")
-        self._steps, self._step = round(TASKS[task].seconds / self._env.period), 0
         self.render_mode = self._env.render_mode
         self.possible_agents = [ROBOT, PERSON]
         self.agents: list[str] = []
@@ -67,15 +65,21 @@ class CollaborationParallelEnv(ParallelEnv):
             options: without effect.
         """
         values, info = self._env.reset(seed=seed)
-        self.agents, self._step = list(self.possible_agents), 0
+        self.agents = list(self.possible_agents)
         return self._values(values), dict.fromkeys(self.agents, info)
 
     def step(self, actions: dict[str, Any]) -> tuple[Any, Any, Any, Any, Any]:
-        """Execute an action of each agent; return observations, rewards, terminated, truncated and infos by agent."""
-        values, reward, ended, _, info = self._env.step_with(actions[ROBOT], actions[PERSON])
+        """Execute an action of each agent; return observations, rewards, terminated, truncated and infos by agent.
+
+        Raises:
+            HricError: no episode is running, an agent has no action, or as in `CollaborationEnv.step`.
+        """
+        if not self.agents:
+            raise HricError("no episode is running: it has ended, or none has begun; call reset() first")
+        if missing := sorted({*self.agents} - {*actions}):
+            raise HricError(f"no action of {', '.join(missing)}; valid: one of each agent, {', '.join(self.agents)}")
+        values, reward, ended, late, info = self._env.step_with(actions[ROBOT], actions[PERSON])
         observations, agents = self._values(values), self.agents
-        self._step += 1
-        late = self._step >= self._steps and not ended
         away = observations[PERSON]["hand_position"] - observations[PERSON]["hand_goal"]
         own = -float(np.linalg.norm(away)) - 0.1 * info["costs"].get("effort", 0.0)
         rewards = {ROBOT: reward, PERSON: own}

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from hric_core.errors import HricError, check_known
+from hric_core.parameters import mapping, number
 from hric_run.definition import experiment
 from hric_run.definition.experiment import Experiment
 from hric_sweep import populations
@@ -113,6 +114,10 @@ TASKS = {
 """Tasks by name; the id of a task's environment is hric/NAME-v0."""
 
 
+TRIALS = (".c3d", ".trc", ".mot")
+"""Extensions of files with a recorded trial."""
+
+
 @dataclass(frozen=True)
 class PersonChoice:
     """Choice of the person in an environment.
@@ -139,8 +144,14 @@ class PersonChoice:
             raise HricError(
                 f"trial is {self.trial!r} with person={self.kind!r}; valid: a path with person='trial', else none"
             )
+        if self.trial and (kind := Path(self.trial).suffix) not in TRIALS:
+            raise HricError(
+                f"trial is {self.trial!r}, a file {kind or 'without extension'}; valid: {', '.join(TRIALS)}"
+            )
         if self.population:
             check_known("population", [self.population], populations.names())
+            if self.kind == "none":
+                raise HricError(f"population is {self.population!r} with person='none'; valid: another person, or none")
 
 
 @dataclass(frozen=True)
@@ -158,6 +169,22 @@ class Scene:
     intention: Mapping[str, Any] | None
     channel: str
     setpoints: tuple[tuple[float, tuple[float, ...]], ...]
+
+
+def checked_step(step: Any) -> float:
+    """Return the time between two actions [s]. Raises HricError if it is not a multiple of 1 ms, above 0 to 1 s."""
+    plain = step.item() if isinstance(step, np.generic) else step
+    period: float = number(above=0.0, maximum=1.0, unit="s").checked(plain, "step")
+    if period < 0.5e-3 or abs(round(1e3 * period) - 1e3 * period) > 1e-6:
+        raise HricError(f"step is {step} s; valid: a multiple of 0.001 s")
+    return period
+
+
+def checked_weights(weights: Any) -> dict[str, float]:
+    """Return weights of costs by name [1]. Raises HricError if they are not finite numbers of 0 or more for COSTS."""
+    values: dict[str, float] = mapping(number(minimum=0.0)).checked(weights, "weights")
+    check_known("cost", values, COSTS)
+    return values
 
 
 def scene(task: TaskDefinition, choice: PersonChoice, changes: tuple[str, ...]) -> Scene:

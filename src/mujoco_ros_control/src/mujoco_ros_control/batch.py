@@ -56,8 +56,7 @@ class MujocoBatch:
 
     def __init__(self, plants: Iterable[MujocoPlant], threads: int | None = None) -> None:
         self._threads = len(os.sched_getaffinity(0)) if threads is None else threads
-        if self._threads < 1:
-            raise CommandError(f"threads must be at least 1; got {threads}")
+        _check_count("threads", self._threads)
         self._models: list[mujoco.MjModel] = []
         starts: list[FloatArray] = []
         copies: dict[bytes, mujoco.MjModel] = {}
@@ -76,7 +75,7 @@ class MujocoBatch:
             starts.append(np.concatenate([[0.0], d.qpos, d.qvel]))
         if not starts:
             raise CommandError("a batch needs at least one plant; got none")
-        self._plant, self._start = plant, np.array(starts)
+        self._plant, self._start, self._threads = plant, np.array(starts), min(self._threads, len(starts))
         self._half, self._step = plant.config.half_step, plant.time_step
         self._columns = 1 + np.array(plant.robot.joints.user)
         self._divergence = plant.robot.joints.divergence(self._step)
@@ -88,8 +87,7 @@ class MujocoBatch:
             CommandError: steps is below 1, or the law does not return finite efforts of shape (runs, joints).
             FailureError: a run has diverged, or contact or a joint stop acts in it.
         """
-        if steps < 1:
-            raise CommandError(f"steps must be at least 1; got {steps}")
+        _check_count("steps", steps)
         n, runs = len(self._columns), len(self._models)
         q, dq, tau = (np.empty((runs, steps, n)) for _ in range(3))
         state, applied = self._start.copy(), np.zeros((runs, 1, n))
@@ -115,9 +113,14 @@ class MujocoBatch:
         return state[:, self._columns] - self._half * dq, dq
 
     def _efforts(self, law: Law, k: int, q: FloatArray, dq: FloatArray) -> FloatArray:
-        tau = np.asarray(law(k * self._step, q, dq))
-        if tau.shape != q.shape:
-            raise CommandError(f"the law must return efforts of shape {q.shape} (runs, joints); got {tau.shape}")
+        result = law(k * self._step, q, dq)
+        try:
+            tau = np.asarray(result)
+        except ValueError:  # lists of different lengths
+            tau = np.array(None)
+        if tau.shape != q.shape or tau.dtype.kind not in "fiu":
+            got = f"{tau.shape} with elements of type {tau.dtype}"
+            raise CommandError(f"the law must return efforts of shape {q.shape} (runs, joints), as numbers; got {got}")
         if not np.isfinite(tau).all():
             run, joint = np.argwhere(~np.isfinite(tau))[0]
             name, time = self._plant.joint_names[joint], k * self._step
@@ -150,6 +153,11 @@ class MujocoBatch:
                     f"run {run} of the batch: {what} at {k * self._step:.3f} s; a batch simulates free motion only, so "
                     "simulate this run on a single plant"
                 )
+
+
+def _check_count(name: str, value: object) -> None:
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
+        raise CommandError(f"{name} must be a whole number of at least 1; got {value!r}")
 
 
 def _check(run: int, plant: MujocoPlant) -> None:
