@@ -2,6 +2,7 @@
 unselected tests, and restoration of loggers and ROS parameters after each test."""
 
 import functools
+import gc
 import json
 import logging
 import os
@@ -15,12 +16,9 @@ from pathlib import Path
 import pytest
 from _pytest.junitxml import xml_key
 
-os.environ.setdefault(
-    "OPENBLAS_NUM_THREADS", "1"
-)  # before numpy is imported; matrices of seven rows are not faster with threads
-os.environ.setdefault(
-    "MUJOCO_GL", "egl"
-)  # MuJoCo reads this when it is loaded, which the first test that uses it does; some tests draw
+# Before numpy and MuJoCo are imported: matrices of seven rows are not faster with threads, and some tests draw.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("MUJOCO_GL", "egl")
 ROOT = Path(__file__).parent
 MARKS_OF_A_FILE = re.compile(r"^pytestmark = (?:\[[^\]]*\]|.*)", re.MULTILINE)
 MASTERS = ("roscore", "start", "live", "pd_step")
@@ -47,6 +45,12 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
         return None
     unwanted = "not alone" if "alone" in marks_of_file(collection_path) else "alone"
     return unwanted in config.option.markexpr.split(" and ") or None
+
+
+def pytest_collection_finish() -> None:
+    """Exempt what exists now from garbage collection, which would walk through it again and again."""
+    gc.collect()
+    gc.freeze()
 
 
 def kind(item: pytest.Item) -> str:

@@ -77,3 +77,11 @@ def test_an_arm_at_rest_is_refused(model: KdlFrankaModel, urdf: str) -> None:
     still = as_log(simulated.simulate(urdf, 4.0, still=tuple(range(7))))
     with pytest.raises(LogError, match=r"the joints move faster than 0\.1 rad/s for 0 s; valid: 2 s or more"):
         fit_load(model, compared(model, still), compared(model, still))
+
+
+@pytest.mark.parametrize("order", [(1, 0), (1, 1)])
+def test_logs_without_a_payload_in_the_first_are_refused(
+    order: tuple[int, int], model: KdlFrankaModel, logs: tuple[ArmLog, ArmLog]
+) -> None:
+    with pytest.raises(LogError, match=r"the mass is -?[0-9.]+ \+- .* kg; valid: above 3 standard deviations"):
+        fit_load(model, *(compared(model, logs[i]) for i in order))

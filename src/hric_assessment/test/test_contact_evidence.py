@@ -3,6 +3,7 @@ recordings that do not say enough of them."""
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from verdict_cases import AREA, RIGHT, WHOLE, Bag, half_sine, held
 
 from hric_assessment.findings import Finding, Outcome
 from hric_assessment.verdict import AssessmentChoices, Verdict, assess, opened
+from hric_assessment.verdict.contacts import contact_findings
 from hric_core.errors import HricError
 
 Make = Callable[[Bag], None]
@@ -323,6 +325,36 @@ def test_contacts_that_are_not_recorded_are_told_with_the_topic(tmp_path: Path) 
 def test_nothing_touched_the_person_where_all_messages_say_so(tmp_path: Path) -> None:
     finding = only(tmp_path, lambda bag: (standing(bag), bag.silence(0.0, 3.0))[1])
     assert (finding.outcome, finding.reason) == (Outcome.WITHIN, "nothing touched the person")
+
+
+@pytest.mark.parametrize(
+    ("plant", "shape", "reason"),
+    [
+        ({}, True, "nothing touched the person"),
+        ({"collision": False}, True, "the robot touches nothing in this simulation"),
+        ({}, False, "contacts of tool, without collision shape, are not simulated"),
+    ],
+)
+def test_silence_of_an_arm_that_cannot_touch_is_not_within(
+    plant: dict[str, object], shape: bool, reason: str, tmp_path: Path
+) -> None:
+    bag = Bag()
+    standing(bag)
+    bag.silence(0.0, 3.0)
+    bag.control_log(0.0, 3.0)
+    source = opened(str(bag.save(tmp_path / "case.bag")))
+    assert source.recording.log is not None
+    joint = source.recording.log.joint_names[0]
+    ball = "<collision><geometry><sphere radius='0.1'/></geometry></collision>" if shape else ""
+    inertial = "<inertial><mass value='1'/><inertia ixx='1' iyy='1' izz='1' ixy='0' ixz='0' iyz='0'/></inertial>"
+    description = (
+        f"<robot name='r'><link name='base'/><link name='tool'>{inertial}{ball}</link><joint name='{joint}' "
+        "type='continuous'><parent link='base'/><child link='tool'/></joint></robot>"
+    )
+    run = {"definition": {"human": {"rate": 1000.0}}, "parameters": {"robot": {"plant": plant}}}
+    (finding,) = contact_findings(replace(source, run=run, description=description), AssessmentChoices())
+    assert finding.reason.startswith(reason)
+    assert (finding.outcome == Outcome.WITHIN) == (shape and not plant)
 
 
 def test_a_topic_that_says_nothing_for_seconds_is_not_silence(tmp_path: Path) -> None:

@@ -37,6 +37,17 @@ def test_capsules_hold_balls_cylinders_and_boxes_and_meshes_are_named() -> None:
     np.testing.assert_allclose(box, [[0, -0.2, 0.5], [0, 0.2, 0.5]], atol=1e-12)
 
 
+def test_a_link_with_a_mass_and_without_a_shape_is_named() -> None:
+    inertial = "<inertial><mass value='1'/><inertia ixx='1' iyy='1' izz='1' ixy='0' ixz='0' iyz='0'/></inertial>"
+    extra = "".join(
+        f"<link name='{name}'>{inside}</link><joint name='to_{name}' type='fixed'><parent link='slide'/>"
+        f"<child link='{name}'/></joint>"
+        for name, inside in (("frame", ""), ("tool", inertial))
+    )
+    tree = urdf.read(SHAPES.replace("</robot>", f"{extra}</robot>"))
+    assert capsules_of(tree, ["slide", "frame", "tool"])[1] == ["tool"]
+
+
 def test_no_links_have_no_capsules() -> None:
     found, left_out = capsules_of(urdf.read(SHAPES), [])
     assert (found.ends.shape, found.radii.shape, left_out) == ((0, 2, 3), (0,), [])

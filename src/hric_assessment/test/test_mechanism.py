@@ -12,8 +12,8 @@ import panda_description
 from hric_assessment.contact.impact import ClosedFormImpact
 from hric_assessment.contact.mass import ROBOT_MASSES, Mechanism, RobotMasses
 from hric_core import urdf
-from hric_core.geometry import homogeneous
-from hric_core.geometry.transforms import rotation_from_rpy
+from hric_core.geometry import MassProperties, homogeneous
+from hric_core.geometry.transforms import inverse, rotation_from_rpy
 from hric_human.body import describe
 from hric_human.participant.settings import HumanSettings
 
@@ -103,6 +103,22 @@ def test_the_standard_counts_tool_and_load_fully() -> None:
     masses = mechanism.robot_masses(np.zeros(7), link, (0.1, 0.0, 0.9), (1.0, 0.0, 0.0), load=2.0)
     links = sum(panda_description.inertials()[f"link{k}"].mass for k in range(1, 8))
     assert masses.standard == pytest.approx(0.5 * links + 0.73 + 2 * 0.015 + 2.0)
+
+
+def test_a_payload_weighs_as_the_same_body_in_the_description() -> None:
+    with_hand, bare = (urdf.read(panda_description.load(hand=hand)) for hand in (True, False))
+    joints, q, point, normal = arm()[0].joints, np.linspace(-1.0, 1.0, 7), (0.4, 0.1, 0.5), (0.6, 0.0, 0.8)
+    hand = MassProperties()
+    for name in ("panda_hand", "panda_leftfinger", "panda_rightfinger"):
+        T_link8_part = inverse(with_hand.poses({})["panda_link8"]) @ with_hand.poses({})[name]
+        part = with_hand.links[name].mass
+        assert part is not None
+        hand += part.moved(T_link8_part)
+    described, carried = (
+        Mechanism(tree, joints, [ROTOR] * 7, payload=payload).robot_masses(q, "panda_link7", point, normal, load)
+        for tree, payload, load in ((with_hand, None, 0.0), (bare, ("panda_link8", hand), hand.mass))
+    )
+    assert carried == pytest.approx(described, rel=1e-9)
 
 
 @pytest.mark.parametrize(("which", "mass"), list(zip(ROBOT_MASSES, (4.0, 2.0, 3.0, 4.0), strict=True)))

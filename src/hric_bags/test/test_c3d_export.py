@@ -339,6 +339,8 @@ def test_events_are_triggers_and_phases(tmp_path: Path) -> None:
     group = read(tmp_path / "a.c3d")[0].get("EVENT")
     assert [label.strip() for label in group.get("LABELS").string_array] == ["rest", "moving", "trigger"]
     assert group.get("TIMES").float_array[:, 1].tolist() == [0.5, 1.5, 2.0]
+    c3d_format.write(replace(trial, events=(TrialEvent(0.5, "é" * 300, "x" * 300),)), tmp_path / "a.c3d")
+    assert read_trial(tmp_path / "a.c3d").events == (TrialEvent(0.5, "é" * 60, "x" * 120),)
 
 
 @pytest.mark.parametrize(

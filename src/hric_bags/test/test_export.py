@@ -201,6 +201,25 @@ def test_an_export_of_a_bag_that_changed_is_made_again(tmp_path: Path) -> None:
     assert list(export(truth, tmp_path / "out", "csv", topics=("/note",)).seconds) == ["csv"]
 
 
+def test_files_of_others_in_the_folder_are_not_replaced(truth: Truth, tmp_path: Path) -> None:
+    file = tmp_path / "csv/joint_states.csv"
+    file.parent.mkdir()
+    file.write_text("mine")
+    request = ExportRequest(("csv", "parquet"), ("/joint_states",))
+    for _ in range(2):
+        result = exporting.export(recording.find(str(truth.bag)), request, tmp_path)
+        assert "joint_states.csv exists and is of no export; valid: another folder, or " in result.failures["csv"]
+        assert file.read_text() == "mine" and list(result.files) == ["parquet"]
+    assert not exporting.export(recording.find(str(truth.bag)), request, tmp_path, again=True).failures
+    assert file.read_text() != "mine"
+
+
+def test_files_of_an_earlier_export_with_other_settings_are_replaced(truth: Truth, tmp_path: Path) -> None:
+    for formats, topics in ((("csv", "parquet"), ("/note",)), (("csv",), ()), (("parquet",), ())):
+        request = ExportRequest(formats, topics)
+        assert not exporting.export(recording.find(str(truth.bag)), request, tmp_path).failures
+
+
 def test_a_disk_that_refuses_leaves_no_half_file(tmp_path: Path) -> None:
     def refuse(path: Path) -> None:
         path.write_text("half")

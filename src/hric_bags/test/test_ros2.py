@@ -1,5 +1,8 @@
 """Bags of ROS 2: export as MCAP and SQLite, opened by a reader of another project, and read again."""
 
+import shutil
+import sqlite3
+from collections.abc import Callable
 from dataclasses import MISSING, fields, is_dataclass
 from pathlib import Path
 from typing import Any
@@ -7,11 +10,13 @@ from typing import Any
 import export_bags
 import numpy as np
 import pytest
+import yaml
 from export_bags import Truth
 
 from hric_bags import foreign, ros2
 from hric_bags.export import exporting, recording
 from hric_bags.export.exporting import ExportRequest
+from hric_bags.indexed import BagError
 from hric_bags.parts import PartsReader
 from hric_bags.run_folder import workspace
 from hric_core.command import main
@@ -145,3 +150,112 @@ def test_a_run_folder_is_no_bag(tmp_path: Path) -> None:
     assert foreign.is_ros2(tmp_path)
     (tmp_path / "run.yaml").write_text("")
     assert not foreign.is_ros2(tmp_path)
+
+
+def split(exported: Path, kind: str, folder: Path, belongs: Callable[[int], bool]) -> Path:
+    """Write a bag of two files, of which the second has the messages that `belongs` chooses by their number."""
+    with ros2.Ros2Reader(exported / kind) as reader:
+        stored = [(c.topic, time, raw) for c, time, raw in super(ros2.Ros2Reader, reader).messages()]
+        kinds, types = {c.topic: c.msgtype for c in reader.connections}, reader.typestore
+    shutil.copytree(exported / kind, folder)
+    content = yaml.safe_load((folder / "metadata.yaml").read_text())
+    content["rosbag2_bagfile_information"]["relative_file_paths"] = []
+    for part in (True, False):
+        name = f"{folder.name}_{part:d}"
+        with ros2.Writer(folder.parent / name, version=8, storage_plugin=ros2.STORAGES[kind]) as writer:
+            added = {topic: writer.add_connection(topic, kinds[topic], typestore=types) for topic in kinds}
+            for number, (topic, time, raw) in enumerate(stored):
+                if belongs(number) == part:
+                    writer.write(added[topic], time, raw)
+        (file,) = (folder.parent / name).glob(f"{name}.*")
+        file.rename(folder / file.name)
+        content["rosbag2_bagfile_information"]["relative_file_paths"].append(file.name)
+    for topic in content["rosbag2_bagfile_information"]["topics_with_message_count"]:
+        topic["topic_metadata"]["offered_qos_profiles"] = ""
+    (folder / "metadata.yaml").write_text(yaml.safe_dump(content))
+    return folder
+
+
+@pytest.mark.parametrize("kind", ["mcap", "ros2"])
+@pytest.mark.parametrize("belongs", [lambda k: k >= 200, lambda k: k < 200, lambda k: k % 2 == 0])
+def test_messages_of_several_files_are_in_the_order_of_time(
+    truth: Truth, exported: Path, tmp_path: Path, kind: str, belongs: Callable[[int], bool]
+) -> None:
+    found = contents(split(exported, kind, tmp_path / "bag", belongs))
+    assert [time for _, _, time, _ in found] == sorted(time for _, _, time, _ in found)
+    assert by_topic(found) == by_topic(contents(truth.bag))
+
+
+def indexed(exported: Path, target: Path, **settings: Any) -> None:
+    """Write the exported MCAP file again with the library of MCAP's authors."""
+    reader, writer = pytest.importorskip("mcap.reader"), pytest.importorskip("mcap.writer")
+    with (exported / "mcap/made_up.mcap").open("rb") as file, target.open("wb") as new:
+        copy = writer.Writer(new, **settings)
+        copy.start(profile="ros2")
+        numbers: dict[str, int] = {}
+        for schema, channel, message in reader.make_reader(file).iter_messages():
+            if channel.topic not in numbers:
+                kind = copy.register_schema(schema.name, schema.encoding, schema.data)
+                numbers[channel.topic] = copy.register_channel(channel.topic, "cdr", kind, channel.metadata)
+            copy.add_message(numbers[channel.topic], message.log_time, message.data, message.publish_time)
+        copy.finish()
+
+
+@pytest.mark.parametrize("settings", ["chunks", "names"])
+def test_an_mcap_file_whose_index_leads_to_no_messages_is_not_read_as_an_empty_bag(
+    exported: Path, tmp_path: Path, settings: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    kinds = pytest.importorskip("mcap.writer").IndexType
+    names = {"use_statistics": False, "repeat_channels": False, "repeat_schemas": False}
+    indexed(exported, tmp_path / "a.mcap", **({"index_types": kinds.CHUNK} if settings == "chunks" else names))
+    assert main(["assess", str(tmp_path / "a.mcap")]) == 2
+    message = capsys.readouterr().err
+    assert "it has 0 of " in message and "`mcap recover`" in message and message.count("\n") == 1
+
+
+def database(exported: Path, folder: Path) -> tuple[Path, sqlite3.Connection]:
+    shutil.copytree(exported / "ros2", folder)
+    return folder / "made_up.db3", sqlite3.connect(folder / "made_up.db3")
+
+
+def test_a_bag_with_fewer_messages_than_its_metadata_lists_is_refused(exported: Path, tmp_path: Path) -> None:
+    file, connection = database(exported, tmp_path / "bag")
+    connection.execute("DELETE FROM messages WHERE id IN (SELECT MAX(id) FROM messages)")
+    connection.commit()
+    connection.close()
+    with pytest.raises(BagError, match=r"it has \d+ of \d+ messages of /.*`ros2 bag reindex`"):
+        contents(file.parent)
+
+
+def test_changes_next_to_an_sqlite_file_are_not_ignored(exported: Path, tmp_path: Path) -> None:
+    file, connection = database(exported, tmp_path / "bag")
+    connection.execute("PRAGMA journal_mode = WAL")
+    connection.execute("UPDATE messages SET timestamp = timestamp + 1")
+    connection.commit()
+    for bag in (file, file.parent):
+        with pytest.raises(BagError, match=r"made_up.db3-wal has changes .* `sqlite3 made_up.db3 .tables` joins them"):
+            contents(bag)
+    connection.close()
+    assert min(time for _, _, time, _ in contents(file)) > min(time for _, _, time, _ in contents(exported / "ros2"))
+
+
+def test_a_definition_without_a_field_that_is_read_is_refused_by_its_name(
+    exported: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, connection = database(exported, tmp_path / "bag")
+    connection.execute(
+        "UPDATE message_definitions SET encoded_message_definition = "
+        "REPLACE(encoded_message_definition, 'n_cycles', 'cycles'), type_description_hash = ''"
+    )
+    connection.execute("UPDATE topics SET type_description_hash = ''")
+    connection.commit()
+    connection.close()
+    assert main(["export", str(file), "--format", "csv", "--output", str(tmp_path / "out")]) == 2
+    assert "hric_msgs/msg/ControlLog in the bag has no field 'n_cycles'" in capsys.readouterr().err
+
+
+def test_a_run_whose_bag_is_a_folder_is_exported(exported: Path, tmp_path: Path) -> None:
+    shutil.copytree(exported / "mcap", tmp_path / "run/bag")
+    (tmp_path / "run/run.yaml").write_text("bag: bag")
+    assert main(["export", str(tmp_path / "run"), "--format", "csv", "--topics", "/joint_states"]) == 0
+    assert (tmp_path / "run/export/csv/joint_states.csv").is_file()

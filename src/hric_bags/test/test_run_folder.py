@@ -12,6 +12,7 @@ import pytest
 import yaml
 
 from hric_bags import files
+from hric_bags.run_file import held_mass
 from hric_bags.run_folder import GONE, RunFolder, RunFolderError, runs_root
 
 NOW = datetime(2024, 5, 6, 7, 8, 9)
@@ -54,6 +55,19 @@ def test_the_writer_of_a_run_reads_what_everybody_reads(tmp_path: Path) -> None:
     assert repr(folder.read()) == repr(RunFolder.open(folder.path).read())
     RunFolder.open(folder.path).update(status="interrupted")
     assert folder.read()["status"] == "interrupted"
+
+
+@pytest.mark.parametrize(
+    ("arms", "mass"),
+    [
+        ({"left": {"robot": {"load": {"com": [0, 0, 0.1]}}}, "right": {"robot": {"load": {"com": [0, 0.1, 0]}}}}, 2.0),
+        ({"left": {"robot": {"load": {"mass": 1.0}}}, "right": {"robot": {"load": {"mass": 0.5}}}}, 1.0),
+        ({"left": {"robot": {"plant": {"payload": {"mass": 3.0}}}}, "right": {}}, 3.0),
+        ({}, 2.0),
+    ],
+)
+def test_the_heaviest_load_or_payload_of_the_arms_counts(arms: dict[str, dict[str, object]], mass: float) -> None:
+    assert held_mass({"robot": {"load": {"mass": 2.0}, "plant": {}}, "arms": arms}) == mass
 
 
 def write_and_die(root: Path, number: int) -> Path:

@@ -49,6 +49,9 @@ def test_a_later_note_leaves_the_earlier_ones_byte_for_byte(run: RunFolder) -> N
         (["x", "--at", "nan"], "--at nan: valid: "),
         (["  "], "text of a note is '  '; valid: one line of text"),
         (["two\nlines"], "valid: one line of text"),
+        (["two\u2028lines"], "valid: one line of text"),
+        (["\x1b[31mred"], "valid: one line of text"),
+        (["a byte of Latin-1: \udcfc"], "valid: one line of text"),
         (["x", "--by", ""], "--by of a note is ''"),
     ],
 )
@@ -71,6 +74,21 @@ def test_a_damaged_file_of_notes_is_refused_and_not_extended(
     assert note(run, "x") == 2
     assert "notes.yaml" in capsys.readouterr().err
     assert (run.path / "notes.yaml").read_text() == content
+
+
+def test_a_note_is_added_after_a_last_line_without_end(run: RunFolder) -> None:
+    (run.path / "notes.yaml").write_text("- {written: b, by: a, at: 1, text: by hand}")
+    assert note(run, "x") == 0
+    assert [item.text for item in run_notes.read(run.path)] == ["by hand", "x"]
+
+
+@pytest.mark.parametrize(
+    "content", ["[{written: b, by: a, at: null, text: t}]", "- {written: b, by: a, at: 1, text: t}\n..."]
+)
+def test_a_file_of_notes_that_cannot_be_extended_is_left_as_it_is(run: RunFolder, content: str) -> None:
+    (run.path / "notes.yaml").write_text(content)
+    assert note(run, "x") == 2
+    assert (run.path / "notes.yaml").read_text() == content and len(run_notes.read(run.path)) == 1
 
 
 def test_exports_have_the_notes_and_are_written_again_for_a_new_one(run: RunFolder) -> None:

@@ -149,6 +149,47 @@ def test_an_output_that_is_not_finite_brings_the_arm_to_rest_and_ends_the_contro
     assert item.state == "aborted" and "is not finite; the arm was stopped" in item.error
 
 
+@pytest.mark.parametrize("delay", [0, 5])
+def test_a_network_that_fails_in_the_motion_brings_the_arm_to_rest_and_ends_the_controller(tmp_path, delay):
+    """An index of the network is out of its range when the first joint has turned by 0.1 rad."""
+    path = write(tmp_path / "failing.onnx", [0, 0.4, 0])
+    model = onnx.load(path)
+    model.graph.node[0].output[0] = "moves"
+    pick, zero = (np.eye(10, 1, dtype=np.float32) * 10, np.zeros(1, np.float32))
+    model.graph.initializer.extend(onnx.numpy_helper.from_array(a, n) for a, n in ((pick, "pick"), (zero, "zero")))
+    made = onnx.helper.make_node
+    model.graph.node.extend(
+        [
+            made("MatMul", ["observation", "pick"], ["turned"]),
+            made("Cast", ["turned"], ["index"], to=onnx.TensorProto.INT64),
+            made("Gather", ["zero", "index"], ["nothing"]),
+            made("Add", ["moves", "nothing"], ["action"]),
+        ]
+    )
+    onnx.save(model, path)
+    bench, q = driven(path, 1.5, goal=FAR, delay=delay)
+    assert q[-1, 0] > 0.1 and bench.hw.error == "" and np.abs(q[-1] - q[-300]).max() < 1e-9
+    (item,) = bench.manager.list()
+    assert item.state == "aborted" and "failing.onnx cannot be executed" in item.error
+
+
+@pytest.mark.parametrize(
+    ("change", "match"),
+    [
+        (lambda graph: graph.input[0].type.tensor_type.shape.dim[0].__setattr__("dim_value", 2), "cannot be executed"),
+        (lambda graph: graph.input[0].type.tensor_type.__setattr__("elem_type", 11), "is not an ONNX file"),
+        (lambda graph: graph.node[0].input.__setitem__(0, "absent"), "is not an ONNX file"),
+    ],
+)
+def test_a_network_that_does_not_take_the_observation_is_refused(tmp_path, change, match, capfd):
+    model = onnx.load(write(tmp_path / "policy.onnx", [0.0] * 3))
+    change(model.graph)
+    onnx.save(model, str(tmp_path / "policy.onnx"))
+    with pytest.raises(HricError, match=f"policy.onnx {match}.*; valid: a file of hric train"):
+        ArmRig(NAME, file=str(tmp_path / "policy.onnx"))
+    assert "onnxruntime" not in capfd.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("change", "match"),
     [

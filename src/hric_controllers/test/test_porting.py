@@ -57,6 +57,7 @@ bool Position::init(hardware_interface::EffortJointInterface* robot, ros::NodeHa
   hardware_interface::JointHandle joint_ = robot->getHandle(name_);
   return joint_.getPosition() > 0;
 }
+void Position::update(const ros::Time&, const ros::Duration&) {}
 PLUGINLIB_EXPORT_CLASS(my_law::Position, controller_interface::ControllerBase)
 """
 WRENCH = """
@@ -173,6 +174,33 @@ def test_a_node_in_python_is_read_too(source, capsys):
     assert names == ["~rate", "target", "command"]
 
 
+def test_headers_that_headers_include_are_read(source, capsys):
+    (source / "src/position.cpp").write_text(
+        "#include <my_law/position.h>\nPLUGINLIB_EXPORT_CLASS(my_law::Position, controller_interface::ControllerBase)"
+    )
+    (source / "include/my_law/position.h").write_text("#include <my_law/position_impl.h>\n")
+    (source / "include/my_law/position_impl.h").write_text(POSITION.rpartition("PLUGINLIB")[0])
+    assert command.main(["port", str(source / "src/position.cpp")]) == 0
+    assert ("yes", "joint", "position_impl.h:3") in rows(capsys.readouterr().out)
+
+
+def test_a_table_without_the_law_is_called_incomplete(source, capsys):
+    (source / "src/position.cpp").write_text(POSITION.replace("::update", "::renew"))
+    assert command.main(["port", str(source / "src/position.cpp")]) == 3
+    assert "update() is not in these files" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("file", "before", "after"),
+    [("src/position.cpp", '"joint"', "kind + name"), ("lead.py", '"~rate"', "KIND")],
+)
+def test_a_computed_name_is_to_be_written_out_by_hand(file, before, after, source, capsys):
+    (source / file).write_text((source / file).read_text().replace(before, after))
+    command.main(["port", str(source / file)])
+    line = next(line for line in capsys.readouterr().out.splitlines() if f"({after})" in line)
+    assert "a computed name: write it out by hand" in line
+
+
 def test_a_controller_that_exists_here_needs_no_port(source, capsys):
     exported = (
         "PLUGINLIB_EXPORT_CLASS(effort_controllers::JointTrajectoryController, controller_interface::ControllerBase)"
@@ -190,11 +218,13 @@ def test_a_controller_that_exists_here_needs_no_port(source, capsys):
         (["src/wrench.cpp", "--output", "src"], "exists; name a new folder"),
         (["include/my_law/other.h"], "no class is derived from"),
         (["broken.py"], "is not Python 3"),
+        (["src/ros2.cpp"], "ros2.cpp is written for ROS 2 (rclcpp); valid: a controller of ros_control"),
     ],
 )
 def test_a_mistake_is_one_sentence_and_writes_nothing(words, said, source, monkeypatch, capsys):
     (source / "include/my_law/other.h").write_text("int x;")
     (source / "broken.py").write_text("def f(:\n")
+    (source / "src/ros2.cpp").write_text('#include "rclcpp/rclcpp.hpp"\nrclcpp::Node node;')
     monkeypatch.chdir(source)
     assert command.main(["port", *words]) == 2
     error = capsys.readouterr().err

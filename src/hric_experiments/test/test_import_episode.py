@@ -36,9 +36,8 @@ def version_3(folder: Path, values: np.ndarray, names: list[str] | None, width: 
     still = np.tile(values[0], (10, 1))
     rows = np.concatenate([still, values]).astype(np.float32)
     episodes = [0] * len(still) + [1] * len(values)
-    frames = [*range(len(still)), *range(len(values))]
     write(folder, "v3.0", "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet", names, width)
-    table(folder / "data/chunk-000/file-001.parquet", rows, frames, episodes)
+    table(folder / "data/chunk-000/file-001.parquet", rows, episodes)
     (folder / "meta/episodes/chunk-000").mkdir(parents=True)
     about = {"episode_index": [0, 1], "data/chunk_index": [0, 0], "data/file_index": [1, 1]}
     pandas.DataFrame(about).to_parquet(folder / "meta/episodes/chunk-000/file-000.parquet")
@@ -50,12 +49,7 @@ def version_2(folder: Path, values: np.ndarray, names: list[str] | None, width: 
     """Write a data set in the layout of version 2, with a file per episode."""
     pattern = "data/chunk-{episode_chunk:03d}/episode_{episode_index:06d}.parquet"
     write(folder, "v2.1", pattern, names, width)
-    table(
-        folder / "data/chunk-000/episode_000001.parquet",
-        values.astype(np.float32),
-        range(len(values)),
-        [1] * len(values),
-    )
+    table(folder / "data/chunk-000/episode_000001.parquet", values.astype(np.float32), [1] * len(values))
     (folder / "meta/tasks.jsonl").write_text('{"task_index": 0, "task": "none"}\n{"task_index": 1, "task": "wave"}\n')
     return folder
 
@@ -71,15 +65,16 @@ def write(folder: Path, version: str, pattern: str, names: list[str] | None, wid
     (folder / "meta/info.json").write_text(json.dumps(info))
 
 
-def table(path: Path, rows: np.ndarray, frames: Any, episodes: list[int]) -> None:
+def table(path: Path, rows: np.ndarray, episodes: list[int]) -> None:
+    """Write frames in random order, with the columns that data sets of LeRobot and of Isaac GR00T share."""
     path.parent.mkdir(parents=True)
     columns = {
         "observation.state": list(rows),
-        "frame_index": frames,
+        "index": range(len(rows)),
         "episode_index": episodes,
         "task_index": episodes,
     }
-    pandas.DataFrame(columns).to_parquet(path)
+    pandas.DataFrame(columns).sample(frac=1.0, random_state=0).to_parquet(path)
 
 
 def imported(dataset: Path, *options: str) -> Path:
@@ -142,6 +137,15 @@ def test_a_motion_that_is_too_fast_is_limited_and_the_report_says_so(tmp_path: P
     assert record.limit_counts.velocity[0] > 0 and "limits acted" in summary
 
 
+def test_a_jolt_that_the_box_smooths_is_reported(tmp_path: Path) -> None:
+    values = motion(0.4)
+    values[75, 4] += 0.02
+    record, summary = replayed(imported(version_3(tmp_path / "data", values, JOINTS)), tmp_path / "runs")
+    change = np.abs(record.log.command - record.log.command_raw).max(axis=0)
+    assert change[4] > 0.01 and not any(record.limit_counts.velocity)
+    assert f"by up to: panda_joint5 {change[4]:.2g}\n" in summary and "no limit acted" not in summary
+
+
 @pytest.mark.parametrize(
     ("values", "names", "options", "reason"),
     [
@@ -177,6 +181,97 @@ def test_what_cannot_be_replayed_is_refused(
     assert not list(tmp_path.glob("*.yaml"))
 
 
+def test_a_file_without_a_column_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    dataset = version_2(tmp_path / "data", motion(0.4), JOINTS)
+    path = dataset / "data/chunk-000/episode_000001.parquet"
+    pandas.read_parquet(path).drop(columns="index").to_parquet(path)
+    assert main(["import", str(dataset), "--episode", "1"]) == 2
+    assert f"cannot read {path}: no column index\n" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("about", "reason"),
+    [
+        ({"fps": 0}, "fps is 0; valid: a finite number from 0.1 to 1000 [Hz]"),
+        ({"fps": float("nan")}, "fps is nan; valid: "),
+        ({"codebase_version": "v1.6"}, "has version v1.6; valid: LeRobot data sets of version 2 or 3"),
+        ({"chunks_size": 0}, "is not a LeRobot data set of version 2 or 3: ZeroDivisionError"),
+        ({"features": {"observation.state": None}}, "is not a LeRobot data set of version 2 or 3: AttributeError"),
+        (
+            {
+                "features": {
+                    "observation.state": {
+                        "dtype": "float32",
+                        "shape": [7],
+                        "names": JOINTS,
+                        "units": ["deg"] + ["rad"] * 6,
+                    }
+                }
+            },
+            "reaches 2.356 deg; valid: joint positions in rad",
+        ),
+    ],
+)
+def test_a_description_that_is_not_of_a_data_set_is_refused(
+    tmp_path: Path, about: dict[str, Any], reason: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    dataset = version_3(tmp_path / "data", motion(0.4), JOINTS)
+    info = json.loads((dataset / "meta/info.json").read_text())
+    (dataset / "meta/info.json").write_text(json.dumps(info | about))
+    refused(dataset, reason, capsys)
+
+
+def refused(dataset: Path, reason: str, capsys: pytest.CaptureFixture[str]) -> None:
+    output = dataset.parent / "wave.yaml"
+    assert main(["import", str(dataset), "--episode", "1", "-o", str(output)]) == 2
+    message = capsys.readouterr().err
+    assert reason in message and message.count("\n") == 1 and not output.exists()
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (lambda rows: rows[rows["index"] != 50], "index of frame 40 is 51; valid: 50"),  # the episode begins at 10
+        (lambda rows: pandas.concat([rows, rows[rows["index"] == 20]]), "index of frame 11 is 20; valid: 21"),
+        (
+            lambda rows: rows.assign(timestamp=(rows["index"] - 10) / 30),
+            "timestamp of frame 1 is 0.0333333; valid: 0.02",
+        ),
+        (lambda rows: rows.assign(frame_index=(rows["index"] - 10) // 2), "frame_index of frame 1 is 0; valid: 1"),
+        (lambda rows: rows.assign(timestamp=float("nan")), "timestamp of frame 0 is nan"),
+        (lambda rows: rows[rows.episode_index == 0], "has 0 frames; valid: at least 2"),
+        (lambda rows: rows.assign(**{"observation.state": [[0.0] * 8] * len(rows)}), "a frame with 8 values; valid: 7"),
+        (
+            lambda rows: rows.assign(**{"observation.state": [[0.0] * 7, None] * (len(rows) // 2) + [[0.0] * 7]}),
+            "valid: 7",
+        ),
+    ],
+)
+def test_frames_that_do_not_give_the_motion_are_refused(
+    tmp_path: Path, change: Any, reason: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    dataset = version_3(tmp_path / "data", motion(0.4), JOINTS)
+    path = dataset / "data/chunk-000/file-001.parquet"
+    change(pandas.read_parquet(path)).to_parquet(path)
+    refused(dataset, reason, capsys)
+
+
+def test_an_episode_that_no_file_lists_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    dataset = version_3(tmp_path / "data", motion(0.4), JOINTS)
+    path = dataset / "meta/episodes/chunk-000/file-000.parquet"
+    pandas.read_parquet(path)[:1].to_parquet(path)
+    refused(dataset, "data does not list episode 1 in meta/episodes", capsys)
+
+
+@pytest.mark.parametrize("name", ["wave.yaml", "wave.csv"])
+def test_an_existing_file_is_not_replaced(tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    dataset = version_3(tmp_path / "data", motion(0.4), JOINTS)
+    (tmp_path / name).write_text("mine")
+    assert main(["import", str(dataset), "--episode", "1", "-o", str(tmp_path / "wave.yaml")]) == 2
+    assert f"{name} exists; valid: another name with --output" in capsys.readouterr().err
+    assert (tmp_path / name).read_text() == "mine" and len(list(tmp_path.glob("wave.*"))) == 1
+
+
 def test_a_folder_without_data_set_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["import", str(tmp_path)]) == 2
     assert "is not a LeRobot data set of version 2 or 3" in capsys.readouterr().err
@@ -209,5 +304,18 @@ def test_a_controller_that_is_not_started_is_refused(tmp_path: Path, capsys: pyt
     content = yaml.safe_load(path.read_text())
     content["replay"]["controller"] = "effort_joint_trajectory_controller"
     path.write_text(yaml.safe_dump(content))
-    assert main(["run", str(path), "--runs", str(tmp_path / "runs"), "--quiet"]) != 0
+    assert main(["run", str(path), "--runs", str(tmp_path / "runs"), "--quiet"]) == 2
     assert "no controller 'effort_joint_trajectory_controller' in replay.controller; valid: " in capsys.readouterr().err
+    assert not (tmp_path / "runs").exists()
+
+
+def test_an_episode_is_replayed_by_one_of_two_arms(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = imported(version_3(tmp_path / "data", motion(0.4), JOINTS))
+    arms = ["arms:=left,right", "replay.controller:=left/position_joint_trajectory_controller"]
+    assert main(["run", str(path), *arms, "--runs", str(tmp_path / "runs"), "--quiet"]) == 2
+    assert "has the joints panda_joint1, " in (error := capsys.readouterr().err) and "valid: those of left/" in error
+    csv = path.with_suffix(".csv")
+    csv.write_text(csv.read_text().replace("panda_", "left_"))
+    record, _ = replayed(path, tmp_path / "runs", *arms)
+    moved = np.ptp(record.log.position, axis=0)
+    assert moved[:7].min() > 0.1 and moved[7:].max() < 1e-3

@@ -46,7 +46,7 @@ def test_joints_of_somebody_before_the_cameras_are_those_that_the_person_has_and
     assert len(off) == len(taken)
     figure("person, live at 120 Hz: joint angles, rms of the worst joint", np.sqrt(np.square(off).mean(0)).max(), "deg")
     assert np.sqrt(np.square(off).mean(axis=0)).max() <= 2.0
-    assert not tracked[-1].calibrated and tracked[-1].residual < 1e-3
+    assert not tracked[-1].calibrated and np.median([message.residual for message in tracked]) < 8e-4
     check_hand(frames, swings)
     calibrate = rospy.ServiceProxy("/person/calibrate", Trigger)
     refused = calibrate()
@@ -80,14 +80,16 @@ def test_sixty_estimates_and_more_come_a_second(swings: Swings, nodes: Nodes, fi
 
 
 def check_hand(frames: list[Any], swings: Swings) -> None:
-    """The person's frames are where their links are."""
-    sent = [message for message in frames if message.transforms[0].child_frame_id.startswith("person/")][-1]
-    found = {one.child_frame_id: one.transform.translation for one in sent.transforms}
-    q = swings.joints(sent.transforms[0].header.stamp.to_sec())[0]
-    true = WholeBody(BODY).poses(q.tolist(), SETTINGS.root(BODY))["r_wrist"].position
-    p = found["person/r_wrist"]
-    assert [p.x, p.y, p.z] == pytest.approx(true, abs=0.01)
-    assert {one.header.frame_id for one in sent.transforms} == {"panda_link0"}
+    """The person's frames are where their links are, in the median: single stamps are late on a busy machine."""
+    errors = []
+    for sent in [message for message in frames if message.transforms[0].child_frame_id.startswith("person/")][-60:]:
+        assert {one.header.frame_id for one in sent.transforms} == {"panda_link0"}
+        found = {one.child_frame_id: one.transform.translation for one in sent.transforms}
+        q = swings.joints(sent.transforms[0].header.stamp.to_sec())[0]
+        true = WholeBody(BODY).poses(q.tolist(), SETTINGS.root(BODY))["r_wrist"].position
+        p = found["person/r_wrist"]
+        errors.append(np.abs(np.subtract([p.x, p.y, p.z], true)).max())
+    assert np.median(errors) < 2e-3
 
 
 @pytest.mark.parametrize(

@@ -9,10 +9,12 @@ import pytest
 from browser import Browser, installed
 from rosbags.highlevel import AnyReader
 
+from hric_analysis.supervised import Latency, SupervisorEvent, SupervisorMetrics
 from hric_bags.run_folder import RunFolder
 from hric_core.command import main
 from hric_report import html as report_html
 from hric_report.html.strip import LEFT, WIDTH
+from hric_report.text import violations
 from hric_run.definition import experiment
 
 NAME, END = "shared_workspace", 3.5
@@ -61,6 +63,12 @@ def test_a_watched_arm_violates_and_all_of_it_says_so(run: RunFolder, watched: R
     assert found["margin_min_violated"] == pytest.approx(min(one.margin for one in violated))
     assert "MOVED CLOSER THAN THE PROTECTIVE DISTANCE" in (watched.path / "summary.txt").read_text()
     assert "never moved closer than the protective distance" in (run.path / "summary.txt").read_text()
+
+
+def test_a_motion_that_the_supervisor_does_not_judge_is_told() -> None:
+    event = SupervisorEvent(0.2, "moved", "the arm must stand still, but something else moves it", 0.1, -0.4)
+    seen = SupervisorMetrics("speed_and_separation", 1.0, 0.0, 0.0, 0.1, (), None, Latency(None, None), (event,))
+    assert violations(seen).endswith("except perhaps while something else than its controllers moved it")
 
 
 def test_a_run_without_a_supervisor_has_nothing_of_it(run: RunFolder, tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from control_msgs.msg import FollowJointTrajectoryGoal
 from franka_msgs.msg import ErrorRecoveryGoal
 from hric_core.errors import HricError
-from hric_msgs.msg import MocapData
+from hric_msgs.msg import MocapData, SafetyEvent
 from hric_run.definition import experiment, parameters
 from hric_run.simulation import Simulation
 
@@ -152,6 +152,19 @@ def refused(match: str, **arms: Any) -> None:
         simulation(raw).close()
 
 
+def test_a_supervisor_stops_the_controller_of_an_arm_that_does_not_obey() -> None:
+    raw = two_arms(human={"position": [0.62, 0.1]}, supervisor={"mode": "speed_and_separation"})
+    raw["arms"]["left"]["parameters"]["joint_pd_controller"]["profile"] = {"enabled": False}
+    events: list[SafetyEvent] = []
+    with simulation(raw) as both:
+        both.node.subscribe("hric/safety/events", SafetyEvent, events.append)
+        both.run()
+        states = {name: [one.state for one in app.manager.list()] for name, app in both.app.hw.apps.items()}
+    (stopped,) = [event.text for event in events if event.kind == "controller_stopped"]
+    assert stopped.startswith("controller left/joint_pd_controller commands the arm and does not obey")
+    assert states == {"left": ["running", "running", "stopped"], "right": ["running"] * 3}
+
+
 def test_what_cannot_be_one_world_is_refused_by_name() -> None:
     refused(
         "plant/time_step is None for left, 0.002 for right; valid: the same",
@@ -164,11 +177,18 @@ def test_what_cannot_be_one_world_is_refused_by_name() -> None:
     )
     payload = {"robot": {"plant": {"payload": {"mass": 1.0}}}}
     refused("plant/payload is set for left and right; valid: for one", left=payload, right=payload)
+    refused(r"arms\.left: robot\.load is 2\.0; valid: a mapping", left={"robot": {"load": 2.0}})
     refused(
         r"2 mistakes\s+arms.right: setpoints.*not started.*\s+arms.right: parameters for",
         right={"controllers": ["joint_state_controller"]},
     )
     refused(r"arms: '3rd' is no name", **{"3rd": {"controllers": ["joint_state_controller"]}})
+    refused("arms: other parameters have the name robot; valid: another", robot={"controllers": BROADCASTERS})
+    refused(r"arms\.right: .*xyz is .*500 mm would be", right={"robot": {"description": {"xyz": [0.0, 500.0, 0.0]}}})
+    others = {"joint_pd_controller": {"joints": [f"left_joint{number}" for number in range(1, 8)]}}
+    refused(
+        "controller right/joint_pd_controller cannot be loaded: no joint 'left_joint1'", right={"parameters": others}
+    )
     with pytest.raises(HricError, match="arms has only left; valid: two arms or more"):
         experiment.parse("arms", two_arms(arms={"left": two_arms()["arms"]["left"]}))
     with pytest.raises(HricError, match=r"mocap\.arm is not given; valid: one of left, right"):
@@ -224,6 +244,11 @@ def cost_beside_one(raw: dict[str, Any]) -> float:
 
 
 JOINTS = [f"{arm}_joint{number}" for arm in ("left", "right") for number in range(1, 8)]
+UR5E = {
+    "hw": "hric_control/RobotHWSim",
+    "urdf": "package://hric_experiments/robots/ur5e.urdf.xacro",
+    "q_start": ["pi", "-pi/2", "pi/2", "-pi/2", "-pi/2", 0],
+}
 POSE = ["-pi/4", 0, "-3*pi/4", 0, "pi/2", "pi/4"]
 
 
@@ -306,6 +331,17 @@ def test_a_controller_of_both_arms_must_claim_all_joints_of_an_arm() -> None:
     raw["parameters"]["joint_pd_controller"] |= {"joints": JOINTS[:10]}
     with pytest.raises(HricError, match=r"claims 3 of the arm's 7 joints; .* missing right_joint4"):
         simulation(raw).close()
+
+
+def test_torques_for_both_arms_need_arms_that_agree_on_gravity() -> None:
+    raw = one_controller("joint_pd_controller")
+    raw["arms"]["right"] = {"robot": UR5E, "controllers": ["joint_state_controller"]}
+    with pytest.raises(HricError, match="no hardware interface 'EffortJointInterface' in CombinedHWSim"):
+        simulation(raw).close()
+    raw |= {"controllers": ["joint_state_controller", "position_joint_trajectory_controller"], "parameters": {}}
+    with simulation(raw) as both:
+        both.run()
+    assert abs(both.signals.position[-1] - both.signals.position[0]).max() < 0.01
 
 
 def test_after_a_reflex_of_one_arm_both_stop_and_recover() -> None:

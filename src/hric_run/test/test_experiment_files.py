@@ -4,6 +4,7 @@ import json
 import math
 import os
 import shutil
+from datetime import date
 from pathlib import Path
 from textwrap import indent
 
@@ -169,11 +170,18 @@ def test_a_controller_reads_parameters_outside_its_namespace(tmp_path: Path) -> 
         ("/robot_description", "what is in robot_description"),
         ("robot ip", "'robot ip' is no name of a ROS parameter"),
         ("a//b", "'a//b' is no name"),
+        ("use_sim_time", "what is in use_sim_time"),
     ],
 )
 def test_a_global_parameter_that_is_none_is_refused(tmp_path: Path, name: str, told: str) -> None:
     with pytest.raises(ExperimentError, match=told):
         experiment.load(str(with_globals(tmp_path, {name: 1})))
+
+
+@pytest.mark.parametrize("value", [None, 2**31, {"a": {"b": None}}, [1, {2: 3}], date(2026, 1, 1)])
+def test_a_value_that_the_parameter_server_cannot_hold_is_refused(tmp_path: Path, value: object) -> None:
+    with pytest.raises(ExperimentError, match=r"global_parameters\./a is .*; valid: numbers, integers of 32"):
+        experiment.load(str(with_globals(tmp_path, {"/a": value})))
 
 
 def test_editors_have_the_schemas_and_accept_what_is_valid(capsys: pytest.CaptureFixture[str]) -> None:

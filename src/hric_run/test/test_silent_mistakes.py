@@ -11,6 +11,7 @@ from hric_core.command import main
 
 PD = "parameters.joint_pd_controller"
 GUIDED = "run hand_guidance parameters.cartesian_impedance_controller"
+IMPEDANCE = "parameters.cartesian_impedance_controller"
 SUBJECT = "code: S1\nsex: male\nmass: {mass}\nheight: {height}\n"
 FILES = {
     "heavy.yaml": SUBJECT.format(mass=75000, height=1.8),
@@ -31,6 +32,15 @@ FILES = {
     "iyy='1' izz='1' ixy='0' ixz='0' iyz='0'/></inertial></link><joint name='a' type='continuous'><parent link='base'/>"
     "<child link='arm'/></joint></robot>",
     "smooth.yaml": "robot: {hw: hric_control/RobotHWSim, urdf: smooth.urdf}\n"
+    "controllers: [joint_state_controller]\nduration: 1.0\n",
+    "cartesian.yaml": "robot: {hw: franka_sim/FrankaHWSim}\ncontrollers: [cartesian_impedance_controller]\n"
+    "duration: 1.0\n",
+    "still.urdf": "<robot name='r'><link name='base'/><link name='arm'><inertial><mass value='1'/><inertia ixx='1' "
+    "iyy='1' izz='1' ixy='0' ixz='0' iyz='0'/></inertial></link><joint name='a' type='continuous'><parent link='base'/>"
+    "<child link='arm'/><limit effort='0' velocity='0'/></joint><transmission name='t'><type>transmission_interface/"
+    "SimpleTransmission</type><joint name='a'><hardwareInterface>hardware_interface/EffortJointInterface"
+    "</hardwareInterface></joint><actuator name='m'/></transmission></robot>",
+    "still.yaml": "robot: {hw: hric_control/RobotHWSim, urdf: still.urdf}\n"
     "controllers: [joint_state_controller]\nduration: 1.0\n",
     "step.yaml": "robot: {hw: franka_sim/FrankaHWSim, parameters: {reflexs: false}}\n"
     "controllers: [joint_pd_controller]\n"
@@ -129,6 +139,13 @@ MISTAKES = [
     (f"run pd_step {PD}.rotatum_limit:=1e9", r"at most 1e\+06 in size \[N m/s\]"),
     (f"run pd_step {PD}.gain_ramp:=1000", r"1000 ms would be 1 s"),
     ("run pd_step parameters.joint_state_controller.publish_rate:=0.01", r"valid: a finite number from 0\.1 to 10000"),
+    (
+        "run pd_step 'robot.plant.payload:={mass: 1, inertia: [1, 0, 0, 0, 0, -1]}'",
+        r"payload/inertia is \[1\.0, .*valid: that of a body",
+    ),
+    (f"run cartesian.yaml {IMPEDANCE}.energy_tank.largest:=2", r"energy_tank/largest has no effect; .*initial above 0"),
+    (f"run cartesian.yaml {IMPEDANCE}.feedforward.largest_force:=9", r"largest_force has no effect; .*timeout above 0"),
+    (f"run cartesian.yaml {IMPEDANCE}.joint_repulsion.torque:=9", r"repulsion/torque has no effect; .*margin above 0"),
     ("run pd_step robot.load.mass:=1 robot.load.com:=[0,0,5]", r"com is \[0, 0, 5\]; valid: .* from -1 to 1 \[m\]"),
     ("run contact human.muscles.rate:=50", r"human\.muscles\.rate has no effect; valid: with human\.drive: muscle"),
     ("run contact human.contact_area:=0.4", r"human\.contact_area is 0\.4 m\^2, .*did you mean 0\.4 cm\^2"),
@@ -148,6 +165,7 @@ MISTAKES = [
     ("run marker_tracking mocap.human.amplitude:=[0,15,5]", r"amplitude is \[0, 15, 5\]; valid: .* from -2 to 2 \[m\]"),
     ("run pd_step simulator:=opensim robot.plant.accuracy:=100", r"valid: a finite number above 0 to 0\.1"),
     ("run smooth.yaml friction:=coulomb", r"friction: coulomb has no effect: no joint has <dynamics friction>"),
+    ("run still.yaml", r"joint a: its limit of effort and velocity is 0, .*valid: above 0, in its <limit> or in"),
     (
         "run pd_step robot.description.friction:=none robot.plant.friction:=coulomb",
         r"friction: coulomb has no effect: no joint has <dynamics friction>",

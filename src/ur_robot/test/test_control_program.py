@@ -1,10 +1,14 @@
-"""Servo motion and limits of the emulated controller, without sockets."""
+"""Servo motion and limits of the emulated controller, and its server in one process."""
 
 import math
+import socket
+import struct
 
 import pytest
+from fci_peer import new_address
 
 from ur_robot.emulated.control_program import PERIOD, Runtime, UrController
+from ur_robot.emulated.server import UrServer
 
 LIMITS = [(-math.pi, math.pi, math.pi)] * 6
 
@@ -63,3 +67,22 @@ def test_registers_of_the_upper_range() -> None:
     made.write({"input_int_register_24": 11, **values})
     made.cycle()
     assert made.servo.goal == [0.1] * 6 and made.state([], [], [])["output_int_register_24"] == 1
+
+
+def test_a_client_that_floods_the_controller_delays_itself() -> None:
+    written: list[dict[str, float]] = []
+    made = controller()
+    made.write = written.append  # type: ignore[method-assign]
+    server = UrServer(made, new_address())
+    try:
+        with socket.create_connection(server._listeners[0].getsockname(), 5.0) as client:
+            client.sendall(struct.pack(">HB20s", 23, ord("I"), b"input_int_register_7"))
+            client.sendall(struct.pack(">HBBi", 8, ord("U"), 1, 5) * 2500)
+            largest = 0
+            while len(written) < 2500:
+                before = len(written)
+                server.poll({})
+                largest = max(largest, len(written) - before)
+    finally:
+        server.close()
+    assert largest <= 150

@@ -23,7 +23,8 @@ LOOSE_INERTIA = 0.3
 project default, unconfirmed."""
 SHORTEST = 2.0
 """Minimum time in which a joint moves, summed over the joints [s]; project default, unconfirmed."""
-
+SIGNIFICANT = 3.0
+"""Smallest mass that shows a payload, in standard deviations of the mass [1]; project default, unconfirmed."""
 REFINEMENTS = 5
 """Number of steps that refine the shift between both logs."""
 
@@ -74,14 +75,20 @@ def fit_load(model: KdlFrankaModel, loaded: ModelCheck, empty: ModelCheck) -> Lo
         raise LogError(f"the joints move faster than {MOVING:g} rad/s for {spent:.2g} s; valid: {SHORTEST:g} s or more")
     regressor = _regressor(model, loaded)
     values, covariance = _solved(regressor, torque, moving, loaded)
+    mass, mass_deviation = float(values[0]), float(np.sqrt(covariance[0, 0]))
+    if not mass > SIGNIFICANT * mass_deviation:
+        raise LogError(
+            f"the mass is {mass:.4f} +- {mass_deviation:.1g} kg; valid: above {SIGNIFICANT:g} standard deviations (is "
+            "the log with the payload given as the one without it, or has neither a payload?)"
+        )
     inertia, inertia_deviation = _inertia(values, covariance)
-    mass, com = float(values[0]), values[1:4] / values[0]
+    com = values[1:4] / values[0]
     slope = np.hstack([-com[:, None], np.eye(3)]) / mass  # of the centre of mass with respect to mass and first moment
     com_variance = np.diag(slope @ covariance[:4, :4] @ slope.T)
     left = torque - regressor @ values
     return LoadFit(
         mass,
-        float(np.sqrt(covariance[0, 0])),
+        mass_deviation,
         com,
         np.sqrt(com_variance),
         inertia,

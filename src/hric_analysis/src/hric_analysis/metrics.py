@@ -14,6 +14,8 @@ FloatArray = npt.NDArray[np.float64]
 RIPPLE_WINDOW = 0.1
 """Window at the end of a run in which the torque ripple is measured [s]; at rest only a chattering loop has ripple."""
 LIMIT_KINDS = ("position", "velocity", "effort", "effort_rate")
+ROUNDING = 1e-9
+"""Largest change of a command that is rounding, not a limit [rad or rad/s]; project default, unconfirmed."""
 
 
 @dataclass(frozen=True)
@@ -159,6 +161,8 @@ class JointMetrics:
         effort_ripple: peak-to-peak value of the torque sent in the last RIPPLE_WINDOW seconds [N m].
         velocity_ratio, effort_ratio, rotatum_ratio: peak divided by the limit [1].
         limited_cycles: number of cycles in which each kind of limit acted.
+        command_change: largest change of a position or velocity command by limits, among them those of acceleration
+            and jerk [rad or rad/s]; None: commanded by effort.
         velocity_ratio_max, position_excess_max: largest ratio to the velocity limit [1], largest distance outside the
             position range [rad]; reported by the robot for all cycles.
         started_outside: True if the joint started outside its position range.
@@ -176,6 +180,7 @@ class JointMetrics:
     effort_ratio: float | None = None
     rotatum_ratio: float | None = None
     limited_cycles: dict[str, int] | None = None
+    command_change: float | None = None
     velocity_ratio_max: float | None = None
     position_excess_max: float | None = None
     started_outside: bool | None = None
@@ -197,6 +202,9 @@ def joint_metrics(
         "position_max": log.position.max(axis=0),
     }
     effort = np.array([kind == "effort" for kind in log.interfaces])
+    if not effort.all():
+        change = np.abs(log.command - log.command_raw).max(axis=0)
+        peaks["command_change"] = np.where(change <= ROUNDING, 0.0, change)  # NaN stays
     if effort.any():
         peaks["effort_peak"] = np.abs(log.command).max(axis=0)
         peaks["effort_raw_peak"] = np.abs(log.command_raw).max(axis=0)
@@ -208,7 +216,7 @@ def joint_metrics(
         values = {
             key: float(array[j])
             for key, array in peaks.items()
-            if effort[j] or key.startswith(("velocity", "position"))
+            if effort[j] != (key == "command_change") or key.startswith(("velocity", "position"))
         }
         bounds = limits.get(name, {})
         ratios = {

@@ -104,10 +104,20 @@ def typestore_of(definitions: frozenset[tuple[str, str, str]]) -> Typestore:
         types.update(get_types_from_msg(text, kind))
     store = get_typestore(Stores.EMPTY)
     store.register(types)
+    for message in store.types.values():
+        message.__getattr__ = _missing  # called for fields that the definition lacks
     for kind, _, checksum in definitions:
         if (actual := store.generate_msgdef(kind)[1]) != checksum:
             raise BagError(f"the definition of {kind} has checksum {actual}, but its messages have {checksum}")
     return store
+
+
+class MissingFieldError(BagError, AttributeError):
+    """Error for a message whose definition in the bag lacks a field that is read."""
+
+
+def _missing(message: Any, name: str) -> Any:
+    raise MissingFieldError(f"the definition of {type(message).__msgtype__} in the bag has no field {name!r}")
 
 
 class PartsReader(AnyReader):

@@ -1,7 +1,11 @@
 """Bags of ROS 2 (SQLite or MCAP): reader that yields ROS 1 messages, and writer of the messages of a ROS 1 bag."""
 
-from collections.abc import Collection, Generator
+from collections import Counter
+from collections.abc import Collection, Generator, Iterator
+from copy import copy
+from heapq import merge
 from pathlib import Path
+from typing import Any
 
 from rosbags.convert.converter import LATCH
 from rosbags.highlevel import AnyReader
@@ -75,9 +79,36 @@ class Ros2Reader(AnyReader):
             self.connections = [self._converted(connection, types) for connection in self.connections]
         except Exception as error:  # a damaged file may raise any error
             raise self._unreadable(error) from error
+        self._check()
 
-    def _unreadable(self, error: Exception) -> BagError:
+    @property
+    def _storage(self) -> Any:
+        return self.readers[0].storage  # a bag of ROS 2 has one reader
+
+    @property
+    def _files(self) -> list[Any]:
+        """Readers of the files of the bag."""
+        return getattr(self._storage, "storages", [self._storage])
+
+    def _check(self) -> None:
+        """Raise BagError if messages of the bag would not be read."""
+        for path in (file.path.with_name(f"{file.path.name}-wal") for file in self._files):
+            if path.is_file() and path.stat().st_size:
+                bag = path.name.removesuffix("-wal")
+                raise self._unreadable(f"{path.name} has changes of {bag}; `sqlite3 {bag} .tables` joins them")
+        self._check_count(sum(c.msgcount for c in self.connections), self.message_count, "all topics")
+
+    def _check_count(self, count: int, expected: int, what: str) -> None:
+        if count < expected:
+            raise self._unreadable(
+                f"it has {count} of {expected} messages of {what}, so a file or its index is not complete; `ros2 bag "
+                "reindex` or `mcap recover` repairs it"
+            )
+
+    def _unreadable(self, error: Exception | str) -> BagError:
         reason = " ".join(str(error).split()) or type(error).__name__
+        if isinstance(error, KeyError):
+            reason += " is missing or not known"
         return BagError(f"cannot read {self._path.name}, a bag of ROS 2: {reason}")
 
     def _converted(self, connection: Connection, types: Typestore) -> Connection:
@@ -99,16 +130,29 @@ class Ros2Reader(AnyReader):
             BagError: the bag is damaged.
         """
         by_id = {connection.id: connection for connection in connections or self.connections}
-        items = super().messages([self._stored[number] for number in by_id], start, stop)
+        items, counts = self._merged([self._stored[number] for number in by_id], start, stop), Counter[int]()
         while True:
             try:
                 stored, time, raw = next(items)
                 message = bytes(self.typestore.cdr_to_ros1(raw, stored.msgtype))
             except StopIteration:
-                return
+                break
             except Exception as error:  # a damaged file may raise any error
                 raise self._unreadable(error) from error
+            counts[stored.id] += 1
             yield by_id[stored.id], time, message
+        if start is None and stop is None:
+            for number, connection in by_id.items():
+                self._check_count(counts[number], connection.msgcount, connection.topic)
+
+    def _merged(
+        self, connections: Collection[Connection], start: int | None, stop: int | None
+    ) -> Iterator[tuple[Connection, int, bytes]]:
+        """Yield messages as stored, in the order of time; rosbags reads one file of a folder after the other."""
+        parts = [copy(self._storage) for _ in self._files]
+        for part, file in zip(parts, self._files, strict=True):
+            part.storages = [file]
+        return merge(*(part.messages(connections, start, stop) for part in parts), key=lambda item: item[1])
 
 
 class Ros2Writer(Writer):

@@ -86,15 +86,31 @@ class RunFile(RunNotes, total=False):
     refined: Refinement
 
 
+def with_own(common: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the keys of one of several robots: what they have in common, and its own; mappings are merged."""
+    groups = {
+        key: {**common[key], **value}
+        for key, value in own.items()
+        if isinstance(value, Mapping) and isinstance(common.get(key), Mapping)
+    }
+    return {**common, **own, **groups}
+
+
 def robots(definition: Definition | Mapping[str, Any]) -> list[NodeParameters]:
     """Return the robots of an experiment: those of its arms, or the only one."""
     common = definition.get("robot") or {}
-    return [{**common, **(arm.get("robot") or {})} for arm in (definition.get("arms") or {}).values()] or [common]
+    return [with_own(common, arm.get("robot") or {}) for arm in (definition.get("arms") or {}).values()] or [common]
 
 
 def held_mass(definition: Definition | Mapping[str, Any]) -> float:
-    """Return the mass of the configured payload; of several arms, the largest, which is the safe choice [kg]."""
-    return max(float((robot.get("load") or {}).get("mass", 0.0)) for robot in robots(definition))
+    """Return the mass that the arm holds [kg]: its configured load, or the payload of the plant if this is heavier.
+
+    Of several arms, the largest counts, which is the safe choice.
+    """
+    held = [
+        part for robot in robots(definition) for part in (robot.get("load"), (robot.get("plant") or {}).get("payload"))
+    ]
+    return max(float((part or {}).get("mass", 0.0)) for part in held)
 
 
 def robot_parameters(run: RunFile) -> NodeParameters:

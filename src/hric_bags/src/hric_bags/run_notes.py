@@ -1,10 +1,14 @@
 """Notes that people add to a run afterwards, in a file of their own next to the bag; and the command that adds one."""
 
 import argparse
+import contextlib
 import getpass
+import math
+import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +22,8 @@ from hric_core.errors import HricError, ParameterError
 FILE = "notes.yaml"
 TOPIC, TYPE = "/added_notes", "notes added after the run"
 """Topic and type of the table of notes in exports; the bag has no such topic."""
+NOT_IN_LINE = ("Cc", "Cs", "Zl", "Zp")
+"""Unicode categories that a line of text cannot have: control characters, bytes that are not UTF-8, ends of lines."""
 
 
 @dataclass(frozen=True)
@@ -55,16 +61,16 @@ def read(folder: Path) -> list[AddedNote]:
     from hric_core.parameters import read_yaml
 
     path = folder / FILE
-    if not path.is_file():
-        return []
-    try:
-        notes = [AddedNote(**entry) for entry in read_yaml(path) or ()]
+    return _notes(read_yaml(path), path) if path.is_file() else []
+
+
+def _notes(entries: Any, path: Path) -> list[AddedNote]:
+    with contextlib.suppress(TypeError):
+        notes = [AddedNote(**entry) for entry in entries or ()]
         if all(isinstance(text, str) for note in notes for text in (note.written, note.by, note.text)) and all(
-            note.at is None or isinstance(note.at, (int, float)) for note in notes
+            note.at is None or math.isfinite(note.at) for note in notes
         ):
             return notes
-    except TypeError:
-        pass
     raise RunFolderError(f"{path} is not a list of notes; valid keys: written, by, at [s], text")
 
 
@@ -84,20 +90,31 @@ def add(folder: RunFolder, words: str, by: str, at: float | None = None) -> Adde
         at: robot time of what the note is about [s]; None: the complete run.
 
     Raises:
-        HricError: a text is empty, the run has no control cycle at that time, or the system refuses to write.
+        HricError: a text is empty, the run has no control cycle at that time, the file of notes cannot be extended, or
+            the system refuses to write.
     """
     import yaml
 
+    from hric_core import yaml_text
+
     for name, value in (("text", words), ("--by", by)):
-        if not value.strip() or len(value.splitlines()) > 1:
+        if not value.strip() or any(unicodedata.category(character) in NOT_IN_LINE for character in value):
             raise ParameterError(f"{name} of a note is {value!r}; valid: one line of text")
     if at is not None:
         _check_time(folder, at)
-    read(folder.path)  # a damaged file is not extended
+    path, before = folder.path / FILE, read(folder.path)
+    content = path.read_text(encoding="utf-8") if path.is_file() else ""
     note = AddedNote(iso_now(), by.strip(), at, words.strip())
-    path, entry = folder.path / FILE, yaml.safe_dump([asdict(note)], sort_keys=False, allow_unicode=True, width=1000)
+    entry = yaml.safe_dump([asdict(note)], sort_keys=False, allow_unicode=True, width=1000)
+    entry = entry if content.endswith("\n") or not content else f"\n{entry}"
     try:
-        with path.open("a") as file:
+        extended = _notes(yaml_text.parse(content + entry, str(path)), path)
+    except HricError:
+        extended = []
+    if extended != [*before, note]:
+        raise RunFolderError(f"{path} cannot be extended; valid: a list with `- ` before each note")
+    try:
+        with path.open("a", encoding="utf-8") as file:
             file.write(entry)
     except OSError as error:
         raise files.cannot_write(path, error) from error

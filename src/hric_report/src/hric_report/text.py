@@ -125,11 +125,17 @@ def _limits(metrics: RunMetrics) -> str:
     touched = metrics.limits_touched
     if touched is None:
         return "limits: the robot published no counts of limited cycles"
+    changed = [f"{name} {joint.command_change:.2g}" for name, joint in metrics.joints.items() if joint.command_change]
     if not any(touched.values()):
-        lines = ["limits: no limit acted"]
+        lines = [] if changed else ["limits: no limit acted"]
     else:
         counts = ", ".join(f"{kind} {count}" for kind, count in touched.items())
         lines = [f"limits acted (cycles, summed over the joints): {counts}", *_limited(metrics.joints)]
+    if changed:
+        lines.append(
+            "limits, such as those of acceleration and jerk, changed commands of position [rad] or velocity [rad/s] "
+            f"by up to: {', '.join(changed)}"
+        )
     if outside := ", ".join(
         f"{name} (at most {joint.position_excess_max:.4f} rad outside)"
         for name, joint in metrics.joints.items()
@@ -158,10 +164,17 @@ def _log(metrics: RunMetrics) -> str:
     return f"control log: every cycle recorded once{start}, state_sha256 {metrics.state_sha256[:16]}"
 
 
+UNJUDGED = {"moved": "something else than its controllers moved it", "fault": "a fault made the distance unknown"}
+"""Clause on the time after an event in which the supervisor judges no motion, by the kind of the event."""
+
+
 def violations(supervisor: SupervisorMetrics) -> str:
     """Return a sentence on the time for which the arm moved closer to the person than the protective distance."""
     if not supervisor.violations:
-        return "the arm never moved closer than the protective distance"
+        kinds = {event.kind for event in supervisor.events}
+        unjudged = [clause for kind, clause in UNJUDGED.items() if kind in kinds]
+        unless = f", except perhaps while {' or '.join(unjudged)}" if unjudged else ""
+        return f"the arm never moved closer than the protective distance{unless}"
     duration = sum(interval.end - interval.begin for interval in supervisor.violations)
     return (
         f"THE ARM MOVED CLOSER THAN THE PROTECTIVE DISTANCE for {duration:.2f} s ({len(supervisor.violations)} times), "

@@ -175,19 +175,24 @@ class SupervisorApp:
     # -- controllers ---------------------------------------------------------------------------------------------------
 
     def stop_others(self, now: float) -> None:
-        """Stop all controllers that command the arm but do not declare to obey the speed scale; now: robot time [s]."""
-        if not self.settings.active:
-            return
-        listed = self._call(
-            f"{self._root}controller_manager/list_controllers", ListControllers, ListControllersRequest()
-        )
+        """Stop all controllers that command an arm but do not declare to obey the speed scale; now: robot time [s].
+
+        Those of several arms have a manager for each arm, and one for all.
+        """
+        if self.settings.active:
+            for arm in ("", *(f"{name}/" for name in self._node.param(f"{self._root}robot/arms", ()))):
+                self._stop_others_of(arm, now)
+
+    def _stop_others_of(self, arm: str, now: float) -> None:
+        manager = f"{self._root}{arm}controller_manager"
+        listed = self._call(f"{manager}/list_controllers", ListControllers, ListControllersRequest())
         running = [controller for controller in listed.controller if controller.state == "running"]
         others = [controller.name for controller in running if not _obeys(controller)]
         if not others:
             return
         request = SwitchControllerRequest(stop_controllers=others, strictness=SwitchControllerRequest.BEST_EFFORT)
-        done = self._call(f"{self._root}controller_manager/switch_controller", SwitchController, request)
-        names = ", ".join(others)
+        done = self._call(f"{manager}/switch_controller", SwitchController, request)
+        names = ", ".join(f"{arm}{name}" for name in others)
         text = f"controller {names} commands the arm and does not obey the speed scale: " + (
             "it was stopped" if done.ok else "IT COULD NOT BE STOPPED"
         )

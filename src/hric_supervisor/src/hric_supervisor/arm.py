@@ -84,8 +84,8 @@ class ArmShape:
         self.capsules, left_out = capsules_of(self.tree, moving)
         if left_out:
             raise DescriptionError(
-                f"a collision <mesh> has no capsule: {', '.join(left_out)} of {self.tree.name}; valid: capsules, "
-                "cylinders, spheres, boxes"
+                f"a missing collision shape or <mesh> has no capsule: {', '.join(left_out)} of {self.tree.name}; "
+                "valid: capsules, cylinders, spheres, boxes"
             )
         if not self.capsules.links:
             raise DescriptionError(f"no moving link of {self.tree.name} has a collision shape")

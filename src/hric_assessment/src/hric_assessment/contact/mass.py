@@ -15,6 +15,7 @@ None of them is an upper limit of the others in every pose.
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -50,13 +51,23 @@ class Mechanism:
         joints: joints that move; all others are fixed at zero.
         rotors: rotor inertia at each joint [kg m^2].
         T_world_root: pose of the root link in the world, shape (4, 4).
+        payload: link, and mass properties in its frame, of a payload that the tree lacks; None: there is none.
     """
 
     def __init__(
-        self, tree: urdf.Robot, joints: Sequence[str], rotors: Sequence[float], T_world_root: FloatArray | None = None
+        self,
+        tree: urdf.Robot,
+        joints: Sequence[str],
+        rotors: Sequence[float],
+        T_world_root: FloatArray | None = None,
+        payload: tuple[str, MassProperties] | None = None,
     ) -> None:
         self.tree, self.joints, self._rotors = tree, tuple(joints), np.diag(rotors)
-        self._dynamics = Tree(tree, joints)
+        self._links = dict(tree.links)
+        if payload is not None:
+            link = self._links[payload[0]]
+            self._links[payload[0]] = replace(link, mass=payload[1] + (link.mass or MassProperties()))
+        self._dynamics = Tree(replace(tree, links=self._links), joints)
         self._T_root_world = np.eye(4) if T_world_root is None else inverse(T_world_root)
 
     def at(self, q: FloatArray, link: str, point: Sequence[float]) -> tuple[FloatArray, FloatArray]:
@@ -121,7 +132,7 @@ class Mechanism:
         if not np.isfinite(q).all():
             return math.inf
         T = self.tree.poses(dict(zip(self.joints, q, strict=True)))
-        links = [(link.mass, T[name]) for name, link in self.tree.links.items() if name in moving]
+        links = [(link.mass, T[name]) for name, link in self._links.items() if name in moving]
         body = sum((mass.moved(T_link) for mass, T_link in links if mass is not None), MassProperties())
         if not body.mass > 0.0:
             return math.nan
@@ -136,7 +147,7 @@ class Mechanism:
     ) -> RobotMasses:
         """Return the masses of an arm at a point of a link along a normal, both in the world frame.
 
-        load: mass that the arm holds, which only the standard's estimate considers [kg].
+        load: mass that the arm holds, for the standard's estimate; the other two have the `payload` [kg].
         """
         joints = self.chain_of(link)
         moving, tool = moving_masses(self.tree, joints)

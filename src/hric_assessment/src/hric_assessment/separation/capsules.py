@@ -120,11 +120,13 @@ Poses = Callable[[FloatArray], FloatArray]
 
 
 def capsules_of(tree: urdf.Robot, links: Iterable[str]) -> tuple[Capsules, list[str]]:
-    """Return the capsules around the collision shapes of some links, and the links whose meshes are left out.
+    """Return the capsules around the collision shapes of some links, and the links with a shape that none encloses.
 
-    A cylinder becomes the capsule around it, a box the smallest enclosing capsule along its longest edge.
+    These are meshes, and links without collision shape. A cylinder becomes the capsule around it, a box the smallest
+    enclosing capsule along its longest edge.
     """
-    names, ends, radii, left_out = [], [], [], []
+    links = list(links)
+    names, ends, radii, left_out = [], [], [], shapeless(tree, links)
     for name in links:
         for shape in join_capsules(tree.links[name].collisions):
             capsule = _capsule(shape)
@@ -137,6 +139,13 @@ def capsules_of(tree: urdf.Robot, links: Iterable[str]) -> tuple[Capsules, list[
             ends.append([middle - z, middle + z])
             radii.append(radius)
     return Capsules(tuple(names), np.array(ends).reshape(-1, 2, 3), np.array(radii)), left_out
+
+
+def shapeless(tree: urdf.Robot, links: Iterable[str]) -> list[str]:
+    """Return the links that have a mass or a visual shape, but no collision shape, so that nothing can touch them."""
+    bodies = [(name, tree.links[name]) for name in links]
+    solid = [(name, body) for name, body in bodies if body.visuals or (body.mass is not None and body.mass.mass > 0.0)]
+    return [name for name, body in solid if not body.collisions]
 
 
 def moved_by(tree: urdf.Robot, joints: Collection[str]) -> list[str]:

@@ -82,6 +82,9 @@ def _of_person(source: AssessmentInput, record: HumanRecord, choices: Assessment
         return [_not_recorded(source, choices, record.name)]
     judge = _Judge(source, record, choices)
     evidence, lost = _evidence(source, record, record.stream)
+    remedy = f"record every message of {record.name}/contacts, with an empty one every 50 ms without contact"
+    if not lost and (lost := source.untouchable):
+        remedy = "run again with robot.plant.collision: true, and a collision shape for each link of the robot"
     regions: dict[tuple[tuple[str, ...], str], list[RegionContact]] = {}
     for contact in record.region_contacts:
         side = contact.link[:2] if contact.link.startswith(("r_", "l_")) else ""
@@ -89,7 +92,7 @@ def _of_person(source: AssessmentInput, record: HumanRecord, choices: Assessment
     findings = [finding for contacts in regions.values() for finding in judge.of_region(contacts)]
     findings = [replace(finding, evidence=evidence) for finding in findings]
     if not findings or lost:
-        rest = _rest(source, record, evidence, lost, bool(findings), choices)
+        rest = _rest(source, record, evidence, lost, remedy, choices)
         judged = any(finding.group == ENERGY for finding in findings)
         findings += [rest, replace(rest, subject=f"energy of {ALL}", group=ENERGY)] if lost and judged else [rest]
     return findings
@@ -142,7 +145,7 @@ def _rest(
     record: HumanRecord,
     evidence: Evidence,
     lost: str,
-    touched: bool,
+    remedy: str,
     choices: AssessmentChoices,
 ) -> Finding:
     """Return the finding that nothing touched the person in the time without contacts, or that this is not known."""
@@ -152,7 +155,6 @@ def _rest(
     reason = f"nothing but the grips ({', '.join(held)}) touched the person" if held else "nothing touched the person"
     finding = Finding(ALL, Outcome.WITHIN, reason, table, 0.0, {}, window, signals, group=CONTACT, evidence=evidence)
     if lost:
-        remedy = f"record every message of {record.name}/contacts, with an empty one every 50 ms without contact"
         outcome = Outcome.NOT_ASSESSABLE
         finding = replace(finding, outcome=outcome, share=None, reason=lost, remedy=remedy)
     return replace(finding, person=record.name)

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from hric_assessment.separation.capsules import moved_by, shapeless
 from hric_assessment.typed_json import Content
 from hric_assessment.verdict.markers import FRAMES, of_frames, of_trial
 from hric_bags import foreign
@@ -10,6 +11,7 @@ from hric_bags.records import recording
 from hric_bags.records.recording import Recording
 from hric_bags.run_file import RunFile
 from hric_bags.run_folder import RunFolder
+from hric_core import urdf
 from hric_motion.formats import FORMATS
 from hric_motion.handovers import is_handover
 from hric_perception.person.settings import PersonSettings
@@ -44,6 +46,20 @@ class AssessmentInput:
     def plant(self) -> Content:
         """Parameters of the plant; empty without a run folder."""
         return ((self.run.get("parameters") or {}).get("robot") or {}).get("plant") or {}
+
+    @property
+    def untouchable(self) -> str:
+        """Reason why some links of a simulated arm cannot touch the person, a clause; "": all of them can."""
+        log = self.recording.log
+        if not self.definition.get("human"):
+            return ""
+        if self.plant.get("collision") is False:
+            return "the robot touches nothing in this simulation (robot.plant.collision: false)"
+        if not self.description or log is None:
+            return ""
+        tree = urdf.read(self.description)
+        without = shapeless(tree, moved_by(tree, log.joint_names))
+        return f"contacts of {', '.join(without)}, without collision shape, are not simulated" if without else ""
 
 
 def opened(name: str, root: Path | None = None) -> AssessmentInput:

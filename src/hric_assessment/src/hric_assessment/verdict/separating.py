@@ -49,7 +49,7 @@ class PersonSeparation:
         sampled: True for instants at which arm and person were recorded, shape (n,).
         evidence: evidence of the arm's log, with the share of its motion in which the person is known.
         relied: True if only the distance protected the person: contacts are not judged by force, and nothing is held.
-        shapeless: links of the arm with mesh shapes, which the distances ignore.
+        shapeless: links of the arm with meshes or without a collision shape, which the distances ignore.
         load: load of the arm [kg].
         unbraked: name of a robot other than Franka's whose stopping is not known; empty: known, or a Franka.
     """
@@ -304,7 +304,7 @@ def _unproven(approach: PersonSeparation) -> tuple[str, str]:
         why = f"the angles of {', '.join(unmeasured)} are not known and are assumed to be zero"
         return why, f"record all joints of the body in {person.name}/joint_states"
     if approach.shapeless:
-        why = f"the distance of {', '.join(approach.shapeless)} is not known, since their shapes are meshes"
+        why = f"the distance of {', '.join(approach.shapeless)} is not known: collision shapes are meshes or missing"
         return why, "give these links collision shapes: capsules, cylinders, spheres or boxes"
     if approach.unbraked and approach.margin >= 0.0:
         why = f"how fast {approach.unbraked} stops is not known; S_p has an assumed stop"

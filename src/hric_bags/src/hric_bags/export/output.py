@@ -60,6 +60,8 @@ class ExportFolder:
         if listed and (words is not None) != isinstance(listed.get("bags"), str):
             kind = "that is not anonymised" if words is not None else "that is anonymised"
             raise ExportError(f"{folder} has an export {kind}; valid: another folder")
+        of_formats = [name for entry in (listed.get("formats") or {}).values() for name in entry.get("files", ())]
+        self._written, self._again = set(listed.get("written") or of_formats), again
         if not again and listed and all(listed.get(key) == value for key, value in self._head.items()):
             self._formats = listed.get("formats") or {}
 
@@ -79,6 +81,7 @@ class ExportFolder:
             again: True: write the file also if it exists.
 
         Raises:
+            ExportError: the file exists, and no export wrote it.
             FileError: the system refuses to write the file.
         """
         relative = f"{kind}/{name}"
@@ -86,6 +89,11 @@ class ExportFolder:
         path = self.folder / relative
         if relative in entry["files"] and path.is_file() and not again:
             return
+        if relative not in self._written:
+            if path.exists() and not self._again:
+                raise ExportError(f"{path} exists and is of no export; valid: another folder, or --again to replace it")
+            self._written.add(relative)
+            self._note()  # before the file is written: it is known to be of an export even after a crash
         files.make_folder(path.parent)
         with files.atomic(path) as temporary:
             writer(temporary)
@@ -108,7 +116,7 @@ class ExportFolder:
 
     def _note(self) -> None:
         files.make_folder(self.folder)
-        files.write_json(self.folder / LIST, {**self._head, "formats": self._formats})
+        files.write_json(self.folder / LIST, {**self._head, "formats": self._formats, "written": sorted(self._written)})
 
 
 def _read(path: Path) -> Any:

@@ -88,7 +88,7 @@ def _parts(path: Path) -> list[Path]:
 
 def _part(bag: Path) -> Path:
     for candidate in (bag, bag.with_name(bag.name + ACTIVE)):
-        if candidate.is_file():
+        if candidate.is_file() or foreign.is_ros2(candidate):
             return candidate
     raise HealthError(f"no bag in {bag.parent}: neither {bag.name} nor {bag.name}{ACTIVE}")
 

@@ -281,7 +281,7 @@ class ControllerManager:
             cycles = self._loop.cycles
 
     def _create(self, name: str) -> LoadedController:
-        scope = ScopedNode(self._node.child(name))
+        scope, named = ScopedNode(self._node.child(name)), self._node.resolve(name).lstrip("/")
         kind = scope.param("type", None)
         if not isinstance(kind, str) or not kind:
             raise ParameterError(
@@ -297,7 +297,7 @@ class ControllerManager:
         except BaseException as error:
             scope.close()
             pass_ctrl_c(error)
-            raise HricError(f"controller {name} cannot be loaded: {describe(error)}") from error
+            raise HricError(f"controller {named} cannot be loaded: {describe(error)}") from error
         claims = {interface.cpp_name: interface.claims for interface in self._hw.interfaces() if interface.claims}
         obeys = self._hw.get(SpeedScaleInterface).declared
         entry = LoadedController(controller, ControllerInfo(name, kind, claims), scope, obeys)
@@ -305,7 +305,7 @@ class ControllerManager:
             scope.refuse_unread()
         except HricError as error:
             self._dispose(entry)
-            raise HricError(message_about(f"controller {name} cannot be loaded", error)) from error
+            raise HricError(message_about(f"controller {named} cannot be loaded", error)) from error
         return entry
 
     def _dispose(self, entry: LoadedController) -> None:

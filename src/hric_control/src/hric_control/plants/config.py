@@ -8,7 +8,7 @@ from typing import Any
 from hric_control.plant import DEFAULT_PLANT as DEFAULT_PLANT
 from hric_control.plants.surfaces import SurfaceRule
 from hric_core.errors import ParameterError
-from hric_core.geometry import Vector
+from hric_core.geometry import Vector, judge, tensor
 from hric_core.parameters import (
     Settings,
     choice,
@@ -61,6 +61,10 @@ class Payload(Settings):
         """Refuse values without a mass."""
         if self.mass == 0.0 and (any(self.com) or any(self.inertia) or self.link):
             raise ParameterError(f"{where.rstrip('/')} has no mass; valid: with {where}mass above 0 [kg]")
+        verdict = judge(tensor(*self.inertia))  # that of a point or a rod has zeros
+        if min(verdict.moments[0], verdict.triangle_margin) < -1e-9:
+            valid = "that of a body: no negative principal moment, and none above the sum of the other two"
+            raise refused(f"{where}inertia", list(self.inertia), valid)
 
 
 @dataclass(frozen=True)

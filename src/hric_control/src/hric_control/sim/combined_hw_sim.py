@@ -130,11 +130,14 @@ class CombinedHWSim(SimulatedRobot):
             robot: slice(index[robot.states.names[0]], index[robot.states.names[-1]] + 1)
             for robot in self._robots.values()
         }
-        self.compensates_gravity = any(robot.compensates_gravity for robot in self._robots.values())
+        compensating = {robot.compensates_gravity for robot in self._robots.values()}
+        self.compensates_gravity = any(compensating)
         self._controllers: dict[str, ControllerInfo] = {}
         self._routes: list[_Route] = []
         self._offered: list[JointCommandInterface] = []
         for kind in JOINT_COMMANDS:
+            if kind is EffortJointInterface and len(compensating) > 1:
+                continue  # no setting of gravity suits all robots
             names = [name for robot in self._robots.values() if robot.has(kind) for name in robot.get(kind).names]
             if names:
                 self._offered.append(kind(JointCommands(self.states), names))

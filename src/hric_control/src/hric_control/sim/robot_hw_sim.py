@@ -81,6 +81,7 @@ class RobotHWSim(SimulatedRobot):
             )
         settings = SimSettings.read(node, names)
         self._limits = limits.load_limits(self.description, root_node, names, settings.enforce_limits)
+        self._refuse_still_joints()
         ranges = limits.load_limits(self.description, None, names, ("position",))
         self.q_start = [
             min(max(0.0, limit.lower), limit.upper) if q is None else q
@@ -95,6 +96,17 @@ class RobotHWSim(SimulatedRobot):
             self._check_drives()
             self._make_storage()
             self._put(self.q_start, self._reset_plant)
+
+    def _refuse_still_joints(self) -> None:
+        """Refuse limits of 0, which descriptions often have where a value is not known, as no command would act."""
+        for limit, transmission in zip(self._limits, self.transmissions, strict=True):
+            needed = {"EffortJointInterface": ("velocity", "effort"), "JointStateInterface": ()}
+            kinds = {kind for name in transmission.interfaces for kind in needed.get(name, ("velocity",))}
+            if still := [kind for kind in sorted(kinds) if getattr(limit, kind) == 0.0]:
+                raise DescriptionError(
+                    f"joint {limit.name}: its limit of {' and '.join(still)} is 0, so no command can move it; valid: "
+                    f"above 0, in its <limit> or in joint_limits/{limit.name}"
+                )
 
     def _read_pids(self, root_node: Node, names: Sequence[str]) -> dict[int, Pid]:
         where = "gazebo_ros_control/pid_gains"

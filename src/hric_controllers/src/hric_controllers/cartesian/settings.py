@@ -7,9 +7,15 @@ from dataclasses import asdict, dataclass
 from hric_controllers.parameters import ArmSettings, LawSettings, initial_setpoint, position_ranges, state_rate
 from hric_core.live import live_parameters
 from hric_core.node import Node, OnChange
-from hric_core.parameters import Settings, names, number, per_joint, refused, section, text
+from hric_core.parameters import Settings, declared, names, number, per_joint, refuse_void, refused, section, text
 
 DEFLECTION = "error of {} beyond which the force of the spring no longer grows; 0: no limit"
+
+
+def _refuse_unused(option: Settings, switch: float, where: str, needed: str) -> None:
+    """Refuse values of an option that is off, as its `switch` is 0; needed: setting that turns it on."""
+    for name in declared(type(option)) if switch == 0.0 else ():
+        refuse_void(option, name, where, f"{where}{needed}")
 
 
 @dataclass(frozen=True)
@@ -51,6 +57,10 @@ class JointRepulsionSettings(Settings):
         text="damping at the end of the range; inside the margin in proportion to the depth",
     )
 
+    def check(self, where: str) -> None:
+        """Refuse a torque or damping without a margin."""
+        _refuse_unused(self, self.margin, where, "margin above 0 [rad]")
+
     def check_ranges(self, where: str, joints: Sequence[str], ranges: Sequence[tuple[float, float]]) -> None:
         """Refuse a margin without position ranges, and one that leaves no room between the ends of a range."""
         if not any(math.isfinite(high - low) for low, high in ranges):
@@ -80,6 +90,10 @@ class FeedForwardSettings(Settings):
         5.0, minimum=0.0, maximum=20.0, unit="N m", text="largest torque; a larger one is refused"
     )
 
+    def check(self, where: str) -> None:
+        """Refuse limits of a wrench that has no topic."""
+        _refuse_unused(self, self.timeout, where, "timeout above 0 [s]")
+
 
 @dataclass(frozen=True)
 class EnergyTankSettings(Settings):
@@ -95,7 +109,8 @@ class EnergyTankSettings(Settings):
     largest: float = number(10.0, above=0.0, maximum=100.0, unit="J", text="energy of a full tank, which takes no more")
 
     def check(self, where: str) -> None:
-        """Refuse an initial energy that the tank cannot hold."""
+        """Refuse an initial energy that the tank cannot hold, and a size without an initial energy."""
+        _refuse_unused(self, self.initial, where, "initial above 0 [J]")
         if self.initial > self.largest:
             raise refused(f"{where}initial", self.initial, f"up to {self.largest:g} J (largest)")
 

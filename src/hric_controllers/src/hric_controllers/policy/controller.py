@@ -1,9 +1,10 @@
 """Controller whose setpoints come from a trained policy."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -62,8 +63,8 @@ class PolicyController(StreamedJoints):
     """Controller that streams the setpoints of a policy to the joints, at limited velocity, acceleration and jerk.
 
     The policy acts until the end effector is near the goal, and again when it is not; this controller moves the rest of
-    the way. If its output is not finite, the
-    arm comes to rest at the last setpoint; then this controller stops with an error.
+    the way. If its output is not finite, or the network cannot be executed, the arm comes to rest at the last setpoint;
+    then this controller stops with an error.
     """
 
     settings = (JointStreamingSettings, PolicySettings)
@@ -118,7 +119,7 @@ class PolicyController(StreamedJoints):
         """Run the policy if it is time to do so, and advance the motion by one cycle.
 
         Raises:
-            FailureError: the output of the policy was not finite, and the arm has come to rest.
+            FailureError: the policy gave no finite output, and the arm has come to rest.
         """
         goal = self._goal.get()
         self._take_result()
@@ -147,7 +148,7 @@ class PolicyController(StreamedJoints):
         }
         observation = contract.observation(values)
         if self._executor is None:
-            self._act(self._network(observation))
+            self._act(partial(self._network, observation))
         elif self._running_network is None:
             self._running_network = self._executor.submit(self._network, observation)
             self._wait = self._policy_settings.delay
@@ -159,11 +160,16 @@ class PolicyController(StreamedJoints):
         self._wait -= 1
         # Without real time the cycle of the result must not depend on the speed of the machine.
         if self._wait <= 0 and (self._running_network.done() or self._node.publishes_inline):
-            action, self._running_network = self._running_network.result(), None
-            self._act(action)
+            result, self._running_network = self._running_network.result, None
+            self._act(result)
 
-    def _act(self, action: Vector) -> None:
-        """Move the setpoint by the velocity of an action for one period."""
+    def _act(self, result: Callable[[], Vector]) -> None:
+        """Move the setpoint by the velocity of an action, which `result` returns, for one period."""
+        try:
+            action = result()
+        except FailureError as error:
+            self._failure = f"{error}; the arm was stopped"
+            return
         if not np.isfinite(action).all():
             self._failure = f"the output of the policy {self._policy_settings.file} is not finite; the arm was stopped"
             return

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 
 from hric_controllers.policy.contract import PolicyContract, Vector
-from hric_core.errors import HricError, ParameterError
+from hric_core.errors import FailureError, HricError, ParameterError
 
-INPUT, OUTPUT, ACTIONS = "observation", "action", 3
-"""Names of input and output of the network, and number of its outputs."""
+INPUT, OUTPUT, ACTIONS, FLOAT = "observation", "action", 3, "tensor(float)"
+"""Names of input and output of the network, number of its outputs, and type of both."""
 SAMPLES = 50
 """Number of runs from which the time of a run is measured."""
 
@@ -37,6 +37,7 @@ class PolicyNetwork:
                 "a policy needs onnxruntime, which is not installed:  scripts/setup --with learning"
             ) from None
         options = onnxruntime.SessionOptions()
+        options.log_severity_level = 4  # its errors become exceptions
         options.intra_op_num_threads = options.inter_op_num_threads = 1  # a thread more costs more than it saves
         try:
             self._session = onnxruntime.InferenceSession(path.read_bytes(), options, providers=["CPUExecutionProvider"])
@@ -46,17 +47,30 @@ class PolicyNetwork:
             reason = str(error).partition("\n")[0][:120]
             raise ParameterError(f"{path} is not an ONNX file: {reason}; valid: a file of hric train") from None
         self.contract = PolicyContract.from_metadata(self._session.get_modelmeta().custom_metadata_map, str(path))
-        shapes = [
-            (item.name, list(item.shape)[1:]) for item in (*self._session.get_inputs(), *self._session.get_outputs())
+        form = [
+            (item.name, item.type, list(item.shape)[1:])
+            for item in (*self._session.get_inputs(), *self._session.get_outputs())
         ]
-        expected = [(INPUT, [self.contract.size]), (OUTPUT, [ACTIONS])]
-        if shapes != expected:
-            raise ParameterError(f"{path} has the inputs and outputs {shapes}; valid by its contract: {expected}")
-        self.cost = self._measured()
+        expected = [(INPUT, FLOAT, [self.contract.size]), (OUTPUT, FLOAT, [ACTIONS])]
+        if form != expected:
+            raise ParameterError(f"{path} has the inputs and outputs {form}; valid by its contract: {expected}")
+        self._path = path
+        try:
+            self.cost = self._measured()
+        except FailureError as error:
+            raise ParameterError(f"{error}; valid: a file of hric train") from None
 
     def __call__(self, observation: Vector) -> Vector:
-        """Return the action, shape (3,), for an observation, shape (contract.size,)."""
-        result: Vector = self._session.run([OUTPUT], {INPUT: observation[None]})[0][0]
+        """Return the action, shape (3,), for an observation, shape (contract.size,).
+
+        Raises:
+            FailureError: onnxruntime cannot execute the network.
+        """
+        try:
+            result: Vector = self._session.run([OUTPUT], {INPUT: observation[None]})[0][0]
+        except Exception as error:  # onnxruntime has no common class of its errors
+            reason = " ".join(str(error).split())[:200]
+            raise FailureError(f"the network in {self._path} cannot be executed: {reason}") from None
         return result
 
     def _measured(self) -> float:

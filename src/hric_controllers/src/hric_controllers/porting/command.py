@@ -36,9 +36,9 @@ class PortCommand(Command):
     """
 
     epilog = (
-        "exit codes: 0 HRIC has everything that was recognised; 3 something is missing in HRIC, or its type is not in "
-        "the source. Computed names and parts of base classes in other packages are not recognised: compare the table "
-        "with the source."
+        "exit codes: 0 HRIC has everything that was recognised; 3 something is missing in HRIC, or its type or update()"
+        " is not in the source. Computed names and parts of base classes in other packages are not recognised: compare "
+        "the table with the source."
     )
 
     def arguments(self) -> list[Argument]:
@@ -68,12 +68,17 @@ class PortCommand(Command):
         source = read_python(files[0]) if all(is_python) else read_cpp(files)
         rows = [(use, counterpart(use)) for use in source.uses]
         print("\n".join(_table(source, rows)))
+        complete = all(is_python) or "update" in source.methods
+        if not complete:
+            print(
+                "  Its update() is not in these files, so the table lacks what it uses: give the file that has it, too."
+            )
         if output is not None:
             for name, text in skeleton.files(source).items():
                 (output / name).parent.mkdir(parents=True, exist_ok=True)
                 (output / name).write_text(text)
             print(f"\nwritten: {output}; write the law in {output}/src/{skeleton.snake(source.name)}/law.py")
-        return 0 if all(here.exists for _, here in rows) else NOT_GOOD
+        return 0 if complete and all(here.exists for _, here in rows) else NOT_GOOD
 
 
 def _table(source: Source, rows: Sequence[tuple[Use, Counterpart]]) -> Iterator[str]:

@@ -60,7 +60,7 @@ def _uses(tree: ast.AST, path: Path, packages: dict[str, str]) -> Iterator[Use]:
         if kind is None:
             continue
         first, second = node.args[0], node.args[1] if len(node.args) > 1 else None
-        label = first.value if isinstance(first, ast.Constant) else ast.unparse(first)
+        label = first.value if isinstance(first, ast.Constant) else f"({ast.unparse(first)})"
         of = _message(second, packages) if kind in {"publisher", "subscriber", "service"} else ""
         if kind == "action":
             of = "server" if name.endswith("Server") else "client"

@@ -92,11 +92,19 @@ def read_cpp(files: Sequence[Path]) -> Source:
         HricError: a file cannot be read, or no file has a class of a controller.
     """
     texts = {path: _text(path) for path in files}
-    for path, text in list(texts.items()):
-        texts |= {header: _text(header) for header in _headers(path, text) if header not in texts}
+    folders = [folder for path in files for folder in (path.parent / "include", path.parent.parent / "include")]
+    waiting = list(files)
+    while waiting:
+        path = waiting.pop()
+        for header in _headers(path, texts[path], folders):
+            if header not in texts:
+                texts[header] = _text(header)
+                waiting.append(header)
     packages = {Path(name).stem: name.split("/")[0] for text in texts.values() for name in INCLUDE.findall(text)}
     texts = {path: INCLUDE.sub("", text) for path, text in texts.items()}
     whole = "\n".join(texts.values())
+    if "rclcpp" in whole:
+        raise HricError(f"{files[0].name} is written for ROS 2 (rclcpp); valid: a controller of ros_control, ROS 1")
     exported, declared = EXPORT.search(whole), CLASS.search(whole)
     if exported is None and declared is None:
         raise HricError(
@@ -127,13 +135,11 @@ def _text(path: Path) -> str:
     return COMMENTS.sub(lambda one: one.group() if one.group()[0] == '"' else re.sub(r"[^\n]", " ", one.group()), text)
 
 
-def _headers(path: Path, text: str) -> Iterator[Path]:
-    """Yield the headers of the file's own package that it includes, looked for beside it and in `include`."""
+def _headers(path: Path, text: str, folders: Sequence[Path]) -> Iterator[Path]:
+    """Yield the headers that a file includes and that are beside it or in one of the folders."""
     for name in INCLUDE.findall(text):
-        for folder in (path.parent, path.parent / "include", path.parent.parent / "include"):
-            if (header := folder / name).is_file():
-                yield header
-                break
+        if header := next((one for folder in (path.parent, *folders) if (one := folder / name).is_file()), None):
+            yield header
 
 
 def _line(text: str, position: int) -> int:
@@ -226,7 +232,7 @@ def _arguments(text: str, opening: int) -> list[str]:
 
 
 def _parameter(call: str, arguments: Sequence[str]) -> tuple[str, str]:
-    """Return name and default (empty: none) of a parameter that is read by `call`."""
+    """Return name, "(EXPRESSION)" if it is computed, and default (empty: none) of a parameter read by `call`."""
     default = "" if call.startswith("get") or len(arguments) < 2 else arguments[-1]
     literal = re.fullmatch(TEXT, arguments[0])
-    return (literal.group(1) if literal else arguments[0]), default
+    return (literal.group(1) if literal else f"({arguments[0]})"), default

@@ -52,8 +52,10 @@ class ImportCommand(Command):
         path: Path = arguments.output or Path(f"{dataset.absolute().name}_{number}.yaml")
         if path.suffix not in (".yaml", ".yml"):
             raise HricError(f"--output is {path}; valid: a file name .yaml")
-        files.make_folder(path.parent)
         trajectory = path.with_suffix(".csv")
+        if existing := next(filter(Path.exists, (path, trajectory)), None):
+            raise HricError(f"{existing} exists; valid: another name with --output")
+        files.make_folder(path.parent)
         with files.atomic(trajectory) as new:
             episode.motion.write(new)
         files.write_yaml(path, episode.experiment(f"episode {number} of {dataset.absolute().name}", trajectory.name))

@@ -11,7 +11,8 @@ import numpy as np
 import pyarrow.parquet
 
 from hric_core.errors import HricError
-from hric_experiments.episode.replay import JointPositions
+from hric_core.parameters import number
+from hric_experiments.episode.replay import FloatArray, JointPositions
 
 STATE = "observation.state"
 """Name of the feature with the measured state of the robot in LeRobot data sets."""
@@ -19,6 +20,10 @@ ARM = 7
 """Number of joints of a Panda."""
 LARGEST = 2.0 * np.pi
 """Largest accepted absolute joint position [rad]; larger values are degrees or other quantities (project default)."""
+FPS = number(minimum=0.1, maximum=1000.0, unit="Hz")
+"""Accepted rate of frames; project default, unconfirmed."""
+TOLERANCE = 0.25
+"""Largest accepted deviation of a frame from even times, relative to the time between frames [1] (project default)."""
 SETTLING = 1.0
 """Time of an experiment after the end of the trajectory [s]; project default, unconfirmed."""
 START = 0.5
@@ -79,27 +84,61 @@ def read(
         HricError: there is no such data set, episode or feature, or its values cannot be joint positions.
     """
     try:
-        info = json.loads((dataset / "meta" / "info.json").read_text())
-        file, fps, about = _file(dataset, info, number), float(info["fps"]), info["features"]
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        return _read(dataset, number, joints, feature, signals)
+    except HricError:
+        raise
+    except Exception as error:  # a file of other programs may raise any error
+        reason = " ".join(str(error).split())[:200]
         raise HricError(
-            f"{dataset} is not a LeRobot data set of version 2 or 3: {type(error).__name__}: {error}"
+            f"{dataset} is not a LeRobot data set of version 2 or 3: {type(error).__name__}: {reason}"
         ) from error
-    numeric = sorted(name for name in about if about[name].get("dtype", "").startswith("float"))
+
+
+def _read(dataset: Path, number: int, joints: Sequence[str], feature: str, signals: Sequence[str]) -> DatasetEpisode:
+    info = json.loads((dataset / "meta" / "info.json").read_text())
+    if not re.match(r"v[23]\.", version := str(info["codebase_version"])):
+        raise HricError(f"{dataset.name} has version {version}; valid: LeRobot data sets of version 2 or 3")
+    fps, about = FPS.checked(info["fps"], f"{dataset.name}: fps"), info["features"]
+    numeric = sorted(name for name in about if str(about[name].get("dtype")).startswith("float"))
     if feature not in numeric:
         raise HricError(f"no feature {feature!r} in {dataset.name}; valid: {', '.join(numeric)}")
     columns = _columns(_flat(about[feature]), about[feature]["shape"], signals, len(joints), feature)
-    table = _table(dataset / file, number, feature)
-    values = np.array(table[feature].to_pylist(), dtype=float).reshape(table.num_rows, -1)[:, columns]
+    table = _table(dataset / _file(dataset, info, number), number, feature)
+    values = _values(table, feature, about[feature]["shape"])[:, columns]
     if len(values) < 2 or not np.isfinite(values).all():
         raise HricError(f"episode {number} of {dataset.name} has {len(values)} frames; valid: at least 2, all finite")
-    if np.abs(values).max() > LARGEST:
+    units = about[feature].get("units")  # hric export writes them, LeRobot does not
+    wrong = next((f" {units[column]}" for column in columns if units[column] != "rad"), "") if units else ""
+    if np.abs(values).max() > LARGEST or wrong:
         raise HricError(
-            f"{feature} reaches {np.abs(values).max():.4g}; valid: joint positions in rad, from {-LARGEST:.4g} to "
-            f"{LARGEST:.4g}; are these degrees, or no joint positions?"
+            f"{feature} reaches {np.abs(values).max():.4g}{wrong}; valid: joint positions in rad, from {-LARGEST:.4g} "
+            f"to {LARGEST:.4g}; are these degrees, or no joint positions?"
         )
+    _check_times(table, fps, f"episode {number} of {dataset.name}")
     time = np.arange(len(values)) / fps
     return DatasetEpisode(_task(dataset, table), JointPositions(tuple(joints), time, values), fps)
+
+
+def _values(table: Any, feature: str, shape: Sequence[int]) -> FloatArray:
+    """Return the values of a feature, shape (frames, signals). Raises HricError if a frame has not all signals."""
+    rows, width = table[feature].to_pylist(), int(np.prod(shape))
+    if different := {np.size(row) for row in rows} - {width}:
+        raise HricError(f"{feature} has a frame with {min(different)} values; valid: {width}, by its shape")
+    return np.array(rows, dtype=float).reshape(len(rows), width)
+
+
+def _check_times(table: Any, fps: float, where: str) -> None:
+    """Raise HricError if frames are missing, repeated, or not at even times; where: name of the episode."""
+    for name, rate in (("index", 1.0), ("frame_index", 1.0), ("timestamp", fps)):
+        if name in table.column_names:
+            times = np.array(table[name].to_pylist(), dtype=float)
+            late = rate * (times - times[0]) - np.arange(len(times))
+            if len(wrong := np.flatnonzero(~(np.abs(late) < TOLERANCE))):
+                k = wrong[0]
+                raise HricError(
+                    f"{where}: {name} of frame {k} is {times[k]:g}; valid: {times[0] + k / rate:g}, since the frames "
+                    f"are {fps:g} per second, none missing or repeated"
+                )
 
 
 def _file(dataset: Path, info: dict[str, Any], number: int) -> str:
@@ -114,20 +153,27 @@ def _file(dataset: Path, info: dict[str, Any], number: int) -> str:
     if not 0 <= number < count:
         raise HricError(f"no episode {number} in {dataset.name}; valid: 0 to {count - 1}")
     keys = {"episode_index": number, "episode_chunk": number // int(info["chunks_size"])}
-    for path in sorted((dataset / "meta" / "episodes").rglob("*.parquet")):
+    paths = sorted((dataset / "meta" / "episodes").rglob("*.parquet"))
+    for path in paths:
         rows = pyarrow.parquet.read_table(path, columns=["episode_index", "data/chunk_index", "data/file_index"])
         for row in rows.to_pylist():
             if row["episode_index"] == number:
                 keys |= {"chunk_index": row["data/chunk_index"], "file_index": row["data/file_index"]}
+    if paths and "file_index" not in keys:
+        raise HricError(f"{dataset.name} does not list episode {number} in meta/episodes")
     return str(info["data_path"]).format(**keys)
 
 
 def _table(path: Path, number: int, feature: str) -> Any:
-    columns, chosen = [feature, "episode_index", "frame_index", "task_index"], [("episode_index", "=", number)]
+    columns, chosen = [feature, "episode_index", "index", "task_index"], [("episode_index", "=", number)]
     try:
-        return pyarrow.parquet.read_table(path, columns=columns, filters=chosen).sort_by("frame_index")
+        present = set(pyarrow.parquet.read_schema(path).names)
+        if missing := sorted(set(columns) - present):
+            raise ValueError(f"no column {', '.join(missing)}")
+        columns += sorted({"frame_index", "timestamp"} & present)
+        return pyarrow.parquet.read_table(path, columns=columns, filters=chosen).sort_by("index")
     except (OSError, ValueError) as error:
-        raise HricError(f"cannot read {path}: {error}") from error
+        raise HricError(f"cannot read {path}: {' '.join(str(error).split())[:200]}") from error
 
 
 def _flat(about: dict[str, Any]) -> list[str]:

@@ -12,6 +12,7 @@ from controller_manager_msgs.srv import ListControllersRequest
 from hric_core.errors import HricError, UnknownNameError
 from hric_core.parameters import number, text
 from hric_core.robot_time.stamps import to_duration
+from hric_run.definition.parameters import ROBOT
 from hric_run.definition.sections import ExperimentSection
 
 FloatArray = np.ndarray[Any, np.dtype[np.float64]]
@@ -69,7 +70,9 @@ class ReplaySection(ExperimentSection):
         text="CSV file with the columns `time` [s], from 0, and one per joint [rad]; relative to the experiment file",
     )
     controller: str = text(
-        "position_joint_trajectory_controller", empty=False, text="trajectory controller that follows the positions"
+        "position_joint_trajectory_controller",
+        empty=False,
+        text="trajectory controller that follows the positions; of one of several arms: `ARM/CONTROLLER`",
     )
     at: float = number(0.5, minimum=0.0, unit="s", text="robot time at which the trajectory starts")
 
@@ -78,8 +81,24 @@ class ReplaySection(ExperimentSection):
         read(Path(self.trajectory_file))
 
     def headless(self, node: Any, seed: int) -> "Replay":
-        """Return the sender of the trajectory for a headless run."""
-        return Replay(node, self.controller, read(Path(self.trajectory_file)), self.at)
+        """Return the sender of the trajectory for a headless run.
+
+        Raises:
+            HricError: the experiment does not start the controller, or the file has other joints than the controller.
+        """
+        motion, (namespace, _, name) = read(Path(self.trajectory_file)), self.controller.rpartition("/")
+        # The robot moves the parameters of its arms to their namespaces when it is constructed.
+        values = node.param(f"{ROBOT}/arms/{namespace}" if namespace else node.namespace, {})
+        started = {key: value for key, value in values.items() if isinstance(value, dict) and "type" in value}
+        if name not in started:
+            raise UnknownNameError("controller", self.controller, list(started), "replay.controller")
+        joints = started[name].get("joints", ())
+        if set(joints) != set(motion.joints):
+            raise HricError(
+                f"{self.trajectory_file} has the joints {', '.join(motion.joints)}; valid: those of {self.controller}, "
+                f"{', '.join(joints)}"
+            )
+        return Replay(node, self.controller, motion, self.at)
 
 
 class Replay:
@@ -106,9 +125,11 @@ class Replay:
         """
         if self._motion is None or time < self._at - 1e-9:
             return
-        listed = self._node.call("controller_manager/list_controllers", ListControllersRequest()).controller
+        namespace, _, name = self._controller.rpartition("/")
+        manager = f"{namespace}/controller_manager".lstrip("/")
+        listed = self._node.call(f"{manager}/list_controllers", ListControllersRequest()).controller
         running = [each.name for each in listed if each.state == "running"]
-        if self._controller not in running:
+        if name not in running:
             raise UnknownNameError("controller", self._controller, running, "replay.controller")
         message = JointTrajectory(joint_names=list(self._motion.joints))
         columns = self._motion.time, self._motion.positions, self._motion.velocities()

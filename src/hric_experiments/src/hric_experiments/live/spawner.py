@@ -1,6 +1,7 @@
 """Spawner node: sets the parameters of an experiment, loads its controllers and starts them together."""
 
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -38,7 +39,13 @@ def configure(definition: Experiment) -> None:
         for name in part.controllers:
             present = None if part.robot.urdf or part.arms else rospy.get_param(f"{prefix}{name}", None)
             changes = configured[name] if present is None else part.parameters.get(name, {})
-            rospy.set_param(f"{prefix}{name}", parameters.overlay(present or {}, changes))
+            rospy.set_param(f"{prefix}{name}", _without_null(parameters.overlay(present or {}, changes)))
+
+
+def _without_null(values: Mapping[str, object]) -> dict[str, object]:
+    """Return parameters without those that are null, which the parameter server cannot hold."""
+    present = {key: value for key, value in values.items() if value is not None}
+    return {key: _without_null(value) if isinstance(value, Mapping) else value for key, value in present.items()}
 
 
 def start(definition: Experiment, timeout: float = READY_TIMEOUT) -> None:

@@ -66,9 +66,7 @@ def simulated_arm(overrides: Sequence[str]) -> Iterator[FrankaHWSim]:
     with Simulation(definition) as simulation:
         robot = simulation.app.hw
         if not isinstance(robot, FrankaHWSim):
-            raise HricError(
-                f"the robot {definition.robot.hw} has no emulated control box; valid: franka_sim/FrankaHWSim"
-            )
+            raise HricError(f"{type(robot).__name__} has no emulated control box; valid: franka_sim/FrankaHWSim")
         yield robot
 
 

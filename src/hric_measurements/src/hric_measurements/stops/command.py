@@ -57,8 +57,7 @@ class MeasureStopsCommand(Command):
             robot = simulation.app.hw
             if not isinstance(robot, FrankaHWSim):
                 raise HricError(
-                    f"the robot {definition.robot.hw} has no emulated control box to stop it; valid: "
-                    "franka_sim/FrankaHWSim"
+                    f"{type(robot).__name__} has no emulated control box to stop it; valid: franka_sim/FrankaHWSim"
                 )
             table = measured(robot, sorted(set(arguments.speeds)), sorted(set(arguments.loads)), arguments.command)
         if arguments.out is None:

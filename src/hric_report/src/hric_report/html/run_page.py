@@ -73,7 +73,8 @@ def verdicts(data: RunData) -> list[tuple[str, str]]:
         labels.append(("bad", f"reflexes of the arm: {len(values['reflexes'])}"))
     touched = values.get("limits_touched")
     if touched is not None:
-        labels.append(("bad", "limits acted") if any(touched.values()) else ("good", "no limit acted"))
+        acted = any(touched.values()) or any(joint.get("command_change") for joint in values["joints"].values())
+        labels.append(("bad", "limits acted") if acted else ("good", "no limit acted"))
     missing = values["control_log"]["missing_cycles"]
     labels.append(("bad", f"{missing} cycles missing") if missing else ("good", "every cycle recorded"))
     return labels

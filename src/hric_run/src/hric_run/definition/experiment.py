@@ -10,7 +10,7 @@ from pathlib import Path
 from textwrap import indent
 from typing import TYPE_CHECKING, Any, cast
 
-from hric_bags.run_file import Definition, NodeParameters
+from hric_bags.run_file import Definition, NodeParameters, with_own
 from hric_control.plant import REPLACEMENT
 from hric_core import plugins, resources
 from hric_core.errors import HricError, ParameterError, ParameterErrors, UnknownNameError, message_about
@@ -30,6 +30,7 @@ from hric_core.parameters import (
     number,
     numbers,
     read_yaml,
+    refused,
     section,
     text,
     unknown,
@@ -232,6 +233,15 @@ class ArmSection(Settings):
     setpoints: tuple[Setpoint, ...] = SETPOINTS
 
 
+def _is_ros_value(value: object) -> bool:
+    """Return True if ROS's parameter server can hold a value."""
+    if isinstance(value, Mapping):
+        return all(isinstance(key, str) and _is_ros_value(item) for key, item in value.items())
+    if isinstance(value, list | tuple):
+        return all(map(_is_ros_value, value))
+    return -(2**31) <= value < 2**31 if isinstance(value, int) else isinstance(value, float | str)
+
+
 def _optional(name: str) -> Any:
     """Return the parameter of an optional section, whose settings class is imported only if a file has the section.
 
@@ -309,7 +319,7 @@ class Experiment(_Sensed):
 
     def _check_global_parameters(self) -> None:
         """Refuse invalid names, and those of parameters that other keys of the experiment set."""
-        taken = {"robot", "robot_description", "joint_limits", *self.controllers, *self.arms}
+        taken = {*self._other_names(), *self.arms}
         for name in self.global_parameters:
             if not re.fullmatch(r"/?[A-Za-z]\w*(/[A-Za-z]\w*)*", name):
                 raise ParameterError(
@@ -317,6 +327,13 @@ class Experiment(_Sensed):
                 )
             if (first := name.strip("/").split("/")[0]) in taken:
                 raise ParameterError(f"global_parameters.{name}: other keys of the experiment set what is in {first}")
+            if not _is_ros_value(self.global_parameters[name]):
+                valid = "numbers, integers of 32 bits, texts, true, false, and lists and mappings of them"
+                raise refused(f"global_parameters.{name}", self.global_parameters[name], valid)
+
+    def _other_names(self) -> list[str]:
+        """Return the names of parameters in the namespace of the experiment other than those of arms."""
+        return ["robot", "robot_description", "joint_limits", "use_sim_time", *self.controllers]
 
     def each_arm(self) -> "dict[str, Experiment]":
         """Return the part of the experiment that concerns one arm, by name of the arm; empty unless there are `arms`.
@@ -330,10 +347,7 @@ class Experiment(_Sensed):
 
     def _arm(self, name: str) -> "Experiment":
         arm, common = self.arms[name], {**asdict(self.robot), "arm_id": name}
-        groups = {
-            key: {**common[key], **value} for key, value in arm.robot.items() if isinstance(common.get(key), dict)
-        }
-        robot = RobotSpec.of({**common, **arm.robot, **groups}, f"arms.{name}.robot")
+        robot = RobotSpec.of(with_own(common, arm.robot), f"arms.{name}.robot")
         part: dict[str, Any] = {key: getattr(arm, key) for key in ("controllers", "parameters", "setpoints")}
         left_out: dict[str, Any] = dict.fromkeys((*_OPTIONAL, *SENSORS, *ADDED))
         return replace(self, arms={}, robot=robot, **part, **left_out)
@@ -441,12 +455,15 @@ class Experiment(_Sensed):
                 raise ParameterError(
                     f"arms: {wrong[0]!r} is no name of an arm; valid: a letter, then letters, digits, _"
                 )
+        with mistakes.noted():
+            if taken := [name for name in self.arms if name in self._other_names()]:
+                raise ParameterError(f"arms: other parameters have the name {taken[0]}; valid: another name")
         for name in self.arms:
             with mistakes.noted():
                 try:
                     self._arm(name).check("")
                 except HricError as error:
-                    lines = str(error).splitlines()
+                    lines = [line.removeprefix(f"arms.{name}.") for line in str(error).splitlines()]
                     raise ParameterErrors([ParameterError(f"arms.{name}: {line}") for line in lines]) from error
 
     def _check_supervisor(self) -> None:

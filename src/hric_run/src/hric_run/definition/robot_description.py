@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import panda_description
 from hric_control.sim.combined_hw_sim import MODEL
 from hric_control.transmission import parse_transmissions
-from hric_core.errors import check_known
+from hric_core.errors import DescriptionError, HricError, check_known, message_about
 from hric_core.urdf import read
 from hric_core.urdf.combining import combined
 from hric_run.definition.experiment import Experiment, RobotSpec
@@ -32,7 +32,13 @@ def of_experiment(definition: Experiment) -> str:
     """
     if not definition.arms:
         return description(definition.robot)
-    return combined(MODEL, {name: description(part.robot) for name, part in definition.each_arm().items()})
+    described = {}
+    for name, part in definition.each_arm().items():
+        try:
+            described[name] = description(part.robot)
+        except HricError as error:
+            raise DescriptionError(message_about(f"arms.{name}", error)) from error
+    return combined(MODEL, described)
 
 
 def _arm_joints(arm_id: str) -> list[str]:

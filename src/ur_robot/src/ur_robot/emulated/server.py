@@ -16,7 +16,9 @@ from ur_robot.emulated.rtde import Package, Recipe, RtdeError, Value, unpacked
 LOG = logging.getLogger("hric.ur")
 VERSION = (5, 23, 0, 0)
 """Version of PolyScope that is emulated: major, minor, bugfix, build."""
-RECEIVE = 1 << 16
+RECEIVE = 1 << 10
+"""Largest amount that is read of a client per cycle [bytes], so that one that floods the server delays itself; ur_rtde
+sends less than 200 (project default, unconfirmed)."""
 LARGEST_PROGRAM = 1 << 20
 """Largest program [bytes]; ur_rtde's has 60 kB (project default, unconfirmed)."""
 LONGEST_LINE = 1024

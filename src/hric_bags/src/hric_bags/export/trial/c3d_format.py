@@ -15,7 +15,7 @@ from hric_core.trial.plates import METRES
 MAX_FRAMES = 65535
 """Largest number of frames in a c3d file, whose header counts them in 16 bits; longer trials become several files."""
 WIDTH = 120
-"""Width of a line of text in a c3d parameter, which may have 255 characters [characters]."""
+"""Width of a line of text in a c3d parameter, which may have 255 bytes [B]."""
 INTEGER = 2
 """Code of the data type integer in ezc3d."""
 
@@ -55,12 +55,17 @@ def write(trial: C3dTrial, path: Path, started: str = "") -> None:
     if trial.plates:
         _plates(file, trial)
     for time, label, context in trial.events:
-        file.add_event([float(time // 60), time % 60], context, label)
+        file.add_event([float(time // 60), time % 60], *(_shortened(text) for text in (context, label)))
     file.add_parameter("MANUFACTURER", "SOFTWARE", "hric_experiments")
     file.add_parameter("HRIC", "START_TIME", float(trial.start), "of the first frame [s]")
     for name, note in {**trial.notes, **({"STARTED": started} if started else {})}.items():
         file.add_parameter("HRIC", name, textwrap.wrap(note, WIDTH))
     file.write(str(path))
+
+
+def _shortened(text: str) -> str:
+    """Return as many characters of a text as fit into WIDTH bytes; longer ones make the file unreadable."""
+    return text.encode()[:WIDTH].decode(errors="ignore")
 
 
 def _points(file: Any, trial: C3dTrial) -> None:
