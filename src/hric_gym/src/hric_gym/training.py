@@ -25,7 +25,7 @@ try:
     from stable_baselines3.common.callbacks import BaseCallback
 except ImportError:
     raise HricError(
-        "training needs stable-baselines3, which is not installed:  scripts/setup --with learning"
+        "training needs PyTorch and stable-baselines3, which scripts/setup --with learning installs on Debian 12"
     ) from None
 
 SETTINGS: Mapping[str, Any] = {
