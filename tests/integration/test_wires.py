@@ -52,7 +52,7 @@ class Attacked:
 def experiment(folder: Path) -> Path:
     """Return arguments for devices of every kind: motion capture, EMG by Trigno, a force plate by LSL."""
     content = yaml.safe_load(FILE.read_text())
-    content["setpoints"], content["duration"] = [{**content["setpoints"][0], "time": 0.5}], 60.0
+    content["setpoints"], content["duration"] = [{**content["setpoints"][0], "time": 0.5}], 300.0  # ended before
     content["emg"]["transport"] = "trigno"
     path = folder / "wires.yaml"
     path.write_text(yaml.safe_dump(content))

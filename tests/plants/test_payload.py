@@ -12,7 +12,7 @@ READY = [0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4]
 PAYLOAD = {
     "mass": 1.2,
     "com": [0.01, -0.02, 0.05],
-    "inertia": [2e-3, 1e-4, 0.0, 3e-3, 0.0, 1e-3],
+    "inertia": [2e-3, 1e-4, 0.0, 3e-3, 0.0, 1.5e-3],
     "link": "panda_link8",
 }
 

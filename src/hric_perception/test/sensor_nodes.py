@@ -18,7 +18,7 @@ from hric_msgs.msg import ClockPair, SampleChunk
 from hric_perception.chunk import Chunk, read_chunk
 
 NODES = Path(__file__).parents[1] / "nodes"
-LIMIT = 40.0
+LIMIT = 90.0
 
 
 class TellsTime:

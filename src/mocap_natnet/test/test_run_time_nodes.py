@@ -22,7 +22,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 __all__ = ["ros", "roscore"]
 pytestmark = [pytest.mark.alone, pytest.mark.filterwarnings("ignore::DeprecationWarning")]
 NODES = Path(__file__).parents[1] / "nodes"
-LIMIT = 30.0
+LIMIT = 90.0
 
 
 class TellsTime:
