@@ -2,6 +2,7 @@
 
 import os
 import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -28,7 +29,7 @@ def hric(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (wheel,) = folder.glob("hric-*.whl")
     assert run("/usr/bin/python3", "-m", "venv", "env", folder=folder).returncode == 0
     sources = {name: value for name, value in os.environ.items() if name.startswith(("PIP_", "SSL_"))}
-    installed = run("env/bin/pip", "install", wheel, folder=folder, **sources)
+    installed = run("env/bin/pip", "install", f"{wheel}[learning]", folder=folder, **sources)
     assert installed.returncode == 0, installed.stderr
     return folder / "env/bin/hric"
 
@@ -60,6 +61,23 @@ def test_an_experiment_has_the_bits_of_the_workspace(hric: Path, tmp_path: Path,
     assert a["state_sha256"] == b["state_sha256"]
     assert b["definition"]["robot"]["plant_type"] == "mujoco_ros_control/MujocoPlant"
     assert b["versions"]["hric_control"] == a["versions"]["hric_control"]
+
+
+EPISODE = """
+import gymnasium, hashlib, hric_gym.envs
+env = gymnasium.make("hric/Reach-v0")
+observation, _ = env.reset(seed=1)
+for _ in range(10):
+    observation, *_ = env.step(0.5 * env.action_space.high)
+print(hashlib.sha256(b"".join(observation[name].tobytes() for name in sorted(observation))).hexdigest())
+"""
+
+
+def test_an_episode_of_a_learning_environment_has_the_bits_of_the_workspace(hric: Path, tmp_path: Path) -> None:
+    pytest.importorskip("gymnasium", reason="scripts/setup --with learning")
+    ours = subprocess.run([sys.executable, "-c", EPISODE], capture_output=True, text=True, check=True)
+    theirs = run(hric.with_name("python3"), "-c", EPISODE, folder=tmp_path)
+    assert theirs.stdout == ours.stdout, theirs.stderr
 
 
 def test_a_run_with_a_person_is_assessed(hric: Path, tmp_path: Path) -> None:
