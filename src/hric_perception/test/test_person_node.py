@@ -23,7 +23,7 @@ Figure = Callable[[str, float, str], None]
 
 
 def test_joints_of_somebody_before_the_cameras_are_those_that_the_person_has_and_a_still_pose_calibrates(
-    swings: Swings, nodes: Nodes, tmp_path: Path, figure: Figure
+    swings: Swings, nodes: Nodes, tmp_path: Path
 ) -> None:
     import rospy
 
@@ -38,14 +38,9 @@ def test_joints_of_somebody_before_the_cameras_are_those_that_the_person_has_and
     first, came = len(states), len(captured)
     wait(lambda: len(captured) > came + 5 * FRAME_RATE)
     taken = states[first:]
-    off = [
-        np.degrees(np.abs(np.array(message.position) - swings.joints(message.header.stamp.to_sec())[0]))
-        for message in taken
-        if len(message.name) == len(BODY.joints)
-    ]
+    off = errors(taken, swings)
     assert len(off) == len(taken)
-    figure("person, live at 120 Hz: joint angles, rms of the worst joint", np.sqrt(np.square(off).mean(0)).max(), "deg")
-    assert np.sqrt(np.square(off).mean(axis=0)).max() <= 2.0
+    assert np.median(off, axis=0).max() <= 1.0  # a machine that stands still for a moment gives wrong stamps
     assert not tracked[-1].calibrated and np.median([message.residual for message in tracked]) < 8e-4
     check_hand(frames, swings)
     calibrate = rospy.ServiceProxy("/person/calibrate", Trigger)
@@ -73,10 +68,20 @@ def test_sixty_estimates_and_more_come_a_second(swings: Swings, nodes: Nodes, fi
     wait(lambda: states[-1].header.stamp.to_sec() > begun + 5.0)
     span = states[-1].header.stamp.to_sec() - begun
     rate = (len(states) - first) / span
+    rms = np.sqrt(np.square(errors(states[first:], swings)).mean(axis=0)).max()
+    figure("person, live at 120 Hz: joint angles, rms of the worst joint", rms, "deg")
     figure("person, live at 120 Hz: share of a processor", (processor_time(process.pid) - before) / span, "1")
     figure("person, live at 120 Hz: rate of estimates", rate, "Hz")
     figure("person, live at 120 Hz: frames dropped", tracked[-1].dropped, "1")
-    assert rate >= 60.0
+    assert rate >= 60.0 and rms <= 2.0
+
+
+def errors(states: list[Any], swings: Swings) -> np.ndarray:
+    """Return errors of the estimated joint positions at their stamps, shape (complete estimates, joints) [deg]."""
+    whole = [message for message in states if len(message.name) == len(BODY.joints)]
+    return np.degrees(
+        [np.abs(np.array(message.position) - swings.joints(message.header.stamp.to_sec())[0]) for message in whole]
+    )
 
 
 def check_hand(frames: list[Any], swings: Swings) -> None:
