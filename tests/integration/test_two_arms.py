@@ -50,7 +50,7 @@ def wait_at(system: LiveSystem, left: float, right: float) -> None:
         assert len(q) == 14
         return abs(q[0] - left) < 0.05 and abs(q[7] - right) < 0.05
 
-    wait_for(arrived, 30.0, f"joints 1 at {left} and {right} rad; output:\n{system.output}")
+    wait_for(arrived, 90.0, f"joints 1 at {left} and {right} rad; output:\n{system.output}")
 
 
 def publish(system: LiveSystem, topic: str, kind: str, text: str) -> None:
@@ -84,7 +84,7 @@ def test_each_arm_has_a_gripper(arms: LiveSystem) -> None:
         widths = [(match[1], round(2.0 * float(match[2]), 3)) for match in fingers if match]
         return widths == [("left", 0.03), ("right", 0.06)]
 
-    wait_for(opened, 30.0, "the fingers of both arms at their own widths")
+    wait_for(opened, 90.0, "the fingers of both arms at their own widths")
 
 
 def test_there_is_one_clock(arms: LiveSystem) -> None:
