@@ -89,12 +89,16 @@ class MarkerPostures:
         joints = np.array([link.offset for link in self._links])
         self.geometry = Geometry(joints, np.array([placed[name].p_link_marker for name in names]))
         self._joints = {name: self._joint(tree, segment) for name, segment in body.segments.items()}
-        self._moves: dict[int, list[int]] = {at: [] for at, link in enumerate(self._links) if any(link.axis)}
+        self._turning = [at for at, link in enumerate(self._links) if any(link.axis)]
+        self._axes = np.array([self._links[at].axis for at in self._turning])
+        self._joint_of = np.array([self._links[at].joint for at in self._turning], dtype=np.intp)
+        moves = list[tuple[int, int]]()  # rows of markers, and places in _turning of the joints that move them
         for row, at in enumerate(self._on):
             while at >= 0:
-                if at in self._moves:
-                    self._moves[at].append(row)
+                if any(self._links[at].axis):
+                    moves.append((row, self._turning.index(at)))
                 at = self._links[at].parent
+        self._moved, self._by = np.array(moves, dtype=np.intp).reshape(-1, 2).T
 
     def geometry_of(self, segments: Sequence[BodySegment]) -> Geometry:
         """Return the places of joints and markers on the segments of a subject with other lengths."""
@@ -112,10 +116,11 @@ class MarkerPostures:
         J[..., :3] = np.eye(3)
         arms = p - postures.p[:, None]
         J[..., 3:ROOT_MOTIONS] = _cross(np.eye(3), arms[:, :, None]).swapaxes(-1, -2)
-        for at, rows in self._moves.items():
-            link = self._links[at]
-            axis = rotations[at] @ np.array(link.axis)
-            J[..., ROOT_MOTIONS + link.joint][:, rows] = _cross(axis[:, None], p[:, rows] - origins[at][:, None])
+        turning = zip(self._turning, self._axes, strict=True)
+        axes = np.stack([rotations[at] @ axis for at, axis in turning], axis=1)[:, self._by]
+        centres = np.stack([origins[at] for at in self._turning], axis=1)[:, self._by]
+        columns = ROOT_MOTIONS + self._joint_of[self._by]
+        J[:, self._moved, :, columns] = _cross(axes, p[:, self._moved] - centres).swapaxes(0, 1)
         return PlacedMarkers(p, J, np.stack([rotations[at] for at in self._on], axis=1))
 
     def positions(self, postures: BodyPostures, geometry: Geometry | None = None) -> FloatArray:
@@ -139,12 +144,12 @@ class MarkerPostures:
 
     def _rotations(self, postures: BodyPostures) -> list[FloatArray]:
         """Return the rotations of all links, of shape (n, 3, 3) each; the last one, index -1, is that of the root."""
+        angles = postures.q[:, self._joint_of, None] * self._axes
+        turns = iter(Rotation.from_rotvec(angles.reshape(-1, 3)).as_matrix().reshape(*angles.shape, 3).swapaxes(0, 1))
         rotations = list[FloatArray]()
         for link in self._links:
             R = postures.R if link.parent < 0 else rotations[link.parent]
-            turned = any(link.axis)
-            angles = np.outer(postures.q[:, link.joint], link.axis) if turned else None
-            rotations.append(R if angles is None else R @ Rotation.from_rotvec(angles).as_matrix())
+            rotations.append(R @ next(turns) if any(link.axis) else R)
         return [*rotations, postures.R]
 
     def _placed(
