@@ -12,9 +12,14 @@ from hric_bags.records.recording import Recording
 from hric_bags.run_file import RunFile
 from hric_bags.run_folder import RunFolder
 from hric_core import urdf
+from hric_core.geometry import Pose, compose
 from hric_motion.formats import FORMATS
 from hric_motion.handovers import is_handover
 from hric_perception.person.settings import PersonSettings
+
+
+WORLD = "world"
+"""Name of the frame in which persons and robots have their place."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +51,24 @@ class AssessmentInput:
     def plant(self) -> Content:
         """Parameters of the plant; empty without a run folder."""
         return ((self.run.get("parameters") or {}).get("robot") or {}).get("plant") or {}
+
+    def placed(self, frame: str) -> Pose | None:
+        """Return the pose of a frame in the world by the static transforms; None: they do not lead to the world."""
+        static = {child: (parent, pose) for (parent, child), pose in self.recording.static.items()}
+        T_frame_goal = Pose()
+        while frame != WORLD:
+            if frame not in static:
+                return None
+            frame, T_parent_frame = static.pop(frame)  # each once, so that a loop ends
+            T_frame_goal = compose(T_parent_frame, T_frame_goal)
+        return T_frame_goal
+
+    def base(self, root: str) -> Pose | None:
+        """Return the pose of the root link of the robot's description in the world; None: not known.
+
+        A simulation has it at the world's origin.
+        """
+        return self.placed(root) or (Pose() if self.run else None)
 
     @property
     def untouchable(self) -> str:

@@ -12,7 +12,7 @@ from hric_bags.records.human_record import HumanRecord
 from hric_bags.records.recording import TrackedRoot
 from hric_bags.records.root_record import RootRecord
 from hric_core import urdf
-from hric_core.geometry import FloatArray, Pose, compose, quaternion_from_rotation
+from hric_core.geometry import FloatArray, Pose, compose, pose_of_transform
 from hric_core.geometry.quaternions import normalized
 from hric_human.body import Body
 from hric_human.participant.settings import HumanSettings
@@ -151,14 +151,14 @@ def _simulated(source: AssessmentInput, record: HumanRecord) -> AssessedPerson:
 
 
 def _placed(source: AssessmentInput, name: str) -> Pose | None:
-    """Return the pose of a person's root link from a static transform of the world; None: not recorded.
+    """Return the pose of a person's root link from a static transforms; None: not recorded.
 
     The frame is `NAME/human_base` with the last part of the person's namespace `name`; for `human` and for a single
     person also `human_base`.
     """
     frames = [f"{name.rpartition('/')[2]}/{ROOT_FRAME}"]
     frames += [ROOT_FRAME] if name.endswith("/human") or len(source.recording.humans) == 1 else []
-    return next((pose for frame in frames if (pose := source.recording.static.get(("world", frame)))), None)
+    return next((pose for frame in frames if (pose := source.placed(frame))), None)
 
 
 def _other(source: AssessmentInput, topic: str) -> AssessedPerson:
@@ -210,7 +210,7 @@ def _residual(tracked: TrackedRoot) -> float:
 
 def _root(tracked: TrackedRoot, T_frame_markers: Pose) -> RootRecord | None:
     """Return the tracked poses of the root link, transformed to another frame; None: no pose is known."""
-    known = np.isfinite(tracked.pose).all(axis=1)
+    known = np.isfinite(tracked.pose).all(axis=1) & tracked.pose[:, 3:].any(axis=1)
     if not known.any():
         return None
     rows = [(row[:3], row[3:]) for row in tracked.pose[known].tolist()]
@@ -226,10 +226,9 @@ def _markers_frame(source: AssessmentInput, frame: str) -> Pose | None:
     if source.description:
         tree = urdf.read(source.description)
         root, T_root_link = tree.rigid_groups().get(frame, ("", np.eye(4)))
-        if root == tree.root:
-            x, y, z = T_root_link[:3, 3].tolist()
-            return Pose((x, y, z), quaternion_from_rotation(T_root_link[:3, :3]))
-    return source.recording.static.get(("world", frame))
+        if root == tree.root and (base := source.base(root)) is not None:
+            return compose(base, pose_of_transform(T_root_link))
+    return source.placed(frame)
 
 
 def _parts(names: Sequence[str]) -> str:

@@ -30,7 +30,7 @@ from hric_bags.records.human_record import TORQUE_TYPE, HumanMessages, HumanReco
 from hric_bags.records.one_publisher import JOINTS, RecordedJointStates, check_names, publishers
 from hric_bags.records.rows import Thinning, times, xyz, xyz_quaternion
 from hric_bags.records.safety_record import EVENT_TYPE, STATE_TYPE, SafetyMessages, SafetyRecord
-from hric_core.geometry import Pose
+from hric_core.geometry import Pose, normalized
 from hric_human.body import Body
 
 RATE = 100.0
@@ -223,9 +223,10 @@ class _Taken:
             self.description = self.description or str(message.data)
         elif kind == STATIC_TYPE:
             for transform in message.transforms:
-                p, q = transform.transform.translation, transform.transform.rotation
+                q = transform.transform.rotation
                 key = transform.header.frame_id.strip("/"), transform.child_frame_id.strip("/")
-                self._static[key] = Pose((p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
+                if any(turn := (q.x, q.y, q.z, q.w)):
+                    self._static[key] = Pose(xyz(transform.transform.translation), normalized(turn))
 
     def _add_states(self, topic: str, message: Any) -> None:
         if topic not in self._people:
