@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from verdict_cases import AREA, RIGHT, WHOLE, Bag, half_sine, held
+from verdict_cases import AREA, HAND, RIGHT, WHOLE, Bag, half_sine, held
 
 from hric_assessment.findings import Finding, Outcome
 from hric_assessment.verdict import AssessmentChoices, Verdict, assess, opened
@@ -163,6 +163,62 @@ def test_short_touches_of_a_second_link_are_added_to_the_first_which_lasts(tmp_p
 
     finding = only(tmp_path, make)
     assert finding.share == pytest.approx(200.0 / 140.0)
+
+
+def test_two_points_of_one_link_in_a_message_are_added(tmp_path: Path) -> None:
+    def make(bag: Bag) -> None:
+        standing(bag)
+        bag.contact(held(100.0), 0.5, 2.5)
+        for _, topic, _, message in bag.rows:
+            if topic.endswith("contacts"):
+                message.touching, message.ended = message.touching * 2, message.ended * 2
+
+    finding = only(tmp_path, make)
+    assert finding.outcome == Outcome.ABOVE and finding.values["quasi-static peak [N]"] == pytest.approx(200.0)
+
+
+def test_a_begin_that_is_stated_with_rounding_errors_is_one_contact(tmp_path: Path) -> None:
+    def make(bag: Bag) -> None:
+        standing(bag)
+        bag.contact(held(100.0), 0.5, 2.5)
+        for k, (_, topic, _, message) in enumerate(bag.rows):
+            if topic.endswith("contacts"):
+                (contact,) = (*message.touching, *message.ended)
+                contact.begin += 2e-6 * math.sin(k)
+
+    finding = only(tmp_path, make)
+    assert finding.outcome == Outcome.WITHIN and finding.values["quasi-static peak [N]"] == pytest.approx(100.0)
+
+
+@pytest.mark.parametrize(
+    ("regions", "link", "outcome"),
+    [([HAND, "lower arm, wrist"], "r_elbow", Outcome.NOT_ASSESSABLE), ([HAND], "hand", Outcome.NOT_ASSESSABLE)]
+    + [(["chest"], "torso", Outcome.WITHIN), ([HAND, "lower arm, wrist"], "l_elbow", Outcome.WITHIN)],
+    ids=["one of two regions", "side not stated", "another region", "the other side"],
+)
+def test_a_second_contact_that_may_be_on_the_same_region_makes_the_sum_unknown(
+    tmp_path: Path, regions: list[str], link: str, outcome: Outcome
+) -> None:
+    def make(bag: Bag) -> None:
+        standing(bag)
+        bag.contact(held(100.0), 0.5, 2.5)
+        bag.contact(held(100.0), 1.0, 2.0, regions=regions, link=link, other="panda::panda_leftfinger")
+
+    hand = next(one for one in contacts(tmp_path, make) if "panda::panda_hand" in one.subject)
+    assert hand.outcome == outcome
+    assert ("panda_leftfinger" in hand.reason) == (outcome == Outcome.NOT_ASSESSABLE)
+
+
+@pytest.mark.parametrize(
+    ("stated", "outcome"), [(None, Outcome.NOT_ASSESSABLE), (AREA, Outcome.WITHIN)], ids=["nothing", "by the user"]
+)
+def test_the_area_of_one_contact_is_not_that_of_another(tmp_path: Path, stated: float | None, outcome: Outcome) -> None:
+    def make(bag: Bag) -> None:
+        standing(bag)
+        bag.contact(held(5.0), 0.5, 1.0, area=1e-3)
+        bag.contact(held(100.0), 1.02, 2.0)
+
+    assert only(tmp_path, make, stated).outcome == outcome
 
 
 def test_two_hands_that_are_pressed_at_once_are_not_added(tmp_path: Path) -> None:
