@@ -611,3 +611,17 @@ def test_joint_states_without_positions_say_nothing(tmp_path: Path) -> None:
         standing(bag)
 
     assert only(tmp_path, make).outcome == Outcome.WITHIN
+
+
+def restarted(bag: Bag) -> None:
+    """A second run in one bag, whose time begins at 0 again."""
+    bag.person(0.0, 3.0, WHOLE)
+    second = Bag()
+    second.person(0.0, 3.0, WHOLE, {"right_sh_flex": 100.0})
+    bag.rows += [(at + 3.0, *row) for at, *row in second.rows]
+    bag.nodes |= second.nodes
+
+
+def test_a_clock_that_goes_back_is_refused_with_the_time(tmp_path: Path) -> None:
+    with pytest.raises(HricError, match=r"joint_states: the stamps go back from 2.980 to 0.000 s.*; valid: the bag of"):
+        verdict(tmp_path, restarted)

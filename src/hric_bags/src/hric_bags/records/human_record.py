@@ -20,7 +20,7 @@ from hric_bags.records.region_contacts import (
     RegionMessages,
 )
 from hric_bags.records.root_record import RootRecord
-from hric_bags.records.rows import RecordRows, Thinning, times, xyz, xyz_quaternion
+from hric_bags.records.rows import RecordRows, Thinning, in_order, times, xyz, xyz_quaternion
 from hric_human.contact import RegionContact
 
 GRIP_TYPE, TORQUE_TYPE = "hric_msgs/msg/HumanGrip", "hric_msgs/msg/JointTorque"
@@ -226,7 +226,7 @@ class HumanMessages:
     def _root_record(self, robot_time: Callable[[float], float]) -> RootRecord | None:
         if not self._root_stamps:
             return None
-        return RootRecord(times(self._root_stamps, robot_time), np.array(self._root).reshape(-1, 7))
+        return RootRecord(*in_order(times(self._root_stamps, robot_time), np.array(self._root).reshape(-1, 7)))
 
 
 def _second_text(raw: bytes) -> bytes:
@@ -246,7 +246,7 @@ class _Grips:
         self._rows.extend((m.closed, m.slipped, *xyz(m.wrench.force), *xyz(m.wrench.torque), *xyz(m.point)))
 
     def record(self, robot_time: Callable[[float], float]) -> GripRecord:
-        rows, m = np.array(self._rows).reshape(-1, 11), self._first
+        time, rows = in_order(times(self._stamps, robot_time), np.array(self._rows).reshape(-1, 11))
+        m, closed = self._first, (rows[:, 0] > 0.0) & rows[:, 8:].any(axis=1)
         force, torque, point = rows[:, 2:5], rows[:, 5:8], rows[:, 8:]
-        time, closed = times(self._stamps, robot_time), (rows[:, 0] > 0.0) & point.any(axis=1)
         return GripRecord(m.name, m.held, m.holder, time, closed, force, torque, point, rows[:, 1])
