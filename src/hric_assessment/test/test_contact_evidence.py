@@ -625,3 +625,37 @@ def restarted(bag: Bag) -> None:
 def test_a_clock_that_goes_back_is_refused_with_the_time(tmp_path: Path) -> None:
     with pytest.raises(HricError, match=r"joint_states: the stamps go back from 2.980 to 0.000 s.*; valid: the bag of"):
         verdict(tmp_path, restarted)
+
+
+@pytest.mark.parametrize("field", ["position", "command_interface"])
+def test_a_control_log_without_values_is_refused_with_the_field(tmp_path: Path, field: str) -> None:
+    def make(bag: Bag) -> None:
+        bag.control_log(0.0, 1.0)
+        setattr(bag.rows[10][3], field, [] if field == "command_interface" else np.zeros(0))
+
+    with pytest.raises(HricError, match=rf"control log at 0.200 s has 0 values of {field}; valid: "):
+        verdict(tmp_path, make)
+
+
+def test_a_message_of_the_control_log_without_cycles_is_none(tmp_path: Path) -> None:
+    bag = Bag()
+    bag.control_log(0.0, 1.0)
+    empty = dict.fromkeys(("time", "position", "velocity", "effort", "command_raw", "command"), np.zeros(0))
+    for field, value in {**empty, "n_cycles": 0}.items():
+        setattr(bag.rows[10][3], field, value)
+    log = opened(str(bag.save(tmp_path / "case.bag"))).recording.log
+    assert log is not None and log.cycles == 98 and log.time[-1] == pytest.approx(0.99)
+
+
+@pytest.mark.parametrize("names", [RIGHT[::-1], ["right_el_flex"]], ids=["another order", "one joint"])
+def test_torques_belong_to_the_joints_that_their_message_names(tmp_path: Path, names: list[str]) -> None:
+    def make(bag: Bag) -> None:
+        bag.person(0.0, 1.0)
+        for _, topic, _, message in bag.rows:
+            if topic.endswith("joint_torque"):
+                share = np.array([0.5 if name == "right_el_flex" else 0.0 for name in names])
+                message.name, message.torque, message.strength_share = names, 0.0 * share, share
+                message.at_strength, message.clipped = share > 1.0, np.zeros(len(names), np.uint32)
+
+    figures = {one.name: one.value for one in verdict(tmp_path, make).figures if one.group == "strength"}
+    assert [name for name, value in figures.items() if value] == ["largest torque of right elbow flexion over its strength"]

@@ -203,8 +203,11 @@ class HumanMessages:
         position, torque, contacts = self._position, self._torque, self._contacts or RegionMessages()
         time, q = position.columns(robot_time)
         torque_time, tau, share = torque.columns(robot_time)
+        joints = () if position.last is None else tuple(position.last.name)
+        if torque.last is not None:
+            tau, share = (_sorted(values, list(torque.last.name), joints) for values in (tau, share))
         return HumanRecord(
-            () if position.last is None else tuple(position.last.name),
+            joints,
             time,
             q,
             torque_time,
@@ -227,6 +230,13 @@ class HumanMessages:
         if not self._root_stamps:
             return None
         return RootRecord(*in_order(times(self._root_stamps, robot_time), np.array(self._root).reshape(-1, 7)))
+
+
+def _sorted(values: FloatArray, names: list[str], joints: Iterable[str]) -> FloatArray:
+    """Return the columns of some joints, shape (n, joints); NaN where `names`, the names of the columns, lack one."""
+    missing = np.full((len(values), 1), np.nan)
+    columns = [names.index(joint) if joint in names else len(names) for joint in joints]
+    return np.hstack([values, missing])[:, columns]
 
 
 def _second_text(raw: bytes) -> bytes:

@@ -378,6 +378,14 @@ class _ThinLog:
 
     def add(self, message: Any) -> None:
         time, joints = np.asarray(message.time, dtype=float), len(message.joint_names)
+        if not len(time):
+            return
+        for name, size in (*dict.fromkeys(ARRAYS, len(time) * joints).items(), ("command_interface", joints)):
+            if len(getattr(message, name)) != size:
+                raise BagError(
+                    f"a message of the control log at {time[0]:.3f} s has {len(getattr(message, name))} values of {name}; "
+                    f"valid: {size}"
+                )
         if self._message is not None and list(message.joint_names) != list(self._message.joint_names):
             raise BagError(
                 f"the joints of the control log change at {time[0]:.3f} s, from {', '.join(self._message.joint_names)} "
