@@ -18,6 +18,8 @@ from hric_motion.handovers import is_handover
 from hric_perception.person.settings import PersonSettings
 
 
+FILE = "verdict.json"
+"""Name of the file with the verdict in a run folder."""
 WORLD = "world"
 """Name of the frame in which persons and robots have their place."""
 
@@ -29,7 +31,7 @@ class AssessmentInput:
     Attributes:
         name: name of the recording in printed texts.
         kind: run, bag or c3d (any trial).
-        folder: folder in which verdict.json is written.
+        folder: folder in which the verdict is written.
         recording: recorded signals.
         run: contents of run.yaml; empty without a run folder.
         description: URDF of the robot; "": not known.
@@ -41,6 +43,11 @@ class AssessmentInput:
     recording: Recording
     run: RunFile = field(default_factory=RunFile)
     description: str = ""
+
+    @property
+    def verdict_file(self) -> Path:
+        """File for the verdict: FILE in a run folder, NAME_verdict.json next to a bag or trial."""
+        return self.folder / (FILE if self.kind == "run" else f"{self.name}_{FILE}")
 
     @property
     def definition(self) -> Content:
