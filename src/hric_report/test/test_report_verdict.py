@@ -265,7 +265,8 @@ def test_a_verdict_of_this_run_that_is_there_is_shown_as_it_is(run: RunFolder, t
 
 
 @pytest.mark.parametrize(
-    "changes", [{"version": VERSION - 1}, {"input": MADE["input"]}, {"input": MADE["input"] | {"kind": "bag"}}]
+    "changes",
+    [{"version": VERSION - 1}, {"input": MADE["input"]}, {"input": MADE["input"] | {"kind": "bag"}}, {"input": None}],
 )
 def test_a_verdict_of_an_older_version_or_another_recording_is_made_anew(
     run: RunFolder, tmp_path: Path, changes: dict[str, Any]

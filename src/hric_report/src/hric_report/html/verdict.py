@@ -79,16 +79,15 @@ def _read(path: Path, name: str, kind: str, recording: Path) -> VerdictFile | No
 
     recording: file or folder of the recording; a verdict that is older than it is not about its present contents.
     """
+    parts = [one.stat().st_mtime for one in (recording, *recording.rglob("*")) if one.is_file()]
+    if not path.is_file() or path.stat().st_mtime < max(parts, default=0.0):
+        return None
     try:
-        parts = [recording, *recording.rglob("*")]
-        if path.is_file() and path.stat().st_mtime < max((one.stat().st_mtime for one in parts if one.is_file()), default=0):
-            return None
-        content: VerdictFile | None = json.loads(path.read_text()) if path.is_file() else None
-    except ValueError:
+        content: VerdictFile = json.loads(path.read_text())
+        about = content["version"], content["input"]["name"], content["input"]["kind"]
+    except (ValueError, TypeError, KeyError):
         return None
-    if not content or content.get("version") != VERSION:
-        return None
-    return content if (content["input"]["name"], content["input"]["kind"]) == (name, kind) else None
+    return content if about == (VERSION, name, kind) else None
 
 
 def verdict_of_recording(source: AssessmentInput, path: Path) -> VerdictFile:
