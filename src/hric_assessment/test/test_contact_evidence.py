@@ -659,3 +659,8 @@ def test_torques_belong_to_the_joints_that_their_message_names(tmp_path: Path, n
 
     figures = {one.name: one.value for one in verdict(tmp_path, make).figures if one.group == "strength"}
     assert [name for name, value in figures.items() if value] == ["largest torque of right elbow flexion over its strength"]
+
+
+def test_one_message_is_no_time_without_contact(tmp_path: Path) -> None:
+    (finding,) = contacts(tmp_path, lambda bag: bag.silence(0.0, 0.01))
+    assert finding.outcome == Outcome.NOT_ASSESSABLE and "known for 0.00 of 0.00 s" in finding.reason
