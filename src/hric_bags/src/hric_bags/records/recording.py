@@ -27,8 +27,8 @@ from hric_bags.reader import (
 from hric_bags.records.contact_record import CONTACTS_TYPE as PAIRS_TYPE
 from hric_bags.records.contact_record import PairForce, add_to
 from hric_bags.records.human_record import TORQUE_TYPE, HumanMessages, HumanRecord, human_names
-from hric_bags.records.one_publisher import JOINTS, RecordedJointStates, check_names, publishers
-from hric_bags.records.rows import Thinning, in_order, stamp_of, times, xyz, xyz_quaternion
+from hric_bags.records.one_publisher import JOINTS, RecordedJointStates, RisingStamps, check_names, publishers
+from hric_bags.records.rows import Thinning, in_order, times, xyz, xyz_quaternion
 from hric_bags.records.safety_record import EVENT_TYPE, STATE_TYPE, SafetyMessages, SafetyRecord
 from hric_core.geometry import Pose, normalized
 from hric_human.body import Body
@@ -44,11 +44,6 @@ TEXT_TYPE = "std_msgs/msg/String"
 _THINNED = (STATES_TYPE, TRACKING_TYPE, ACTIVATION_TYPE, TORQUE_TYPE, REACTIONS_TYPE, STATE_TYPE)
 NAMES = {TORQUE_TYPE: "name", ACTIVATION_TYPE: "name", REACTIONS_TYPE: "joint_names", LOG_TYPE: "joint_names"}
 """Message type -> field with names of joints or muscles, which must be unique in each message that is read."""
-BACK = 0.5
-"""Largest time by which a stamp may be older than the newest one of its publisher [s] (project default, unconfirmed).
-
-Drivers on a busy machine swap messages by less; a clock that is set back, or a second run, moves the stamps by more.
-"""
 ONE_PUBLISHER = (LOG_TYPE, TORQUE_TYPE, TRACKING_TYPE, ACTIVATION_TYPE)
 """Message types that only one node may publish on one topic."""
 SLACK = 1.0
@@ -177,7 +172,7 @@ class _Taken:
         self._static: dict[tuple[str, str], Pose] = {}
         self._safety = SafetyMessages()
         self._states: dict[str, RecordedJointStates] = {}
-        self._newest: dict[tuple[str, ...], int] = {}
+        self._clock = RisingStamps()
         self.description = ""
 
     def wants(self, connection: Any) -> bool:
@@ -191,22 +186,11 @@ class _Taken:
     def note(self, connection: Any, raw: bytes) -> None:
         """Count a message, whether it is read or not, and check that joint states on its topic come from one body."""
         if connection.msgtype not in (TEXT_TYPE, STATIC_TYPE) and self._people.get(connection.topic, self) is not None:
-            self._check_clock(connection, stamp_of(raw))
+            self._clock.note(connection, raw)
         if connection.msgtype == STATES_TYPE:
             self._states.setdefault(connection.topic, RecordedJointStates(connection.topic)).note(connection, raw)
         if connection.topic in self._topics:
             self._topics[connection.topic].note(connection, raw)
-
-    def _check_clock(self, connection: Any, stamp: int) -> None:
-        """Check that the stamp of the next message [ns] is not of an earlier time. Raises BagError."""
-        stream = connection.topic, *publishers([connection])
-        newest = self._newest.get(stream, stamp)
-        if stamp < newest - 1e9 * BACK:
-            raise BagError(
-                f"{connection.topic}: the stamps go back from {1e-9 * newest:.3f} to {1e-9 * stamp:.3f} s, as if a clock "
-                "was set back or a run started again; valid: the bag of one run, such as `rosbag filter` makes"
-            )
-        self._newest[stream] = max(stamp, newest)
 
     def due(self, connection: Any, raw: bytes) -> bool:
         """Return True if a message has to be read at the limited rate."""
