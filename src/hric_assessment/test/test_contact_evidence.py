@@ -658,7 +658,9 @@ def test_torques_belong_to_the_joints_that_their_message_names(tmp_path: Path, n
                 message.at_strength, message.clipped = share > 1.0, np.zeros(len(names), np.uint32)
 
     figures = {one.name: one.value for one in verdict(tmp_path, make).figures if one.group == "strength"}
-    assert [name for name, value in figures.items() if value] == ["largest torque of right elbow flexion over its strength"]
+    assert [name for name, value in figures.items() if value] == [
+        "largest torque of right elbow flexion over its strength"
+    ]
 
 
 def test_one_message_is_no_time_without_contact(tmp_path: Path) -> None:

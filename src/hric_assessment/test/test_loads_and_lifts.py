@@ -133,7 +133,10 @@ def test_a_force_that_is_not_known_for_a_moment_is_not_a_load_of_zero(tmp_path: 
 
 @pytest.mark.parametrize(
     ("unknown", "holds"),
-    [(lambda time: math.nan, lambda side, time: True), (lambda time: 1.0, lambda side, time: (side == "left") == (time < 3))],
+    [
+        (lambda time: math.nan, lambda side, time: True),
+        (lambda time: 1.0, lambda side, time: (side == "left") == (time < 3)),
+    ],
     ids=["no force", "one hand after the other"],
 )
 def test_a_box_that_is_never_known_in_both_hands_is_not_assessable(

@@ -35,7 +35,9 @@ def test_an_arm_that_passes_while_nobody_sees_the_person_was_not_far_enough(
 ON_A_TABLE = [("world", "table", 3.0), ("table", "base_link", 4.0)]
 FAR = [("elsewhere", "far", 9.0)]
 """A frame of nothing, which moves the ball's path 9 m away."""
-COLUMN = '<link name="{}"/><joint name="column" type="prismatic"><parent link="{}"/><child link="{}"/><axis xyz="1 0 0"/>'
+COLUMN = (
+    '<link name="{}"/><joint name="column" type="prismatic"><parent link="{}"/><child link="{}"/><axis xyz="1 0 0"/>'
+)
 COLUMN += '<limit lower="-3" upper="3" effort="100" velocity="5"/></joint>'
 
 

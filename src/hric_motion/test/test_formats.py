@@ -110,7 +110,11 @@ def test_a_damaged_file_is_one_clear_error(tmp_path: Path, name: str, text: str,
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("60.0,Export Frame Rate,60.0", "60.0,Export Frame Rate,120.0", "a rate of 120.0 Hz is stated, but there are 60"),
+        (
+            "60.0,Export Frame Rate,60.0",
+            "60.0,Export Frame Rate,120.0",
+            "a rate of 120.0 Hz is stated, but there are 60",
+        ),
         ('frameRate="60"', 'frameRate="inf"', "a rate of inf Hz is stated, but"),
         ('frameRate="60"', 'frameRate="-60"', "a rate of -60 Hz is stated, but"),
         ('index="30"', 'index="31"', "frame 31 follows frame 29; valid: all frames in turn"),

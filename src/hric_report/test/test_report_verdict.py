@@ -306,7 +306,9 @@ def test_a_bag_alone_gets_a_page_with_its_verdict_and_a_replay(
     assert arm["columns"] == 7 and arm["motion"] is None
     assert person["columns"] == len(settings_body(run).joints) and person["motion"] is None
     assert "The position of the person is not known" in page  # their settings are in the run folder
-    (tmp_path / "alone_verdict.json").write_text(json.dumps(found | {"outcome": "warning"}))  # as one left it with choices
+    (tmp_path / "alone_verdict.json").write_text(
+        json.dumps(found | {"outcome": "warning"})
+    )  # as one left it with choices
     assert main(["report", str(bag)]) == 0
     assert "verdict: warning" in capsys.readouterr().out
     os.utime(bag, (time.time() + 10.0,) * 2)  # another bag of this name and time

@@ -103,7 +103,9 @@ class _Check:
         if node.tag == "tag:yaml.org,2002:merge":
             return node.value
         if node.tag.endswith(":int") and OCTAL.fullmatch(node.value):
-            raise _Refusal(node, f"{node.value} is {int(node.value, 8)}, as YAML reads it; write it without a leading 0")
+            raise _Refusal(
+                node, f"{node.value} is {int(node.value, 8)}, as YAML reads it; write it without a leading 0"
+            )
         try:
             return self._loader.construct_object(node)
         except yaml.YAMLError:

@@ -153,7 +153,7 @@ class HumanMessages:
         self._others = {f"{name}/{end}" for end in ("grip", "events", "contacts")} | {name}
         self._thin = None if rate is None else Thinning(rate)
         self._position, self._torque = RecordRows("position"), RecordRows("torque", "strength_share")
-        self._root_stamps, self._root = array("d"), array("d")
+        self._root_stamps, self._root, self._frames = array("d"), array("d"), dict[str, None]()
         self._grips: dict[str, _Grips] = {}
         self._events: list[tuple[float, Any]] = []
         self._contacts: RegionMessages | None = None
@@ -191,6 +191,7 @@ class HumanMessages:
         elif topic == self._roots:
             self._root_stamps.append(stamp)
             self._root.extend(xyz_quaternion(message.pose))
+            self._frames[str(message.header.frame_id).strip("/")] = None
         elif kind == GRIP_TYPE:
             self._grips.setdefault(message.name, _Grips(message)).add(stamp, message)
         elif kind == EVENT_TYPE:
@@ -229,7 +230,8 @@ class HumanMessages:
     def _root_record(self, robot_time: Callable[[float], float]) -> RootRecord | None:
         if not self._root_stamps:
             return None
-        return RootRecord(*in_order(times(self._root_stamps, robot_time), np.array(self._root).reshape(-1, 7)))
+        time, pose = in_order(times(self._root_stamps, robot_time), np.array(self._root).reshape(-1, 7))
+        return RootRecord(time, pose, frame=" and ".join(self._frames))
 
 
 def _sorted(values: FloatArray, names: list[str], joints: Iterable[str]) -> FloatArray:

@@ -118,7 +118,9 @@ def check_rate(path: Path, stated: str, time: FloatArray) -> None:
         ratio = 0.0
     if not abs(ratio - 1.0) <= SAME_RATE:
         rows = f"{len(time)} rows from {time[0]:g} to {time[-1]:g} s"
-        raise ParameterError(f"{path}: a rate of {stated} Hz is stated, but there are {rows}; valid: times [s] at this rate")
+        raise ParameterError(
+            f"{path}: a rate of {stated} Hz is stated, but there are {rows}; valid: times [s] at this rate"
+        )
 
 
 def lines_of(path: Path) -> list[str]:
