@@ -192,8 +192,12 @@ def test_a_begin_that_is_stated_with_rounding_errors_is_one_contact(tmp_path: Pa
 
 @pytest.mark.parametrize(
     ("regions", "link", "outcome"),
-    [([HAND, "lower arm, wrist"], "r_elbow", Outcome.NOT_ASSESSABLE), ([HAND], "hand", Outcome.NOT_ASSESSABLE)]
-    + [(["chest"], "torso", Outcome.WITHIN), ([HAND, "lower arm, wrist"], "l_elbow", Outcome.WITHIN)],
+    [
+        ([HAND, "lower arm, wrist"], "r_elbow", Outcome.NOT_ASSESSABLE),
+        ([HAND], "hand", Outcome.NOT_ASSESSABLE),
+        (["chest"], "torso", Outcome.WITHIN),
+        ([HAND, "lower arm, wrist"], "l_elbow", Outcome.WITHIN),
+    ],
     ids=["one of two regions", "side not stated", "another region", "the other side"],
 )
 def test_a_second_contact_that_may_be_on_the_same_region_makes_the_sum_unknown(

@@ -94,8 +94,8 @@ def lifted(
                 force = wrench(0.0, 0.0, -LOAD * G / len(hands) * unknown(time))
                 still = {"stretch": 0.0, "slipped": 0.0, "turned": 0.0}
                 bag.write(
-                    "/hric/human/grip", "hric_msgs/msg/HumanGrip", time, **about, closed=holds(side, time), wrench=force,
-                    point=where, **still,
+                    "/hric/human/grip", "hric_msgs/msg/HumanGrip", time, **about, closed=holds(side, time),
+                    wrench=force, point=where, **still,
                 )  # fmt: skip
     return [one for one in assess(opened(str(folder))).findings if one.group == "lift"]
 

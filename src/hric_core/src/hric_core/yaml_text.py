@@ -1,7 +1,7 @@
 """Safe YAML loader for files and command lines; it refuses valid YAML that is certainly a mistake.
 
-It refuses duplicate keys, octal numbers, an anchor that contains itself, aliases that expand to a huge number of values, and nesting
-so deep that the stack of the C library would overflow.
+It refuses duplicate keys, octal numbers, an anchor that contains itself, aliases that expand to a huge number of
+values, and nesting so deep that the stack of the C library would overflow.
 """
 
 import re

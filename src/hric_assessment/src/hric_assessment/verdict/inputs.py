@@ -17,7 +17,6 @@ from hric_motion.formats import FORMATS
 from hric_motion.handovers import is_handover
 from hric_perception.person.settings import PersonSettings
 
-
 FILE = "verdict.json"
 """Name of the file with the verdict in a run folder."""
 WORLD = "world"

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from hric_bags.reader import opened, seconds
-from hric_bags.records.recording import RATE, Columns, Recording, TrackedRoot
 from hric_bags.records.one_publisher import RisingStamps
+from hric_bags.records.recording import RATE, Columns, Recording, TrackedRoot
 from hric_bags.records.rows import Thinning, stamp_of
 from hric_core.geometry import FloatArray
 from hric_human.body import Body

@@ -121,8 +121,8 @@ def separated(source: AssessmentInput, person: AssessedPerson, choices: Assessme
         return None
     if (base := source.base(tree.root)) is None:
         raise NotAssessableError(
-            f"where the robot stands is not known: no static transform leads from world to {tree.root}, the root of its "
-            "description (record /tf_static)"
+            f"where the robot stands is not known: no static transform leads from world to {tree.root}, the root of "
+            "its description (record /tf_static)"
         )
     arm = CapsuleMotion(tree, robot, log.joint_names, log.time, log.position, RootRecord.still(base).transforms)
     q, unknown_share = filled(person.q)

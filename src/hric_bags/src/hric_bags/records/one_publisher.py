@@ -68,8 +68,8 @@ class RisingStamps:
         newest = self._newest.get(stream, stamp)
         if stamp < newest - 1e9 * BACK_IN_TIME:
             raise BagError(
-                f"{connection.topic}: the stamps go back from {1e-9 * newest:.3f} to {1e-9 * stamp:.3f} s, as if a clock "
-                "was set back or a run started again; valid: the bag of one run, such as `rosbag filter` makes"
+                f"{connection.topic}: the stamps go back from {1e-9 * newest:.3f} to {1e-9 * stamp:.3f} s, as if a "
+                "clock was set back or a run started again; valid: the bag of one run, such as `rosbag filter` makes"
             )
         self._newest[stream] = max(stamp, newest)
 

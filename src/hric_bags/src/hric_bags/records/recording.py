@@ -365,10 +365,9 @@ class _ThinLog:
         if not len(time):
             return
         for name, size in (*dict.fromkeys(ARRAYS, len(time) * joints).items(), ("command_interface", joints)):
-            if len(getattr(message, name)) != size:
+            if (count := len(getattr(message, name))) != size:
                 raise BagError(
-                    f"a message of the control log at {time[0]:.3f} s has {len(getattr(message, name))} values of {name}; "
-                    f"valid: {size}"
+                    f"a message of the control log at {time[0]:.3f} s has {count} values of {name}; valid: {size}"
                 )
         if self._message is not None and list(message.joint_names) != list(self._message.joint_names):
             raise BagError(

@@ -54,7 +54,7 @@ class ContactStream:
 
 
 SAME = 5e-4
-"""Largest difference of the begins that messages of one contact state [s]: half a step of a simulation (project default).
+"""Largest difference of the begins that messages of one contact state [s]: half a step of 1 ms (project default).
 
 A contact that begins anew is at least two steps later.
 """
