@@ -105,17 +105,16 @@ def joints(bag: Bag, times: Iterable[float], angles: dict[str, float], torque: b
             bag.write("/hric/human/joint_torque", "hric_msgs/msg/JointTorque", time, name=names, **load)
 
 
-def upright(bag: Bag, height: float) -> None:
-    """A root link that stands at a height [m]."""
-    transform = made(
-        "geometry_msgs/msg/Transform",
-        translation=made("geometry_msgs/msg/Vector3", x=0.0, y=0.0, z=height),
-        rotation=made("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=0.0, w=1.0),
-    )
-    placed = made(
-        "geometry_msgs/msg/TransformStamped", header=header(0.0), child_frame_id="human_base", transform=transform
-    )
-    bag.write("/tf_static", "tf2_msgs/msg/TFMessage", 0.0, transforms=[placed])
+def upright(bag: Bag, height: float, base: Sequence[tuple[str, str, float]] = ()) -> None:
+    """A root link that stands at a height [m]; base: parent, child and distance along x [m] of further frames."""
+    placed = []
+    for parent, child, x, z in (("world", "human_base", 0.0, height), *((*frame, 0.0) for frame in base)):
+        place = made("geometry_msgs/msg/Vector3", x=x, y=0.0, z=z)
+        turn = made("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=0.0, w=1.0)
+        transform = made("geometry_msgs/msg/Transform", translation=place, rotation=turn)
+        kind, about = "geometry_msgs/msg/TransformStamped", {"child_frame_id": child, "transform": transform}
+        placed.append(made(kind, header=header(0.0, parent), **about))
+    bag.write("/tf_static", "tf2_msgs/msg/TFMessage", 0.0, transforms=placed)
 
 
 def contact(
@@ -189,33 +188,42 @@ def contacts(folder: Path) -> list[Known]:
     ]
 
 
-def ball_urdf() -> str:
-    """A ball on a rail along x, beside the shoulders and 0.2 m below them."""
+def ball_urdf(root: str = "world", more: str = "") -> str:
+    """A ball on a rail along x, beside the shoulders and 0.2 m below them; more: further elements of the robot."""
     ball = f'<geometry><sphere radius="{BALL}"/></geometry>'
-    rail = f'<origin xyz="0 {NEAREST_Y} 1.2"/><parent link="world"/><child link="tool"/><axis xyz="1 0 0"/>'
+    rail = f'<origin xyz="0 {NEAREST_Y} 1.2"/><parent link="{root}"/><child link="tool"/><axis xyz="1 0 0"/>'
     limit = '<limit lower="-3" upper="3" effort="100" velocity="5"/>'
     return (
-        f'<robot name="ball"><link name="world"/><link name="tool"><collision>{ball}</collision></link>'
-        f'<joint name="rail" type="prismatic">{rail}{limit}</joint></robot>'
+        f'<robot name="ball"><link name="{root}"/><link name="tool"><collision>{ball}</collision></link>'
+        f'<joint name="rail" type="prismatic">{rail}{limit}</joint>{more}</robot>'
     )
 
 
-def approach(folder: Path, seen: Callable[[float], bool] = lambda time: True) -> Known:
+def approach(
+    folder: Path,
+    seen: Callable[[float], bool] = lambda time: True,
+    urdf: str = ball_urdf(),
+    base: Sequence[tuple[str, str, float]] = (),
+) -> Known:
     """7. The ball passes a hanging arm at a constant speed. Nearest is where a closed form of point and line has it.
 
-    seen: whether the joint states of a time [s] are recorded.
+    Args:
+        folder: folder of the bag.
+        seen: whether the joint states of a time [s] are recorded.
+        urdf: description of the robot.
+        base: frames from the world to the root of the description, see `upright`.
     """
     speed, begin = 0.8, -1.6
     times = np.arange(0.0, 4.0005, 0.001)
     x = begin + speed * times
     body = describe(HumanSettings.of({"parts": "right_arm"}, "human").person)
     with Bag(folder / "approach.bag") as bag:
-        bag.write("/robot_description", "std_msgs/msg/String", 0.0, data=ball_urdf())
-        upright(bag, 1.4)
+        bag.write("/robot_description", "std_msgs/msg/String", 0.0, data=urdf)
+        upright(bag, 1.4, base)
         joints(bag, filter(seen, times[::20]), dict.fromkeys(body.joints, 0.0))
         for k in range(0, len(times) - 1, 20):
             part = slice(k, k + 20)
-            rows = {"position": x[part], "velocity": np.full(20, speed)}
+            rows = {"position": x[part] - sum(frame[-1] for frame in base), "velocity": np.full(20, speed)}
             rows |= dict.fromkeys(("effort", "command_raw", "command"), np.zeros(20))
             about = {"joint_names": ["rail"], "command_interface": ["none"], "first_cycle": k, "n_cycles": 20}
             bag.write("/control_log", "hric_msgs/msg/ControlLog", float(times[k]), **about, time=times[part], **rows)

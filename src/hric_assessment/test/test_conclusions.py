@@ -2,6 +2,7 @@
 
 import itertools
 import json
+import shutil
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -318,10 +319,26 @@ def test_one_question_alone_has_an_exit_code_of_its_own(bags: Path) -> None:
 
 
 def test_an_area_larger_than_the_hand_that_was_met_leaves_no_verdict(bags: Path) -> None:
-    (bags / "verdict.json").unlink(missing_ok=True)
+    (bags / "within_verdict.json").unlink(missing_ok=True)
     with pytest.raises(HricError, match=r"--contact-area is 0\.1 m\^2.*hand, fingers"):
         perform(["assess", str(bags / "within.bag"), "--contact-area", "0.1"])
-    assert not (bags / "verdict.json").exists()
+    assert not (bags / "within_verdict.json").exists()
+
+
+def test_bags_of_one_folder_keep_a_verdict_each(bags: Path) -> None:
+    perform(["assess", str(bags / "within.bag"), "--compare", str(bags / "posture.bag")])
+    for name in ("within", "posture"):
+        assert json.loads((bags / f"{name}_verdict.json").read_text())["input"]["name"] == name
+
+
+def test_a_verdict_that_cannot_be_written_is_printed(
+    bags: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copy(bags / "within.bag", tmp_path)
+    (tmp_path / "within_verdict.json").mkdir()
+    with pytest.raises(HricError, match=r"cannot write .*within_verdict.json"):
+        perform(["assess", str(tmp_path / "within.bag")])
+    assert "contact   unknown" in capsys.readouterr().out
 
 
 def test_the_schema_of_the_json_is_that_of_its_types() -> None:
@@ -343,7 +360,7 @@ def test_the_older_table_of_rula_can_be_chosen(bags: Path) -> None:
 def test_the_worst_moment_is_drawn_with_what_decides(bags: Path, tmp_path: Path) -> None:
     perform(["assess", str(bags / "approach.bag"), "--only", "distance", "--picture", str(tmp_path / "worst.svg")])
     drawn = ElementTree.parse(tmp_path / "worst.svg").getroot()
-    moment = json.loads((bags / "verdict.json").read_text())["moment"]
+    moment = json.loads((bags / "approach_verdict.json").read_text())["moment"]
     capsules = [*moment["arm"], *moment["person"]]
     assert [sum(one["decides"] for one in moment[model]) for model in ("arm", "person")] == [1, 1]
     assert len([one for one in drawn if one.tag.endswith("}g")]) == len(capsules)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from verdict_cases import AREA, RIGHT, WHOLE, Bag, half_sine, held
+from verdict_cases import AREA, HAND, RIGHT, WHOLE, Bag, half_sine, held
 
 from hric_assessment.findings import Finding, Outcome
 from hric_assessment.verdict import AssessmentChoices, Verdict, assess, opened
@@ -163,6 +163,66 @@ def test_short_touches_of_a_second_link_are_added_to_the_first_which_lasts(tmp_p
 
     finding = only(tmp_path, make)
     assert finding.share == pytest.approx(200.0 / 140.0)
+
+
+def test_two_points_of_one_link_in_a_message_are_added(tmp_path: Path) -> None:
+    def make(bag: Bag) -> None:
+        standing(bag)
+        bag.contact(held(100.0), 0.5, 2.5)
+        for _, topic, _, message in bag.rows:
+            if topic.endswith("contacts"):
+                message.touching, message.ended = message.touching * 2, message.ended * 2
+
+    finding = only(tmp_path, make)
+    assert finding.outcome == Outcome.ABOVE and finding.values["quasi-static peak [N]"] == pytest.approx(200.0)
+
+
+def test_a_begin_that_is_stated_with_rounding_errors_is_one_contact(tmp_path: Path) -> None:
+    def make(bag: Bag) -> None:
+        standing(bag)
+        bag.contact(held(100.0), 0.5, 2.5)
+        for k, (_, topic, _, message) in enumerate(bag.rows):
+            if topic.endswith("contacts"):
+                (contact,) = (*message.touching, *message.ended)
+                contact.begin += 2e-6 * math.sin(k)
+
+    finding = only(tmp_path, make)
+    assert finding.outcome == Outcome.WITHIN and finding.values["quasi-static peak [N]"] == pytest.approx(100.0)
+
+
+@pytest.mark.parametrize(
+    ("regions", "link", "outcome"),
+    [
+        ([HAND, "lower arm, wrist"], "r_elbow", Outcome.NOT_ASSESSABLE),
+        ([HAND], "hand", Outcome.NOT_ASSESSABLE),
+        (["chest"], "torso", Outcome.WITHIN),
+        ([HAND, "lower arm, wrist"], "l_elbow", Outcome.WITHIN),
+    ],
+    ids=["one of two regions", "side not stated", "another region", "the other side"],
+)
+def test_a_second_contact_that_may_be_on_the_same_region_makes_the_sum_unknown(
+    tmp_path: Path, regions: list[str], link: str, outcome: Outcome
+) -> None:
+    def make(bag: Bag) -> None:
+        standing(bag)
+        bag.contact(held(100.0), 0.5, 2.5)
+        bag.contact(held(100.0), 1.0, 2.0, regions=regions, link=link, other="panda::panda_leftfinger")
+
+    hand = next(one for one in contacts(tmp_path, make) if "panda::panda_hand" in one.subject)
+    assert hand.outcome == outcome
+    assert ("panda_leftfinger" in hand.reason) == (outcome == Outcome.NOT_ASSESSABLE)
+
+
+@pytest.mark.parametrize(
+    ("stated", "outcome"), [(None, Outcome.NOT_ASSESSABLE), (AREA, Outcome.WITHIN)], ids=["nothing", "by the user"]
+)
+def test_the_area_of_one_contact_is_not_that_of_another(tmp_path: Path, stated: float | None, outcome: Outcome) -> None:
+    def make(bag: Bag) -> None:
+        standing(bag)
+        bag.contact(held(5.0), 0.5, 1.0, area=1e-3)
+        bag.contact(held(100.0), 1.02, 2.0)
+
+    assert only(tmp_path, make, stated).outcome == outcome
 
 
 def test_two_hands_that_are_pressed_at_once_are_not_added(tmp_path: Path) -> None:
@@ -555,3 +615,58 @@ def test_joint_states_without_positions_say_nothing(tmp_path: Path) -> None:
         standing(bag)
 
     assert only(tmp_path, make).outcome == Outcome.WITHIN
+
+
+def restarted(bag: Bag) -> None:
+    """A second run in one bag, whose time begins at 0 again."""
+    bag.person(0.0, 3.0, WHOLE)
+    second = Bag()
+    second.person(0.0, 3.0, WHOLE, {"right_sh_flex": 100.0})
+    bag.rows += [(at + 3.0, *row) for at, *row in second.rows]
+    bag.nodes |= second.nodes
+
+
+def test_a_clock_that_goes_back_is_refused_with_the_time(tmp_path: Path) -> None:
+    with pytest.raises(HricError, match=r"joint_states: the stamps go back from 2.980 to 0.000 s.*; valid: the bag of"):
+        verdict(tmp_path, restarted)
+
+
+@pytest.mark.parametrize("field", ["position", "command_interface"])
+def test_a_control_log_without_values_is_refused_with_the_field(tmp_path: Path, field: str) -> None:
+    def make(bag: Bag) -> None:
+        bag.control_log(0.0, 1.0)
+        setattr(bag.rows[10][3], field, [] if field == "command_interface" else np.zeros(0))
+
+    with pytest.raises(HricError, match=rf"control log at 0.200 s has 0 values of {field}; valid: "):
+        verdict(tmp_path, make)
+
+
+def test_a_message_of_the_control_log_without_cycles_is_none(tmp_path: Path) -> None:
+    bag = Bag()
+    bag.control_log(0.0, 1.0)
+    empty = dict.fromkeys(("time", "position", "velocity", "effort", "command_raw", "command"), np.zeros(0))
+    for field, value in {**empty, "n_cycles": 0}.items():
+        setattr(bag.rows[10][3], field, value)
+    log = opened(str(bag.save(tmp_path / "case.bag"))).recording.log
+    assert log is not None and log.cycles == 98 and log.time[-1] == pytest.approx(0.99)
+
+
+@pytest.mark.parametrize("names", [RIGHT[::-1], ["right_el_flex"]], ids=["another order", "one joint"])
+def test_torques_belong_to_the_joints_that_their_message_names(tmp_path: Path, names: list[str]) -> None:
+    def make(bag: Bag) -> None:
+        bag.person(0.0, 1.0)
+        for _, topic, _, message in bag.rows:
+            if topic.endswith("joint_torque"):
+                share = np.array([0.5 if name == "right_el_flex" else 0.0 for name in names])
+                message.name, message.torque, message.strength_share = names, 0.0 * share, share
+                message.at_strength, message.clipped = share > 1.0, np.zeros(len(names), np.uint32)
+
+    figures = {one.name: one.value for one in verdict(tmp_path, make).figures if one.group == "strength"}
+    assert [name for name, value in figures.items() if value] == [
+        "largest torque of right elbow flexion over its strength"
+    ]
+
+
+def test_one_message_is_no_time_without_contact(tmp_path: Path) -> None:
+    (finding,) = contacts(tmp_path, lambda bag: bag.silence(0.0, 0.01))
+    assert finding.outcome == Outcome.NOT_ASSESSABLE and "known for 0.00 of 0.00 s" in finding.reason

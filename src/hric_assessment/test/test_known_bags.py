@@ -36,7 +36,7 @@ def test_there_are_ten(bags: tuple[Path, dict[str, Known]]) -> None:
 def test_what_is_known_comes_out(name: str, bags: tuple[Path, dict[str, Known]]) -> None:
     folder, known = bags[0], bags[1][name]
     code = perform(["assess", str(folder / f"{name}.bag"), *known.options])
-    verdict = json.loads((folder / "verdict.json").read_text())
+    verdict = json.loads((folder / f"{name}_verdict.json").read_text())
     jsonschema.Draft202012Validator(json.loads(SCHEMA.read_text())).validate(verdict)
     found = [one for one in verdict["findings"] if one["group"] == known.group]
     if name == "posture":

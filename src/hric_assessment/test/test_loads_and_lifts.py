@@ -1,5 +1,7 @@
 """Joint loads and two-handed lifts in verdicts of known signals."""
 
+import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -66,8 +68,16 @@ def height(time: float) -> float:
     return LOW + RISE * float(u**3 * (10.0 - 15.0 * u + 6.0 * u * u))
 
 
-def lifted(folder: Path, hands: tuple[str, ...]) -> list[Finding]:
-    """Findings of lifts of a run in which some hands carry a box, each its part of the weight."""
+def lifted(
+    folder: Path,
+    hands: tuple[str, ...],
+    unknown: Callable[[float], float] = lambda time: 1.0,
+    holds: Callable[[str, float], bool] = lambda side, time: True,
+) -> list[Finding]:
+    """Findings of lifts of a run in which some hands carry a box, each its part of the weight.
+
+    unknown: factor of the recorded force at a time [s]; holds: True if the hand of a side is closed then.
+    """
     section = {"parts": PARTS, "posture": "standing", "position": [1.0, 2.0]}
     settings = HumanSettings.of(section, "human")
     body, folder = describe(settings.person), folder / "lift"
@@ -81,11 +91,11 @@ def lifted(folder: Path, hands: tuple[str, ...]) -> list[Finding]:
                 y = 2.0 + (0.2 if side == "left" else -0.2 if len(hands) == 2 else 0.0)
                 where = vector("Point", 1.0 + REACH, y, settings.floor + height(time))
                 about = {"name": side, "held": "box::box", "holder": f"human::{body.segments[f'{side}_hand'].link}"}
-                force = wrench(0.0, 0.0, -LOAD * G / len(hands))
+                force = wrench(0.0, 0.0, -LOAD * G / len(hands) * unknown(time))
                 still = {"stretch": 0.0, "slipped": 0.0, "turned": 0.0}
                 bag.write(
-                    "/hric/human/grip", "hric_msgs/msg/HumanGrip", time, **about, closed=True, wrench=force,
-                    point=where, **still,
+                    "/hric/human/grip", "hric_msgs/msg/HumanGrip", time, **about, closed=holds(side, time),
+                    wrench=force, point=where, **still,
                 )  # fmt: skip
     return [one for one in assess(opened(str(folder))).findings if one.group == "lift"]
 
@@ -114,3 +124,23 @@ def test_what_one_hand_lifts_is_outside_the_equation(tmp_path: Path) -> None:
 def test_a_box_that_is_held_and_never_lifted_is_no_lift(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(globals(), "height", lambda time: LOW)
     assert lifted(tmp_path, HANDS) == []
+
+
+def test_a_force_that_is_not_known_for_a_moment_is_not_a_load_of_zero(tmp_path: Path) -> None:
+    found = lifted(tmp_path, HANDS, lambda time: math.nan if abs(time - 2.5) < 0.005 else 1.0)
+    assert [one.values["load, the person's share [kg]"] for one in found] == [pytest.approx(LOAD, rel=1e-3)] * 2
+
+
+@pytest.mark.parametrize(
+    ("unknown", "holds"),
+    [
+        (lambda time: math.nan, lambda side, time: True),
+        (lambda time: 1.0, lambda side, time: (side == "left") == (time < 3)),
+    ],
+    ids=["no force", "one hand after the other"],
+)
+def test_a_box_that_is_never_known_in_both_hands_is_not_assessable(
+    tmp_path: Path, unknown: Callable[[float], float], holds: Callable[[str, float], bool]
+) -> None:
+    (finding,) = lifted(tmp_path, HANDS, unknown, holds)
+    assert finding.outcome == Outcome.NOT_ASSESSABLE and "no instant at which all hands hold it" in finding.reason

@@ -207,7 +207,7 @@ def test_a_users_file_takes_the_place_of_a_table_and_is_named(tmp_path: Path) ->
         (
             '{region: "hand, fingers", quasi',
             "{region: hand, quasi",
-            r"forces\[0\]\.region is 'hand'; valid: skull, fore",
+            r"forces\[0\]\.region is 'hand'; valid: 'skull, fore",
         ),
         ("quasi_static: 90", "quasi_static: -90", r"forces\[0\]\.quasi_static is -90; valid: a finite number above 0"),
         ("area: palm", "aera: palm", r"no parameter 'aera' in own.yaml: pressures\[0\].*\(did you mean area\?\)"),
@@ -229,7 +229,11 @@ def test_a_users_file_takes_the_place_of_a_table_and_is_named(tmp_path: Path) ->
             '{region: "foot, toes, ankle", quasi',
             r"forces\[0\]\.stiffness is None; valid",
         ),
-        ('{region: "hand, fingers", quasi', "{quasi", r"forces\[0\]\.region is not set; valid: skull, forehead, face"),
+        (
+            '{region: "hand, fingers", quasi',
+            "{quasi",
+            r"forces\[0\]\.region is not set; valid: 'skull, forehead', 'face'",
+        ),
     ],
 )
 def test_a_mistake_in_a_users_file_is_one_error_with_what_is_valid(

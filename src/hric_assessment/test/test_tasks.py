@@ -239,6 +239,21 @@ def test_forces_of_recorded_grips_are_measured_in_their_time() -> None:
     assert finding.outcome == Outcome.WITHIN
     (finding,) = findings(replace(who, record=record), pushes=(replace(measured, end=8.0),))
     assert finding.outcome == Outcome.NOT_ASSESSABLE and "initial force" in finding.missing
+    seen = (time < 1.2) | (time > 3.8)
+    grips = {side: replace(grip, time=time[seen], force=force[seen]) for side, grip in grips.items()}
+    (finding,) = findings(replace(who, record=replace(record, grips=grips)), pushes=(measured,))
+    assert finding.outcome == Outcome.NOT_ASSESSABLE and "initial force" in finding.missing
+
+
+def test_a_short_jerk_of_a_long_push_is_its_initial_force() -> None:
+    time, who = np.arange(0.0, 20.0, 0.01), person(BENT)
+    force = np.column_stack([np.where(np.abs(time - 0.055) < 0.02, 400.0, 40.0), 0.0 * time, 0.0 * time])
+    about = "cart::cart", f"human::{BODY.segments['right_hand'].link}", time, time > -1.0
+    grip = GripRecord("right", *about, force, 0.0 * force, 0.0 * force, time)
+    record = HumanRecord(JOINTS, TIME, who.q, TIME[:0], TIME[:0], TIME[:0], {}, {"right": grip})
+    measured = replace(PUSH, initial=None, sustained=None, begin=0.0, end=19.0)
+    (finding,) = findings(replace(who, record=record), pushes=(measured,))
+    assert finding.values["initial force [N]"] == pytest.approx(400.0) and finding.outcome == Outcome.ABOVE
 
 
 # lifts
@@ -315,6 +330,19 @@ def test_a_lift_of_unknown_uncertainty_is_not_an_exact_one(about: dict[str, obje
     for finding in findings(who, lifts=(LIFT,)):
         assert finding.outcome == Outcome.NOT_ASSESSABLE
         assert finding.reason == "the uncertainty of the joint angles is not known"
+
+
+@pytest.mark.parametrize("part", ["joints", "root"])
+def test_a_lift_in_a_gap_of_the_recording_is_not_assessable(part: str) -> None:
+    who, seen = lifted(), np.abs(TIME - 8.0) > 1.0
+    moving = RootRecord(TIME, np.tile(who.root.pose, (len(TIME), 1)))
+    lost = RootRecord(TIME[seen], moving.pose[seen])
+    if part == "joints":
+        who = replace(who, time=TIME[seen], q=who.q[seen], deviation=who.deviation[seen])
+    else:
+        who = replace(who, root=lost, attitude=lost)
+    for finding in findings(who, lifts=(LIFT,)):
+        assert finding.outcome == Outcome.NOT_ASSESSABLE and "is not known at 8 s" in finding.reason
 
 
 def test_a_lift_outside_the_recording_is_not_assessable() -> None:

@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from known_bags import Bag, ball_urdf, header, joints, made, nearest
+from known_bags import Bag, ball_urdf, header, joints, made, nearest, upright
 
 from hric_assessment.ergonomics.muscle_load import load_of, motion_of
-from hric_assessment.verdict import assess, opened
+from hric_assessment.verdict import Verdict, assess, opened
 from hric_bags.records.human_record import HumanRecord
 from hric_bags.records.root_record import RootRecord
 from hric_core.geometry import Pose
@@ -34,23 +34,40 @@ def still_arm(bag: Bag, times: np.ndarray) -> None:
         bag.write("/control_log", "hric_msgs/msg/ControlLog", float(times[k]), **about, time=times[k : k + 20], **rows)
 
 
-def test_the_distance_from_a_standing_arm_is_that_of_their_recorded_way(tmp_path: Path) -> None:
-    """Move the person past the ball: only the distance between them counts."""
-    body, times = body_of("right_arm"), np.arange(0.0, 4.0005, 0.001)
-    with Bag(tmp_path / "walks.bag") as bag:
+def walks(path: Path, body: Body, times: np.ndarray, frame: str, floor: float | None) -> Verdict:
+    """Move the person past the ball, in a frame that is at x = floor [m] in the world; None: it is not recorded."""
+    with Bag(path) as bag:
         still_arm(bag, times)
+        upright(bag, 1.4, [] if floor is None else [("world", frame, floor)])
         joints(bag, times[::20], dict.fromkeys(body.joints, 0.0))
-        upright = made("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=0.0, w=1.0)
+        turn = made("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=0.0, w=1.0)
         for time in times[::10].tolist():
-            place = made("geometry_msgs/msg/Point", x=BEGIN - SPEED * time, y=0.0, z=1.4)
-            pose = made("geometry_msgs/msg/Pose", position=place, orientation=upright)
-            bag.write("/hric/human/root", "geometry_msgs/msg/PoseStamped", time, header=header(time), pose=pose)
-    verdict = assess(opened(str(tmp_path / "walks.bag")))
-    (found,) = (one for one in verdict.findings if one.group == "separation")
+            place = made("geometry_msgs/msg/Point", x=BEGIN - SPEED * time - (floor or 0.0), y=0.0, z=1.4)
+            pose = made("geometry_msgs/msg/Pose", position=place, orientation=turn)
+            bag.write("/hric/human/root", "geometry_msgs/msg/PoseStamped", time, header=header(time, frame), pose=pose)
+    return assess(opened(str(path)))
+
+
+@pytest.mark.parametrize(("frame", "floor"), [("world", None), ("lab", 5.0)])
+def test_the_distance_from_a_standing_arm_is_that_of_their_recorded_way(
+    tmp_path: Path, frame: str, floor: float | None
+) -> None:
+    """Only the distance between them counts."""
+    body, times = body_of("right_arm"), np.arange(0.0, 4.0005, 0.001)
+    (found,) = (
+        one for one in walks(tmp_path / "a.bag", body, times, frame, floor).findings if one.group == "separation"
+    )
     smallest, at = nearest(body, SPEED * times - BEGIN)
     assert found.values["smallest distance [m]"] == pytest.approx(smallest, abs=1e-5)
     assert found.values["when [s]"] == pytest.approx(times[at], abs=2e-3)
     assert "/hric/human/root" in found.signals
+
+
+def test_a_way_in_a_frame_that_is_not_in_the_world_has_no_distance(tmp_path: Path) -> None:
+    body, times = body_of("right_arm"), np.arange(0.0, 4.0005, 0.001)
+    verdict = walks(tmp_path / "a.bag", body, times, "lab", None)
+    assert not [one for one in verdict.findings if one.group == "separation"]
+    assert next(one for one in verdict.conclusions if one.question == "distance").reply == "unknown"
 
 
 def test_between_two_samples_a_root_turns_the_shorter_way_and_has_a_rotation() -> None:

@@ -1,8 +1,10 @@
 """Collection of numbers from messages in arrays."""
 
+from types import SimpleNamespace
+
 import pytest
 
-from hric_bags.records.rows import Thinning
+from hric_bags.records.rows import RecordRows, Thinning
 
 
 def raw(milliseconds: int) -> bytes:
@@ -26,3 +28,11 @@ def test_a_stream_whose_clock_goes_back_is_kept() -> None:
 def test_streams_are_thinned_each_by_itself() -> None:
     thinning = Thinning(100.0)
     assert all(thinning.due(stream, raw(1)) for stream in ("/a", "/b"))
+
+
+def test_rows_have_the_order_of_their_times() -> None:
+    rows = RecordRows("position")
+    for stamp in (0.0, 0.2, 0.1):
+        rows.add(stamp, SimpleNamespace(name=["elbow"], position=[10.0 * stamp]))
+    time, position = rows.columns(float)
+    assert time.tolist() == [0.0, 0.1, 0.2] and position[:, 0].tolist() == [0.0, 1.0, 2.0]

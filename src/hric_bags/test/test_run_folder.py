@@ -2,6 +2,7 @@
 
 import errno
 import json
+import re
 import signal
 import subprocess
 import sys
@@ -121,6 +122,22 @@ def test_a_failure_is_noted_also_where_there_is_no_room_for_it(tmp_path: Path) -
     with pytest.raises(files.FileError, match="No space left"), folder.filled():
         raise files.cannot_write(folder.path / "a.bag", OSError(errno.ENOSPC, "No space left on device"))
     assert folder.read()["status"] == "failed" and "cannot write" in folder.read()["error"]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("definition: [1]", "definition is [1]; valid: a mapping"),
+        ("definition: {human: yes}", "definition.human is True; valid: a mapping"),
+        ("parameters: {robot: {plant: {time_step: fast}}}", "plant.time_step is 'fast'; valid: a number above 0"),
+        ("parameters: {robot: {plant: {time_step: 0}}}", "plant.time_step is 0; valid: a number above 0"),
+        ("definition: {human: {contact_area: .nan}}", "contact_area is nan; valid: a number above 0"),
+    ],
+)
+def test_an_entry_of_another_kind_is_refused_with_its_key(tmp_path: Path, text: str, words: str) -> None:
+    (tmp_path / "run.yaml").write_text(text)
+    with pytest.raises(RunFolderError, match=re.escape(f"run.yaml: {words}" if words[0] == "d" else words)):
+        RunFolder(tmp_path).read()
 
 
 @pytest.mark.parametrize("name", ["/etc/passwd", "../other/other.bag"])

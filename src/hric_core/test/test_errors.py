@@ -25,3 +25,10 @@ def test_the_exit_code_of_a_failure_arrives_too() -> None:
     error = HricError("what was requested did not succeed")
     error.exit_code = FAILURE
     assert pickle.loads(pickle.dumps(error)).exit_code == FAILURE
+
+
+def test_names_with_commas_are_listed_in_quotes() -> None:
+    assert "valid: 'hand, fingers', 'neck' (did you" in str(
+        UnknownNameError("region", "necks", ["neck", "hand, fingers"])
+    )
+    assert "valid: elbow, wrist" in str(UnknownNameError("joint", "x", ["wrist", "elbow"]))

@@ -36,6 +36,8 @@ MERGE_BOMB = "a: &a {k0: 1}\n" + "".join(
         ("- " * 300_000 + "1", r"line 1: nested deeper than 64 levels"),
         ("? [1, 2]\n: 3\n", r"line 1: a key is a list or a mapping"),
         ("a: 1\nb: 2026-13-45\n", r"line 2: '2026-13-45' is not a valid timestamp \(.*\); write it in quotes"),
+        ("mass: 070\n", r"line 1: 070 is 56, as YAML reads it; write it without a leading 0"),
+        ("a: [1, -010]\n", r"line 1: -010 is -8, as YAML reads it"),
         ("a: !!float x\n", r"line 1: 'x' is not a valid float"),
         ("a: !!bool x\n", r"line 1: 'x' is not a valid bool"),
         ("a: !!timestamp x\n", r"line 1: 'x' is not a valid timestamp"),

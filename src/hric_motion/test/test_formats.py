@@ -107,6 +107,32 @@ def test_a_damaged_file_is_one_clear_error(tmp_path: Path, name: str, text: str,
         read(tmp_path / name)
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (
+            "60.0,Export Frame Rate,60.0",
+            "60.0,Export Frame Rate,120.0",
+            "a rate of 120.0 Hz is stated, but there are 60",
+        ),
+        ('frameRate="60"', 'frameRate="inf"', "a rate of inf Hz is stated, but"),
+        ('frameRate="60"', 'frameRate="-60"', "a rate of -60 Hz is stated, but"),
+        ('index="30"', 'index="31"', "frame 31 follows frame 29; valid: all frames in turn"),
+        ("DataRate\tCameraRate\tUnits\n60", "DataRate\tCameraRate\tUnits\n60000", "a rate of 60000 Hz is stated"),
+    ],
+)
+def test_times_that_contradict_the_stated_rate_are_refused(tmp_path: Path, old: str, new: str, message: str) -> None:
+    file = write_mvnx(tmp_path / "a.mvnx", points("xsens"))
+    if "Export" in old:
+        file = write_motive(tmp_path / "a.csv", {"A": points("motive_skeleton")})
+    elif "DataRate" in old:
+        file = write_trc(tmp_path / "a.trc", points("opencap"))
+    assert old in file.read_text()
+    file.write_text(file.read_text().replace(old, new))
+    with pytest.raises(ParameterError, match=message):
+        read(file)
+
+
 def test_a_session_with_a_wrong_mass_is_refused(tmp_path: Path) -> None:
     file = write_trc(tmp_path / "MarkerData" / "walk.trc", {"Hip": np.ones((FRAMES, 3))})
     (tmp_path / "sessionMetadata.yaml").write_text("mass_kg: 7000\n")

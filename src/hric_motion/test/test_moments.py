@@ -8,6 +8,7 @@ from numpy.testing import assert_allclose
 from standing_person import JOINTS, RATE, standing, supporting, without
 
 from hric_core.errors import HricError
+from hric_human.body import describe
 from hric_human.body.segments import link_name
 from hric_human.control.whole_body import WholeBody
 from hric_motion.moments import JointMoments, joint_force, joint_moments
@@ -131,6 +132,13 @@ def test_the_weight_of_a_forearm_is_uncertain_by_mass_and_length() -> None:
     assert_allclose(half, 1.96 * moment * np.hypot(0.02, 0.02), rtol=0.01)
     moment, half = elbow(spread(0.0, mass_deviation=0.15))
     assert_allclose(half, 1.96 * moment * np.hypot(0.15, 0.02), rtol=0.01)
+
+
+@pytest.mark.parametrize(("mass", "height"), [(30.0, 1.2), (30.0, 2.2), (200.0, 2.2)])
+def test_a_subject_at_the_edge_of_the_table_has_moments(mass: float, height: float) -> None:
+    motion = standing(describe(replace(MOTION.body.subject, mass=mass, height=height)))
+    result = joint_moments(motion, RATE, {3: supporting(motion)}, mass_deviation=0.15)
+    assert np.isfinite(result.half_width[EDGES:-EDGES, JOINTS.index("right_el_flex")]).all()
 
 
 def test_an_uncertain_angle_moves_the_lever_of_the_forearm() -> None:

@@ -2,6 +2,7 @@
 
 import copy
 import json
+import os
 import re
 import shutil
 from collections.abc import Callable, Iterator
@@ -263,7 +264,8 @@ def test_a_verdict_of_this_run_that_is_there_is_shown_as_it_is(run: RunFolder, t
 
 
 @pytest.mark.parametrize(
-    "changes", [{"version": VERSION - 1}, {"input": MADE["input"]}, {"input": MADE["input"] | {"kind": "bag"}}]
+    "changes",
+    [{"version": VERSION - 1}, {"input": MADE["input"]}, {"input": MADE["input"] | {"kind": "bag"}}, {"input": None}],
 )
 def test_a_verdict_of_an_older_version_or_another_recording_is_made_anew(
     run: RunFolder, tmp_path: Path, changes: dict[str, Any]
@@ -296,17 +298,22 @@ def test_a_bag_alone_gets_a_page_with_its_verdict_and_a_replay(
     shutil.copy(run.bag_path, bag)
     assert main(["report", str(bag), "--html"]) == 0
     printed, page = capsys.readouterr().out, (tmp_path / "alone_report.html").read_text()
-    found = json.loads((tmp_path / "verdict.json").read_text())
+    found = json.loads((tmp_path / "alone_verdict.json").read_text())
     assert f"verdict: {found['outcome']}" in printed and "alone_report.html" in printed and DISCLAIMER in printed
     assert page.count("<th scope=row>") == len(found["answers"]) and page.count(DISCLAIMER) == 1
     arm, person = robots_of(page)
     assert arm["columns"] == 7 and arm["motion"] is None
     assert person["columns"] == len(settings_body(run).joints) and person["motion"] is None
     assert "The position of the person is not known" in page  # their settings are in the run folder
-    (tmp_path / "verdict.json").write_text(json.dumps(found | {"outcome": "warning"}))  # as one left it with choices
+    (tmp_path / "alone_verdict.json").write_text(
+        json.dumps(found | {"outcome": "warning"})
+    )  # as one left it with choices
     assert main(["report", str(bag)]) == 0
     assert "verdict: warning" in capsys.readouterr().out
-    (tmp_path / "verdict.json").write_text(json.dumps(MADE))  # of another recording
+    os.utime(bag, (os.path.getmtime(bag) + 100.0,) * 2)  # another bag of this name and time
+    assert main(["report", str(bag)]) == 0
+    assert f"verdict: {found['outcome']}" in capsys.readouterr().out
+    (tmp_path / "alone_verdict.json").write_text(json.dumps(MADE))  # of another recording
     assert main(["report", str(bag)]) == 0
     assert f"verdict: {found['outcome']}" in capsys.readouterr().out
 

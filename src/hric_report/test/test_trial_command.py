@@ -197,6 +197,7 @@ def test_a_missing_mapping_is_written(motion: Path, tmp_path: Path) -> None:
         (["--load", "5"], "the load on the hands is not clear; valid: --hand"),
         (["--handle", "1", "--hand", "left"], "bend.c3d has no force plate 1; valid: none"),
         (["--load", "5", "--hand", "left", "--from", "60"], "lifted from 60 s to inf s; the motion is known"),
+        (["--mass", "0"], "subject: mass is 0.0; valid: a finite number from 30 to 200"),
         (["--mass", "7"], "subject: mass is 7.0; valid: a finite number from 30 to 200"),
         (["--prefix", "Ann"], "no markers with the prefix 'Ann'; valid: '' "),
     ],

@@ -75,8 +75,12 @@ class Evidence:
 
     @property
     def complete(self) -> bool:
-        """True if no gap is longer than may be bridged and the arm's motion is completely known."""
-        return self.longest_gap <= self.max_gap + JITTER and (self.arm_motion is None or self.arm_motion >= 1.0)
+        """True if a time is covered without a gap that may not be bridged, and the arm's motion is completely known."""
+        return self._covered and (self.arm_motion is None or self.arm_motion >= 1.0)
+
+    @property
+    def _covered(self) -> bool:
+        return self.requested > 0.0 and self.longest_gap <= self.max_gap + JITTER
 
     @property
     def shortfall(self) -> str:
@@ -84,7 +88,7 @@ class Evidence:
         if self.complete:
             return ""
         clauses = []
-        if self.longest_gap > self.max_gap + JITTER:
+        if not self._covered:
             clauses.append(
                 f"known for {self.known:.2f} of {self.requested:.2f} s, longest gap {self.longest_gap:.2f} s"
             )

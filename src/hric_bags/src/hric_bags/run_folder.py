@@ -19,6 +19,15 @@ GONE = "the process that made this run ended without closing it: it was killed, 
 """Reason noted in run.yaml for a run with status `running` whose process has died."""
 
 
+MAPPINGS = (
+    *("definition", "definition.human", "definition.person", "definition.mocap", "definition.robot"),
+    *("definition.metrics", "parameters", "parameters.robot", "parameters.robot.plant"),
+)
+"""Entries of run.yaml that are mappings if they are there, each after the one that contains it."""
+NUMBERS = ("definition.duration", "definition.human.contact_area", "parameters.robot.plant.time_step")
+"""Entries of run.yaml that are numbers above 0 if they are there: [s], [m^2] and [s]."""
+
+
 class RunFolderError(HricError):
     """Error for a folder that does not exist, is not a run folder, or cannot be written."""
 
@@ -171,13 +180,19 @@ class RunFolder:
         return data
 
     def _contents(self) -> RunFile:
-        from hric_core.parameters import read_yaml  # imported here: the search for a run needs only Python
+        from hric_core.parameters import as_number, read_yaml  # imported here: the search for a run needs only Python
 
         if self._written is not None and self._written[0] and self._written[0] == self._version():
             return cast(RunFile, _read_back(self._written[1]))
         data = read_yaml(self.path / "run.yaml")
         if not isinstance(data, dict):
             raise RunFolderError(f"{self.path / 'run.yaml'} is not a mapping")
+        for key in (*MAPPINGS, *NUMBERS):
+            value, valid = _entry(data, key), "a mapping" if key in MAPPINGS else "a number above 0"
+            with suppress(ValueError):
+                if value is None or (isinstance(value, dict) if key in MAPPINGS else as_number(value) > 0.0):
+                    continue
+            raise RunFolderError(f"{self.path / 'run.yaml'}: {key} is {value!r}; valid: {valid}")
         return cast(RunFile, data)
 
     def _version(self) -> tuple[int, ...]:
@@ -234,3 +249,10 @@ def _make_unique(root: Path, name: str) -> Path:
             continue
         return folder
     raise RunFolderError(f"{root} already has 999 runs named {name}")
+
+
+def _entry(data: Any, key: str) -> Any:
+    """Return an entry of nested mappings by its keys, joined by dots; None: it is missing."""
+    for part in key.split("."):
+        data = (data or {}).get(part)
+    return data

@@ -55,6 +55,12 @@ def failing() -> Iterator[None]:
         raise
 
 
+def listed(names: Iterable[str]) -> str:
+    """Return names as a text, in quotes if one of them contains a comma."""
+    names = list(names)
+    return ", ".join(map(repr, names) if any("," in name for name in names) else names)
+
+
 class UnknownNameError(HricError):
     """Name that does not exist; the message lists the valid names and suggests the closest one.
 
@@ -68,7 +74,7 @@ class UnknownNameError(HricError):
     def __init__(self, kind: str, name: object, valid: Iterable[str], where: str = "") -> None:
         self.kind, self.name, self.valid = kind, name, sorted(valid)
         scope = f" in {where}" if where else ""
-        choices = ", ".join(self.valid) if self.valid else "none"
+        choices = listed(self.valid) or "none"
         hint = "".join(f" (did you mean {near}?)" for near in get_close_matches(str(name), self.valid, 1))
         super().__init__(f"no {kind} {name!r}{scope}; valid: {choices}{hint}")
 

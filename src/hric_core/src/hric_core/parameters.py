@@ -46,7 +46,7 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any, ClassVar, Self, TypedDict, Unpack
 
-from hric_core.errors import HricError, ParameterError, ParameterErrors, UnknownParameterError
+from hric_core.errors import HricError, ParameterError, ParameterErrors, UnknownParameterError, listed
 from hric_core.json_values import JsonSchema
 from hric_core.magnitudes import first_beyond, largest, likely_unit
 from hric_core.node import REQUIRED, Node
@@ -525,7 +525,7 @@ def choice(*valid: str, default: Any = ..., **about: Unpack[ParameterOptions]) -
 
     default = valid[0] if default is ... else default
     kind, shape = ", ".join(f"`{word}`" for word in valid), _shape(enum=list(valid))
-    return Parameter(kind, ", ".join(valid), convert, default, shape=shape, **about)
+    return Parameter(kind, listed(valid), convert, default, shape=shape, **about)
 
 
 def listing(

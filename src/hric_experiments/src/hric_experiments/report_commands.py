@@ -64,7 +64,7 @@ def _report_recording(path: Path, html: bool) -> None:
     from hric_report.html.verdict import summary, verdict_of_recording
 
     recording = opened(str(path))
-    verdict = verdict_of_recording(recording)
+    verdict = verdict_of_recording(recording, path)
     print(summary(verdict))
     if html:
         print(f"page: {recording_page.write(recording, verdict, path.with_name(f'{path.stem}_report.html'))}")

@@ -18,7 +18,7 @@ from hric_core.geometry import FloatArray
 from hric_core.geometry.transforms import vectors_z_up
 from hric_core.parameters import read_yaml
 from hric_core.trial.c3d import MEASURES, Trial
-from hric_core.trial.opensim_text import lines_of, matrix_of, padded, rate_of, read_markers, rising
+from hric_core.trial.opensim_text import check_rate, lines_of, matrix_of, padded, rate_of, read_markers, rising
 from hric_core.trial.plates import METRES
 
 FORMATS = (".c3d", ".xdf", ".trc", ".csv", ".mvnx")
@@ -154,7 +154,7 @@ def read_motive(path: Path, up: str) -> Trial:
         ParameterError: the file cannot be read, or its content is not in this format.
     """
     lines = list(csv.reader(lines_of(path)))
-    metres, turned = _about_motive(path, lines)
+    metres, turned, stated = _about_motive(path, lines)
     last = next((k for k, row in enumerate(lines) if row and row[0].strip() == "Frame"), 0)
     head, labels = [row for row in lines[1:last] if any(row)], lines[last]
     if len(head) < 3 or any(len(row) != len(labels) for row in head):
@@ -167,6 +167,7 @@ def read_motive(path: Path, up: str) -> Trial:
         key: k for k, key in enumerate(zip(head[0], head[1], head[-1], labels, strict=True))
     }
     time, axis, points = rising(path, matrix[:, 1]), up or "y", dict[str, FloatArray]()
+    check_rate(path, stated, time)
     for kind, name in dict.fromkeys((kind, name) for kind, name, _, _ in columns):
         p = _columns(matrix, columns, (kind, name, "Position"), "XYZ")
         if p is not None and kind in ("Marker", "Bone", "Bone Marker") and name not in points:
@@ -177,8 +178,8 @@ def read_motive(path: Path, up: str) -> Trial:
     return trial_of(path.name, rate_of(path, time), float(time[0]), points, axis, bool(up), {})
 
 
-def _about_motive(path: Path, lines: Sequence[Sequence[str]]) -> tuple[float, bool]:
-    """Return the unit of length of a file of Motive [m], and True if its rotations are quaternions.
+def _about_motive(path: Path, lines: Sequence[Sequence[str]]) -> tuple[float, bool, str]:
+    """Return the unit of length of a file of Motive [m], True if its rotations are quaternions, and its rate [Hz].
 
     Raises:
         ParameterError: it is not a file of Motive, or has another unit or coordinates of the parents.
@@ -192,7 +193,8 @@ def _about_motive(path: Path, lines: Sequence[Sequence[str]]) -> tuple[float, bo
             f"{path} has lengths in {unit} and {space} coordinates; valid: Meters, Centimeters or Millimeters, and "
             "Global"
         )
-    return METRES[unit.lower()], about.get("Rotation Type", "Quaternion") == "Quaternion"
+    turned = about.get("Rotation Type", "Quaternion") == "Quaternion"
+    return METRES[unit.lower()], turned, about.get("Export Frame Rate", "")
 
 
 def _columns(
@@ -220,7 +222,9 @@ def read_mvnx(path: Path, up: str) -> Trial:
             f"{path} has {len(p)} positions of {n} frames for {len(names)} segments; valid: two frames or more, of "
             "type normal, each with 3 numbers for each segment"
         )
-    rate = rate if rate > 0.0 else rate_of(path, rising(path, np.array(times)))
+    if np.isfinite(times).all():
+        check_rate(path, f"{rate:g}" if rate else "", rising(path, np.array(times)))
+    rate = rate if 0.0 < rate < np.inf else rate_of(path, rising(path, np.array(times)))
     turned = len(orientations) == n and {len(row) for row in orientations} == {4 * len(names)}
     quaternions = np.reshape(orientations, (n, -1, 4))[..., [1, 2, 3, 0]] if turned else None
     points = dict[str, FloatArray]()
@@ -236,7 +240,7 @@ def _mvnx_frames(path: Path) -> tuple[float, list[str], list[float], dict[str, l
     Raises:
         ParameterError: the file cannot be read, or is damaged.
     """
-    rate, names, times = 0.0, list[str](), list[float]()
+    rate, names, times, indices = 0.0, list[str](), list[float](), list[int]()
     values: dict[str, list[list[float]]] = {"position": [], "orientation": []}
     try:
         for tag, element in _elements(path):
@@ -246,6 +250,9 @@ def _mvnx_frames(path: Path) -> tuple[float, list[str], list[float], dict[str, l
                 names.append(element.get("label", ""))
             elif tag == "frame" and element.get("type", "normal") == "normal":
                 times.append(1e-3 * float(element.get("time", "nan")))
+                indices.append(int(element.get("index") or len(indices)))
+                if indices[-1] != indices[0] + len(indices) - 1:
+                    raise ValueError(f"frame {indices[-1]} follows frame {indices[-2]}; valid: all frames in turn")
                 for child in element:
                     if (key := child.tag.rpartition("}")[2]) in values:
                         values[key].append([float(cell) for cell in (child.text or "").split()])

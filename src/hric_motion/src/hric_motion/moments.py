@@ -25,6 +25,7 @@ from hric_core.geometry import FloatArray
 from hric_core.trial.plates import TrialPlate
 from hric_human.body import Body, describe
 from hric_human.body.segments import Builder
+from hric_human.body.subject import LIGHTEST
 from hric_human.control.kinematics import GRAVITY
 from hric_human.control.whole_body import ExternalLoad, Needed, RootMotion, WholeBody
 from hric_human.muscles.after_run import CUTOFF, FEWEST, RecordedMotion, of_root_too, smoothed
@@ -206,8 +207,9 @@ def _varied(moments: JointMoments) -> Iterator[JointMoments]:
         q[:, column] += moments.deviation[:, column]
         yield _with(moments, moments.body, q)
     lengths = {name: (1.0 + LENGTH_DEVIATION) * value for name, value in Builder(subject).lengths.items()}
-    for changed in ({"mass": (1.0 - moments.mass_deviation) * subject.mass}, {"lengths": lengths}):
-        yield _with(moments, describe(replace(subject, **changed)), motion.q)  # lighter and longer: such a body exists
+    lighter, heavier = ((1.0 + sign * moments.mass_deviation) * subject.mass for sign in (-1.0, 1.0))
+    for changed in ({"mass": lighter if lighter >= LIGHTEST else heavier}, {"lengths": lengths}):
+        yield _with(moments, describe(replace(subject, **changed)), motion.q)  # a body that heavier arms may not fit
 
 
 def _with(moments: JointMoments, body: Body, q: FloatArray) -> JointMoments:

@@ -9,6 +9,7 @@ from hric_assessment.verdict import AssessmentChoices, Verdict, assess, opened
 from hric_assessment.verdict.choices import AREA_OPTION, choice_arguments, chosen
 from hric_assessment.verdict.comparing import compared
 from hric_assessment.verdict.conclusions import CONTACT, GROUPS, QUESTIONS
+from hric_assessment.verdict.inputs import FILE as FILE
 from hric_assessment.verdict.inputs import AssessmentInput
 from hric_assessment.verdict.moment import picture
 from hric_bags import files, run_notes
@@ -16,7 +17,6 @@ from hric_bags.arguments import run_arguments
 from hric_core.command import Argument, Command, perform
 from hric_core.errors import NOT_GOOD, NOT_KNOWN, HricError, check_known
 
-FILE = "verdict.json"
 SEVERITY = (0, NOT_KNOWN, NOT_GOOD)
 """Exit codes of the command, from the best to the worst outcome."""
 
@@ -72,6 +72,8 @@ class AssessCommand(Command):
             print(verdicts[0].render(only, full=arguments.all), end="")
             for note in run_notes.read(sources[0].folder) if sources[0].kind == "run" else ():
                 print(f"note {note}")
+        for source, verdict in zip(sources, verdicts, strict=True):  # after the text: a folder may be read-only
+            files.write_json(source.verdict_file, verdict.to_dict())
         if arguments.picture is not None:
             _draw(verdicts[0], arguments.picture)
         return max((verdict.exit_code(only) for verdict in verdicts), key=SEVERITY.index)
@@ -87,12 +89,11 @@ def main(words: Sequence[str]) -> int:
 
 
 def _assessed(source: AssessmentInput, choices: AssessmentChoices) -> Verdict:
-    """Return the verdict of a recording, and write it next to the recording."""
+    """Return the verdict of a recording, after a check of the contact area."""
     verdict = assess(source, choices)
     if choices.contact_area is not None:
         regions = {region for item in verdict.findings if item.group == GROUPS[CONTACT] for region in item.regions}
         check_area(choices.contact_area, regions, AREA_OPTION)
-    files.write_json(source.folder / FILE, verdict.to_dict())
     return verdict
 
 

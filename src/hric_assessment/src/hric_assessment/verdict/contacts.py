@@ -14,7 +14,7 @@ from hric_assessment.contact.area import check_area
 from hric_assessment.contact.assess import ContactSite, LimitRatio, assess
 from hric_assessment.contact.classes import BY_CLAMPING, INTERPRETATIONS, ContactClass, contact_class
 from hric_assessment.contact.energy import energy_finding
-from hric_assessment.contact.episodes import PENALTY, Episode, episodes, window_of
+from hric_assessment.contact.episodes import PENALTY, Episode, end_of, episodes, window_of
 from hric_assessment.findings import CONTACT, ENERGY, Evidence, Finding, Outcome
 from hric_assessment.tables import MASS, ROTORS, STIFFNESS, TIME_STEP, verdict_table
 from hric_assessment.verdict.choices import AssessmentChoices
@@ -88,8 +88,7 @@ def _of_person(source: AssessmentInput, record: HumanRecord, choices: Assessment
         remedy = "run again with robot.plant.collision: true, and a collision shape for each link of the robot"
     regions: dict[tuple[tuple[str, ...], str], list[RegionContact]] = {}
     for contact in record.region_contacts:
-        side = contact.link[:2] if contact.link.startswith(("r_", "l_")) else ""
-        regions.setdefault((tuple(sorted(contact.regions)) or (contact.link,), side), []).append(contact)
+        regions.setdefault(_place(contact), []).append(contact)
     findings = [finding for contacts in regions.values() for finding in judge.of_region(contacts)]
     findings = [replace(finding, evidence=evidence) for finding in findings]
     if not findings or lost:
@@ -161,6 +160,11 @@ def _rest(
     return replace(finding, person=record.name)
 
 
+def _place(contact: RegionContact) -> tuple[tuple[str, ...], str]:
+    """Return regions (of a link without one, its name) and side of a contact; forces at one place are added."""
+    return tuple(sorted(contact.regions)) or (contact.link,), contact.side
+
+
 def _other(interpretation: str) -> str:
     return next(name for name in INTERPRETATIONS if name != interpretation)
 
@@ -213,7 +217,8 @@ class _Judge:
         except HricError:  # a region that does not exist becomes the reason of the finding in _assessed
             approach, impact, doubts = None, None, []
         refused = [note for note in notes if note.startswith(("the recorded contact area", OTHER_REGION))]
-        episode = self._varied(replace(episode, doubts=(*episode.doubts, *doubts, *refused)))
+        doubts = [*episode.doubts, *doubts, *refused, *self._beside(episode.contacts)]
+        episode = self._varied(replace(episode, doubts=tuple(doubts)))
         kind, why = contact_class(episode.contacts, self._record.region_contacts, self._simulated)
         chosen = self._choices.interpretation
         held = chosen == BY_CLAMPING and kind != ContactClass.FREE
@@ -240,6 +245,19 @@ class _Judge:
             energy = None
         about = {name: getattr(finding, name) for name in ("signals", "regions", "side", "window", "person")}
         return [finding] if energy is None else [finding, replace(energy, notes=(*classed, *energy.notes), **about)]
+
+    def _beside(self, contacts: Sequence[RegionContact]) -> list[str]:
+        """Return the doubt that contacts at another place may press on the same region at the same time."""
+        (begin, end), first = window_of(contacts), contacts[0]
+        others = [
+            f"{touch.other} with {touch.link}"
+            for touch in self._record.region_contacts
+            if touch.kind == PENALTY and set(touch.regions) & set(first.regions) and _place(touch) != _place(first)
+            if (touch.side == first.side or not touch.side or not first.side)
+            if touch.begin <= end and begin <= end_of(touch)
+        ]
+        together = " and ".join(dict.fromkeys(others))
+        return [f"the contact of {together} may press on the same region at the same time"] if others else []
 
     def _varied(self, episode: Episode) -> Episode:
         """Return a simulated episode whose impact has the force and energy of the closed form with the factors."""
@@ -290,6 +308,8 @@ class _Judge:
                     areas[source] = value
                 except HricError as error:
                     notes.append(str(error))
+        if "recorded" in areas and "stated" not in areas and any(contact.area is None for contact in contacts):
+            notes.append("the recorded contact area is that of some of the contacts only")
         area = min(areas.values(), default=None)
         if len(areas) > 1:
             both = f"{areas['recorded']:g} m^2 recorded, {areas['stated']:g} m^2 stated"

@@ -12,9 +12,15 @@ from hric_bags.records.recording import Recording
 from hric_bags.run_file import RunFile
 from hric_bags.run_folder import RunFolder
 from hric_core import urdf
+from hric_core.geometry import Pose, compose
 from hric_motion.formats import FORMATS
 from hric_motion.handovers import is_handover
 from hric_perception.person.settings import PersonSettings
+
+FILE = "verdict.json"
+"""Name of the file with the verdict in a run folder."""
+WORLD = "world"
+"""Name of the frame in which persons and robots have their place."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +30,7 @@ class AssessmentInput:
     Attributes:
         name: name of the recording in printed texts.
         kind: run, bag or c3d (any trial).
-        folder: folder in which verdict.json is written.
+        folder: folder in which the verdict is written.
         recording: recorded signals.
         run: contents of run.yaml; empty without a run folder.
         description: URDF of the robot; "": not known.
@@ -38,6 +44,11 @@ class AssessmentInput:
     description: str = ""
 
     @property
+    def verdict_file(self) -> Path:
+        """File for the verdict: FILE in a run folder, NAME_verdict.json next to a bag or trial."""
+        return self.folder / (FILE if self.kind == "run" else f"{self.name}_{FILE}")
+
+    @property
     def definition(self) -> Content:
         """Definition of the experiment; empty without a run folder."""
         return self.run.get("definition") or {}
@@ -46,6 +57,24 @@ class AssessmentInput:
     def plant(self) -> Content:
         """Parameters of the plant; empty without a run folder."""
         return ((self.run.get("parameters") or {}).get("robot") or {}).get("plant") or {}
+
+    def placed(self, frame: str) -> Pose | None:
+        """Return the pose of a frame in the world by the static transforms; None: they do not lead to the world."""
+        static = {child: (parent, pose) for (parent, child), pose in self.recording.static.items()}
+        T_frame_goal = Pose()
+        while frame != WORLD:
+            if frame not in static:
+                return None
+            frame, T_parent_frame = static.pop(frame)  # each once, so that a loop ends
+            T_frame_goal = compose(T_parent_frame, T_frame_goal)
+        return T_frame_goal
+
+    def base(self, root: str) -> Pose | None:
+        """Return the pose of the root link of the robot's description in the world; None: not known.
+
+        A simulation has it at the world's origin.
+        """
+        return self.placed(root) or (Pose() if self.run else None)
 
     @property
     def untouchable(self) -> str:

@@ -58,7 +58,7 @@ class LiftTransport:
     Attributes:
         held: name of the object.
         hands: number of the person's hands that hold the object.
-        time: instants at which all of them hold it, shape (n,) [s].
+        time: instants at which all of them hold it and force and point are known, shape (n,) [s].
         point: midpoint of the grips, shape (n, 3) [m].
         load: vertical force on the hands divided by g, shape (n,) [kg].
     """
@@ -109,12 +109,18 @@ def _transport(held: str, grips: Sequence[GripRecord]) -> LiftTransport:
     time = first.time[closed]
     points = [np.array([np.interp(time, grip.time, column) for column in grip.point.T]).T for grip in grips]
     force = sum(-np.interp(time, grip.time, grip.force[:, 2]) for grip in grips)
-    load = np.asarray(force) / float(np.linalg.norm(GRAVITY))
-    return LiftTransport(held, len(grips), time, np.mean(points, axis=0), load)
+    load, point = np.asarray(force) / float(np.linalg.norm(GRAVITY)), np.mean(points, axis=0)
+    known = np.isfinite(load) & finite_rows(point)
+    return LiftTransport(held, len(grips), time[known], point[known], load[known])
 
 
 def _of(transport: LiftTransport, person: AssessedPerson) -> list[Finding]:
     """Return the findings about picking up (from the grip to the highest point) and putting down an object."""
+    if not len(transport.time):
+        why = "there is no instant at which all hands hold it with known force and point"
+        subject, window = f"lift of {transport.held}", (float(person.time[0]), float(person.time[-1]))
+        table = niosh_table().name
+        return [Finding(subject, Outcome.NOT_ASSESSABLE, why, table, window=window, group=LIFT)]
     height, limit = transport.point[:, 2], verdict_table()["lift"]
     top = int(np.argmax(height))
     findings = []

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 
 from hric_bags.reader import opened, seconds
+from hric_bags.records.one_publisher import RisingStamps
 from hric_bags.records.recording import RATE, Columns, Recording, TrackedRoot
-from hric_bags.records.rows import Thinning
+from hric_bags.records.rows import Thinning, stamp_of
 from hric_core.geometry import FloatArray
 from hric_human.body import Body
 from hric_motion.tracking import LOST, PersonTracker
@@ -54,10 +55,11 @@ def of_frames(bag: Path, signals: Recording, settings: PersonSettings) -> tuple[
     with opened(bag) as reader:
 
         def frames() -> Iterator[Frame]:
-            thinning = Thinning(RATE)
+            thinning, clock, newest = Thinning(RATE), RisingStamps(), -np.inf
             for connection, _, raw in reader.chosen(lambda c: c.msgtype == FRAMES):
-                if thinning.due(connection.topic, raw):
-                    message = reader.deserialize(raw, connection.msgtype)
+                clock.note(connection, raw)
+                if thinning.due(connection.topic, raw) and stamp_of(raw) > newest:  # the tracker needs them in order
+                    message, newest = reader.deserialize(raw, connection.msgtype), stamp_of(raw)
                     frame[0] = str(message.header.frame_id).strip("/")
                     yield signals.robot_time(seconds(message.header.stamp)), rows.positions(message)
 

@@ -13,6 +13,7 @@ from hric_assessment.typed_json import Content
 from hric_assessment.verdict.conclusions import BY_DEFAULT, CONTACT, ORDER, OUTCOMES, POSTURE, Conclusion, Reply
 from hric_assessment.verdict.inputs import AssessmentInput
 from hric_assessment.verdict.person import AssessedPerson
+from hric_bags.records.root_record import RootRecord
 from hric_core import urdf
 from hric_core.geometry import FloatArray
 
@@ -93,8 +94,11 @@ def moment(
     arm_ends = np.empty((len(time), 0, 2, 3))
     if log is not None and source.description and root is not None:
         tree = urdf.read(source.description)
-        arm, _ = capsules_of(tree, moved_by(tree, log.joint_names))
-        arm_ends = CapsuleMotion(tree, arm, log.joint_names, log.time, log.position)(time) if arm.links else arm_ends
+        base = source.base(tree.root)
+        arm = arm if base is None else capsules_of(tree, moved_by(tree, log.joint_names))[0]
+        if base is not None and arm.links:
+            poses = RootRecord.still(base).transforms
+            arm_ends = CapsuleMotion(tree, arm, log.joint_names, log.time, log.position, poses)(time)
     if arm.links and conclusion.question != POSTURE:
         gaps = distances(arm_ends, arm.radii, ends, body.radii)
         gaps[:, :, ~_concerned(person, body, regions)] = np.inf

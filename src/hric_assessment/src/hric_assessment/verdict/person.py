@@ -7,12 +7,12 @@ from typing import Annotated
 import numpy as np
 
 from hric_assessment.typed_json import Content
-from hric_assessment.verdict.inputs import AssessmentInput
+from hric_assessment.verdict.inputs import WORLD, AssessmentInput
 from hric_bags.records.human_record import HumanRecord
 from hric_bags.records.recording import TrackedRoot
 from hric_bags.records.root_record import RootRecord
 from hric_core import urdf
-from hric_core.geometry import FloatArray, Pose, compose, quaternion_from_rotation
+from hric_core.geometry import FloatArray, Pose, compose, pose_of_transform
 from hric_core.geometry.quaternions import normalized
 from hric_human.body import Body
 from hric_human.participant.settings import HumanSettings
@@ -133,6 +133,9 @@ def _simulated(source: AssessmentInput, record: HumanRecord) -> AssessedPerson:
     if root is None and settings.walk is None:
         where = settings.root(body) if section is not None else _placed(source, record.name)
         root = None if where is None else RootRecord.still(where)
+    elif root is not None and root.frame != WORLD:
+        T_world_frame = source.placed(root.frame)
+        root = None if T_world_frame is None else _placed_poses(root.time, root.pose, T_world_frame)
     topics = tuple(f"{record.name}/{end}" for end in ("joint_states", "joint_torque", "root"))
     return AssessedPerson(
         "simulated human",
@@ -151,14 +154,14 @@ def _simulated(source: AssessmentInput, record: HumanRecord) -> AssessedPerson:
 
 
 def _placed(source: AssessmentInput, name: str) -> Pose | None:
-    """Return the pose of a person's root link from a static transform of the world; None: not recorded.
+    """Return the pose of a person's root link from a static transforms; None: not recorded.
 
     The frame is `NAME/human_base` with the last part of the person's namespace `name`; for `human` and for a single
     person also `human_base`.
     """
     frames = [f"{name.rpartition('/')[2]}/{ROOT_FRAME}"]
     frames += [ROOT_FRAME] if name.endswith("/human") or len(source.recording.humans) == 1 else []
-    return next((pose for frame in frames if (pose := source.recording.static.get(("world", frame)))), None)
+    return next((pose for frame in frames if (pose := source.placed(frame))), None)
 
 
 def _other(source: AssessmentInput, topic: str) -> AssessedPerson:
@@ -178,7 +181,7 @@ def _other(source: AssessmentInput, topic: str) -> AssessedPerson:
                 "the body was not fitted to the person in a still pose: its lengths are those of the subject's file"
             )
     frame = None if tracked is None else _markers_frame(source, tracked.frame)
-    attitude = None if tracked is None else _root(tracked, frame or Pose())
+    attitude = None if tracked is None else _placed_poses(tracked.time, tracked.pose, frame or Pose())
     if tracked is not None and attitude is not None and frame is None:
         assumptions.append(
             f"the pose of the markers' frame {tracked.frame} in the world is not known: its z axis is assumed to be up"
@@ -208,14 +211,14 @@ def _residual(tracked: TrackedRoot) -> float:
     return float(np.percentile(known, 95.0)) if len(known) else float("inf")
 
 
-def _root(tracked: TrackedRoot, T_frame_markers: Pose) -> RootRecord | None:
-    """Return the tracked poses of the root link, transformed to another frame; None: no pose is known."""
-    known = np.isfinite(tracked.pose).all(axis=1)
+def _placed_poses(time: FloatArray, pose: FloatArray, T_goal_frame: Pose) -> RootRecord | None:
+    """Return poses of a root link, shape (n, 7), in another frame; None: no pose is known."""
+    known = np.isfinite(pose).all(axis=1) & pose[:, 3:].any(axis=1)
     if not known.any():
         return None
-    rows = [(row[:3], row[3:]) for row in tracked.pose[known].tolist()]
-    poses = [compose(T_frame_markers, Pose((x, y, z), normalized(q))) for (x, y, z), q in rows]
-    return RootRecord(tracked.time[known], np.array([[*pose.position, *pose.orientation] for pose in poses]))
+    rows = [(row[:3], row[3:]) for row in pose[known].tolist()]
+    poses = [compose(T_goal_frame, Pose((x, y, z), normalized(q))) for (x, y, z), q in rows]
+    return RootRecord(time[known], np.array([[*pose.position, *pose.orientation] for pose in poses]))
 
 
 def _markers_frame(source: AssessmentInput, frame: str) -> Pose | None:
@@ -226,10 +229,9 @@ def _markers_frame(source: AssessmentInput, frame: str) -> Pose | None:
     if source.description:
         tree = urdf.read(source.description)
         root, T_root_link = tree.rigid_groups().get(frame, ("", np.eye(4)))
-        if root == tree.root:
-            x, y, z = T_root_link[:3, 3].tolist()
-            return Pose((x, y, z), quaternion_from_rotation(T_root_link[:3, :3]))
-    return source.recording.static.get(("world", frame))
+        if root == tree.root and (base := source.base(root)) is not None:
+            return compose(base, pose_of_transform(T_root_link))
+    return source.placed(frame)
 
 
 def _parts(names: Sequence[str]) -> str:

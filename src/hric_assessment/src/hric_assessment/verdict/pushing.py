@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from hric_assessment.ergonomics.pushing import PushLimits, limits
-from hric_assessment.findings import PUSHING, Finding, NotAssessableError, Outcome
-from hric_assessment.tables import push_table
+from hric_assessment.findings import PUSHING, Finding, NotAssessableError, Outcome, finite_rows, unknown
+from hric_assessment.tables import push_table, verdict_table
 from hric_assessment.verdict.inputs import AssessmentInput
 from hric_assessment.verdict.person import AssessedPerson
 from hric_assessment.verdict.tasks import TaskMethod, judged, stances_of
@@ -45,10 +45,10 @@ def _finding(person: AssessedPerson, task: PushTask) -> Finding:
     for name, force, accepted in zip(PushLimits._fields, forces, best, strict=True):
         values |= {f"{name} force [N]": force, f"accepted {name} force [N]": accepted}
     known = {"distance": task.distance, "interval": task.interval, "workforce": task.workforce}
-    unknown = [name for name, value in known.items() if value is None]
-    unknown += [f"{name} force" for name, force in zip(PushLimits._fields, forces, strict=True) if force is None]
+    missing = [name for name, value in known.items() if value is None]
+    missing += [f"{name} force" for name, force in zip(PushLimits._fields, forces, strict=True) if force is None]
     if task.workforce not in (MEN, None):
-        unknown.append("forces that women accept (no table of them is included)")
+        missing.append("forces that women accept (no table of them is included)")
     pairs = [(force, *ends) for force, *ends in zip(forces, best, worst, strict=True) if force is not None]
     high = max((force / accepted for force, accepted, _ in pairs), default=0.0)
     unknown_end = max((force / max(accepted, 1e-9) for force, _, accepted in pairs), default=0.0)
@@ -60,7 +60,7 @@ def _finding(person: AssessedPerson, task: PushTask) -> Finding:
     reason = f"{shown}, which 90 % of men accept with the hands {heights[0]:.2f} to {heights[1]:.2f} m high"
     finding = replace(finding, reason=reason, share=high, values=values)
     better, worse = (Outcome.ABOVE if ratio > 1.0 else Outcome.WITHIN for ratio in (high, unknown_end))
-    return judged(finding, better, worse, unknown).marked_near_limit()
+    return judged(finding, better, worse, missing).marked_near_limit()
 
 
 def _heights(person: AssessedPerson, task: PushTask) -> tuple[float, float]:
@@ -89,14 +89,12 @@ def _forces(person: AssessedPerson, task: PushTask) -> tuple[float | None, float
     links = {person.body.segments[f"{side}_hand"].link for side in SIDES}
     grips = [] if person.record is None else list(person.record.grips.values())
     acting = [grip for grip in grips if grip.holder.rpartition("::")[2] in links]
-    time = np.linspace(task.begin, task.end, 10 * INSTANTS)
-    covered = acting and all(
-        len(grip.time) and grip.time[0] <= time[0] and time[-1] <= grip.time[-1] for grip in acting
-    )
+    window, gap = (task.begin, task.end), verdict_table()["max_gap"]
+    usable = [(grip.time, finite_rows(grip.force), grip.force) for grip in acting]
     largest, mean = None, None
-    if covered:
-        total = np.sum([[np.interp(time, grip.time, axis) for axis in grip.force.T[:2]] for grip in acting], axis=0)
-        size = np.linalg.norm(total, axis=0)
-        if np.isfinite(size).all():
-            largest, mean = float(size.max()), float(size.mean())
+    if usable and not any(unknown(time, known, window, gap) for time, known, _ in usable):
+        time = np.unique([*window, *(at for times, *_ in usable for at in times if task.begin <= at <= task.end)])
+        total = [[np.interp(time, at[known], axis[known]) for axis in force.T[:2]] for at, known, force in usable]
+        size = np.linalg.norm(np.sum(total, axis=0), axis=0)
+        largest, mean = float(size.max()), float(np.trapezoid(size, time)) / (task.end - task.begin)
     return largest if task.initial is None else task.initial, mean if task.sustained is None else task.sustained

@@ -1,5 +1,6 @@
 """Finding about separation: distance of a person from the arm, compared with the protective separation distance S_p."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,6 +24,7 @@ from hric_assessment.verdict.inputs import AssessmentInput
 from hric_assessment.verdict.person import AssessedPerson
 from hric_assessment.verdict.result import SeparationCurve, thinned
 from hric_bags.reader import ControlRecord
+from hric_bags.records.root_record import RootRecord
 from hric_bags.run_file import held_mass, robots
 from hric_core import urdf
 from hric_core.geometry import FloatArray
@@ -49,6 +51,7 @@ class PersonSeparation:
         sampled: True for instants at which arm and person were recorded, shape (n,).
         evidence: evidence of the arm's log, with the share of its motion in which the person is known.
         relied: True if only the distance protected the person: contacts are not judged by force, and nothing is held.
+        unlogged: joints that move the arm, or another arm, and are not in the arm's log.
         shapeless: links of the arm with meshes or without a collision shape, which the distances ignore.
         load: load of the arm [kg].
         unbraked: name of a robot other than Franka's whose stopping is not known; empty: known, or a Franka.
@@ -65,6 +68,7 @@ class PersonSeparation:
     sampled: BoolArray
     evidence: Evidence
     relied: bool
+    unlogged: tuple[str, ...]
     shapeless: tuple[str, ...]
     load: float
     unbraked: str
@@ -115,7 +119,12 @@ def separated(source: AssessmentInput, person: AssessedPerson, choices: Assessme
     robot, left_out = capsules_of(tree, moved_by(tree, log.joint_names))
     if not len(robot.radii):
         return None
-    arm = CapsuleMotion(tree, robot, log.joint_names, log.time, log.position)
+    if (base := source.base(tree.root)) is None:
+        raise NotAssessableError(
+            f"where the robot stands is not known: no static transform leads from world to {tree.root}, the root of "
+            "its description (record /tf_static)"
+        )
+    arm = CapsuleMotion(tree, robot, log.joint_names, log.time, log.position, RootRecord.still(base).transforms)
     q, unknown_share = filled(person.q)
     body = of_body(person.body)
     bodies = CapsuleMotion(urdf.read(person.body.urdf), body, person.names, person.time, q, person.root.transforms)
@@ -140,10 +149,18 @@ def separated(source: AssessmentInput, person: AssessedPerson, choices: Assessme
         _sampled(log, person, distances.time),
         _evidence(source, log, person, arm),
         relied,
+        _unlogged(tree, log.joint_names),
         tuple(dict.fromkeys(left_out)),
         load,
         _unbraked(source, choices),
     )
+
+
+def _unlogged(tree: urdf.Robot, names: Sequence[str]) -> tuple[str, ...]:
+    """Return the movable joints that are not in the log; fingers at the end of the arm do not count."""
+    moved = moved_by(tree, names)
+    joints = (joint for joint in tree.joints.values() if joint.type != "fixed" and joint.name not in names)
+    return tuple(joint.name for joint in joints if joint.mimic is None and joint.parent not in moved)
 
 
 def _unbraked(source: AssessmentInput, choices: AssessmentChoices) -> str:
@@ -303,6 +320,9 @@ def _unproven(approach: PersonSeparation) -> tuple[str, str]:
     if unmeasured := [joint for joint in person.body.joints if joint not in person.names]:
         why = f"the angles of {', '.join(unmeasured)} are not known and are assumed to be zero"
         return why, f"record all joints of the body in {person.name}/joint_states"
+    if approach.unlogged:
+        why = f"the positions of {', '.join(approach.unlogged)} are not in the control log and are assumed to be zero"
+        return why, "record a control log with all joints of the robot that can move"
     if approach.shapeless:
         why = f"the distance of {', '.join(approach.shapeless)} is not known: collision shapes are meshes or missing"
         return why, "give these links collision shapes: capsules, cylinders, spheres or boxes"

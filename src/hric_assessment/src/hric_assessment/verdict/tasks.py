@@ -8,7 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from hric_assessment.findings import Finding, NotAssessableError, Outcome
+from hric_assessment.findings import JITTER, Finding, NotAssessableError, Outcome
+from hric_assessment.tables import verdict_table
 from hric_assessment.verdict.inputs import AssessmentInput
 from hric_assessment.verdict.person import AssessedPerson
 from hric_assessment.verdict.posture_input import tracked_deviations
@@ -62,6 +63,11 @@ def stances_of(person: AssessedPerson, time: FloatArray) -> Stances:
         raise NotAssessableError("the pose of the person's pelvis is not known")
     if not (len(person.time) and person.time[0] <= time.min() and time.max() <= person.time[-1]):
         raise NotAssessableError(f"the motion of the person does not cover {time.min():g} to {time.max():g} s")
+    gap = verdict_table()["max_gap"] + JITTER
+    for known in (person.time, *(() if person.attitude.fixed else (person.attitude.time,))):
+        away = np.abs(known[:, None] - time).min(axis=0)
+        if away.max() > gap:
+            raise NotAssessableError(f"the motion of the person is not known at {time[away.argmax()]:g} s")
     joints, rows = list(person.body.joints), np.abs(person.time[:, None] - time).argmin(axis=0)
     q, deviation = np.full((len(time), len(joints)), np.nan), np.zeros((len(time), len(joints)))
     columns = [joints.index(name) for name in person.names if name in joints]

@@ -20,7 +20,7 @@ from hric_bags.records.region_contacts import (
     RegionMessages,
 )
 from hric_bags.records.root_record import RootRecord
-from hric_bags.records.rows import RecordRows, Thinning, times, xyz, xyz_quaternion
+from hric_bags.records.rows import RecordRows, Thinning, in_order, times, xyz, xyz_quaternion
 from hric_human.contact import RegionContact
 
 GRIP_TYPE, TORQUE_TYPE = "hric_msgs/msg/HumanGrip", "hric_msgs/msg/JointTorque"
@@ -153,7 +153,7 @@ class HumanMessages:
         self._others = {f"{name}/{end}" for end in ("grip", "events", "contacts")} | {name}
         self._thin = None if rate is None else Thinning(rate)
         self._position, self._torque = RecordRows("position"), RecordRows("torque", "strength_share")
-        self._root_stamps, self._root = array("d"), array("d")
+        self._root_stamps, self._root, self._frames = array("d"), array("d"), dict[str, None]()
         self._grips: dict[str, _Grips] = {}
         self._events: list[tuple[float, Any]] = []
         self._contacts: RegionMessages | None = None
@@ -191,6 +191,7 @@ class HumanMessages:
         elif topic == self._roots:
             self._root_stamps.append(stamp)
             self._root.extend(xyz_quaternion(message.pose))
+            self._frames[str(message.header.frame_id).strip("/")] = None
         elif kind == GRIP_TYPE:
             self._grips.setdefault(message.name, _Grips(message)).add(stamp, message)
         elif kind == EVENT_TYPE:
@@ -203,8 +204,11 @@ class HumanMessages:
         position, torque, contacts = self._position, self._torque, self._contacts or RegionMessages()
         time, q = position.columns(robot_time)
         torque_time, tau, share = torque.columns(robot_time)
+        joints = () if position.last is None else tuple(position.last.name)
+        if torque.last is not None:
+            tau, share = (_sorted(values, list(torque.last.name), joints) for values in (tau, share))
         return HumanRecord(
-            () if position.last is None else tuple(position.last.name),
+            joints,
             time,
             q,
             torque_time,
@@ -226,7 +230,15 @@ class HumanMessages:
     def _root_record(self, robot_time: Callable[[float], float]) -> RootRecord | None:
         if not self._root_stamps:
             return None
-        return RootRecord(times(self._root_stamps, robot_time), np.array(self._root).reshape(-1, 7))
+        time, pose = in_order(times(self._root_stamps, robot_time), np.array(self._root).reshape(-1, 7))
+        return RootRecord(time, pose, frame=" and ".join(self._frames))
+
+
+def _sorted(values: FloatArray, names: list[str], joints: Iterable[str]) -> FloatArray:
+    """Return the columns of some joints, shape (n, joints); NaN where `names`, the names of the columns, lack one."""
+    missing = np.full((len(values), 1), np.nan)
+    columns = [names.index(joint) if joint in names else len(names) for joint in joints]
+    return np.hstack([values, missing])[:, columns]
 
 
 def _second_text(raw: bytes) -> bytes:
@@ -246,7 +258,7 @@ class _Grips:
         self._rows.extend((m.closed, m.slipped, *xyz(m.wrench.force), *xyz(m.wrench.torque), *xyz(m.point)))
 
     def record(self, robot_time: Callable[[float], float]) -> GripRecord:
-        rows, m = np.array(self._rows).reshape(-1, 11), self._first
+        time, rows = in_order(times(self._stamps, robot_time), np.array(self._rows).reshape(-1, 11))
+        m, closed = self._first, (rows[:, 0] > 0.0) & rows[:, 8:].any(axis=1)
         force, torque, point = rows[:, 2:5], rows[:, 5:8], rows[:, 8:]
-        time, closed = times(self._stamps, robot_time), (rows[:, 0] > 0.0) & point.any(axis=1)
         return GripRecord(m.name, m.held, m.holder, time, closed, force, torque, point, rows[:, 1])

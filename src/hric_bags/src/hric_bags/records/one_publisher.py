@@ -1,4 +1,4 @@
-"""Detection of two bodies that publish joint states on one topic, from the bytes of all messages. No ROS."""
+"""Detection of two publishers on one topic, and of a clock that goes back, from the bytes of all messages. No ROS."""
 
 from array import array
 from collections import deque
@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from hric_bags.reader import BagError, FloatArray
+from hric_bags.records.rows import stamp_of
 from hric_human.body.joints import joints
 from hric_human.body.subject import PARTS
 
@@ -20,6 +21,11 @@ FASTEST_JOINT = 150.0
 """Largest joint velocity of a person [rad/s]; a baseball pitcher's shoulder has 122 rad/s (unconfirmed)."""
 FASTEST_AXIS = 20.0
 """Largest joint velocity of an arm [rad/s]; small industrial wrists have 12.6 rad/s (unconfirmed)."""
+BACK_IN_TIME = 0.5
+"""Largest time by which a stamp may be older than the newest one of its publisher [s] (project default, unconfirmed).
+
+Drivers on a busy machine swap messages by less; a clock that is set back, or a second run, moves the stamps by more.
+"""
 STEP = 1e-3
 """Minimum time between two poses from which a speed is computed [s], so that equal stamps do not give infinity."""
 SWITCHES, BACK = 3, 0.25
@@ -48,6 +54,24 @@ def check_names(topic: str, names: Iterable[str]) -> None:
     counted = list(names)
     if double := sorted({name for name in counted if counted.count(name) > 1}):
         raise BagError(f"{topic}: {', '.join(double)} twice in one message; valid: each name once")
+
+
+class RisingStamps:
+    """Checker of the stamps of each publisher: a clock that is set back, or a second run, is refused."""
+
+    def __init__(self) -> None:
+        self._newest: dict[tuple[str, ...], int] = {}
+
+    def note(self, connection: Any, raw: bytes) -> None:
+        """Check the next serialised message, which begins with a header. Raises BagError."""
+        stream, stamp = (connection.topic, *publishers([connection])), stamp_of(raw)
+        newest = self._newest.get(stream, stamp)
+        if stamp < newest - 1e9 * BACK_IN_TIME:
+            raise BagError(
+                f"{connection.topic}: the stamps go back from {1e-9 * newest:.3f} to {1e-9 * stamp:.3f} s, as if a "
+                "clock was set back or a run started again; valid: the bag of one run, such as `rosbag filter` makes"
+            )
+        self._newest[stream] = max(stamp, newest)
 
 
 class RecordedJointStates:

@@ -27,10 +27,10 @@ from hric_bags.reader import (
 from hric_bags.records.contact_record import CONTACTS_TYPE as PAIRS_TYPE
 from hric_bags.records.contact_record import PairForce, add_to
 from hric_bags.records.human_record import TORQUE_TYPE, HumanMessages, HumanRecord, human_names
-from hric_bags.records.one_publisher import JOINTS, RecordedJointStates, check_names, publishers
-from hric_bags.records.rows import Thinning, times, xyz, xyz_quaternion
+from hric_bags.records.one_publisher import JOINTS, RecordedJointStates, RisingStamps, check_names, publishers
+from hric_bags.records.rows import Thinning, in_order, times, xyz, xyz_quaternion
 from hric_bags.records.safety_record import EVENT_TYPE, STATE_TYPE, SafetyMessages, SafetyRecord
-from hric_core.geometry import Pose
+from hric_core.geometry import Pose, normalized
 from hric_human.body import Body
 
 RATE = 100.0
@@ -143,7 +143,7 @@ def read(bag: Path | Bag) -> Recording:
     """Read everything in a bag that an assessment needs, in one pass.
 
     Raises:
-        BagError: the bag is missing or damaged, or two persons share a namespace.
+        BagError: the bag is missing or damaged, two persons share a namespace, or a clock goes back.
     """
     with opened(bag) as reader:
         seconds_long = 1e-9 * reader.duration if reader.message_count else 0.0
@@ -172,6 +172,7 @@ class _Taken:
         self._static: dict[tuple[str, str], Pose] = {}
         self._safety = SafetyMessages()
         self._states: dict[str, RecordedJointStates] = {}
+        self._clock = RisingStamps()
         self.description = ""
 
     def wants(self, connection: Any) -> bool:
@@ -184,6 +185,8 @@ class _Taken:
 
     def note(self, connection: Any, raw: bytes) -> None:
         """Count a message, whether it is read or not, and check that joint states on its topic come from one body."""
+        if connection.msgtype not in (TEXT_TYPE, STATIC_TYPE) and self._people.get(connection.topic, self) is not None:
+            self._clock.note(connection, raw)
         if connection.msgtype == STATES_TYPE:
             self._states.setdefault(connection.topic, RecordedJointStates(connection.topic)).note(connection, raw)
         if connection.topic in self._topics:
@@ -223,9 +226,10 @@ class _Taken:
             self.description = self.description or str(message.data)
         elif kind == STATIC_TYPE:
             for transform in message.transforms:
-                p, q = transform.transform.translation, transform.transform.rotation
+                q = transform.transform.rotation
                 key = transform.header.frame_id.strip("/"), transform.child_frame_id.strip("/")
-                self._static[key] = Pose((p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
+                if any(turn := (q.x, q.y, q.z, q.w)):
+                    self._static[key] = Pose(xyz(transform.transform.translation), normalized(turn))
 
     def _add_states(self, topic: str, message: Any) -> None:
         if topic not in self._people:
@@ -320,7 +324,7 @@ class _Named:
             columns, end = [self._names[name] for name in names], row + len(part_stamps)
             values[row:end, columns] = np.array(rows).reshape(len(part_stamps), -1)
             row = end
-        return Columns(topic, tuple(self._names), times(stamps, robot_time), values)
+        return Columns(topic, tuple(self._names), *in_order(times(stamps, robot_time), values))
 
 
 def _columns(streams: dict[str, _Named], robot_time: RobotTime) -> dict[str, Columns]:
@@ -341,8 +345,7 @@ class _Roots:
 
     def tracked(self, topic: str, robot_time: RobotTime) -> TrackedRoot:
         """Return the root link of the person over time."""
-        rows = np.array(self._rows).reshape(-1, 8)
-        time = times(self._stamps, robot_time)
+        time, rows = in_order(times(self._stamps, robot_time), np.array(self._rows).reshape(-1, 8))
         frame = str(self._last.header.frame_id).strip("/")
         return TrackedRoot(topic, frame, time, rows[:, :7], rows[:, 7], bool(self._last.calibrated))
 
@@ -359,6 +362,13 @@ class _ThinLog:
 
     def add(self, message: Any) -> None:
         time, joints = np.asarray(message.time, dtype=float), len(message.joint_names)
+        if not len(time):
+            return
+        for name, size in (*dict.fromkeys(ARRAYS, len(time) * joints).items(), ("command_interface", joints)):
+            if (count := len(getattr(message, name))) != size:
+                raise BagError(
+                    f"a message of the control log at {time[0]:.3f} s has {count} values of {name}; valid: {size}"
+                )
         if self._message is not None and list(message.joint_names) != list(self._message.joint_names):
             raise BagError(
                 f"the joints of the control log change at {time[0]:.3f} s, from {', '.join(self._message.joint_names)} "

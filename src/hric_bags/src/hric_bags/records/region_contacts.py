@@ -53,10 +53,20 @@ class ContactStream:
     lost: tuple[tuple[float, float], ...]
 
 
+SAME = 5e-4
+"""Largest difference of the begins that messages of one contact state [s]: half a step of 1 ms (project default).
+
+A contact that begins anew is at least two steps later.
+"""
+RECENT = 8
+"""Number of contacts of two bodies, the last ones, to which a message may belong (project default)."""
+
+
 @dataclass
 class _Contact:
-    """Collected messages of one contact: the last one, the number of its instant, and rows of the time series."""
+    """Collected messages of one contact: its begin, the last one, the number of its instant, and rows of the series."""
 
+    begin: float
     last: Any
     rows: "array[float]" = field(default_factory=lambda: array("d"))
     regions: dict[str, None] = field(default_factory=dict)
@@ -65,6 +75,7 @@ class _Contact:
     area: float = math.inf
     ended: bool = False
     instant: int = -1
+    message: int = -1
     interrupted: bool = False
 
 
@@ -74,7 +85,7 @@ class RegionMessages:
     def __init__(self) -> None:
         self._stamps = array("d")
         self._all_stamps, self._numbers, self._silent = array("d"), array("q"), 0
-        self._contacts: dict[tuple[str, str, float], _Contact] = {}
+        self._contacts: dict[tuple[str, str], list[_Contact]] = {}
         self._links: dict[str, tuple[tuple[str, ...], array[float]]] = {}
         self._order: list[_Contact] = []
         self._instant = 0
@@ -110,10 +121,17 @@ class RegionMessages:
                 self._strongest(contact, index, contact.peak_time, contact.peak)
 
     def _note(self, contact: Any, stamp: float) -> _Contact:
-        begin = round(contact.begin, 6) if math.isfinite(contact.begin) else math.inf
-        known = self._contacts.setdefault((contact.link, contact.other, begin), _Contact(contact))
+        pair = self._contacts.setdefault((contact.link, contact.other), [])
+        begin = contact.begin if math.isfinite(contact.begin) else math.inf
+        same = (
+            one
+            for one in reversed(pair[-RECENT:])
+            if one.message != len(self._stamps) and (one.begin == begin or abs(one.begin - begin) <= SAME)
+        )  # two contacts of one message press at two points of the same bodies
+        if (known := next(same, None)) is None:
+            pair.append(known := _Contact(begin, contact))
         known.interrupted |= bool(known.rows) and self._instant > known.instant + 1
-        known.last, known.instant = contact, self._instant
+        known.last, known.instant, known.message = contact, self._instant, len(self._stamps)
         row = (contact.force, contact.peak, contact.peak_time, contact.duration)
         known.rows.extend((stamp, *row, *xyz(contact.point), *xyz(contact.normal)))
         known.regions |= dict.fromkeys(contact.regions)
@@ -144,7 +162,7 @@ class RegionMessages:
 
     def region_contacts(self, robot_time: Callable[[float], float]) -> list[RegionContact]:
         """Return all contacts in the order in which they ended; contacts that did not end are last."""
-        open_contacts = [contact for contact in self._contacts.values() if not contact.ended]
+        open_contacts = [contact for pair in self._contacts.values() for contact in pair if not contact.ended]
         return [_region_contact(contact, robot_time) for contact in (*self._order, *open_contacts)]
 
 

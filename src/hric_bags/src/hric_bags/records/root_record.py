@@ -10,17 +10,19 @@ from hric_core.geometry import Pose
 
 @dataclass(frozen=True)
 class RootRecord:
-    """Pose of a body's root link in the world over time.
+    """Pose of a body's root link over time.
 
     Attributes:
         time: rising robot time, shape (n,) [s].
         pose: position [m] and unit quaternion x y z w, shape (n, 7).
         fixed: True if the body does not move, so that one pose is enough.
+        frame: tf frame of the poses; of several in a recording, all of them.
     """
 
     time: FloatArray
     pose: FloatArray
     fixed: bool = False
+    frame: str = "world"
 
     @classmethod
     def still(cls, T_world_root: Pose) -> "RootRecord":

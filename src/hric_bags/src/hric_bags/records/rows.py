@@ -15,6 +15,12 @@ def times(stamps: Iterable[float], robot_time: Callable[[float], float]) -> Floa
     return np.array([robot_time(stamp) for stamp in stamps])
 
 
+def in_order(time: FloatArray, *values: FloatArray) -> list[FloatArray]:
+    """Return times and values, arrays with a row for each time, in the order of time."""
+    order = np.argsort(time, kind="stable")
+    return [rows[order] for rows in (time, *values)]
+
+
 def xyz(v: Any) -> Vector:
     """Return the components x, y, z of a point or vector message."""
     return v.x, v.y, v.z
@@ -79,7 +85,8 @@ class RecordRows:
         self.last = message
 
     def columns(self, robot_time: Callable[[float], float]) -> list[FloatArray]:
-        """Return the robot times, shape (n,) [s], and the values of each field, shape (n, j)."""
+        """Return the robot times in their order, shape (n,) [s], and the values of each field, shape (n, j)."""
         n = len(self._stamps)
         width = 0 if self.last is None else -1
-        return [times(self._stamps, robot_time), *(np.array(v).reshape(n, width) for v in self._values.values())]
+        values = (np.array(column).reshape(n, width) for column in self._values.values())
+        return in_order(times(self._stamps, robot_time), *values)

@@ -15,6 +15,8 @@ from hric_core.trial.plates import METRES
 END = "endheader"
 UNEVEN = 0.01
 """Largest relative deviation of a time step from the median step [1] (project default, unconfirmed)."""
+SAME_RATE = 0.1
+"""Largest relative difference between the stated rate and that of the rows [1] (project default, unconfirmed)."""
 TRC_HEAD = 5
 """Number of header lines of a .trc file: type, keys, values, names of markers, names of axes."""
 
@@ -89,7 +91,8 @@ def read_markers(path: Path) -> MarkerRows:
     matrix = matrix_of(path, rows, labels)
     positions = METRES[unit] * matrix[:, 2:].reshape(len(matrix), -1, 3)
     positions[(positions == 0.0).all(axis=2)] = np.nan
-    return MarkerRows(rising(path, matrix[:, 1]), {name: positions[:, k] for k, name in enumerate(names)})
+    check_rate(path, keys.get("DataRate", ""), rising(path, matrix[:, 1]))
+    return MarkerRows(matrix[:, 1], {name: positions[:, k] for k, name in enumerate(names)})
 
 
 def rate_of(path: Path, time: FloatArray) -> float:
@@ -100,6 +103,26 @@ def rate_of(path: Path, time: FloatArray) -> float:
     return float((len(time) - 1) / (time[-1] - time[0]))
 
 
+def check_rate(path: Path, stated: str, time: FloatArray) -> None:
+    """Refuse times [s] of rows that contradict the rate in the head of the file, such as times in milliseconds.
+
+    Raises:
+        ParameterError: the rate is not that of the rows; an empty one is not checked.
+    """
+    duration = float(time[-1] - time[0])
+    if not stated.strip() or not duration > 0.0:
+        return
+    try:
+        ratio = (len(time) - 1) / duration / float(stated)
+    except (ValueError, ZeroDivisionError):
+        ratio = 0.0
+    if not abs(ratio - 1.0) <= SAME_RATE:
+        rows = f"{len(time)} rows from {time[0]:g} to {time[-1]:g} s"
+        raise ParameterError(
+            f"{path}: a rate of {stated} Hz is stated, but there are {rows}; valid: times [s] at this rate"
+        )
+
+
 def lines_of(path: Path) -> list[str]:
     """Return the lines of a text file. Raises ParameterError: it cannot be read, or is not text."""
     try:
@@ -107,7 +130,7 @@ def lines_of(path: Path) -> list[str]:
     except OSError as error:
         raise ParameterError(f"{path}: {error.strerror}") from error
     except UnicodeDecodeError as error:
-        raise ParameterError(f"{path} is not a text file") from error
+        raise ParameterError(f"{path} is not a text file in UTF-8: {error.reason} at byte {error.start}") from error
 
 
 def padded(cells: list[str], width: int) -> list[str]:

@@ -22,6 +22,8 @@ FAR = {"length": 2.0, "mass": 3.0}
 
 Project default, unconfirmed.
 """
+LIGHTEST = 30.0
+"""Smallest accepted mass of a subject [kg] (project default, unconfirmed)."""
 _CODE = re.compile(r"(?=\D*\d)[A-Za-z0-9]{1,12}")
 
 
@@ -40,7 +42,7 @@ class Subject(Settings):
         made=_pseudonym,
         text="pseudonym, never a name",
     )
-    mass: float = number(unit="kg", minimum=30.0, maximum=200.0, text="of the whole body")
+    mass: float = number(unit="kg", minimum=LIGHTEST, maximum=200.0, text="of the whole body")
     height: float = number(unit="m", minimum=1.2, maximum=2.2, text="standing")
     sex: str = choice("female", "male", default=REQUIRED, text="whose table of de Leva 1996 is taken")
     dominant_hand: str = choice("right", "left", text="the side that ISO/TS 15066 limits differently")

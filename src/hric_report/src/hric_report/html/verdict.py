@@ -16,9 +16,8 @@ from markupsafe import Markup
 
 from hric_assessment.ergonomics.scoring import PostureMethod, methods
 from hric_assessment.verdict import assess, moment, opened
-from hric_assessment.verdict.command import FILE
 from hric_assessment.verdict.conclusions import CONTACT, DISTANCE, EFFORT, POSTURE, TASK, Conclusion
-from hric_assessment.verdict.inputs import AssessmentInput
+from hric_assessment.verdict.inputs import FILE, AssessmentInput
 from hric_assessment.verdict.result import VERSION, certainty_lines
 from hric_bags import files
 from hric_bags.run_folder import RunFolder
@@ -60,39 +59,44 @@ def verdict_of(folder: RunFolder) -> VerdictFile | None:
     definition = folder.read().get("definition") or {}
     if not (definition.get("human") or definition.get("person")):
         return None
-    return _judge(opened(str(folder.path)), folder.path / FILE)
+    return _judge(opened(str(folder.path)))
 
 
 def written(folder: RunFolder) -> VerdictFile | None:
     """Return the contents of a run's verdict.json; None: it is missing, invalid or outdated."""
-    return _read(folder.path / FILE, folder.path.name, "run")
+    return _read(folder.path / FILE, folder.path.name, "run", folder.bag_path)
 
 
-def _judge(source: AssessmentInput, path: Path) -> VerdictFile:
-    """Assess a recording, write the verdict to a file and return its contents."""
+def _judge(source: AssessmentInput) -> VerdictFile:
+    """Assess a recording, write the verdict to its file and return its contents."""
     judged = assess(source).to_dict()
-    files.write_json(path, judged)
+    files.write_json(source.verdict_file, judged)
     return cast(VerdictFile, judged)
 
 
-def _read(path: Path, name: str, kind: str) -> VerdictFile | None:
-    """Return the contents of a verdict file; None: it is missing, invalid, or of another version or recording."""
+def _read(path: Path, name: str, kind: str, recording: Path) -> VerdictFile | None:
+    """Return the contents of a verdict file; None: it is missing, invalid, of another version or recording, or older.
+
+    recording: file or folder of the recording; a verdict that is older than it is not about its present contents.
+    """
+    parts = [one.stat().st_mtime for one in (recording, *recording.rglob("*")) if one.is_file()]
+    if not path.is_file() or path.stat().st_mtime < max(parts, default=0.0):
+        return None
     try:
-        content: VerdictFile | None = json.loads(path.read_text()) if path.is_file() else None
-    except ValueError:
+        content: VerdictFile = json.loads(path.read_text())
+        about = content["version"], content["input"]["name"], content["input"]["kind"]
+    except (ValueError, TypeError, KeyError):
         return None
-    if not content or content.get("version") != VERSION:
-        return None
-    return content if (content["input"]["name"], content["input"]["kind"]) == (name, kind) else None
+    return content if about == (VERSION, name, kind) else None
 
 
-def verdict_of_recording(source: AssessmentInput) -> VerdictFile:
-    """Return the verdict on a bag or c3d file from verdict.json next to it; assess it if that file does not fit."""
-    path, recording = source.folder / FILE, source.recording
-    known = _read(path, source.name, source.kind)
+def verdict_of_recording(source: AssessmentInput, path: Path) -> VerdictFile:
+    """Return the verdict on a bag or c3d file from the file next to it; assess it if that file does not fit."""
+    recording = source.recording
+    known = _read(source.verdict_file, source.name, source.kind, path)
     if known is not None and (known["input"]["begin"], known["input"]["end"]) == (recording.begin, recording.end):
         return known
-    return _judge(source, path)
+    return _judge(source)
 
 
 def conclusions_of(verdict: VerdictFile) -> list[Conclusion]:
@@ -107,7 +111,7 @@ def label(verdict: VerdictFile) -> tuple[str, str]:
 
 def summary(verdict: VerdictFile) -> str:
     """Return outcome, conclusions and disclaimer of a verdict as text for the terminal."""
-    lines = [f"verdict: {verdict['outcome']} (verdict.json)", *map(str, conclusions_of(verdict)), verdict["disclaimer"]]
+    lines = [f"verdict: {verdict['outcome']}", *map(str, conclusions_of(verdict)), verdict["disclaimer"]]
     return "\n".join(lines)
 
 

@@ -153,7 +153,7 @@ def of_each(
 
 def _measures(arguments: argparse.Namespace) -> dict[str, float | str]:
     """Return mass [kg], height [m] and sex of the subject, as far as options give them, by name."""
-    return {key: getattr(arguments, key) for key in MEASURES if getattr(arguments, key)}
+    return {key: getattr(arguments, key) for key in MEASURES if getattr(arguments, key) is not None}
 
 
 def _write_mapping(motion: Path, target: Path) -> None:

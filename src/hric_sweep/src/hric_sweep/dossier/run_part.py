@@ -5,8 +5,8 @@ from typing import Any
 
 from hric_assessment.findings import Outcome
 from hric_assessment.typed_json import Content
-from hric_assessment.verdict.command import FILE
 from hric_assessment.verdict.conclusions import Conclusion, Reply
+from hric_assessment.verdict.inputs import FILE
 from hric_assessment.verdict.moment import Moment, picture
 from hric_bags import run_notes
 from hric_bags.run_file import RunFile
