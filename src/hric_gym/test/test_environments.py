@@ -46,9 +46,9 @@ def played(env: Any, seed: int, steps: int = 12) -> str:
     return digest.hexdigest()
 
 
-@pytest.mark.parametrize("identity", list(envs.IDS))
-def test_gymnasiums_checker_passes(identity: str) -> None:
-    env = gymnasium.make(identity).unwrapped
+@pytest.mark.parametrize(("identity", "drive"), [*((one, "torque") for one in envs.IDS), ("hric/Reach-v0", "muscle")])
+def test_gymnasiums_checker_passes(identity: str, drive: str) -> None:
+    env = gymnasium.make(identity, drive=drive).unwrapped
     with warnings.catch_warnings():
         warnings.filterwarnings("error")
         warnings.filterwarnings("ignore", message=".*(minimum|maximum) value is (-)?infinity.*")
