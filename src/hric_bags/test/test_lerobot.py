@@ -83,6 +83,16 @@ def test_each_frame_has_the_values_of_its_control_cycle(dataset: Path) -> None:
         np.testing.assert_array_equal(data["observation.effort"][rows], data["action"][rows])
 
 
+def test_each_of_two_arms_has_its_wrench(tmp_path: Path) -> None:
+    extra = [(f"/{arm}/franka_state_controller/franka_states", wrench(k), 0.02 * k) for arm in "ab" for k in range(50)]
+    for _, message, _ in extra[50:]:
+        message.O_F_ext_hat_K[1] = -2.0
+    run = synthetic.write_run(tmp_path, CYCLES, extra=extra)
+    assert main(["export", str(run.path), "--format", "lerobot", "--output", str(tmp_path / "out")]) == 0
+    data = frames(tmp_path / "out" / "lerobot")
+    assert [float(data[f"observation.wrench.{arm}"][5, 1]) for arm in "ab"] == [2.0, -2.0]
+
+
 def test_signals_of_the_person_and_the_wrench_are_on_the_same_grid(dataset: Path) -> None:
     data = frames(dataset)
     k = data["frame_index"]

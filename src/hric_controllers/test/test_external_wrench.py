@@ -1,4 +1,4 @@
-"""Controllers that act on the external wrench, on the simulated arm: a wrench that is not known ends them."""
+"""Controllers that act on the external wrench, on the simulated arm: an unknown wrench ends them; a start outside."""
 
 import logging
 import math
@@ -34,3 +34,13 @@ def test_a_wrench_that_is_not_finite_stops_the_controller_and_the_arm(
     assert {c.name: c.state for c in rig.manager.list()}[name] != "running"
     assert np.abs(path[-1] - path[-500]).max() < 1e-3
     assert np.linalg.norm(path[-1] - path[int(begin * 1e3)]) < 0.05
+
+
+def test_an_admittance_that_starts_outside_its_workspace_waits_for_a_push() -> None:
+    bench = ArmRig("admittance_controller", workspace={"lower": [-0.85, -0.85, 0.02], "upper": [0.85, 0.85, 0.3]})
+    before = list(bench.state.O_T_EE_c[12:15])
+    bench.run(1.0)
+    assert np.abs(np.subtract(bench.state.O_T_EE_c[12:15], before)).max() < 1e-6
+    bench.hw.plant.apply_wrench("panda_link7", (0.0, 0.0, -20.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 1.0)
+    bench.run(1.0)
+    assert bench.state.O_T_EE_c[14] < before[2] - 0.02

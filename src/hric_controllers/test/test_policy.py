@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 from arm_rig import ArmRig
-from geometry_msgs.msg import PointStamped
+from geometry_msgs.msg import Point, PointStamped
 
 onnx = pytest.importorskip("onnx", reason="scripts/setup --with learning")
 pytest.importorskip("onnxruntime", reason="scripts/setup --with learning")
@@ -67,9 +67,18 @@ def test_actions_move_the_end_effector_at_their_velocity_within_the_limits(sidew
 
 
 def test_the_joints_stay_within_their_ranges_and_below_their_velocity_where_the_arm_ends(tmp_path):
-    bench, q = driven(write(tmp_path / "up.onnx", [1, 0, 1]), 6.0, goal=[2.0, 0.0, 2.0])
+    box = {"lower": [-3.0] * 3, "upper": [3.0] * 3}
+    bench, q = driven(write(tmp_path / "up.onnx", [1, 0, 1]), 6.0, goal=[2.0, 0.0, 2.0], workspace=box)
     assert bench.hw.error == "" and np.abs(np.diff(q, axis=0)).max() <= 1.501e-3
     assert bench.state.O_T_EE[14] > 0.6
+
+
+def test_the_policy_cannot_leave_the_workspace_and_no_goal_is_outside(tmp_path):
+    down = write(tmp_path / "down.onnx", [0.2, 0, -1])
+    bench, _ = driven(down, 3.0, goal=FAR, workspace={"lower": [-0.85, -0.85, 0.25], "upper": [0.85, 0.85, 1.2]})
+    assert bench.hw.error == "" and bench.state.O_T_EE_c[14] == pytest.approx(0.25, abs=0.005)
+    with pytest.raises(HricError, match=r"goal is .*; valid: a point in the workspace, x -0.85 to 0.85, .*z 0.02 to"):
+        ArmRig(NAME, file=down, goal=[0.4, 0.0, -0.3])
 
 
 def test_without_a_goal_the_arm_rests(sideways):
@@ -95,13 +104,13 @@ def test_a_goal_that_is_passed_at_full_speed_is_where_the_arm_comes_to_rest(tmp_
 def test_a_goal_of_the_topic_starts_the_policy_and_a_wrong_one_is_refused(sideways):
     def send(x, frame):
         message = PointStamped()
-        message.header.frame_id, message.point.x, message.point.y = frame, x, 0.4
+        message.header.frame_id, message.point = frame, Point(x, 0.4, 0.3)
         bench.publish("goal", message)
 
     bench, q = driven(sideways, 0.2)
     assert np.ptp(q, axis=0).max() == 0.0
     bench.node.raises = True
-    for x, frame in ((np.nan, ""), (0.3, "world")):
+    for x, frame in ((np.nan, ""), (0.3, "world"), (300.0, "")):
         with pytest.raises(HricError, match="valid: finite numbers, in panda_link0"):
             send(x, frame)
     bench.run(0.2)

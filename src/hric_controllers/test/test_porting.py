@@ -201,6 +201,12 @@ def test_a_computed_name_is_to_be_written_out_by_hand(file, before, after, sourc
     assert "a computed name: write it out by hand" in line
 
 
+def test_the_other_controllers_of_a_source_are_named(source, capsys):
+    (source / "src/both.cpp").write_text(POSITION + WRENCH + POSITION.replace("Position", "Velocity"))
+    command.main(["port", str(source / "src/both.cpp")])
+    assert "The source also has Velocity, Wrench: the table contains what they use, too" in capsys.readouterr().out
+
+
 def test_a_controller_that_exists_here_needs_no_port(source, capsys):
     exported = (
         "PLUGINLIB_EXPORT_CLASS(effort_controllers::JointTrajectoryController, controller_interface::ControllerBase)"

@@ -106,6 +106,16 @@ def test_a_bridged_gap_does_not_leave_the_range():
     assert way[:, 0].max() <= 0.5 + 0.01 and way[-1][0] == pytest.approx(0.45)
 
 
+def test_two_senders_of_one_stream_do_not_lead_far_beyond_their_targets():
+    """The line through targets of both senders, 1 ms apart, is far steeper than their motion."""
+    sent = [(stamp + 0.005, stamp) for k in range(60) for stamp in (0.1 * k, 0.1 * k + 1e-3)]
+    way = followed(
+        sent, 6.0, target=lambda stamp: np.add(wave(stamp), [0.5 * (5e-4 < stamp % 0.1 < 0.05), 0.0]).tolist()
+    )
+    braking, bridged = 1.5**2 / (2.0 * 7.5), 1.5 * 0.1
+    assert way[:, 0].max() < 0.8 + braking + bridged
+
+
 def test_an_older_target_and_a_repeated_one_are_ignored():
     follower = StreamFollower(LIMITS, RANGES)
     follower.take(0.00, [0.0, 0.0], 10.0)

@@ -46,9 +46,9 @@ def played(env: Any, seed: int, steps: int = 12) -> str:
     return digest.hexdigest()
 
 
-@pytest.mark.parametrize("identity", list(envs.IDS))
-def test_gymnasiums_checker_passes(identity: str) -> None:
-    env = gymnasium.make(identity).unwrapped
+@pytest.mark.parametrize(("identity", "drive"), [*((one, "torque") for one in envs.IDS), ("hric/Reach-v0", "muscle")])
+def test_gymnasiums_checker_passes(identity: str, drive: str) -> None:
+    env = gymnasium.make(identity, drive=drive).unwrapped
     with warnings.catch_warnings():
         warnings.filterwarnings("error")
         warnings.filterwarnings("ignore", message=".*(minimum|maximum) value is (-)?infinity.*")
@@ -212,6 +212,13 @@ def test_what_does_not_fit_is_refused_with_the_valid_choices() -> None:
         ({"weights": [1.0]}, "weights is "),
         ({"population": "adult_mixed", "person": "none"}, "population is 'adult_mixed' with person='none'"),
         ({"person": "trial", "trial": "walk.csv"}, r"a file .csv; valid: .c3d, .trc, .mot"),
+        ({"person": "none", "drive": "muscle"}, "drive is 'muscle' with person='none'; valid: another person"),
+        ({"changes": "kp:=50"}, "changes is 'kp:=50'; valid: a list of overrides"),
+        ({"changes": ["duration:=9"]}, "'duration:=9' has no effect in this environment; valid: keys of human, param"),
+        ({"changes": ["arms:=left,right"]}, "'arms:=left,right' has no effect"),
+        ({"changes": ["human.drive:=muscle"]}, "valid: the argument drive"),
+        ({"person": "none", "changes": ["human.mass:=50"]}, "valid: keys of parameters, robot"),
+        ({"changes": ["parameters.force_controller.force:=[0, 0, 5]"]}, "not one of .* joint_pd_controller"),
     ):
         with pytest.raises(HricError, match=match):
             CollaborationEnv(**settings)
@@ -226,6 +233,20 @@ def test_what_does_not_fit_is_refused_with_the_valid_choices() -> None:
         with pytest.raises(HricError, match="an environment cannot be copied; valid: a new one"):
             copied(env)
     env.close()
+
+
+@pytest.mark.parametrize(
+    ("action", "change"),
+    [("joint_velocity", "kp:=30"), ("end_effector", "parameters.cartesian_impedance_controller.filter_time:=0.5")],
+)
+def test_a_change_of_the_controllers_parameters_replaces_that_of_the_action_mode(action: str, change: str) -> None:
+    rows = []
+    for changes in ([], [change]):
+        env = CollaborationEnv("Reach", action, person="none", changes=changes)
+        env.reset(seed=1)
+        rows.append([env.step(np.full(env.action_space.shape, 0.3))[0]["q"] for _ in range(5)][-1])
+        env.close()
+    assert np.abs(rows[1] - rows[0]).max() > 1e-3
 
 
 @pytest.mark.parametrize(("step", "steps"), [(0.04, 100), (0.1, 40), (0.4, 10)])

@@ -124,6 +124,11 @@ def test_a_resumed_training_takes_no_other_settings() -> None:
         perform(["train", "Reach", "--resume", "--steps", "2000"])
 
 
+def test_a_training_is_resumed_with_its_own_task_only() -> None:
+    with pytest.raises(HricError, match=r"reach.onnx is no policy of the task Contact; valid with --resume: Reach"):
+        perform(["train", "Contact", "--resume", "--output", str(COMMITTED)])
+
+
 @pytest.mark.parametrize(
     ("limit", "message"),
     [(("stopping", "1.5"), "--cost-limit is 1.5"), (("stoping", "0.3"), "no cost 'stoping'; valid: .*stopping")],

@@ -177,6 +177,11 @@ def test_what_cannot_be_one_world_is_refused_by_name() -> None:
     )
     payload = {"robot": {"plant": {"payload": {"mass": 1.0}}}}
     refused("plant/payload is set for left and right; valid: for one", left=payload, right=payload)
+    for wrong, said in (
+        ({"com": [0.0, 0.0, 0.1]}, "plant/payload has no mass"),
+        ({"mass_kg": 1.0}, "no parameter 'mass_kg'"),
+    ):
+        refused(said, left={"robot": {"plant": {"payload": wrong}}})
     refused(r"arms\.left: robot\.load is 2\.0; valid: a mapping", left={"robot": {"load": 2.0}})
     refused(
         r"2 mistakes\s+arms.right: setpoints.*not started.*\s+arms.right: parameters for",
@@ -206,6 +211,10 @@ def test_overrides_that_have_no_single_meaning_are_refused() -> None:
         Simulation("two_arms", arms="a,b")
     with pytest.raises(HricError, match="valid: different names, for example arms:=left,right"):
         Simulation("pd_step", arms="a,a")
+    with pytest.raises(
+        HricError, match=r"no override 'arms:=a,b': robot.urdf has no place.*valid: a file with the section"
+    ):
+        Simulation("ur5e_step", arms="a,b")
     with pytest.raises(HricError, match="'mid' is not one of left, right"):
         Simulation("two_arms", **{"arms.mid.robot.q_start": [0.0] * 7})
 

@@ -2,7 +2,6 @@
 
 import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -30,7 +29,7 @@ from hric_gym.tasks import (
 )
 from hric_human.control.inverse_kinematics import OutOfReachError
 from hric_human.participant.settings import HumanSettings
-from hric_run.definition.parameters import HUMAN, overlay
+from hric_run.definition.parameters import HUMAN
 from hric_run.simulation import Simulation
 
 STEP = 0.04
@@ -67,7 +66,7 @@ class CollaborationEnv(Env):
         person, trial, population, drive: person next to the arm, see `tasks.PersonChoice` (person: its `kind`).
         step: robot time between two actions, a multiple of 1 ms, at most 1 s [s].
         weights: weights of the costs in the reward, by name (one of `tasks.COSTS`); None: WEIGHTS.
-        changes: overrides of the experiment, `key:=value`.
+        changes: overrides of the experiment, `key:=value`: of robot, person, and the controller of the action mode.
         render_mode: "rgb_array", or None: without pictures.
 
     Raises:
@@ -102,24 +101,17 @@ class CollaborationEnv(Env):
         self._limit, self._steps = round(self.task.seconds / self.period), 0
         if render_mode is not None:
             prepare()
-        self._scene = scene(self.task, self._choice, tuple(changes))
-        self._definition = self._with_controller()
+        mode = self._mode_class
+        self._scene = scene(self.task, self._choice, mode.controller, mode.parameters, changes)
         self._renderer: Renderer | None = None
         self._simulation: Simulation | None = None
-        self._open(Simulation(self._definition))
+        self._open(Simulation(self._scene.definition))
         observation = self.simulation.observe()
         self._mode.start(observation)
         self._observation, self._ended = observation, True
         self._restart_goals(np.random.default_rng(0), 0)
         self.action_space = unit_box(*self._mode.space.shape)  # with a random generator of its own
         self.observation_space = dict_space(self._values(Costs()))
-
-    def _with_controller(self) -> Any:
-        """Return the experiment with the controller of the action mode."""
-        definition, mode = self._scene.definition, self._mode_class
-        parameters = overlay(definition.parameters.get(mode.controller, {}), mode.parameters)
-        shown = [name for name in definition.controllers if name.endswith("_state_controller")]
-        return replace(definition, controllers=(*shown, mode.controller), parameters={mode.controller: parameters})
 
     def _open(self, simulation: Simulation) -> None:
         """Replace the simulation by a new one. Raises HricError if its robot is not a Franka arm at the origin."""
@@ -200,7 +192,9 @@ class CollaborationEnv(Env):
             seed, deviation = int(random.integers(2**31)), random.uniform(-1.0, 1.0, 7) * self.task.deviation
             try:
                 if self._choice.population:
-                    self._open(Simulation(drawn_body(self._definition, self._choice.population, random), seed=seed))
+                    self._open(
+                        Simulation(drawn_body(self._scene.definition, self._choice.population, random), seed=seed)
+                    )
                 self._mode.prepare()
                 self.simulation.reset(in_place=True, seed=seed, q_start=(self._q_start + deviation).tolist())
             except OutOfReachError:

@@ -1,7 +1,7 @@
 """Tasks of the environments: experiment, goal, duration and constraints of each; and the choice of the person."""
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -11,8 +11,9 @@ from scipy.special import ndtr
 
 from hric_core.errors import HricError, check_known
 from hric_core.parameters import mapping, number
-from hric_run.definition import experiment
+from hric_run.definition import experiment, overrides
 from hric_run.definition.experiment import Experiment
+from hric_run.definition.parameters import overlay
 from hric_sweep import populations
 
 REACH = Path(__file__).resolve().parents[2] / "config" / "reach.yaml"
@@ -150,8 +151,9 @@ class PersonChoice:
             )
         if self.population:
             check_known("population", [self.population], populations.names())
-            if self.kind == "none":
-                raise HricError(f"population is {self.population!r} with person='none'; valid: another person, or none")
+        for name, usual in (("population", ""), ("drive", "torque")):
+            if self.kind == "none" and (value := getattr(self, name)) != usual:
+                raise HricError(f"{name} is {value!r} with person='none'; valid: another person, or {name}={usual!r}")
 
 
 @dataclass(frozen=True)
@@ -187,19 +189,34 @@ def checked_weights(weights: Any) -> dict[str, float]:
     return values
 
 
-def scene(task: TaskDefinition, choice: PersonChoice, changes: tuple[str, ...]) -> Scene:
-    """Return the experiment of a task with the chosen person.
+def scene(
+    task: TaskDefinition,
+    choice: PersonChoice,
+    controller: str,
+    parameters: Mapping[str, object],
+    changes: Sequence[str],
+) -> Scene:
+    """Return the experiment of a task with the chosen person and the controller of the action mode.
 
     Args:
         task: the task.
         choice: the person.
-        changes: overrides of the experiment, `key:=value`, in addition to those of the task.
+        controller: name of the controller.
+        parameters: its parameters, which replace those of the experiment.
+        changes: overrides of the experiment, `key:=value`, in addition to those of the task and to `parameters`.
 
     Raises:
-        HricError: the task needs a person, or a change or a file has a mistake.
+        HricError: the task needs a person, or a change or a file has a mistake, or a change has no effect.
     """
+    _check_effect(task, choice, changes)
     common = ("simulator:=mujoco", "robot.parameters.control_log:=false", f"human.rate:={RATE}")
-    definition = experiment.load(task.experiment, [*common, *task.changes, *changes])
+    others = [text for text in changes if _section(text) != "parameters"]
+    definition = experiment.load(task.experiment, [*common, *task.changes, *others])
+    used = (*(name for name in definition.controllers if name.endswith("_state_controller")), controller)
+    own = {controller: overlay(definition.parameters.get(controller, {}), parameters)}
+    of_controller = [text for text in changes if text not in others]
+    own = overrides.apply({"controllers": used, "parameters": own}, of_controller)["parameters"]
+    definition = replace(definition, controllers=used, parameters=own)
     human = dict(definition.human or {})
     reference = dict(human["control"]["parameters"]["reference"])
     channel = ""
@@ -218,6 +235,27 @@ def scene(task: TaskDefinition, choice: PersonChoice, changes: tuple[str, ...]) 
     setpoints = tuple((item.time, item.positions) for item in definition.setpoints)
     definition = replace(definition, human=human or None, supervisor=None, setpoints=())
     return Scene(definition, intention, channel, setpoints)
+
+
+def _section(change: str) -> str:
+    """Return the section of the experiment in which an override changes a key."""
+    key = change.partition(":=")[0]
+    return overrides.SHORTCUTS.get(key, (key,))[0].partition(".")[0]
+
+
+def _check_effect(task: TaskDefinition, choice: PersonChoice, changes: Sequence[str]) -> None:
+    """Raise HricError if a change is one of a section that the environment does not use."""
+    if isinstance(changes, str):
+        raise HricError(f"changes is {changes!r}; valid: a list of overrides, each key:=value")
+    valid = {"parameters", "robot", *(["setpoints"] if task.goal == SETPOINTS else [])}
+    valid |= {"human"} if choice.kind != "none" else set()
+    for text in changes:
+        if _section(text) not in valid:
+            raise HricError(
+                f"the change {text!r} has no effect in this environment; valid: keys of {', '.join(sorted(valid))}"
+            )
+        if text.startswith("human.drive:="):
+            raise HricError(f"the change {text!r} has no effect; valid: the argument drive")
 
 
 def _choose(human: dict[str, Any], reference: Mapping[str, Any], choice: PersonChoice) -> str:

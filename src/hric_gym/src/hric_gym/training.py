@@ -194,14 +194,14 @@ def train(agreed: PolicyContract, output: Path, *, resume: bool = False) -> bool
     torch.set_num_threads(1)  # fastest for networks of this size
     steps, seed = (int(str(agreed.training[name])) for name in ("steps", "seed"))
     checkpoint, replay = output.with_suffix(".zip"), output.with_suffix(".replay")
+    if resume and not (checkpoint.is_file() and replay.is_file()):
+        raise HricError(
+            f"--resume needs the checkpoint {checkpoint} and {replay}, of which one is missing; "
+            "valid: --output of an earlier training, or no --resume"
+        )
     limit, env = _limit(agreed), TrainingEnv(environment(agreed), agreed)
     rate = {"learning_rate": lambda left: RATE * left}
     if resume:
-        if not (checkpoint.is_file() and replay.is_file()):
-            raise HricError(
-                f"--resume needs the checkpoint {checkpoint} and {replay}, of which one is missing; "
-                "valid: --output of an earlier training, or no --resume"
-            )
         model = SAC.load(checkpoint, env, custom_objects=rate)
         model.load_replay_buffer(replay)
     else:

@@ -49,8 +49,8 @@ class PersonObservation:
         T_world_hand: pose in the world of the controlled hand, at the point that tracks the reference, shape (4, 4).
         tau, strength_share: joint torques [N m], and their share of the joints' strength [1], shape (n,) each, from the
             last message of the person (rate: `human.rate`); NaN before the first message.
-        activations: activation of each muscle [1], shape (m,), from the last message; None: joint torques drive the
-            person.
+        activations: activation of each muscle [1], shape (m,), from the last message, 0 before the first one; None:
+            joint torques drive the person.
         capsules: capsules of the body in the world.
     """
 
@@ -112,6 +112,14 @@ class Observer:
         count = len(self._joints)
         walked = 0 if self.settings.walk is None else 2
         self._q, self._dq = [0.0] * (count + walked), [0.0] * (count + walked)
+        self._relaxed: FloatArray | None = None
+        if self.settings.drive == MUSCLE:
+            from hric_human.muscles.choose import find
+            from hric_human.muscles.muscle_set import MuscleSet  # imported only for a body with muscles
+
+            muscles = self.settings.muscles
+            found = MuscleSet(body, find(muscles.anatomy, "human.muscles.anatomy"), muscles.strength)
+            self._relaxed = np.zeros(len(found.names))
         self.restart()
         node.subscribe(f"hric/{HUMAN}/joint_torque", JointTorque, self._on_torque)
         if self.settings.drive == MUSCLE:
@@ -121,7 +129,7 @@ class Observer:
         """Delete torques and activations that the person published before a reset."""
         if self.settings is not None:
             self._tau = self._share = np.full(len(self._joints), np.nan)
-            self._activations = np.empty(0) if self.settings.drive == MUSCLE else None
+            self._activations = self._relaxed
 
     def _on_torque(self, message: Any) -> None:
         self._tau, self._share = np.array(message.torque), np.array(message.strength_share)

@@ -329,13 +329,14 @@ def combined_input(needed: Mapping[str, PlantInput]) -> PlantInput:
     }
     for key in sorted(keys):
         config[key] = common(f"plant/{key}", {name: part.config.get(key) for name, part in needed.items()})
-    carrying = [name for name, part in needed.items() if _mapping(part.config.get("payload")).get("mass")]
+    loads = {name: _mapping(part.config.get("payload")) for name, part in needed.items()}
+    carrying = [name for name, load in loads.items() if load and load.get("mass") != 0]
     if len(carrying) > 1:
         raise ParameterError(f"plant/payload is set for {' and '.join(carrying)}; valid: for one of the robots")
     for name in carrying:
         part = needed[name]
         last = read(part.urdf_xml).joints[part.joint_names[-1]].child
-        config["payload"] = {"link": last, **_mapping(part.config["payload"])}
+        config["payload"] = {"link": last, **loads[name]}
     if not config[BY_JOINT]:
         del config[BY_JOINT]
     description = combined(MODEL, {name: part.urdf_xml for name, part in needed.items()})

@@ -125,8 +125,9 @@ class AdmittanceController(Controller):
         self._columns = [(T[k], T[k + 1], T[k + 2]) for k in (0, 4, 8)]
         self._start = Pose.of_column_major(T)
         self._rotation = quaternions.from_rotation_vector((0.0, 0.0, 0.0))
-        box = settings.workspace
-        reach = [(lo - x, hi - x) for lo, hi, x in zip(box.lower, box.upper, self._start.position, strict=True)]
+        box, p = settings.workspace, self._start.position
+        # From outside, the arm must not move by itself into the workspace.
+        reach = [(min(lo - x, 0.0), max(hi - x, 0.0)) for lo, hi, x in zip(box.lower, box.upper, p, strict=True)]
         self._law.start([*reach, *[(-settings.largest_turn, settings.largest_turn)] * 3])
         self._wrench.start()
         self._state_time.restart()

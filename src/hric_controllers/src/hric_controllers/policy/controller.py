@@ -13,6 +13,8 @@ from geometry_msgs.msg import PointStamped
 from franka_hw_interface.interfaces import FrankaModelInterface, FrankaStateInterface
 from franka_hw_interface.model import FrankaFrame
 from hric_control.robot_hw import RobotHW
+from hric_controllers.cartesian.workspace import Box
+from hric_controllers.marker.parameters import Workspace
 from hric_controllers.parameters import ArmSettings
 from hric_controllers.policy.contract import Vector, moved, within
 from hric_controllers.policy.network import PolicyNetwork
@@ -21,7 +23,7 @@ from hric_core import realtime, resources
 from hric_core.errors import CommandError, FailureError
 from hric_core.geometry import FloatArray
 from hric_core.node import Node
-from hric_core.parameters import numbers, refused, text, whole
+from hric_core.parameters import numbers, refused, section, text, whole
 
 CYCLE = 1e-3
 """Period of the control loop of the arm [s]."""
@@ -57,6 +59,12 @@ class PolicySettings(ArmSettings):
         text="the network runs in a thread, and its result is used after this number of cycles, less than the period "
         "of the policy; 0: the network runs in the control loop",
     )
+    workspace: Box = section(Workspace)
+
+    def check(self, where: str) -> None:
+        """Raise an error if the goal is outside the workspace."""
+        if self.goal is not None and not self.workspace.contains(self.goal):
+            raise refused(f"{where}goal", self.goal, f"a point in the workspace, {self.workspace}")
 
 
 class PolicyController(StreamedJoints):
@@ -99,9 +107,10 @@ class PolicyController(StreamedJoints):
         base, point = f"{self._policy_settings.arm_id}_link0", (message.point.x, message.point.y, message.point.z)
         if not self._running:
             raise CommandError("the controller is not running, the goal is ignored; start it first")
-        if message.header.frame_id.lstrip("/") not in ("", base) or not all(map(math.isfinite, point)):
+        box = self._policy_settings.workspace
+        if message.header.frame_id.lstrip("/") not in ("", base) or not box.contains(point):
             raise CommandError(
-                f"goal {point} in frame {message.header.frame_id!r} refused; valid: finite numbers, in {base}"
+                f"goal {point} in frame {message.header.frame_id!r} refused; valid: finite numbers, in {base}, {box}"
             )
         self._goal.set(point)
 
@@ -183,7 +192,10 @@ class PolicyController(StreamedJoints):
             self._move(left)
 
     def _move(self, displacement: FloatArray) -> None:
-        """Move the setpoint by a displacement of the end effector within one period."""
+        """Move the setpoint by a displacement of the end effector within one period, not out of the workspace."""
+        box, p = self._policy_settings.workspace, self._model.pose(FrankaFrame.END_EFFECTOR, self._setpoint.tolist())
+        left = np.subtract(box.lower, p[:3, 3]), np.subtract(box.upper, p[:3, 3])
+        displacement = np.clip(displacement, np.minimum(left[0], 0.0), np.maximum(left[1], 0.0))
         after = moved(self._model, self._setpoint, self._scale.value * displacement, self._network.contract.period)
         self._setpoint = within(after, self._low, self._high)
         self._targets.append((self._setpoint.tolist(), None))

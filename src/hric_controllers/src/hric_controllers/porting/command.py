@@ -86,6 +86,8 @@ def _table(source: Source, rows: Sequence[tuple[Use, Counterpart]]) -> Iterator[
     yield source.plugin
     if source.plugin in plugins.names(plugins.CONTROLLER):
         yield "  HRIC has a controller of this type, which takes the YAML of the source: no port is needed."
+    if source.others:
+        yield f"  The source also has {', '.join(source.others)}: the table contains what they use, too."
     if not rows:
         yield "  No interface, parameter, topic or call was recognised in the source."
     for kind, title in TITLES.items():

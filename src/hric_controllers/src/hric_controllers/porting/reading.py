@@ -77,12 +77,14 @@ class Source:
         plugin: name of the plugin, "package/Class"; the class alone if the source does not export it.
         uses: what it uses, each once, by kind and in the order of the source.
         methods: lines of each method of the life cycle, as "FILE, lines A to B".
+        others: other classes of controllers in the files; `uses` contains theirs, too.
     """
 
     name: str
     plugin: str
     uses: tuple[Use, ...]
     methods: dict[str, str]
+    others: tuple[str, ...] = ()
 
 
 def read_cpp(files: Sequence[Path]) -> Source:
@@ -112,6 +114,8 @@ def read_cpp(files: Sequence[Path]) -> Source:
             "MultiInterfaceController, and none is exported by PLUGINLIB_EXPORT_CLASS; give the file with the class"
         )
     plugin = exported.group(1).replace("::", "/", 1) if exported else declared.group(1) if declared else ""
+    name = plugin.rpartition("/")[2].rpartition(":")[2]
+    found_names = {one.rpartition(":")[2] for one in (*EXPORT.findall(whole), *CLASS.findall(whole))}
     uses: dict[tuple[str, str], Use] = {}
     methods: dict[str, str] = {}
     for path, text in texts.items():
@@ -123,7 +127,7 @@ def read_cpp(files: Sequence[Path]) -> Source:
             end = _block_end(text, found.end() - 1)
             first, last = _line(text, found.start(1)), _line(text, end)
             methods.setdefault(found.group(1), f"{path.name}, lines {first} to {last}")
-    return Source(plugin.rpartition("/")[2].rpartition(":")[2], plugin, tuple(uses.values()), methods)
+    return Source(name, plugin, tuple(uses.values()), methods, tuple(sorted(found_names - {name})))
 
 
 def _text(path: Path) -> str:

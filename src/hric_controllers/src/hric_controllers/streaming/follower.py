@@ -95,8 +95,12 @@ class TargetStream:
             self.smoothed, self.delay = self.period, self.period + max(self._delays) - min(self._delays)
         return True
 
-    def at(self, time: float) -> tuple[list[float], list[float]]:
-        """Return position and velocity of the stream at a robot time [s] less the delay, n floats each."""
+    def at(self, time: float, tops: Sequence[float]) -> tuple[list[float], list[float]]:
+        """Return position and velocity of the stream at a robot time [s] less the delay, n floats each.
+
+        tops: largest velocities, n floats, at which the line is at most continued: targets of two senders may be so
+        near in time that it is far steeper than their motion.
+        """
         play = time - self.delay
         stamped = self._stamp is not None
         around = [] if stamped else [one for one in self._targets if abs(one[0] - play) <= self.smoothed]
@@ -110,7 +114,11 @@ class TargetStream:
         axes = list(zip(*(target for _, target in around), strict=True))
         velocity = [sum(w * x for w, x in zip(weights, axis, strict=True)) for axis in axes]
         middle = [sum(axis) / len(around) for axis in axes]
-        return [p + v * (play - mean) for p, v in zip(middle, velocity, strict=True)], velocity
+        position = [p + v * (play - mean) for p, v in zip(middle, velocity, strict=True)]
+        if (late := max(play - around[-1][0], around[0][0] - play)) > 0.0:
+            rows = zip(position, axes, tops, strict=True)
+            position = [max(min(axis) - top * late, min(max(axis) + top * late, x)) for x, axis, top in rows]
+        return position, velocity
 
 
 class StreamFollower:
@@ -175,7 +183,7 @@ class StreamFollower:
             return
         stream = self._stream
         self.ceased = stream.period == 0.0 or time - stream.last_time > stream.delay + PATIENCE * stream.period
-        goal, speed = (stream.last, self._zero) if self.ceased else stream.at(time)
+        goal, speed = (stream.last, self._zero) if self.ceased else stream.at(time, self._limits.velocity)
         if self.ceased and self.position == goal:
             return
         inside = [max(low, min(high, x)) for x, (low, high) in zip(goal, self._ranges, strict=True)]

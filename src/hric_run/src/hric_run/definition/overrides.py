@@ -144,6 +144,11 @@ def _divide(raw: dict[str, Any], value: Any, text: str) -> None:
         raise ExperimentError(f"no override {text!r}: this experiment has the arms {', '.join(raw[ARMS])} already")
     if len(set(names)) != len(names) or len(names) < 2 or not all(isinstance(name, str) and name for name in names):
         raise ExperimentError(f"cannot apply override {text!r}; valid: different names, for example arms:=left,right")
+    if raw["robot"].get("urdf"):
+        raise ExperimentError(
+            f"no override {text!r}: robot.urdf has no place and no prefix of names, so it cannot occur twice; valid: "
+            "a file with the section arms, and a robot.urdf for each arm"
+        )
     base = raw["robot"].get("description", {}).get("xyz") or "0 0 0"
     x, y, z = map(float, base.split() if isinstance(base, str) else base)
     own = {key: raw.pop(key) for key in ("controllers", "parameters", "setpoints") if key in raw}

@@ -25,6 +25,8 @@ OF_LOG = {
 """Name of a feature -> columns of the control log."""
 WRENCH = tuple(f"O_F_ext_hat_K.{k}" for k in range(6))
 """Columns of FrankaState with the feature observation.wrench."""
+STATE_TOPIC = "/franka_state_controller/franka_states"
+"""End of the topic with the state of an arm, after the name of the arm if there are several."""
 WRENCH_NAMES, WRENCH_UNITS = ("fx", "fy", "fz", "tx", "ty", "tz"), ("N", "N", "N", "N m", "N m", "N m")
 UNKNOWN = "task not known"
 """Task of a run without description and experiment."""
@@ -82,10 +84,16 @@ def of_run(tables: Mapping[str, TopicTable], run: RunFile, rate: float) -> RunEp
     if len(logs) != 1 or len(logs[0].time) < 2:
         raise ExportError(f"format lerobot needs one control log of two samples or more; the bag has {len(logs)}")
     sources = {name: (logs[0], of_log) for name, of_log in _columns_of_log(logs[0]).items()}
+    arms = [
+        table
+        for table in tables.values()
+        if table.type_name == FRANKA_TYPE and {*WRENCH} <= {one.name for one in table.columns} and len(table.time) > 1
+    ]
+    for table in arms:
+        arm = f".{table.topic.strip('/').removesuffix(STATE_TOPIC).replace('/', '.')}" if len(arms) > 1 else ""
+        sources[f"observation.wrench{arm}"] = table, list(WRENCH)
     for table in tables.values():
         columns = [column.name for column in table.columns]
-        if table.type_name == FRANKA_TYPE and set(WRENCH) <= set(columns) and len(table.time) > 1:
-            sources["observation.wrench"] = table, list(WRENCH)
         joints = [name for name in columns if name.startswith("position.")]
         if table.type_name == STATES_TYPE and JOINTS & {name.partition(".")[2] for name in joints}:
             sources[_name_of_person(table.topic)] = table, joints
@@ -97,9 +105,7 @@ def of_run(tables: Mapping[str, TopicTable], run: RunFile, rate: float) -> RunEp
     }
     task = str(run.get("description") or run.get("experiment") or UNKNOWN)
     robot = (run.get("definition") or {}).get("robot") or {}
-    missing = (
-        [] if "observation.wrench" in features else ["no observation.wrench: the bag has no franka_msgs/FrankaState"]
-    )
+    missing = [] if arms else ["no observation.wrench: the bag has no franka_msgs/FrankaState"]
     added = [f"note: {note}" for note in run_notes.of_table(tables)]
     notes = (*(topic.how(times) for topic in topics.values()), *logs[0].notes, *missing, *added)
     return RunEpisode(task, str(robot.get("arm_id") or "unknown"), features, notes)
