@@ -233,6 +233,8 @@ def scene(
             f"person={choice.kind!r}; valid: scripted, policy"
         )
     setpoints = tuple((item.time, item.positions) for item in definition.setpoints)
+    if task.goal == SETPOINTS and not setpoints:
+        raise HricError(f"the experiment {definition.name} has no setpoint, which is the goal; valid: one or more")
     definition = replace(definition, human=human or None, supervisor=None, setpoints=())
     return Scene(definition, intention, channel, setpoints)
 
