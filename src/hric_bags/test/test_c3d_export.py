@@ -296,7 +296,7 @@ def test_the_line_that_is_printed_tells_how_the_file_was_made(
 
 def test_what_cannot_be_a_c3d_file_is_told(truth: Truth) -> None:
     tables = recording.read(recording.find(str(truth.bag)), ("/joint_states",))
-    with pytest.raises(ExportError, match="format c3d needs motion capture, force plates or EMG"):
+    with pytest.raises(ExportError, match="formats c3d, bids and xdf need motion capture, force plates or EMG"):
         c3d_trial.collect(tables, frames.FixedFrames(), {})
 
 

@@ -146,6 +146,12 @@ def test_a_bag_outside_the_folder_is_refused(tmp_path: Path, name: str) -> None:
         RunFolder(tmp_path).bag_of({"bag": name})
 
 
+def test_a_file_that_is_no_bag_is_not_called_missing(tmp_path: Path) -> None:
+    (tmp_path / "cut.mcap").write_bytes(b"")
+    with pytest.raises(RunFolderError, match=r"cut\.mcap is no run folder and no bag: it does not begin as a"):
+        RunFolder.open(tmp_path / "cut.mcap", tmp_path)
+
+
 def test_a_missing_run_names_those_that_exist(tmp_path: Path) -> None:
     RunFolder.create(tmp_path, "a", NOW).write({})
     with pytest.raises(RunFolderError, match=r"no run folder 'b'.*a_20240506-070809$"):

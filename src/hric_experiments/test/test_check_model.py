@@ -304,12 +304,13 @@ def write_joint_states(path: Path, data: simulated.Simulated, names: Sequence[st
     return path
 
 
-def write_franka_states(path: Path, data: simulated.Simulated) -> Path:
+def write_franka_states(path: Path, data: simulated.Simulated, *arms: str) -> Path:
     with BagWriter(path) as bag:
         for t, q, dq, tau in zip(data.time, data.q, data.dq, data.tau, strict=True):
             state = FrankaState(q=q.tolist(), dq=dq.tolist(), tau_J=tau.tolist())
             state.header.stamp = to_time(t + 1.0)
-            bag.write("/franka_state_controller/franka_states", state, t + 1.0)
+            for arm in arms or [""]:
+                bag.write(f"{arm}/franka_state_controller/franka_states", state, t + 1.0)
     return path
 
 
@@ -337,6 +338,14 @@ def test_joints_and_topics_that_a_bag_does_not_have_are_refused_with_those_it_ha
     assert "no joints left_joint1 to 7" in called(capsys, path, "--arm-id", "left")[2]
     assert "no topic with joints '/x' in panda.bag; valid: /joint_states" in called(capsys, path, "--topic", "/x")[2]
     assert "--columns selects columns of a CSV file" in called(capsys, path, "--columns", "t=x")[2]
+
+
+def test_the_states_of_one_of_two_arms_are_chosen_by_their_topic(data, tmp_path: Path, capsys) -> None:
+    path = write_franka_states(tmp_path / "arms.bag", data, "/left", "/right")
+    code, _, err = called(capsys, path, "--arm-id", "right")
+    assert code == 2 and "on /left/franka_state_controller/franka_states, /right/franka_state" in err
+    chosen = called(capsys, path, "--arm-id", "right", "--topic", "/right/franka_state_controller/franka_states", TEXT)
+    assert chosen[0] == 0 and "800 samples" in chosen[1]
 
 
 def test_a_nan_in_a_bag_is_refused_with_its_message_and_field(data, tmp_path: Path, capsys) -> None:

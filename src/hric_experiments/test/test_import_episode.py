@@ -96,11 +96,13 @@ def test_positions_and_task_of_an_episode_are_read(tmp_path: Path, make: Any, na
     np.testing.assert_allclose(made.robot.q_start, values[0], atol=1e-6)
 
 
-def test_signals_are_chosen_by_name_or_index(tmp_path: Path) -> None:
+def test_signals_are_chosen_by_name_or_index(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     values = np.column_stack([motion(0.4)[:, ::-1], np.full(FRAMES, 0.04)])
     dataset = version_3(tmp_path / "data", values, None, width=8)
     rows = np.loadtxt(imported(dataset, "--signals", *"6543210").with_suffix(".csv"), delimiter=",", skiprows=1)
     np.testing.assert_allclose(rows[:, 1:], motion(0.4), atol=1e-6)
+    assert main(["import", str(dataset), "-o", str(tmp_path / "twice.yaml"), "--signals", *"6543211"]) == 2
+    assert "--signals names a signal twice: 6, 5, 4, 3, 2, 1, 1; valid: 7" in capsys.readouterr().err
 
 
 def replayed(path: Path, runs: Path, *changes: str) -> tuple[Any, str]:

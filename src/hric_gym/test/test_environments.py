@@ -213,6 +213,11 @@ def test_what_does_not_fit_is_refused_with_the_valid_choices() -> None:
         ({"population": "adult_mixed", "person": "none"}, "population is 'adult_mixed' with person='none'"),
         ({"person": "trial", "trial": "walk.csv"}, r"a file .csv; valid: .c3d, .trc, .mot"),
         ({"person": "none", "drive": "muscle"}, "drive is 'muscle' with person='none'; valid: another person"),
+        (
+            {"task": "Contact", "changes": ["setpoints:=[]"]},
+            "contact has no setpoint, which is the goal",
+        ),
+        ({"step": 0.041, "changes": ["robot.plant.time_step:=0.002"]}, "step is 0.041; .* control cycle, 0.002 s"),
         ({"changes": "kp:=50"}, "changes is 'kp:=50'; valid: a list of overrides"),
         ({"changes": ["duration:=9"]}, "'duration:=9' has no effect in this environment; valid: keys of human, param"),
         ({"changes": ["arms:=left,right"]}, "'arms:=left,right' has no effect"),
@@ -247,6 +252,16 @@ def test_a_change_of_the_controllers_parameters_replaces_that_of_the_action_mode
         rows.append([env.step(np.full(env.action_space.shape, 0.3))[0]["q"] for _ in range(5)][-1])
         env.close()
     assert np.abs(rows[1] - rows[0]).max() > 1e-3
+
+
+@pytest.mark.parametrize("change", ["robot.plant.time_step:=0.002", "simulator:=opensim"])
+def test_a_step_has_its_duration_with_other_cycles_and_engines(change: str) -> None:
+    env = CollaborationEnv("Reach", person="none", changes=[change])
+    env.reset(seed=1)
+    begin = env.simulation.observe().time
+    env.step(np.zeros(7))
+    assert env.simulation.observe().time - begin == pytest.approx(0.04)
+    env.close()
 
 
 @pytest.mark.parametrize(("step", "steps"), [(0.04, 100), (0.1, 40), (0.4, 10)])

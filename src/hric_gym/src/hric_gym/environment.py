@@ -97,7 +97,6 @@ class CollaborationEnv(Env):
         self.task, self._choice = TASKS[task], PersonChoice(person, trial, population, drive)
         self._weights, self.render_mode = checked_weights(WEIGHTS if weights is None else weights), render_mode
         self._mode_class, self.period = MODES[action], checked_step(step)
-        self._cycles = round(self.period / 1e-3)
         self._limit, self._steps = round(self.task.seconds / self.period), 0
         if render_mode is not None:
             prepare()
@@ -119,11 +118,13 @@ class CollaborationEnv(Env):
         self._simulation, hw = simulation, simulation.app.hw
         if not isinstance(hw, FrankaHWSim):
             raise HricError(f"robot.hw is {simulation.app.name}; valid in hric_gym: franka_sim/FrankaHWSim")
-        if not np.array_equal(hw.plant.link_state(f"{hw.arm_id}_link0")[0], np.eye(4)):
+        if not np.allclose(hw.plant.link_state(f"{hw.arm_id}_link0")[0], np.eye(4), atol=1e-9):
             raise HricError(
                 "the base of the arm must be at the world's origin; valid: robot.description without xyz, rpy"
             )
-        self._hw, self._q_start = hw, np.array(hw.q_start)
+        self._hw, self._q_start, self._cycles = hw, np.array(hw.q_start), round(self.period / hw.period)
+        if abs(self._cycles * hw.period - self.period) > 1e-9:
+            raise HricError(f"step is {self.period}; valid: a multiple of the control cycle, {hw.period} s")
         human = simulation.definition.human
         self._judge = None if human is None else Judge(hw, HumanSettings.of(human, HUMAN), self.period)
         self._mode: ActionMode = self._mode_class(simulation, self.period)

@@ -212,11 +212,8 @@ def scene(
     common = ("simulator:=mujoco", "robot.parameters.control_log:=false", f"human.rate:={RATE}")
     others = [text for text in changes if _section(text) != "parameters"]
     definition = experiment.load(task.experiment, [*common, *task.changes, *others])
-    used = (*(name for name in definition.controllers if name.endswith("_state_controller")), controller)
-    own = {controller: overlay(definition.parameters.get(controller, {}), parameters)}
-    of_controller = [text for text in changes if text not in others]
-    own = overrides.apply({"controllers": used, "parameters": own}, of_controller)["parameters"]
-    definition = replace(definition, controllers=used, parameters=own)
+    own = overlay(definition.parameters.get(controller, {}), parameters)
+    definition = _commanded(definition, controller, own, [text for text in changes if text not in others])
     human = dict(definition.human or {})
     reference = dict(human["control"]["parameters"]["reference"])
     channel = ""
@@ -233,8 +230,19 @@ def scene(
             f"person={choice.kind!r}; valid: scripted, policy"
         )
     setpoints = tuple((item.time, item.positions) for item in definition.setpoints)
+    if task.goal == SETPOINTS and not setpoints:
+        raise HricError(f"the experiment {definition.name} has no setpoint, which is the goal; valid: one or more")
     definition = replace(definition, human=human or None, supervisor=None, setpoints=())
     return Scene(definition, intention, channel, setpoints)
+
+
+def _commanded(
+    definition: Experiment, controller: str, parameters: Mapping[str, object], changes: Sequence[str]
+) -> Experiment:
+    """Return an experiment with another controller and its parameters, to which changes are applied."""
+    used = (*(name for name in definition.controllers if name.endswith("_state_controller")), controller)
+    changed = overrides.apply({"controllers": used, "parameters": {controller: parameters}}, changes)
+    return replace(definition, controllers=used, parameters=changed["parameters"])
 
 
 def _section(change: str) -> str:

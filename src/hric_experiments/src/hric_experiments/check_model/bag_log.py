@@ -51,7 +51,10 @@ def read_bag(source: ExportSource, topic: str = "", arm_id: str = "") -> tuple[A
             f"{source.bag.name} has no control log, Franka states or joint states; topics in the bag: {there or 'none'}"
         )
     joints: set[str] = set()
+    states = [name for name in order if kinds[name] == FRANKA_TYPE]
     for name in order:
+        if name in states and len(states) > 1:
+            raise LogError(f"{source.bag.name} has Franka states on {', '.join(states)}; choose one with --topic")
         data = recording.read(source, (name,))[name]
         arms = _arms(data, kinds[name], arm_id)
         if len(arms) == 1:

@@ -212,7 +212,10 @@ def _columns(names: list[str], shape: Sequence[int], signals: Sequence[str], cou
     for signal in signals:
         if signal not in names and not (signal.isdigit() and int(signal) < width):
             raise HricError(f"no signal {signal!r} in {feature}; valid: {listed}, or an index below {width}")
-    return [names.index(signal) if signal in names else int(signal) for signal in signals]
+    indices = [names.index(signal) if signal in names else int(signal) for signal in signals]
+    if len({*indices}) < count:
+        raise HricError(f"--signals names a signal twice: {', '.join(signals)}; valid: {count} different ones")
+    return indices
 
 
 def _task(dataset: Path, table: Any) -> str:

@@ -167,8 +167,8 @@ def _sources(tables: Mapping[str, TopicTable]) -> tuple[list[TopicTable], list[T
     emg = sorted(others, key=lambda table: -len(table.time))  # raw EMG before its envelope
     if not (captures or plates or emg):
         raise ExportError(
-            f"format c3d needs motion capture, force plates or EMG (hric_msgs/MocapData, {batches.CHUNK}), among "
-            "the requested topics"
+            "formats c3d, bids and xdf need motion capture, force plates or EMG "
+            f"(hric_msgs/MocapData, {batches.CHUNK}), among the requested topics"
         )
     if len(captures) > 1:
         topics = ", ".join(table.topic for table in captures)
