@@ -95,6 +95,15 @@ class LiveSystem:
                 process.kill()
                 process.wait()
 
+    @contextmanager
+    def published(self, topic: str, kind: str, text: str) -> Iterator[None]:
+        """Publish a message as in another terminal, latched until the end of the `with` block.
+
+        `rostopic pub -1` waits 3 s for subscribers and drops the message if a busy machine needs longer.
+        """
+        with self.started("rostopic", "pub", topic, kind, text):
+            yield
+
     def wait_output(self, text: str, timeout: float = READY_TIMEOUT) -> None:
         """Wait until `text` is in the output."""
 

@@ -3,6 +3,7 @@
 import os
 import re
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from unittest import mock
 
 import pytest
@@ -53,25 +54,15 @@ def wait_at(system: LiveSystem, left: float, right: float) -> None:
     wait_for(arrived, 90.0, f"joints 1 at {left} and {right} rad; output:\n{system.output}")
 
 
-def publish(system: LiveSystem, topic: str, kind: str, text: str) -> None:
-    done = system.run("rostopic", "pub", "-1", topic, kind, text)
-    assert done.returncode == 0, done.stderr
-
-
 def test_each_arm_has_a_controller_of_its_own(arms: LiveSystem) -> None:
-    for arm, q1 in (("left", 0.5), ("right", -0.5)):
-        publish(arms, f"/{arm}/{PD}/command", "std_msgs/Float64MultiArray", f"{{data: {[q1, *POSE]}}}")
-    wait_at(arms, 0.5, -0.5)
+    with ExitStack() as stack:
+        for arm, q1 in (("left", 0.5), ("right", -0.5)):
+            text = f"{{data: {[q1, *POSE]}}}"
+            stack.enter_context(arms.published(f"/{arm}/{PD}/command", "std_msgs/Float64MultiArray", text))
+        wait_at(arms, 0.5, -0.5)
 
 
 def test_each_arm_has_a_gripper(arms: LiveSystem) -> None:
-    for arm, width in (("left", 0.03), ("right", 0.06)):
-        publish(
-            arms,
-            f"/{arm}/franka_gripper/move/goal",
-            "franka_gripper/MoveActionGoal",
-            f"{{goal: {{width: {width}, speed: 0.1}}}}",
-        )
 
     def opened() -> bool:
         text = [
@@ -84,7 +75,13 @@ def test_each_arm_has_a_gripper(arms: LiveSystem) -> None:
         widths = [(match[1], round(2.0 * float(match[2]), 3)) for match in fingers if match]
         return widths == [("left", 0.03), ("right", 0.06)]
 
-    wait_for(opened, 90.0, "the fingers of both arms at their own widths")
+    with ExitStack() as stack:
+        for arm, width in (("left", 0.03), ("right", 0.06)):
+            text = f"{{goal: {{width: {width}, speed: 0.1}}}}"
+            stack.enter_context(
+                arms.published(f"/{arm}/franka_gripper/move/goal", "franka_gripper/MoveActionGoal", text)
+            )
+        wait_for(opened, 90.0, "the fingers of both arms at their own widths")
 
 
 def test_there_is_one_clock(arms: LiveSystem) -> None:
@@ -105,8 +102,8 @@ def test_one_trajectory_moves_both_arms_and_a_conflict_is_refused(arms: LiveSyst
     assert f"right_joint1 is claimed by both /{BOTH} and {PD}" in manager(arms, "/right", "start", PD)
     point = f"{{positions: {[-0.3, *POSE, 0.3, *POSE]}, time_from_start: {{secs: 2}}}}"
     text = f"{{joint_names: {JOINTS}, points: [{point}]}}"
-    publish(arms, f"/{BOTH}/command", "trajectory_msgs/JointTrajectory", text)
-    wait_at(arms, -0.3, 0.3)
+    with arms.published(f"/{BOTH}/command", "trajectory_msgs/JointTrajectory", text):
+        wait_at(arms, -0.3, 0.3)
 
 
 def test_one_bag_has_the_topics_of_both_arms(arms: LiveSystem) -> None:
