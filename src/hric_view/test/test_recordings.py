@@ -117,7 +117,7 @@ def test_a_damaged_verdict_is_not_known(tmp_path: Path, content: str) -> None:
 
 def test_a_damaged_definition_is_listed_as_fault(tmp_path: Path) -> None:
     (tmp_path / "run.yaml").write_text("definition: text")
-    assert "definition is not a mapping" in entry(RunFolder(tmp_path)).fault
+    assert "definition is 'text'; valid: a mapping" in entry(RunFolder(tmp_path)).fault
 
 
 @pytest.mark.parametrize("name", ["", "..", "../recorded", "/etc", "latest", "no_such_run", "broken\0"])

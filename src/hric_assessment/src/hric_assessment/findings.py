@@ -76,11 +76,8 @@ class Evidence:
     @property
     def complete(self) -> bool:
         """True if a time is covered without a gap that may not be bridged, and the arm's motion is completely known."""
-        return self._covered and (self.arm_motion is None or self.arm_motion >= 1.0)
-
-    @property
-    def _covered(self) -> bool:
-        return self.requested > 0.0 and self.longest_gap <= self.max_gap + JITTER
+        covered = self.requested > 0.0 and self.longest_gap <= self.max_gap + JITTER
+        return covered and (self.arm_motion is None or self.arm_motion >= 1.0)
 
     @property
     def shortfall(self) -> str:
@@ -88,7 +85,7 @@ class Evidence:
         if self.complete:
             return ""
         clauses = []
-        if not self._covered:
+        if self.requested <= 0.0 or self.longest_gap > self.max_gap + JITTER:
             clauses.append(
                 f"known for {self.known:.2f} of {self.requested:.2f} s, longest gap {self.longest_gap:.2f} s"
             )

@@ -6,6 +6,7 @@ import weakref
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
+from functools import reduce
 from pathlib import Path
 from typing import Any, Unpack, cast
 
@@ -190,11 +191,14 @@ class RunFolder:
         if not isinstance(data, dict):
             raise RunFolderError(f"{self.path / 'run.yaml'} is not a mapping")
         for key in (*MAPPINGS, *NUMBERS):
-            value, valid = _entry(data, key), "a mapping" if key in MAPPINGS else "a number above 0"
+            value = reduce(lambda tree, part: (tree or {}).get(part), key.split("."), cast(Any, data))
             with suppress(ValueError):
                 if value is None or (isinstance(value, dict) if key in MAPPINGS else as_number(value) > 0.0):
                     continue
-            raise RunFolderError(f"{self.path / 'run.yaml'}: {key} is {value!r}; valid: {valid}")
+            raise RunFolderError(
+                f"{self.path / 'run.yaml'}: {key} is {value!r}; valid: a "
+                f"{'mapping' if key in MAPPINGS else 'number above 0'}"
+            )
         return cast(RunFile, data)
 
     def _version(self) -> tuple[int, ...]:
@@ -251,10 +255,3 @@ def _make_unique(root: Path, name: str) -> Path:
             continue
         return folder
     raise RunFolderError(f"{root} already has 999 runs named {name}")
-
-
-def _entry(data: Any, key: str) -> Any:
-    """Return an entry of nested mappings by its keys, joined by dots; None: it is missing."""
-    for part in key.split("."):
-        data = (data or {}).get(part)
-    return data

@@ -1,6 +1,6 @@
 """Exceptions of the workspace. Each message says what was wrong, where, and what would be valid."""
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches
 
@@ -55,9 +55,8 @@ def failing() -> Iterator[None]:
         raise
 
 
-def listed(names: Iterable[str]) -> str:
+def listed(names: Sequence[str]) -> str:
     """Return names as a text, in quotes if one of them contains a comma."""
-    names = list(names)
     return ", ".join(map(repr, names) if any("," in name for name in names) else names)
 
 

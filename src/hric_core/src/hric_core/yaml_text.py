@@ -4,7 +4,6 @@ It refuses duplicate keys, octal numbers, an anchor that contains itself, aliase
 values, and nesting so deep that the stack of the C library would overflow.
 """
 
-import re
 from typing import Any
 
 import yaml
@@ -15,9 +14,6 @@ MAX_DEPTH = 64
 """Largest number of nesting levels (project default, unconfirmed). The deepest file of the workspace has 12."""
 MAX_ALIASED = 10_000
 """Largest number of values to which the aliases of one text may expand (project default, unconfirmed)."""
-
-OCTAL = re.compile(r"[-+]?0[0-7_]+")
-"""Pattern of a number with a leading zero, which YAML 1.1 reads as octal."""
 
 
 def parse(text: str, where: str) -> Any:
@@ -102,7 +98,7 @@ class _Check:
     def _value(self, node: yaml.ScalarNode) -> Any:
         if node.tag == "tag:yaml.org,2002:merge":
             return node.value
-        if node.tag.endswith(":int") and OCTAL.fullmatch(node.value):
+        if node.tag.endswith(":int") and node.value.lstrip("+-")[:1] == "0" and node.value.lstrip("+-0_").isdigit():
             raise _Refusal(
                 node, f"{node.value} is {int(node.value, 8)}, as YAML reads it; write it without a leading 0"
             )

@@ -78,8 +78,6 @@ def _verdict(folder: RunFolder, run: RunFile) -> str:
     except (OSError, LookupError, AttributeError, TypeError):  # of another program, or damaged
         return "not known: verdict.json cannot be read"
     definition = run.get("definition") or {}
-    if not isinstance(definition, dict):
-        raise HricError(f"{folder.path / 'run.yaml'}: definition is not a mapping")
     return "not known: not assessed yet" if definition.get("human") or definition.get("person") else "no person"
 
 

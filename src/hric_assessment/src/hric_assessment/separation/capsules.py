@@ -217,6 +217,9 @@ class CapsuleMotion:
         time: ascending times of the samples, shape (m,) [s].
         q: joint positions, shape (m, j) [rad]; interpolated linearly between two samples.
         root: function from times to poses of the root link; None: the root is the world.
+
+    Attributes:
+        tree, capsules: as above.
     """
 
     def __init__(
@@ -228,14 +231,14 @@ class CapsuleMotion:
         q: FloatArray,
         root: Poses | None = None,
     ) -> None:
-        self._tree, self._capsules, self._joints = tree, capsules, joints
+        self.tree, self.capsules, self._joints = tree, capsules, joints
         self._time, self._q, self._root = time, q, root
 
     def __call__(self, time: FloatArray) -> FloatArray:
         """Return the axis ends of the capsules in the world, shape (n, k, 2, 3) [m]; time: times, shape (n,) [s]."""
         q = np.array([np.interp(time, self._time, column) for column in self._q.T]).T.reshape(len(time), -1)
-        T = poses(self._tree, self._joints, q, None if self._root is None else self._root(time))
-        return self._capsules.placed(np.stack([T[link] for link in self._capsules.links]).swapaxes(0, 1))
+        T = poses(self.tree, self._joints, q, None if self._root is None else self._root(time))
+        return self.capsules.placed(np.stack([T[link] for link in self.capsules.links]).swapaxes(0, 1))
 
 
 def speeds(ends: Callable[[FloatArray], FloatArray], time: FloatArray, block: int = 2000) -> FloatArray:

@@ -88,7 +88,7 @@ def _of_person(source: AssessmentInput, record: HumanRecord, choices: Assessment
         remedy = "run again with robot.plant.collision: true, and a collision shape for each link of the robot"
     regions: dict[tuple[tuple[str, ...], str], list[RegionContact]] = {}
     for contact in record.region_contacts:
-        regions.setdefault(_place(contact), []).append(contact)
+        regions.setdefault(_region_key(contact), []).append(contact)
     findings = [finding for contacts in regions.values() for finding in judge.of_region(contacts)]
     findings = [replace(finding, evidence=evidence) for finding in findings]
     if not findings or lost:
@@ -160,7 +160,7 @@ def _rest(
     return replace(finding, person=record.name)
 
 
-def _place(contact: RegionContact) -> tuple[tuple[str, ...], str]:
+def _region_key(contact: RegionContact) -> tuple[tuple[str, ...], str]:
     """Return regions (of a link without one, its name) and side of a contact; forces at one place are added."""
     return tuple(sorted(contact.regions)) or (contact.link,), contact.side
 
@@ -250,14 +250,15 @@ class _Judge:
         """Return the doubt that contacts at another place may press on the same region at the same time."""
         (begin, end), first = window_of(contacts), contacts[0]
         others = [
-            f"{touch.other} with {touch.link}"
+            f"the contact of {touch.other} with {touch.link}"
             for touch in self._record.region_contacts
-            if touch.kind == PENALTY and set(touch.regions) & set(first.regions) and _place(touch) != _place(first)
+            if touch.kind == PENALTY
+            and set(touch.regions) & set(first.regions)
+            and _region_key(touch) != _region_key(first)
             if (touch.side == first.side or not touch.side or not first.side)
             if touch.begin <= end and begin <= end_of(touch)
         ]
-        together = " and ".join(dict.fromkeys(others))
-        return [f"the contact of {together} may press on the same region at the same time"] if others else []
+        return [f"{' and '.join(dict.fromkeys(others))} may press on the same region at the same time"] * bool(others)
 
     def _varied(self, episode: Episode) -> Episode:
         """Return a simulated episode whose impact has the force and energy of the closed form with the factors."""

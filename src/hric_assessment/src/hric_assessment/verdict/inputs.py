@@ -3,12 +3,15 @@
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from hric_assessment.separation.capsules import moved_by, shapeless
+from hric_assessment.findings import NotAssessableError
+from hric_assessment.separation.capsules import CapsuleMotion, capsules_of, moved_by, shapeless
 from hric_assessment.typed_json import Content
 from hric_assessment.verdict.markers import FRAMES, of_frames, of_trial
 from hric_bags import foreign
+from hric_bags.reader import ControlRecord
 from hric_bags.records import recording
 from hric_bags.records.recording import Recording
+from hric_bags.records.root_record import RootRecord
 from hric_bags.run_file import RunFile
 from hric_bags.run_folder import RunFolder
 from hric_core import urdf
@@ -60,14 +63,11 @@ class AssessmentInput:
 
     def placed(self, frame: str) -> Pose | None:
         """Return the pose of a frame in the world by the static transforms; None: they do not lead to the world."""
-        static = {child: (parent, pose) for (parent, child), pose in self.recording.static.items()}
-        T_frame_goal = Pose()
-        while frame != WORLD:
-            if frame not in static:
-                return None
+        static, T_frame_goal = {key[1]: (key[0], pose) for key, pose in self.recording.static.items()}, Pose()
+        while frame != WORLD and frame in static:
             frame, T_parent_frame = static.pop(frame)  # each once, so that a loop ends
             T_frame_goal = compose(T_parent_frame, T_frame_goal)
-        return T_frame_goal
+        return T_frame_goal if frame == WORLD else None
 
     def base(self, root: str) -> Pose | None:
         """Return the pose of the root link of the robot's description in the world; None: not known.
@@ -75,6 +75,21 @@ class AssessmentInput:
         A simulation has it at the world's origin.
         """
         return self.placed(root) or (Pose() if self.run else None)
+
+    def arm(self, log: ControlRecord) -> tuple[CapsuleMotion, list[str]]:
+        """Return the motion of the arm's capsules in the world, and the links that they leave out.
+
+        Raises:
+            NotAssessableError: the place of the robot is not known.
+        """
+        tree = urdf.read(self.description)
+        if (base := self.base(tree.root)) is None:
+            raise NotAssessableError(
+                f"the place of the robot is not known: no static transform leads from world to {tree.root}, the root "
+                "of its description (record /tf_static)"
+            )
+        capsules, left_out = capsules_of(tree, moved_by(tree, names := log.joint_names))
+        return CapsuleMotion(tree, capsules, names, log.time, log.position, RootRecord.still(base).transforms), left_out
 
     @property
     def untouchable(self) -> str:

@@ -117,10 +117,16 @@ def _transport(held: str, grips: Sequence[GripRecord]) -> LiftTransport:
 def _of(transport: LiftTransport, person: AssessedPerson) -> list[Finding]:
     """Return the findings about picking up (from the grip to the highest point) and putting down an object."""
     if not len(transport.time):
-        why = "there is no instant at which all hands hold it with known force and point"
-        subject, window = f"lift of {transport.held}", (float(person.time[0]), float(person.time[-1]))
-        table = niosh_table().name
-        return [Finding(subject, Outcome.NOT_ASSESSABLE, why, table, window=window, group=LIFT)]
+        return [
+            Finding(
+                f"lift of {transport.held}",
+                Outcome.NOT_ASSESSABLE,
+                "there is no instant at which all hands hold it with known force and point",
+                niosh_table().name,
+                window=(float(person.time[0]), float(person.time[-1])),
+                group=LIFT,
+            )
+        ]
     height, limit = transport.point[:, 2], verdict_table()["lift"]
     top = int(np.argmax(height))
     findings = []

@@ -8,12 +8,11 @@ from xml.sax.saxutils import escape
 import numpy as np
 
 from hric_assessment.findings import BoolArray, Finding
-from hric_assessment.separation.capsules import CapsuleMotion, Capsules, capsules_of, distances, moved_by, of_body
+from hric_assessment.separation.capsules import CapsuleMotion, Capsules, distances, of_body
 from hric_assessment.typed_json import Content
 from hric_assessment.verdict.conclusions import BY_DEFAULT, CONTACT, ORDER, OUTCOMES, POSTURE, Conclusion, Reply
 from hric_assessment.verdict.inputs import AssessmentInput
 from hric_assessment.verdict.person import AssessedPerson
-from hric_bags.records.root_record import RootRecord
 from hric_core import urdf
 from hric_core.geometry import FloatArray
 
@@ -93,12 +92,8 @@ def moment(
     marked: tuple[list[int], list[int]] = [], _of_arm(person, conclusion)
     arm_ends = np.empty((len(time), 0, 2, 3))
     if log is not None and source.description and root is not None:
-        tree = urdf.read(source.description)
-        base = source.base(tree.root)
-        arm = arm if base is None else capsules_of(tree, moved_by(tree, log.joint_names))[0]
-        if base is not None and arm.links:
-            poses = RootRecord.still(base).transforms
-            arm_ends = CapsuleMotion(tree, arm, log.joint_names, log.time, log.position, poses)(time)
+        motion, _ = source.arm(log)
+        arm, arm_ends = motion.capsules, motion(time) if motion.capsules.links else arm_ends
     if arm.links and conclusion.question != POSTURE:
         gaps = distances(arm_ends, arm.radii, ends, body.radii)
         gaps[:, :, ~_concerned(person, body, regions)] = np.inf

@@ -15,7 +15,7 @@ from hric_assessment.findings import (
     finite_rows,
     unknown,
 )
-from hric_assessment.separation.capsules import CapsuleMotion, capsules_of, moved_by, of_body, speeds
+from hric_assessment.separation.capsules import CapsuleMotion, moved_by, of_body, speeds
 from hric_assessment.separation.minima import Separation, separation
 from hric_assessment.separation.protective import Terms, person_speed, protective_distance
 from hric_assessment.tables import separation_table, verdict_table
@@ -24,7 +24,6 @@ from hric_assessment.verdict.inputs import AssessmentInput
 from hric_assessment.verdict.person import AssessedPerson
 from hric_assessment.verdict.result import SeparationCurve, thinned
 from hric_bags.reader import ControlRecord
-from hric_bags.records.root_record import RootRecord
 from hric_bags.run_file import held_mass, robots
 from hric_core import urdf
 from hric_core.geometry import FloatArray
@@ -115,16 +114,10 @@ def separated(source: AssessmentInput, person: AssessedPerson, choices: Assessme
         return None
     if not np.isfinite(person.uncertainty):
         raise NotAssessableError("the distance between the measured markers and those of the body is not known")
-    tree = urdf.read(source.description)
-    robot, left_out = capsules_of(tree, moved_by(tree, log.joint_names))
+    arm, left_out = source.arm(log)
+    robot = arm.capsules
     if not len(robot.radii):
         return None
-    if (base := source.base(tree.root)) is None:
-        raise NotAssessableError(
-            f"where the robot stands is not known: no static transform leads from world to {tree.root}, the root of "
-            "its description (record /tf_static)"
-        )
-    arm = CapsuleMotion(tree, robot, log.joint_names, log.time, log.position, RootRecord.still(base).transforms)
     q, unknown_share = filled(person.q)
     body = of_body(person.body)
     bodies = CapsuleMotion(urdf.read(person.body.urdf), body, person.names, person.time, q, person.root.transforms)
@@ -149,7 +142,7 @@ def separated(source: AssessmentInput, person: AssessedPerson, choices: Assessme
         _sampled(log, person, distances.time),
         _evidence(source, log, person, arm),
         relied,
-        _unlogged(tree, log.joint_names),
+        _unlogged(arm.tree, log.joint_names),
         tuple(dict.fromkeys(left_out)),
         load,
         _unbraked(source, choices),
@@ -158,9 +151,9 @@ def separated(source: AssessmentInput, person: AssessedPerson, choices: Assessme
 
 def _unlogged(tree: urdf.Robot, names: Sequence[str]) -> tuple[str, ...]:
     """Return the movable joints that are not in the log; fingers at the end of the arm do not count."""
+    free = [joint for joint in tree.joints.values() if joint.type != "fixed" and joint.mimic is None]
     moved = moved_by(tree, names)
-    joints = (joint for joint in tree.joints.values() if joint.type != "fixed" and joint.name not in names)
-    return tuple(joint.name for joint in joints if joint.mimic is None and joint.parent not in moved)
+    return tuple(joint.name for joint in free if joint.name not in names and joint.parent not in moved)
 
 
 def _unbraked(source: AssessmentInput, choices: AssessmentChoices) -> str:

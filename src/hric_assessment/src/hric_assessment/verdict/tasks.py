@@ -61,12 +61,9 @@ def stances_of(person: AssessedPerson, time: FloatArray) -> Stances:
     """
     if person.attitude is None:
         raise NotAssessableError("the pose of the person's pelvis is not known")
-    if not (len(person.time) and person.time[0] <= time.min() and time.max() <= person.time[-1]):
-        raise NotAssessableError(f"the motion of the person does not cover {time.min():g} to {time.max():g} s")
-    gap = verdict_table()["max_gap"] + JITTER
     for known in (person.time, *(() if person.attitude.fixed else (person.attitude.time,))):
-        away = np.abs(known[:, None] - time).min(axis=0)
-        if away.max() > gap:
+        away = np.abs(known[:, None] - time).min(axis=0, initial=np.inf)
+        if away.max() > verdict_table()["max_gap"] + JITTER:
             raise NotAssessableError(f"the motion of the person is not known at {time[away.argmax()]:g} s")
     joints, rows = list(person.body.joints), np.abs(person.time[:, None] - time).argmin(axis=0)
     q, deviation = np.full((len(time), len(joints)), np.nan), np.zeros((len(time), len(joints)))

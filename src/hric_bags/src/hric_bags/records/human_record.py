@@ -205,8 +205,8 @@ class HumanMessages:
         time, q = position.columns(robot_time)
         torque_time, tau, share = torque.columns(robot_time)
         joints = () if position.last is None else tuple(position.last.name)
-        if torque.last is not None:
-            tau, share = (_sorted(values, list(torque.last.name), joints) for values in (tau, share))
+        names = [] if torque.last is None else list(torque.last.name)
+        tau, share = (_sorted(values, names, joints) for values in (tau, share))
         return HumanRecord(
             joints,
             time,
@@ -236,9 +236,8 @@ class HumanMessages:
 
 def _sorted(values: FloatArray, names: list[str], joints: Iterable[str]) -> FloatArray:
     """Return the columns of some joints, shape (n, joints); NaN where `names`, the names of the columns, lack one."""
-    missing = np.full((len(values), 1), np.nan)
     columns = [names.index(joint) if joint in names else len(names) for joint in joints]
-    return np.hstack([values, missing])[:, columns]
+    return np.hstack([values, np.full((len(values), 1), np.nan)])[:, columns]
 
 
 def _second_text(raw: bytes) -> bytes:

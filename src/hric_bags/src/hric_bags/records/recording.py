@@ -228,8 +228,8 @@ class _Taken:
             for transform in message.transforms:
                 q = transform.transform.rotation
                 key = transform.header.frame_id.strip("/"), transform.child_frame_id.strip("/")
-                if any(turn := (q.x, q.y, q.z, q.w)):
-                    self._static[key] = Pose(xyz(transform.transform.translation), normalized(turn))
+                if any(orientation := (q.x, q.y, q.z, q.w)):
+                    self._static[key] = Pose(xyz(transform.transform.translation), normalized(orientation))
 
     def _add_states(self, topic: str, message: Any) -> None:
         if topic not in self._people:

@@ -56,7 +56,7 @@ class ContactStream:
 SAME = 5e-4
 """Largest difference of the begins that messages of one contact state [s]: half a step of 1 ms (project default).
 
-A contact that begins anew is at least two steps later.
+The next contact of the same bodies begins at least two steps later.
 """
 RECENT = 8
 """Number of contacts of two bodies, the last ones, to which a message may belong (project default)."""

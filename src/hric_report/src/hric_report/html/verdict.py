@@ -7,6 +7,7 @@ import base64
 import io
 import json
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from itertools import groupby
 from pathlib import Path
 from typing import cast
@@ -26,6 +27,8 @@ from hric_report.html.chart import Axis
 from hric_report.html.strip import Strip, StripBar, time_axis
 from hric_report.html.verdict_file import ActivationEntry, FindingEntry, ScoreEntry, VerdictFile
 
+DAMAGED = LookupError, TypeError
+"""Errors that reading a verdict file of another program raises."""
 KINDS = {"within limits": "within", "warning": "warning", "above limits": "above", "not assessable": "unknown"}
 """CSS class (colour) of each outcome of a finding."""
 REPLIES = {"yes": "within", "warning": "warning", "no": "above", "unknown": "unknown", "no limit": "plain"}
@@ -54,8 +57,9 @@ def verdict_of(folder: RunFolder) -> VerdictFile | None:
     Raises:
         HricError: the bag cannot be read.
     """
-    if (known := written(folder)) is not None:
-        return known
+    with suppress(*DAMAGED):
+        if (known := written(folder)) is not None:
+            return known
     definition = folder.read().get("definition") or {}
     if not (definition.get("human") or definition.get("person")):
         return None
@@ -63,7 +67,11 @@ def verdict_of(folder: RunFolder) -> VerdictFile | None:
 
 
 def written(folder: RunFolder) -> VerdictFile | None:
-    """Return the contents of a run's verdict.json; None: it is missing, invalid or outdated."""
+    """Return the contents of a run's verdict.json; None: it is missing, invalid or outdated.
+
+    Raises:
+        LookupError, TypeError: it is of another program, or damaged.
+    """
     return _read(folder.path / FILE, folder.path.name, "run", folder.bag_path)
 
 
@@ -84,18 +92,19 @@ def _read(path: Path, name: str, kind: str, recording: Path) -> VerdictFile | No
         return None
     try:
         content: VerdictFile = json.loads(path.read_text())
-        about = content["version"], content["input"]["name"], content["input"]["kind"]
-    except (ValueError, TypeError, KeyError):
+    except ValueError:
         return None
+    about = content["version"], content["input"]["name"], content["input"]["kind"]
     return content if about == (VERSION, name, kind) else None
 
 
 def verdict_of_recording(source: AssessmentInput, path: Path) -> VerdictFile:
     """Return the verdict on a bag or c3d file from the file next to it; assess it if that file does not fit."""
     recording = source.recording
-    known = _read(source.verdict_file, source.name, source.kind, path)
-    if known is not None and (known["input"]["begin"], known["input"]["end"]) == (recording.begin, recording.end):
-        return known
+    with suppress(*DAMAGED):
+        known = _read(source.verdict_file, source.name, source.kind, path)
+        if known is not None and (known["input"]["begin"], known["input"]["end"]) == (recording.begin, recording.end):
+            return known
     return _judge(source)
 
 
