@@ -145,7 +145,9 @@ class MarkerPostures:
     def _rotations(self, postures: BodyPostures) -> list[FloatArray]:
         """Return the rotations of all links, of shape (n, 3, 3) each; the last one, index -1, is that of the root."""
         angles = postures.q[:, self._joint_of, None] * self._axes
-        R_joints = iter(Rotation.from_rotvec(angles.reshape(-1, 3)).as_matrix().reshape(*angles.shape, 3).swapaxes(0, 1))
+        R_joints = iter(
+            Rotation.from_rotvec(angles.reshape(-1, 3)).as_matrix().reshape(*angles.shape, 3).swapaxes(0, 1)
+        )
         rotations = list[FloatArray]()
         for link in self._links:
             R = postures.R if link.parent < 0 else rotations[link.parent]
