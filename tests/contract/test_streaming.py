@@ -233,7 +233,7 @@ def _driven(robot: Robot, path: str) -> list[list[float]]:
             publisher.publish(stamped.pose_stamped(header, Pose((x, y, z), turned)))
         joints.append(list(robot.hw.robot_state.q_d))
 
-    robot.run(12.0, cycle)
+    robot.run(10.0, cycle)
     assert robot.hw.error == ""
     if path == "behind":  # the arm may stop where the way back leads through itself
         return joints
