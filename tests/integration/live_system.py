@@ -6,7 +6,7 @@ import subprocess
 import time
 import uuid
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
@@ -110,14 +110,14 @@ class LiveSystem:
         with path.open("w") as output, self.started("rostopic", "echo", "-p", topic, output=output):
             yield newest
 
-    def publish(self, kind: str, *messages: tuple[str, str]) -> None:
-        """Publish messages of one type, each a pair of topic and YAML text, at the same time by `rostopic pub`."""
-        with ExitStack() as stack:
-            processes = [
-                stack.enter_context(self.started("rostopic", "pub", "-1", topic, kind, text))
-                for topic, text in messages
-            ]
-            assert [process.wait(60.0) for process in processes] == [0] * len(messages)
+    @contextmanager
+    def published(self, topic: str, kind: str, text: str) -> Iterator[None]:
+        """Publish a message as in another terminal, latched until the end of the `with` block.
+
+        `rostopic pub -1` waits 3 s for subscribers and drops the message if a busy machine needs longer.
+        """
+        with self.started("rostopic", "pub", topic, kind, text):
+            yield
 
     def wait_output(self, text: str, timeout: float = READY_TIMEOUT) -> None:
         """Wait until `text` is in the output."""

@@ -126,8 +126,10 @@ def test_a_setpoint_moves_the_arm_and_the_bag_of_it_holds_topics_of_the_group(la
     begun = in_lab(lab, "rosservice", "call", "hric/experiment/start_recording")
     assert "success: True" in begun, begun
     target = [0.2, -0.6, 0.1, -2.2, 0.1, 1.6, 0.6]
-    in_lab(lab, "rostopic", "pub", "-1", "joint_pd_controller/command", "std_msgs/Float64MultiArray", f"data: {target}")
-    with lab.following("/lab/franka_state_controller/joint_states/position") as positions:
+    with (
+        lab.published("/lab/joint_pd_controller/command", "std_msgs/Float64MultiArray", f"data: {target}"),
+        lab.following("/lab/franka_state_controller/joint_states/position") as positions,
+    ):
         wait_for(lambda: positions() == pytest.approx(target, abs=0.02), 60.0, f"the arm at {target}")
     ended = in_lab(lab, "rosservice", "call", "hric/experiment/stop_recording")
     (bag,) = lab.run_folder.glob("*.bag")

@@ -46,9 +46,8 @@ def moved(by: float) -> list[float]:
 
 def test_rostopic_pub_of_a_setpoint_moves_the_arm_there(live: LiveSystem) -> None:
     target = moved(0.1)
-    text = f"{{data: {target}}}"
-    assert live.run("rostopic", "pub", "-1", f"/{PD}/command", "std_msgs/Float64MultiArray", text).returncode == 0
-    wait_for(lambda: max(abs(a - b) for a, b in zip(position(), target, strict=True)) < 2e-3, 15.0, f"arm at {target}")
+    with live.published(f"/{PD}/command", "std_msgs/Float64MultiArray", f"{{data: {target}}}"):
+        wait_for(lambda: position() == pytest.approx(target, abs=2e-3), 60.0, f"arm at {target}")
 
 
 @pytest.mark.parametrize("controller", [EFFORT, POSITION])

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from unittest import mock
 
 import pytest
@@ -53,28 +54,28 @@ def wait_at(system: LiveSystem, left: float, right: float) -> None:
 
 
 def test_each_arm_has_a_controller_of_its_own(arms: LiveSystem) -> None:
-    starts = {"left": 0.5, "right": -0.5}
-    goals = [(f"/{arm}/{PD}/command", f"{{data: {[q1, *POSE]}}}") for arm, q1 in starts.items()]
-    arms.publish("std_msgs/Float64MultiArray", *goals)
-    wait_at(arms, 0.5, -0.5)
+    with ExitStack() as stack:
+        for arm, q1 in (("left", 0.5), ("right", -0.5)):
+            topic, text = f"/{arm}/{PD}/command", f"{{data: {[q1, *POSE]}}}"
+            stack.enter_context(arms.published(topic, "std_msgs/Float64MultiArray", text))
+        wait_at(arms, 0.5, -0.5)
 
 
 def test_each_arm_has_a_gripper(arms: LiveSystem) -> None:
-    widths = {"left": 0.03, "right": 0.06}
-    goals = [
-        (f"/{arm}/franka_gripper/move/goal", f"{{goal: {{width: {width}, speed: 0.1}}}}")
-        for arm, width in widths.items()
-    ]
-    arms.publish("franka_gripper/MoveActionGoal", *goals)
-    for arm, width in widths.items():
-        topic = f"/{arm}/franka_gripper/joint_states"
-        with arms.following(f"{topic}/position") as positions:
-            wait_for(
-                lambda: positions() == pytest.approx([width / 2.0] * 2, abs=2.5e-4),  # noqa: B023
-                90.0,
-                f"the fingers of the {arm} arm at their own width",
-            )
-        assert f"{arm}_finger_joint1" in arms.run("rostopic", "echo", "-n", "1", f"{topic}/name").stdout
+    with ExitStack() as stack:
+        widths = {"left": 0.03, "right": 0.06}
+        for arm, width in widths.items():
+            topic, text = f"/{arm}/franka_gripper/move/goal", f"{{goal: {{width: {width}, speed: 0.1}}}}"
+            stack.enter_context(arms.published(topic, "franka_gripper/MoveActionGoal", text))
+        for arm, width in widths.items():
+            topic = f"/{arm}/franka_gripper/joint_states"
+            with arms.following(f"{topic}/position") as positions:
+                wait_for(
+                    lambda: positions() == pytest.approx([width / 2.0] * 2, abs=2.5e-4),  # noqa: B023
+                    90.0,
+                    f"the fingers of the {arm} arm at their own width",
+                )
+            assert f"{arm}_finger_joint1" in arms.run("rostopic", "echo", "-n", "1", f"{topic}/name").stdout
 
 
 def test_the_robot_leaves_the_parameters_of_other_nodes_of_an_arm(arms: LiveSystem) -> None:
@@ -102,8 +103,8 @@ def test_one_trajectory_moves_both_arms_and_a_conflict_is_refused(arms: LiveSyst
     assert f"right_joint1 is claimed by both /{BOTH} and {PD}" in manager(arms, "/right", "start", PD)
     point = f"{{positions: {[-0.3, *POSE, 0.3, *POSE]}, time_from_start: {{secs: 2}}}}"
     text = f"{{joint_names: {JOINTS}, points: [{point}]}}"
-    arms.publish("trajectory_msgs/JointTrajectory", (f"/{BOTH}/command", text))
-    wait_at(arms, -0.3, 0.3)
+    with arms.published(f"/{BOTH}/command", "trajectory_msgs/JointTrajectory", text):
+        wait_at(arms, -0.3, 0.3)
 
 
 def test_one_bag_has_the_topics_of_both_arms(arms: LiveSystem) -> None:

@@ -157,12 +157,7 @@ def test_an_armed_experiment_waits_for_the_trigger_then_records_reports_and_ends
         said = experiment.stdout.readline()
         assert said, "the experiment ended"
     assert not system.runs.exists() and recorder.poll() is None
-    subprocess.run(
-        ["rostopic", "pub", "-1", "/hric/experiment/trigger", "std_msgs/Empty"],
-        env=system.environment,
-        timeout=30,
-        check=True,
-    )
+    system.start("rostopic", "pub", "/hric/experiment/trigger", "std_msgs/Empty")  # latched until the end of the test
     code, output = ended(experiment)
     assert code == 0, output
     assert "final error" in output and "run folder: " in output and "[WARN]" not in output

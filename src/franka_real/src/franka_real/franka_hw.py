@@ -57,7 +57,7 @@ class FrankaHW(CommandedArm):
         self.losses: list[int] = []
         self._requested, self._stop = HOLD, False
         self._requests = LoopRequests()
-        self._robot_time = ArmTime([root_node, node])
+        self.arm_time = self._robot_time = ArmTime([root_node, node])
         self._connection = connection.open_connection(config)
         try:
             self._start(limits, root_node)
@@ -90,19 +90,9 @@ class FrankaHW(CommandedArm):
 
     # -- the cycle -----------------------------------------------------------------------------------------------------
 
-    @property
-    def time(self) -> float:
-        """Robot time of the last state, from the arm's own clock [s]."""
-        return self._robot_time.now
-
-    @property
-    def epoch(self) -> float:
-        """ROS time at which robot time was 0 [s]; 0 if ROS time is robot time."""
-        return self._robot_time.epoch
-
     def read(self, time: float, period: float) -> None:
         """Read the present state; before `run` only."""
-        self.robot_state.take(self._arm.read_once(), self.time)
+        self.robot_state.take(self._arm.read_once(), self._robot_time.time)
 
     def run(self, on_cycle: OnCycle) -> None:
         """Run the control loop by the arm's clock until `stop` is called. Raises ArmLostError if the arm is lost."""
@@ -136,7 +126,7 @@ class FrankaHW(CommandedArm):
         if self._watchdog is not None:
             self._watchdog.beat()
         period = self._robot_time.advance(self._arm.milliseconds(raw))
-        self.robot_state.take(raw, self._robot_time.now)
+        self.robot_state.take(raw, self._robot_time.time)
         return period
 
     def _follow(self, on_cycle: OnCycle) -> None:
@@ -146,7 +136,7 @@ class FrankaHW(CommandedArm):
             period = self._take(self._arm.read_once())
             if period > 0.0:
                 self._requests.serve()
-                on_cycle(self.time, period, False)
+                on_cycle(self._robot_time.time, period, False)
 
     def _command(self, mode: ArmMode, on_cycle: OnCycle) -> None:
         """Run libfranka's control loop for a command mode until another mode is requested."""
@@ -156,7 +146,7 @@ class FrankaHW(CommandedArm):
             self._take(raw)
             self._commands.enter(mode)
             self.mode = mode
-            on_cycle(self.time, PERIOD, True)
+            on_cycle(self._robot_time.time, PERIOD, True)
 
         def cycle(raw: Any) -> ArmCommand:
             if self.mode is not mode:
@@ -166,7 +156,7 @@ class FrankaHW(CommandedArm):
                 if period > LATE:
                     self.losses.append(round(period / PERIOD) - 1)
                 self._requests.serve()
-                on_cycle(self.time, period or PERIOD, False)
+                on_cycle(self._robot_time.time, period or PERIOD, False)
             command = self._commands.limited_command(mode)
             command.finished = self._stop or self._requested is not mode
             return command

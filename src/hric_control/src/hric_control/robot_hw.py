@@ -11,6 +11,7 @@ from hric_control.sim.sim_loop import SimLoop
 from hric_control.speed_scale import SpeedScale, SpeedScaleInterface
 from hric_core.errors import ResourceConflictError
 from hric_core.node import Node
+from hric_core.robot_time.arm_time import ArmTime
 
 if TYPE_CHECKING:
     from hric_control.robot_app import RobotApp
@@ -64,6 +65,8 @@ class RobotHW(InterfaceManager):
         # Instance attributes, as the loop reads them in each cycle: class attributes are slower.
         self.loop: SimLoop | None = None
         """Loop of a simulated robot, which can be paused, stepped and paced; None: the robot has its own clock."""
+        self.arm_time: ArmTime | None = None
+        """Robot time by the clock of a real arm; None: the loop, if there is one, counts robot time."""
         self.plant: Plant | None = None
         """Physics engine plant of a simulated robot; None: the robot has none in this process."""
         self.rotor_inertia: Sequence[float] | None = None
@@ -80,12 +83,13 @@ class RobotHW(InterfaceManager):
         """Robot time of the last measured state [s]; it starts at 0 and never goes back.
 
         None: unknown; then `run` cannot have a duration."""
-        return None if self.loop is None else self.loop.time
+        clock = self.arm_time or self.loop
+        return None if clock is None else clock.time
 
     @property
     def epoch(self) -> float:
         """ROS time at which robot time was 0 [s]; 0 if ROS time is robot time."""
-        return 0.0
+        return 0.0 if self.arm_time is None else self.arm_time.epoch
 
     @property
     def period(self) -> float:

@@ -52,21 +52,11 @@ class UrHW(RobotHW):
         self._moved = False
         self._limiter.select(())
         self._stop = False
-        self._robot_time = ArmTime([root_node, robot_hw_node], PERIOD)
+        self.arm_time = self._robot_time = ArmTime([root_node, robot_hw_node], PERIOD)
         self._connection = UrConnection(settings)
         self._connection.wait()
         self._connection.read(states.position, states.velocity)
         self._hold()
-
-    @property
-    def time(self) -> float:
-        """Robot time of the last state, from the controller's clock [s]."""
-        return self._robot_time.now
-
-    @property
-    def epoch(self) -> float:
-        """ROS time at which robot time was 0 [s]; 0 if ROS time is robot time."""
-        return self._robot_time.epoch
 
     @property
     def period(self) -> float:
@@ -108,8 +98,8 @@ class UrHW(RobotHW):
                 connection.read(states.position, states.velocity)
                 if period <= 0.0:
                     continue
-                on_cycle(self.time, period, reset)
-                self.write(self.time, period)
+                on_cycle(self._robot_time.time, period, reset)
+                self.write(self._robot_time.time, period)
                 reset = False
         self._stop = False
 

@@ -6,6 +6,7 @@ of the two decides.
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
@@ -174,13 +175,16 @@ class _Judge:
     """
 
     def __init__(self, source: AssessmentInput, record: HumanRecord, choices: AssessmentChoices) -> None:
-        self._record, self._choices = record, choices
+        self._source, self._record, self._choices = source, record, choices
         self._body = body_of(source, record)
-        self._expected = self._nominal = ExpectedImpacts(source, record, choices)
-        if choices.factors:
-            self._nominal = ExpectedImpacts(source, record, replace(choices, factors={}))
+        self._expected = ExpectedImpacts(source, record, choices)
         self._simulated = bool(source.definition.get("human"))
         self._period = float(source.plant.get("time_step", SPEED_STEP)) if self._simulated else np.inf
+
+    @cached_property
+    def _nominal(self) -> ExpectedImpacts:
+        """Impacts without changed numbers, which are needed only where a changed number moves an impact."""
+        return ExpectedImpacts(self._source, self._record, replace(self._choices, factors={}))
 
     def of_region(self, contacts: Sequence[RegionContact]) -> list[Finding]:
         """Return the findings of one region of the person, on one side of the body."""

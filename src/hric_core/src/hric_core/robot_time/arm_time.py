@@ -26,7 +26,7 @@ class ArmTime:
         period: duration of the cycle of the first state [s].
 
     Attributes:
-        now: robot time of the last state [s].
+        time: robot time of the last state [s].
         epoch: present estimate of the ROS time at which robot time was 0 [s].
     """
 
@@ -34,7 +34,7 @@ class ArmTime:
         self._nodes, self._period = list(nodes), period
         self._first: int | None = None
         self._last = 0
-        self.now = self.epoch = 0.0
+        self.time = self.epoch = 0.0
         self._follows_wall = False
         self._left, self._min_delay = WINDOW, math.inf
         self._stamp = 0.0
@@ -52,9 +52,9 @@ class ArmTime:
         if passed <= 0:
             return 0.0
         self._last = milliseconds
-        self.now = (milliseconds - self._first) * 0.001
+        self.time = (milliseconds - self._first) * 0.001
         if self._follows_wall:
-            self._compare(wall.time() - self.epoch - self.now)
+            self._compare(wall.time() - self.epoch - self.time)
         return passed * 0.001
 
     def _begin(self, milliseconds: int) -> None:
@@ -78,5 +78,5 @@ class ArmTime:
 
     def stamp(self) -> float:
         """Return the ROS time stamp of the last state [s]."""
-        self._stamp = max(self._stamp, self.epoch + self.now)
+        self._stamp = max(self._stamp, self.epoch + self.time)
         return self._stamp
