@@ -33,6 +33,8 @@ LOADED = (
     "hric_bags.export.plain_formats",
     "hric_bags.health.command",
     "hric_assessment.verdict.command",
+    "hric_gym.training",
+    "hric_report.trial.command",
     "mujoco_ros_control.plant",
     "pybullet_ros_control.plant",
     "franka_sim.franka_hw_sim",

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import IO
 from unittest import mock
 
 import rosgraph
@@ -82,18 +83,32 @@ class LiveSystem:
         return subprocess.run(command, env=self.environment, capture_output=True, text=True, timeout=timeout, cwd=ROOT)
 
     @contextmanager
-    def started(self, *command: str) -> Iterator[subprocess.Popen[bytes]]:
+    def started(self, *command: str, output: IO[str] | int = subprocess.DEVNULL) -> Iterator[subprocess.Popen[bytes]]:
         """Start a command as in another terminal; it is ended after the `with` block at the latest."""
         # rosrun replaces itself by the program, so that the signal reaches the program.
-        process = subprocess.Popen(
-            command, env=self.environment, stdout=subprocess.DEVNULL, stderr=subprocess.STDOUT, cwd=ROOT
-        )
+        process = subprocess.Popen(command, env=self.environment, stdout=output, stderr=subprocess.STDOUT, cwd=ROOT)
         try:
             yield process
         finally:
             if process.poll() is None:
                 process.kill()
                 process.wait()
+
+    @contextmanager
+    def following(self, topic: str) -> Iterator[Callable[[], list[float]]]:
+        """Yield a function that returns the numbers of the newest message on a topic, or on a field of a topic.
+
+        It returns no numbers before the first message. One `rostopic echo` runs in the whole `with` block, as each
+        start of the tool takes a second of processor time.
+        """
+        path = self.output_path.with_name(f"{topic.strip('/').replace('/', '-')}.csv")
+
+        def newest() -> list[float]:
+            lines = path.read_text().rpartition("\n")[0].splitlines()[1:]
+            return [float(number) for number in lines[-1].split(",")[1:]] if lines else []
+
+        with path.open("w") as output, self.started("rostopic", "echo", "-p", topic, output=output):
+            yield newest
 
     @contextmanager
     def published(self, topic: str, kind: str, text: str) -> Iterator[None]:

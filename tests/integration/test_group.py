@@ -126,14 +126,11 @@ def test_a_setpoint_moves_the_arm_and_the_bag_of_it_holds_topics_of_the_group(la
     begun = in_lab(lab, "rosservice", "call", "hric/experiment/start_recording")
     assert "success: True" in begun, begun
     target = [0.2, -0.6, 0.1, -2.2, 0.1, 1.6, 0.6]
-
-    def arrived() -> bool:
-        text = in_lab(lab, "rostopic", "echo", "-n", "1", "franka_state_controller/joint_states/position")
-        now = [float(number) for number in re.findall(r"-?\d+\.\d+(?:e-?\d+)?", text)]
-        return max(abs(a - b) for a, b in zip(now, target, strict=True)) < 0.02
-
-    with lab.published("/lab/joint_pd_controller/command", "std_msgs/Float64MultiArray", f"data: {target}"):
-        wait_for(arrived, 60.0, f"the arm at {target}")
+    with (
+        lab.published("/lab/joint_pd_controller/command", "std_msgs/Float64MultiArray", f"data: {target}"),
+        lab.following("/lab/franka_state_controller/joint_states/position") as positions,
+    ):
+        wait_for(lambda: positions() == pytest.approx(target, abs=0.02), 60.0, f"the arm at {target}")
     ended = in_lab(lab, "rosservice", "call", "hric/experiment/stop_recording")
     (bag,) = lab.run_folder.glob("*.bag")
     assert str(bag) in ended

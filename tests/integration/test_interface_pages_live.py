@@ -6,6 +6,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from unittest import mock
 
@@ -37,6 +38,7 @@ measured by emulated motion capture (hric_experiments/test/test_walk.py).
 EXPERIMENT = ROOT / "src/hric_experiments/config/experiments/data_collection.yaml"
 
 
+@cache
 def documented(section: str) -> list[Row]:
     return [row for page in pages() for row in rows(page) if row.section == section]
 

@@ -7,7 +7,7 @@ import os
 import re
 import signal
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -41,28 +41,78 @@ KILLED = {
 """Process that is killed, status of the run, and reason in run.yaml."""
 
 
+STOPPED = {
+    "robot": (r"/robot ", r"experiment ended with code 1"),
+    "bag_recorder": (
+        r"/bag_recorder ",
+        r"the bag was not closed within 10 s; the recorded messages are in \S+\.active",
+    ),
+    "recorder": (r"/recorder ", r"experiment ended with code 1|recorder"),
+}
+"""Process that is stopped during an experiment, and reason in run.yaml."""
+TOGETHER = 3
+"""Number of bring-ups at the same time; they mostly wait for timeouts."""
+
+
+def run_killed(name: str, folder: Path) -> LiveSystem:
+    """Return an ended bring-up of which a process was killed."""
+    words = ("env:=sim", "rviz:=false", "record:=true", "controller:=none", "hand:=false")
+    with closing(LiveSystem(folder, *words)) as system:
+        system.wait_output("  ready ")
+        send(system, KILLED[name][0], signal.SIGKILL)
+        system.wait(ENDS)
+        wait_for(lambda: system.processes() == {}, 10.0, "the end of all processes")
+    return system
+
+
+def run_stopped(name: str, folder: Path) -> LiveSystem:
+    """Return an ended bring-up with an experiment, of which a process was stopped."""
+    content = yaml.safe_load((ROOT / "src/hric_experiments/config/experiments/pd_step.yaml").read_text())
+    file = folder / "short.yaml"
+    file.write_text(yaml.safe_dump(content | {"duration": 3.0}))
+    with closing(LiveSystem(folder, "env:=sim", "rviz:=false", f"experiment:={file}")) as system:
+        system.wait_output("setpoints")
+        send(system, STOPPED[name][0], signal.SIGSTOP)
+        system.wait(3.0 * ENDS)
+        wait_for(lambda: system.processes() == {}, 10.0, "the end of all processes")
+    return system
+
+
 @pytest.fixture(scope="module")
-def killed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Future[LiveSystem]]]:
-    """Bring-ups for all entries of KILLED, two at a time, as they wait half of their time."""
+def ended(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[Callable[[str, str], LiveSystem]]:
+    """Return a function that returns the bring-up of a process and of what happens to it: "stopped" or "killed"."""
+    items = [item for item in request.session.items if item.path == Path(__file__) and hasattr(item, "callspec")]
+    cases = [next(iter(item.callspec.params.items())) for item in items]
+    with ThreadPoolExecutor(TOGETHER) as pool:
+        futures = {
+            case: pool.submit(
+                run_stopped if case[0] == "stopped" else run_killed, case[1], tmp_path_factory.mktemp(case[1])
+            )
+            for case in cases
+        }
+        yield lambda *case: futures[case].result()
 
-    def run(name: str) -> LiveSystem:
-        words = ("env:=sim", "rviz:=false", "record:=true", "controller:=none", "hand:=false")
-        with closing(LiveSystem(tmp_path_factory.mktemp(name), *words)) as system:
-            system.wait_output("  ready ")
-            send(system, KILLED[name][0], signal.SIGKILL)
-            system.wait(ENDS)
-            wait_for(lambda: system.processes() == {}, 10.0, "the end of all processes")
-        return system
 
-    with ThreadPoolExecutor(2) as pool:
-        yield {name: pool.submit(run, name) for name in KILLED}
-
-
-@pytest.mark.parametrize("name", KILLED)
-def test_what_was_killed_is_in_run_yaml_and_nothing_outlives_the_bring_up(
-    name: str, killed: dict[str, Future[LiveSystem]]
+@pytest.mark.parametrize(
+    "stopped", [pytest.param(name, marks=[pytest.mark.slow] * (name == "recorder")) for name in STOPPED]
+)
+def test_a_peer_that_is_stopped_ends_the_experiment_with_one_line_and_a_failed_run(
+    stopped: str, ended: Callable[[str, str], LiveSystem]
 ) -> None:
-    system, (_, status, why) = killed[name].result(), KILLED[name]
+    system, (_, why) = ended("stopped", stopped), STOPPED[stopped]
+    assert system.process.returncode == 1
+    run = RunFolder(system.run_folder).read()
+    assert run["status"] in ("failed", "interrupted") and re.search(why, run.get("error") or run["reason"]), run
+    assert "Traceback" not in system.output, system.output
+
+
+@pytest.mark.parametrize("killed", KILLED)
+def test_what_was_killed_is_in_run_yaml_and_nothing_outlives_the_bring_up(
+    killed: str, ended: Callable[[str, str], LiveSystem]
+) -> None:
+    system, (_, status, why) = ended("killed", killed), KILLED[killed]
     assert system.process.returncode not in (0, 2)
     run: dict[str, Any] = yaml.safe_load((system.run_folder / "run.yaml").read_text())
     assert run["status"] == status and re.search(why, run.get("error") or run["reason"]), run
@@ -91,29 +141,3 @@ def test_nodes_end_with_a_roslaunch_that_is_killed(start: Start) -> None:
         ENDS,
         "the end of all nodes of the workspace",
     )
-
-
-@pytest.mark.parametrize(
-    ("program", "why"),
-    [
-        (r"/robot ", r"experiment ended with code 1"),
-        (r"/bag_recorder ", r"the bag was not closed within 10 s; the recorded messages are in \S+\.active"),
-        pytest.param(r"/recorder ", r"experiment ended with code 1|recorder", marks=pytest.mark.slow),
-    ],
-    ids=["robot", "bag_recorder", "recorder"],
-)
-def test_a_peer_that_is_stopped_ends_the_experiment_with_one_line_and_a_failed_run(
-    program: str, why: str, start: Start, tmp_path: Path
-) -> None:
-    content = yaml.safe_load((ROOT / "src/hric_experiments/config/experiments/pd_step.yaml").read_text())
-    file = tmp_path / "short.yaml"
-    file.write_text(yaml.safe_dump(content | {"duration": 3.0}))
-    system = start("env:=sim", "rviz:=false", f"experiment:={file}")
-    system.wait_output("setpoints")
-    folder = system.run_folder
-    send(system, program, signal.SIGSTOP)
-    assert system.wait(3.0 * ENDS) == 1
-    wait_for(lambda: system.processes() == {}, 10.0, "the end of all processes")
-    run = RunFolder(folder).read()
-    assert run["status"] in ("failed", "interrupted") and re.search(why, run.get("error") or run["reason"]), run
-    assert "Traceback" not in system.output, system.output

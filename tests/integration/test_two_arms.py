@@ -1,7 +1,6 @@
 """Bring-up with two arms in one world: controllers of one arm and of both, one clock, one bag."""
 
 import os
-import re
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from unittest import mock
@@ -44,44 +43,46 @@ def manager(system: LiveSystem, namespace: str, verb: str, name: str) -> str:
 
 def wait_at(system: LiveSystem, left: float, right: float) -> None:
     """Wait until joint 1 of each arm has arrived at a position [rad]."""
+    with system.following("/joint_states/position") as positions:
 
-    def arrived() -> bool:
-        text = system.run("rostopic", "echo", "-n", "1", "/joint_states/position").stdout
-        q = [float(number) for number in re.findall(r"-?\d+\.\d+(?:e-?\d+)?", text)]
-        assert len(q) == 14
-        return abs(q[0] - left) < 0.05 and abs(q[7] - right) < 0.05
+        def arrived() -> bool:
+            q = positions()
+            assert len(q) in (0, 14)
+            return bool(q) and abs(q[0] - left) < 0.05 and abs(q[7] - right) < 0.05
 
-    wait_for(arrived, 90.0, f"joints 1 at {left} and {right} rad; output:\n{system.output}")
+        wait_for(arrived, 90.0, f"joints 1 at {left} and {right} rad; output:\n{system.output}")
 
 
 def test_each_arm_has_a_controller_of_its_own(arms: LiveSystem) -> None:
     with ExitStack() as stack:
         for arm, q1 in (("left", 0.5), ("right", -0.5)):
-            text = f"{{data: {[q1, *POSE]}}}"
-            stack.enter_context(arms.published(f"/{arm}/{PD}/command", "std_msgs/Float64MultiArray", text))
+            topic, text = f"/{arm}/{PD}/command", f"{{data: {[q1, *POSE]}}}"
+            stack.enter_context(arms.published(topic, "std_msgs/Float64MultiArray", text))
         wait_at(arms, 0.5, -0.5)
 
 
 def test_each_arm_has_a_gripper(arms: LiveSystem) -> None:
-
-    def opened() -> bool:
-        text = [
-            arms.run("rostopic", "echo", "-n", "1", f"/{arm}/franka_gripper/joint_states").stdout
-            for arm in ("left", "right")
-        ]
-        fingers = [
-            re.search(r"name: \n?.*?(\w+)_finger_joint1.*?position: \[([0-9.]+)", part, re.DOTALL) for part in text
-        ]
-        widths = [(match[1], round(2.0 * float(match[2]), 3)) for match in fingers if match]
-        return widths == [("left", 0.03), ("right", 0.06)]
-
     with ExitStack() as stack:
-        for arm, width in (("left", 0.03), ("right", 0.06)):
-            text = f"{{goal: {{width: {width}, speed: 0.1}}}}"
-            stack.enter_context(
-                arms.published(f"/{arm}/franka_gripper/move/goal", "franka_gripper/MoveActionGoal", text)
-            )
-        wait_for(opened, 90.0, "the fingers of both arms at their own widths")
+        widths = {"left": 0.03, "right": 0.06}
+        for arm, width in widths.items():
+            topic, text = f"/{arm}/franka_gripper/move/goal", f"{{goal: {{width: {width}, speed: 0.1}}}}"
+            stack.enter_context(arms.published(topic, "franka_gripper/MoveActionGoal", text))
+        for arm, width in widths.items():
+            topic = f"/{arm}/franka_gripper/joint_states"
+            with arms.following(f"{topic}/position") as positions:
+                wait_for(
+                    lambda: positions() == pytest.approx([width / 2.0] * 2, abs=2.5e-4),  # noqa: B023
+                    90.0,
+                    f"the fingers of the {arm} arm at their own width",
+                )
+            assert f"{arm}_finger_joint1" in arms.run("rostopic", "echo", "-n", "1", f"{topic}/name").stdout
+
+
+def test_the_robot_leaves_the_parameters_of_other_nodes_of_an_arm(arms: LiveSystem) -> None:
+    names = [
+        rosgraph.Master("/looks_on", arms.uri).getParam(f"/{arm}/franka_gripper/arm_id") for arm in ("left", "right")
+    ]
+    assert names == ["left", "right"]
 
 
 def test_there_is_one_clock(arms: LiveSystem) -> None:

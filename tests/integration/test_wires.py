@@ -69,6 +69,8 @@ def attacked(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Attacked]:
         except (RuntimeError, OSError) as error:
             pytest.skip(str(error))
         stack.callback(network.close)
+        if not (ROOT / ".venv-docs/installed").is_file():  # the laboratory has no network to install packages from
+            subprocess.run([f"{ROOT}/scripts/docs", "--check"], check=True, stdout=subprocess.DEVNULL)
         words = [f"{ROOT}/scripts/bringup", "env:=real", "robot_ip:=emulated", "rviz:=false", "view:=web"]
         system = LiveSystem(
             folder,

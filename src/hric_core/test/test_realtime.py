@@ -1,3 +1,4 @@
+import gc
 import json
 import socket
 import threading
@@ -13,8 +14,22 @@ from hric_core import publishing, realtime
 from hric_core.listeners import Listener, Parcel
 from hric_core.local.node import LocalNode
 from hric_core.publishing import OnError, PublishThread
+from hric_core.realtime_setup import realtime as real_time_measures
 
 pytestmark = pytest.mark.alone
+
+
+@pytest.mark.parametrize("excluded", [False, True])
+def test_the_garbage_collector_is_given_back_as_it_was(excluded: bool) -> None:
+    gc.unfreeze()
+    if excluded:
+        gc.freeze()
+    before = gc.get_freeze_count()
+    with real_time_measures(0, False, 0.005) as measures:
+        assert gc.get_freeze_count() >= before and gc.get_freeze_count() > 1000
+        assert "objects excluded from garbage collection" in measures[-1].text
+    assert gc.get_freeze_count() == pytest.approx(before, rel=0.01)  # those that have ended meanwhile are fewer
+    gc.freeze()  # as conftest.py has it
 
 
 def test_the_latest_value_is_the_newest_and_new_once() -> None:

@@ -76,13 +76,16 @@ def realtime(priority: int, lock_memory: bool, switch_interval: float) -> Iterat
         measures.append(_lock())
     sys.setswitchinterval(switch_interval)
     measures.append(Measure(True, f"switch interval {1e3 * switch_interval:g} ms"))
+    frozen = gc.get_freeze_count()  # by the program itself, which `unfreeze` would undo
     gc.collect()
-    gc.freeze()
-    measures.append(Measure(True, f"{gc.get_freeze_count()} objects excluded from garbage collection"))
+    if not frozen:
+        gc.freeze()
+    measures.append(Measure(True, f"{frozen or gc.get_freeze_count()} objects excluded from garbage collection"))
     try:
         yield measures
     finally:
-        gc.unfreeze()
+        if not frozen:
+            gc.unfreeze()
         sys.setswitchinterval(interval)
         if lock_memory:
             ctypes.CDLL(None).munlockall()

@@ -45,7 +45,7 @@ JOINT_COMMANDS = (EffortJointInterface, VelocityJointInterface, PositionJointInt
 class CombinedSettings(Settings):
     """Parameters of `CombinedHWSim`."""
 
-    arms: tuple[str, ...] | Mapping[str, object] = either(
+    arms: tuple[str, ...] | Mapping[str, Mapping[str, object]] = either(
         mapping(mapping()),
         names(),
         text="`CombinedHWSim` only: names of the combined robots; the namespace of each has its `robot_description`, "
@@ -292,7 +292,8 @@ def robot_nodes(root_node: Node, robot_hw_node: Node) -> dict[str, tuple[Node, N
     """
     arms = CombinedSettings.read(robot_hw_node).arms
     for name, values in arms.items() if isinstance(arms, Mapping) else ():
-        root_node.set_param(name, values)
+        for key, value in values.items():  # the namespace also has parameters of other nodes, such as a gripper
+            root_node.set_param(f"{name}/{key}", value)
     robot_hw_node.set_param("arms", list(arms))
     return {name: (root_node.child(name), root_node.child(f"{name}/{PRIVATE}")) for name in arms}
 
