@@ -20,8 +20,8 @@ EXPERIMENT = Path(__file__).parents[2] / "src/hric_experiments/config/experiment
 SUBJECTS = ("P05_female", "P50_male", "P95_male")
 DELAYS = (0.05, 0.1, 0.15)
 """Delays of the person's reflexes [s]."""
-QUICK = pytest.param("P50_male", 0.1, 20.0)
-"""Case of the default tests: each point is reached twice. The others are a minute and take a quarter of that each."""
+QUICK = ("P50_male", 0.1)
+"""Case of the default tests; the others take a quarter of a minute each."""
 MASS, INERTIA, TARE = 8.0, 0.3, slice(100, 200)
 """Virtual mass [kg] and inertia [kg m^2] of the default parameters, and cycles whose mean is the tare."""
 WAY = [(0.42, 0.15, 0.55), (0.5, 0.1, 0.5), (0.42, -0.1, 0.6), (0.42, 0.0, 0.55)]
@@ -64,8 +64,9 @@ def recorded(path: Path) -> tuple[np.ndarray, np.ndarray]:
 
 
 CASES = [
-    QUICK,
-    *(pytest.param(subject, delay, 60.0, marks=pytest.mark.slow) for subject in SUBJECTS for delay in DELAYS),
+    pytest.param(subject, delay, 60.0, marks=[] if (subject, delay) == QUICK else [pytest.mark.slow])
+    for subject in SUBJECTS
+    for delay in DELAYS
 ]
 
 
