@@ -9,7 +9,7 @@ import genpy
 import numpy as np
 import pytest
 import yaml
-from contract_robots import BACKENDS, PLANTS, Boxes, connected
+from contract_robots import BACKENDS, Boxes, connected
 from driven_robot import Robot
 from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import JointState
@@ -177,15 +177,10 @@ PATHS = {path.__name__: path for path in (outstretched, base_axis, behind, tumbl
 
 
 def path_cases() -> Iterator[Any]:
-    """Yield path and backend.
-
-    By default each path runs on one engine and through the Panda, and the two singular paths also through the FR3: the
-    desired motion comes from the controller and the control box, which are the same code on every engine.
-    """
-    for number, name in enumerate(PATHS):
-        engine = list(PLANTS)[number % len(PLANTS)]
+    """Yield path and backend; through the FR3, only the two singular paths by default."""
+    for name in PATHS:
         for backend in BACKENDS:
-            fast = backend in (engine, "panda") or (backend == "fr3" and name in ("outstretched", "base_axis"))
+            fast = backend != "fr3" or name in ("outstretched", "base_axis")
             yield pytest.param(name, backend, marks=[] if fast else [pytest.mark.slow], id=f"{name}-{backend}")
 
 
