@@ -82,6 +82,17 @@ def test_a_mesh_without_a_capsule_is_refused_by_name():
         ArmShape(urdf.replace("</robot>", link + joint), JOINTS)
 
 
+def test_an_arm_on_a_rail_of_unknown_position_is_refused():
+    urdf = panda_description.load(arm_id="panda", meshes=False)
+    limit = '<limit lower="0" upper="1" effort="9" velocity="1"/>'
+    rail = f'<joint name="rail" type="prismatic"><parent link="world"/><child link="cart"/>{limit}</joint>'
+    urdf = urdf.replace('<parent link="world"/>', '<parent link="cart"/>').replace(
+        "</robot>", f'<link name="cart"/>{rail}</robot>'
+    )
+    with pytest.raises(HricError, match="the position of rail of panda is not known"):
+        ArmShape(urdf, JOINTS)
+
+
 def test_far_away_the_arm_is_free_near_it_is_slowed_and_at_the_person_it_stands():
     cell = Cell()
     scales = [cell.decide(x).scale for x in np.arange(4.0, 0.9, -0.02).tolist()]

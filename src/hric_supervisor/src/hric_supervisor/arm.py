@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hric_assessment.separation.capsules import capsules_of, poses
+from hric_assessment.separation.capsules import capsules_of, poses, unlogged
 from hric_core.errors import DescriptionError
 from hric_core.geometry import FloatArray
 from hric_core.urdf import read
@@ -65,10 +65,11 @@ class ArmShape:
 
     Args:
         description: URDF as text, whose root is the world.
-        joints: joints with known positions, in order; all others stay at zero.
+        joints: joints with known positions, in order; those of a hand at the end of the arm stay at zero.
 
     Raises:
-        DescriptionError: a joint is not in the URDF, no moving link has a shape, or a shape is a mesh.
+        DescriptionError: a joint is not in the URDF, another joint moves the arm or a second one, no moving link has a
+            shape, or a shape is a mesh.
     """
 
     def __init__(self, description: str, joints: Sequence[str]) -> None:
@@ -78,6 +79,11 @@ class ArmShape:
             raise DescriptionError(
                 f"joint {', '.join(unknown)} is not in the description of {self.tree.name}; valid: "
                 f"{', '.join(name for name, joint in self.tree.joints.items() if joint.type != 'fixed')}"
+            )
+        if lost := unlogged(self.tree, self.joints):
+            raise DescriptionError(
+                f"the position of {', '.join(lost)} of {self.tree.name} is not known; valid: a transmission for each "
+                "joint that moves an arm"
             )
         fixed = self.tree.rigid_groups()
         moving = [name for name in self.tree.links if fixed[name][0] != self.tree.root]

@@ -157,6 +157,13 @@ def moved_by(tree: urdf.Robot, joints: Collection[str]) -> list[str]:
     return [name for name in tree.links if name in moved]
 
 
+def unlogged(tree: urdf.Robot, joints: Collection[str]) -> tuple[str, ...]:
+    """Return the movable joints without known position; fingers at the end of the arm do not count."""
+    free = [joint for joint in tree.joints.values() if joint.type != "fixed" and joint.mimic is None]
+    moved = moved_by(tree, joints)
+    return tuple(joint.name for joint in free if joint.name not in joints and joint.parent not in moved)
+
+
 def _capsule(shape: Shape) -> tuple[FloatArray, float] | None:
     """Return the vector from a capsule's middle to an axis end, in the frame of the shape, and its radius [m].
 

@@ -1,6 +1,5 @@
 """Finding about separation: distance of a person from the arm, compared with the protective separation distance S_p."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +14,7 @@ from hric_assessment.findings import (
     finite_rows,
     unknown,
 )
-from hric_assessment.separation.capsules import CapsuleMotion, moved_by, of_body, speeds
+from hric_assessment.separation.capsules import CapsuleMotion, of_body, speeds, unlogged
 from hric_assessment.separation.minima import Separation, separation
 from hric_assessment.separation.protective import Terms, person_speed, protective_distance
 from hric_assessment.tables import separation_table, verdict_table
@@ -142,18 +141,11 @@ def separated(source: AssessmentInput, person: AssessedPerson, choices: Assessme
         _sampled(log, person, distances.time),
         _evidence(source, log, person, arm),
         relied,
-        _unlogged(arm.tree, log.joint_names),
+        unlogged(arm.tree, log.joint_names),
         tuple(dict.fromkeys(left_out)),
         load,
         _unbraked(source, choices),
     )
-
-
-def _unlogged(tree: urdf.Robot, names: Sequence[str]) -> tuple[str, ...]:
-    """Return the movable joints that are not in the log; fingers at the end of the arm do not count."""
-    free = [joint for joint in tree.joints.values() if joint.type != "fixed" and joint.mimic is None]
-    moved = moved_by(tree, names)
-    return tuple(joint.name for joint in free if joint.name not in names and joint.parent not in moved)
 
 
 def _unbraked(source: AssessmentInput, choices: AssessmentChoices) -> str:
