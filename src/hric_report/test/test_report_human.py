@@ -175,7 +175,8 @@ class TestInABrowser:
     ) -> None:
         settings = HumanSettings.of(data.run["definition"]["human"], "human")
         skin = fitted(describe(settings.person), gripping=("right",))
-        (contact,) = [one for one in json.loads((run.path / "verdict.json").read_text())["findings"] if one["regions"]]
+        findings = json.loads((run.path / "verdict.json").read_text())["findings"]
+        (contact,) = [one for one in findings if one["regions"] and one["group"] == "contact"]
         colours = "Array.from(report.replay.robots[1].skin.object.geometry.attributes.color.array)"
         # The messages do not say when the contact began, so it is not assessable.
         touching = {f"{contact['side']} {contact['regions'][0]}": None}

@@ -217,7 +217,6 @@ def test_without_the_library_that_draws_one_line_says_which_package_has_it(panda
         (["--size", "0", "100"], "width is 0"),
         (["--size", "100", "100000"], "height is 100000"),
         (["--view", "0", "91"], "elevation is 91"),
-        (["-o", "/no/such/folder/a.png"], "cannot write /no/such/folder/a.png"),
     ],
 )
 def test_a_mistake_gives_one_line_and_no_picture(
@@ -229,6 +228,11 @@ def test_a_mistake_gives_one_line_and_no_picture(
     assert error in said
     assert len(said.splitlines()) == 1
     assert [found.name for found in tmp_path.iterdir()] == ["cart.osim"]
+
+
+def test_a_picture_that_cannot_be_written_is_a_failure(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["picture", str(slider(tmp_path)), "-o", "/no/such/folder/a.png"]) == 1
+    assert "cannot write /no/such/folder/a.png" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("content", [None, "", "no xml", "<a/>", "<OpenSimDocument Version='40000'></OpenSimDocument>"])
