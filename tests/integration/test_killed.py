@@ -50,7 +50,7 @@ STOPPED = {
     "recorder": (r"/recorder ", r"experiment ended with code 1|recorder"),
 }
 """Process that is stopped during an experiment, and reason in run.yaml."""
-TOGETHER = 3
+TOGETHER = 2
 """Number of bring-ups at the same time; they mostly wait for timeouts."""
 
 
