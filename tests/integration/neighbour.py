@@ -34,6 +34,9 @@ class Network:
         for name, address in ((self.lab, LAB), (self.neighbour, NEIGHBOUR)):
             for command in (f"addr add {address}/24 dev cable", "link set cable up", "link set lo up"):
                 self._ip(f"-n {name} {command}")
+        # The kernel gives ports of Trigno to connections, too: one may be taken before the emulation starts.
+        reserve = "echo 50040-50043 > /proc/sys/net/ipv4/ip_local_reserved_ports"
+        subprocess.run(self.command(self.lab, "sh", "-c", reserve), stderr=subprocess.DEVNULL)  # /proc may be read-only
 
     def command(self, name: str, *words: str) -> list[str]:
         """Return the words of a command that runs on one of the machines."""

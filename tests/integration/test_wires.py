@@ -87,7 +87,9 @@ def attacked(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Attacked]:
             stack.callback(lambda other=other: (other.terminate(), other.wait()))
         system.wait_output("recording", 120.0)
         with suppress(AssertionError):  # the test of the rows names those that nothing opened
-            wait_for(lambda: not unopened(list(network.listening())), 270.0, "every row")
+            wait_for(
+                lambda: system.process.poll() is not None or not unopened(list(network.listening())), 270.0, "every row"
+            )
         bound = list(network.listening())
         sockets = json.dumps([(one.transport, one.port) for one in bound])
         attacker = str(Path(__file__).with_name("attacker.py"))
