@@ -252,11 +252,9 @@ class _Judge:
         others = [
             f"the contact of {touch.other} with {touch.link}"
             for touch in self._record.region_contacts
-            if touch.kind == PENALTY
-            and set(touch.regions) & set(first.regions)
-            and _region_key(touch) != _region_key(first)
+            if touch.kind == PENALTY and touch.begin <= end and begin <= end_of(touch)
+            if set(touch.regions) & set(first.regions) and _region_key(touch) != _region_key(first)
             if (touch.side == first.side or not touch.side or not first.side)
-            if touch.begin <= end and begin <= end_of(touch)
         ]
         return [f"{' and '.join(dict.fromkeys(others))} may press on the same region at the same time"] * bool(others)
 

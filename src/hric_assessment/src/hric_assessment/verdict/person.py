@@ -154,7 +154,7 @@ def _simulated(source: AssessmentInput, record: HumanRecord) -> AssessedPerson:
 
 
 def _placed(source: AssessmentInput, name: str) -> Pose | None:
-    """Return the pose of a person's root link from a static transforms; None: not recorded.
+    """Return the pose of a person's root link by static transforms; None: not known.
 
     The frame is `NAME/human_base` with the last part of the person's namespace `name`; for `human` and for a single
     person also `human_base`.
