@@ -23,6 +23,7 @@ from urllib.parse import parse_qs, urlencode, urlsplit
 from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
+from websockets.protocol import State
 from websockets.sync.server import Server, ServerConnection, serve
 from websockets.typing import Origin
 
@@ -256,7 +257,7 @@ class ViewServer:
         try:
             connection.send(self._window.scene(self._visit(connection.request)))
             number = 0
-            while not self._ended and not connection.protocol.close_expected():
+            while not self._ended and connection.protocol.state is State.OPEN:
                 before, (frame, number) = number, self._after(number)
                 if number != before:
                     connection.send(frame)
