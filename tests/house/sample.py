@@ -83,6 +83,9 @@ def _shown(node: ast.AST) -> str:
             return _shown(call)
         case ast.Call(func=ast.Name(id="refused"), args=[where, value, valid]):
             return f"{_shown(where)} is {_shown(value)}; valid: {_shown(valid)}"
+        case ast.Call(func=ast.Name(id="unknown" | "UnknownNameError"), args=[kind, name, valid, *where]):
+            scope = f" in {_shown(where[0])}" if where else ""
+            return f"no {_shown(kind)} {_shown(name)}{scope}; valid: {_shown(valid)}"
         case ast.Call(args=[ast.Constant(value=str(text)), *values]) if "%" in text:
             parts = map(_shown, values)
             return re.sub(r"%[\d.]*[sdgfr]", lambda match: next(parts, match[0]), text)
