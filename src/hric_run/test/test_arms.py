@@ -212,7 +212,8 @@ def test_overrides_that_have_no_single_meaning_are_refused() -> None:
     with pytest.raises(HricError, match="valid: different names, for example arms:=left,right"):
         Simulation("pd_step", arms="a,a")
     with pytest.raises(
-        HricError, match=r"no override 'arms:=a,b': robot.urdf has no place.*valid: a file with the section"
+        HricError,
+        match=r"no override 'arms:=a,b': several arms cannot use one robot.urdf.*valid: a file with the section",
     ):
         Simulation("ur5e_step", arms="a,b")
     with pytest.raises(HricError, match="'mid' is not one of left, right"):
