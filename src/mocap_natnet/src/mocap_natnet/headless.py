@@ -34,7 +34,9 @@ class HeadlessMocap:
 
     def __init__(self, motive: Motive, publisher: MocapPublisher, begin: float = 0.0) -> None:
         if motive.settings.jitter:
-            raise ParameterError("jitter is for the network; valid without a network: 0")
+            raise ParameterError(
+                f"jitter is {motive.settings.jitter}; valid in a headless run, which has no network: 0"
+            )
         self._motive, self._publisher, self._begin = motive, publisher, begin
         self._codec = Codec(motive.version)
         self._exposed: deque[tuple[float, float, bytes]] = deque()

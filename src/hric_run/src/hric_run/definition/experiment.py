@@ -457,7 +457,7 @@ class Experiment(_Sensed):
                 )
         with mistakes.noted():
             if taken := [name for name in self.arms if name in self._other_names()]:
-                raise ParameterError(f"arms: other parameters have the name {taken[0]}; valid: another name")
+                raise ParameterError(f"arms: {taken[0]} is also the name of other parameters; valid: another name")
         for name in self.arms:
             with mistakes.noted():
                 try:
