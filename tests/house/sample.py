@@ -88,7 +88,7 @@ def _shown(node: ast.AST) -> str:
             return f"no {_shown(kind)} {_shown(name)}{scope}; valid: {_shown(valid)}"
         case ast.Call(args=[ast.Constant(value=str(text)), *values]) if "%" in text:
             parts = map(_shown, values)
-            return re.sub(r"%[\d.]*[sdgfr]", lambda match: next(parts, match[0]), text)
+            return re.sub(r"%[+\d.]*[sdgfr]", lambda match: next(parts, match[0]), text)
         case ast.IfExp(body=body, orelse=other):
             return f"({_shown(body)}|{_shown(other)})"
         case ast.JoinedStr(values=values):
