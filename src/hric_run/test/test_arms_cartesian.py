@@ -36,12 +36,12 @@ def two_arms(name: str, parameters: dict[str, Any], *own: str) -> Simulation:
     return Simulation(experiment.parse("arms", raw))
 
 
-def dual() -> Simulation:
+def dual(**changes: Any) -> Simulation:
     sides = {
         arm: {"arm_id": arm, "joint_names": [f"{arm}_joint{k}" for k in range(1, 8)], **GAINS}
         for arm in ("left", "right")
     }
-    return two_arms("dual", {"type": DUAL, "largest_turn": 1.0, **sides})
+    return two_arms("dual", {"type": DUAL, "largest_turn": 1.0, **sides, **changes})
 
 
 def hands(both: Simulation) -> list[np.ndarray]:
@@ -91,6 +91,13 @@ def test_a_target_of_another_frame_or_too_far_away_is_refused(caplog: pytest.Log
             both.run(0.3)
         np.testing.assert_allclose(hands(both), before, atol=1e-3)
     assert "m from the present equilibrium" in caplog.text and "valid: left_link0" in caplog.text
+
+
+def test_a_parameter_without_effect_is_refused() -> None:
+    with pytest.raises(HricError, match="no parameter 'largest_step' in /dual/left; valid: arm_id"):
+        dual(
+            left={"arm_id": "left", "joint_names": [f"left_joint{k}" for k in range(1, 8)], "largest_step": 1.0}
+        ).close()
 
 
 def test_a_robot_with_one_arm_is_refused() -> None:

@@ -24,6 +24,8 @@ from hric_core.urdf import read
 
 SIDES = ("left", "right")
 """Namespaces with the parameters of both arms, relative to the controller."""
+RATE = 100.0
+"""Rate of the topic `centering_frame` [Hz]; project default."""
 
 
 class _Hand(CartesianImpedanceController):
@@ -46,8 +48,17 @@ class _Hand(CartesianImpedanceController):
         """Set the target of the equilibrium, which it approaches with the time constant `filter_time`."""
         self._law.target = T_base_ee
 
+    def _read_input(self) -> None:
+        """Read nothing, and have no topic: the centring frame leads both hands."""
+
     def _open_input(self) -> None:
-        """Have no topic of its own: the centring frame leads both hands."""
+        pass
+
+    def _start_input(self) -> None:
+        pass
+
+    def _lead(self, time: float, period: float) -> None:
+        pass
 
 
 class DualArmCartesianImpedanceController(Controller):
@@ -70,7 +81,7 @@ class DualArmCartesianImpedanceController(Controller):
         self._T_world_base = [pose_of_transform(np.asarray(poses[hand.base])) for hand in self._hands]
         self._target: realtime.LatestValue[Pose | None] = realtime.LatestValue(None)
         self._center, self._running = Pose(), False
-        self._rate = realtime.Throttle(100.0)
+        self._rate = realtime.Throttle(RATE)
         self._published = realtime.publisher(node, "centering_frame", PoseStamped)
         node.subscribe("centering_frame_target_pose", PoseStamped, self._on_target, queue_size=1)
 
