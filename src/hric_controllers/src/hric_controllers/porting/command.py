@@ -21,10 +21,13 @@ TITLES = {
     "subscriber": "topics it subscribes to",
     "publisher": "topics it publishes",
     "service": "services",
+    "service client": "services it calls",
     "action": "actions",
     "live parameters": "live parameters",
     "call": "calls of handles",
     "state": "fields of the Franka state",
+    "library": "classes of other libraries",
+    "module": "missing modules",
 }
 
 
