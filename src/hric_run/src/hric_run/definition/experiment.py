@@ -458,7 +458,14 @@ class Experiment(_Sensed):
         with mistakes.noted():
             if taken := [name for name in self.arms if name in self._other_names()]:
                 raise ParameterError(f"arms: other parameters have the name {taken[0]}; valid: another name")
-        for name in self.arms:
+        for name, arm_section in self.arms.items():
+            with mistakes.noted():
+                own = arm_section.robot.get("parameters")
+                if isinstance(own, Mapping) and "control_log" in own:
+                    raise ParameterError(
+                        f"arms.{name}.robot.parameters.control_log has no effect, since all arms have one log; valid: "
+                        "robot.parameters.control_log"
+                    )
             with mistakes.noted():
                 try:
                     self._arm(name).check("")
