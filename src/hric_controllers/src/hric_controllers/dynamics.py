@@ -20,7 +20,7 @@ from hric_control.robot_hw import RobotHW
 from hric_controllers.joint.pd_law import Gravity
 from hric_core.errors import DescriptionError, HricError, ParameterError
 from hric_core.node import Node
-from hric_core.urdf import read
+from hric_core.urdf import Robot, mimic_laws, read
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -115,9 +115,21 @@ def _chain(urdf_xml: str, joints: Sequence[str]) -> KdlChain:
         chain = KdlChain(urdf_xml, robot.root, tip)
         missing = [name for name in joints if name not in chain.joint_names]
         if not missing:
+            _check_no_followers(robot, chain)
             return chain
         problem = f"{', '.join(missing)} not on the chain from {robot.root} to {tip} ({', '.join(chain.joint_names)})"
     raise DescriptionError(f"dynamics need one serial chain through all joints: {problem}")
+
+
+def _check_no_followers(robot: Robot, chain: KdlChain) -> None:
+    """Raise DescriptionError if a joint mimics one of the chain: the KDL chain lacks the torque that it transmits."""
+    for name, law in mimic_laws(robot.joints).items():
+        if law.joint in chain.joint_names:
+            raise DescriptionError(
+                f"dynamics need joints that move on their own: {name} mimics {law.joint}, and its weight and inertia "
+                "are not known at other positions than 0; valid: gravity: false and a controller of joint positions, "
+                f"or a description in which {name} is fixed"
+            )
 
 
 def largest_kd(mass: FloatArray, rotor_inertia: Sequence[float], period: float) -> list[float]:
