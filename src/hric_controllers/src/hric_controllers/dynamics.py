@@ -39,6 +39,9 @@ class ChainDynamics:
         self._order = [chain.joint_names.index(joint) for joint in joints]
         self.gravity: Gravity = chain.gravity_list if list(joints) == list(chain.joint_names) else self._reordered
         """Function that maps joint positions (n floats [rad]) to gravity torques (n floats [N m])."""
+        frozen = ", ".join(chain.description.frozen_joints)
+        self.assumed = f", with {frozen} at 0" if frozen else ""
+        """Text on the positions of joints beside the chain, for the user; empty: there are none."""
 
     def _reordered(self, q: list[float]) -> list[float]:
         torque = self._chain.gravity_list(self._states.positions())
@@ -82,7 +85,8 @@ def gravity_source(robot_hw: RobotHW, root_node: Node, joints: Sequence[str]) ->
                 return _model_gravity(
                     interface.handle(name), [arm.index(joint) for joint in joints]
                 ), "the robot's model interface"
-    return chain_dynamics(robot_hw, root_node, joints).gravity, "KDL from robot_description"
+    dynamics = chain_dynamics(robot_hw, root_node, joints)
+    return dynamics.gravity, "KDL from robot_description" + dynamics.assumed
 
 
 def _model_gravity(model: Any, order: list[int]) -> Gravity:
