@@ -109,8 +109,8 @@ class Setpoint(Settings):
                 raise ExperimentError(f"{where}: {joint} {position:g} rad is outside {low:g} to {high:g}{likely}")
 
 
-LARGEST_PAYLOAD = 50.0
-"""Largest valid payload [kg], above that of any collaborative arm (project default, unconfirmed)."""
+LARGEST_PAYLOAD = 20.0
+"""Largest valid payload [kg], that of `franka_hw_interface.transforms.check_load`."""
 
 
 @dataclass(frozen=True)
