@@ -12,6 +12,7 @@ from franka_sim.box.control_box import ControlBox
 from franka_sim.box.requests import ControllerMode, GeneratorMode, MoveRequest, RequestOutcome
 from franka_sim.box_adapter import BoxAdapter
 from hric_control.limits import check_start
+from hric_control.robot_hw import ControllerInfo
 from hric_control.sim.simulated_robot import PlantInput, SimulatedRobot
 from hric_core.errors import HricError
 from hric_core.node import Node
@@ -23,6 +24,11 @@ _GENERATORS = {
     Kind.POSE: GeneratorMode.CARTESIAN_POSITION,
     Kind.TWIST: GeneratorMode.CARTESIAN_VELOCITY,
 }
+
+
+SAG = 1e-4
+"""Distance of a joint from its desired position above which controllers that were started between two runs must restart
+[rad]: the motion then begins elsewhere than they know (project default, above the noise of `realism: measured`)."""
 
 
 def _move_request(mode: ArmMode) -> MoveRequest:
@@ -81,7 +87,7 @@ class FrankaHWSim(SimulatedRobot, CommandedArm):
             self._realism = realism
             settings.set_internal_impedance(node, parameters.internal_impedance.stiffness, self.box.joint_impedance)
             self._commands = CommandSet(self.arm_id, states, self.robot_state, limits, period, parameters.rate_limits)
-            self.mode, self._requested, self._restart = HOLD, HOLD, False
+            self.mode, self._requested, self._restart, self._early = HOLD, HOLD, False, False
             self._register(self.model)
             self._put(self.q_start, self._reset_plant)
             adapter = BoxAdapter(self.loop, self.box, self.recover)
@@ -91,6 +97,11 @@ class FrankaHWSim(SimulatedRobot, CommandedArm):
     @property
     def _running(self) -> bool:
         return self.loop.running
+
+    def do_switch(self, start: Sequence[ControllerInfo], stop: Sequence[ControllerInfo]) -> None:
+        """Request the command mode; controllers that start between two runs do so before the motion begins."""
+        super().do_switch(start, stop)
+        self._early = not self._running
 
     # -- the cycle -----------------------------------------------------------------------------------------------------
 
@@ -107,13 +118,15 @@ class FrankaHWSim(SimulatedRobot, CommandedArm):
 
     def _begin(self) -> bool:
         """Start the requested motion; return True if running controllers have to restart."""
+        state = self.robot_state
+        sagged = max(abs(a - b) for a, b in zip(state.q, state.q_d, strict=True)) > SAG
         outcome = self.box.move(_move_request(self._requested))
         if outcome is not RequestOutcome.STARTED:
             self._fail(f"a motion by {self._requested} is refused: {outcome.value}")
             return False
         self.mode = self._requested
         self._commands.enter(self.mode)
-        restart, self._restart = self._restart, False
+        restart, self._restart = self._restart or (self._early and sagged), False
         return restart
 
     def write(self, time: float, period: float) -> None:
