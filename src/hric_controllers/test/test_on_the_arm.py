@@ -142,3 +142,16 @@ def test_a_controller_started_between_two_runs_begins_where_a_payload_has_pulled
     rig.manager.switch([name], [])
     rig.run(0.02)
     assert rig.hw.error == "" and rig.state.O_T_EE_c == pytest.approx(rig.state.O_T_EE_d, abs=1e-6)
+
+
+def test_a_stream_begins_at_the_last_command_of_an_arm_that_a_payload_pulls_down():
+    before, after = "position_joint_trajectory_controller", "joint_streaming_controller"
+    rig = ArmRig(before)
+    rig.manager.load(after)
+    rig.hw.plant.set_load(Load(1.0, (0.0, 0.0, 0.1)))
+    rig.run(1.0)
+    desired = list(rig.state.q_d)
+    assert abs(rig.state.q[3] - desired[3]) > 1e-3
+    rig.manager.switch([after], [before])
+    rig.run(0.5)
+    assert rig.state.q_d == pytest.approx(desired, abs=1e-9)
