@@ -186,10 +186,12 @@ class Styles : public controller_interface::MultiInterfaceController<FrankaState
     inner_gains.getParam("p", p_);
     root_nh.param<std::string>(std::string("robot_description"), text_, "");
     service_ = nh.advertiseService("enable", &Styles::enable, this);
+    sub_ = root_nh.subscribe(ns_ + topic("x"), 1, &Styles::onPose, this);
     client_ = nh.serviceClient<std_srvs::SetBool>("other");
     auto sensor = robot->get<hw::ImuSensorInterface>()->getHandle("imu");
     return robot->get<FrankaStateInterface>()->getHandle("panda_robot").getRobotState().current_errors;
   }
+  void onPose(const geometry_msgs::PoseStamped& pose);
   bool enable(std_srvs::SetBool::Request& request, std_srvs::SetBool::Response& response);
   void update(const ros::Time&, const ros::Duration& period) override {
     for (auto& joint : joints_) joint.setCommand(pid_.computeCommand(joint.getPosition(), period));
@@ -212,6 +214,7 @@ class Styles : public controller_interface::MultiInterfaceController<FrankaState
         "yes  gains/pid/p   controller_node.param",
         "yes  robot_description   root_node.param",
         "yes  enable   SetBool",
+        'yes (ns_ + topic("x")) PoseStamped',
         "NO   other   not in a controller",
         "yes  getPosition",
         "yes  setCommand",

@@ -24,14 +24,17 @@ PARAMETER = re.compile(
     + NODE
     + r"(getParam|getParamCached|param|hasParam|searchParam)|ros::param::(?:get|param|has))\s*(?:<[^;()]*?>)?\s*\("
 )
-SUBSCRIPTION = re.compile(NODE + r"subscribe\s*(?:<\s*" + TYPE + r"[^;()]*>)?\s*\(\s*" + TEXT)
-SUBSCRIBE_OPTIONS = re.compile(r"(\w)\.init\s*(?:<\s*" + TYPE + r"\s*>)?\s*\(\s*" + TEXT)
-ADVERTISED = re.compile(NODE + r"advertise\s*<\s*" + TYPE + r"\s*>\s*\(\s*" + TEXT)
+NAME = r"([^,;()]+(?:\([^()]*\)[^,;()]*)*)\s*"
+SUBSCRIPTION = re.compile(NODE + r"subscribe\s*(?:<\s*" + TYPE + r"[^;()]*>)?\s*\(\s*" + NAME + ",")
+SUBSCRIBE_OPTIONS = re.compile(r"(\w)\.init\s*(?:<\s*" + TYPE + r"\s*>)?\s*\(\s*(" + TEXT + ")")
+ADVERTISED = re.compile(NODE + r"advertise\s*<\s*" + TYPE + r"\s*>\s*\(\s*" + NAME + ",")
 REALTIME = re.compile(
-    r"RealtimePublisher\s*<\s*" + TYPE + r"\s*>\s*>?\s*(\w*)\s*(?:\(\s*([\w*>.-]+)\s*,\s*" + TEXT + r")?"
+    r"RealtimePublisher\s*<\s*" + TYPE + r"\s*>\s*>?\s*(\w*)\s*(?:\(\s*([\w*>.-]+)\s*,\s*" + NAME + r",)?"
 )
-REALTIME_INIT = re.compile(r"(\w+)\s*(?:\.|->)\s*init\s*\(\s*([\w*]+)\s*,\s*" + TEXT)
-SERVICE = re.compile(NODE + r"(advertiseService|serviceClient)\s*(?:<\s*" + TYPE + r"[^;()]*>)?\s*\(\s*" + TEXT)
+REALTIME_INIT = re.compile(r"(\w+)\s*(?:\.|->)\s*init\s*\(\s*([\w*]+)\s*,\s*(" + TEXT + ")")
+SERVICE = re.compile(
+    NODE + r"(advertiseService|serviceClient)\s*(?:<\s*" + TYPE + r"[^;()]*>)?\s*\(\s*" + NAME + "[,)]"
+)
 CHILD_NODE = re.compile(r"\bNodeHandle\s+(\w+)\s*[({]\s*(?:\*?(\w+)\s*,\s*)?" + TEXT)
 TWO_NODES = re.compile(r"\binit\s*\([^)]*\bNodeHandle\s*&?\s*(\w+)[^)]*\bNodeHandle\s*&?\s*\w+")
 ACTION = re.compile(r"SimpleAction(Server|Client)\s*<\s*" + TYPE + r"\s*>")
@@ -46,6 +49,8 @@ CHAINED = re.compile(r"getHandle\s*\([^;()]*\)\s*\.\s*(\w+)\s*\(")
 LIBRARY = re.compile(
     r"\b((?:control_toolbox|tf2_ros|tf|message_filters|interactive_markers|urdf|KDL|pinocchio|moveit\w*)::\w+|ros::\w*Timer)\b"
 )
+NAMED = {"parameter", "subscriber", "publisher", "service", "service client"}
+"""Kinds of uses with a name that the source may compute."""
 OF_VECTORS = {
     "push_back",
     "emplace_back",
@@ -223,6 +228,8 @@ def _uses(path: Path, text: str, whole: str) -> Iterator[Use]:
     nodes = _Nodes.of(whole)
 
     def at(kind: str, name: str, of: str, found: re.Match[str], handle: str | None = None) -> Use:
+        if kind in NAMED:
+            name = _label(name)
         return nodes.resolve(Use(kind, name, of, f"{path.name}:{_line(text, found.start())}"), handle or "")
 
     for found in INTERFACE.finditer(text):
@@ -312,7 +319,13 @@ def _arguments(text: str, opening: int) -> list[str]:
 
 
 def _parameter(call: str, arguments: Sequence[str]) -> tuple[str, str]:
-    """Return name, "(EXPRESSION)" if it is computed, and default (empty: none) of a parameter read by `call`."""
+    """Return the expression of the name and the default (empty: none) of a parameter read by `call`."""
     default = "" if call != "param" or len(arguments) < 2 else arguments[-1]
-    literal = re.fullmatch(rf"(?:(?:std::)?string\s*[({{]\s*)?{TEXT}\s*[)}}]?", arguments[0])
-    return (literal.group(1) if literal else f"({arguments[0]})"), default
+    return arguments[0], default
+
+
+def _label(expression: str) -> str:
+    """Return the text of a C++ string literal, or "(EXPRESSION)" if the name is computed."""
+    expression = expression.strip()
+    literal = re.fullmatch(rf"(?:(?:std::)?string\s*[({{]\s*)?{TEXT}\s*[)}}]?", expression)
+    return literal.group(1) if literal else f"({expression})"
