@@ -40,8 +40,8 @@ class PortCommand(Command):
 
     epilog = (
         "exit codes: 0 HRIC has everything that was recognised; 3 something is missing in HRIC, or its type or update()"
-        " is not in the source. Parts of macros and of base classes in other packages are not recognised, and computed names "
-        "are listed as expressions: compare the table with the source."
+        " is not in the source. Parts of macros and of base classes in other packages are not recognised, and computed "
+        "names are listed as expressions: compare the table with the source."
     )
 
     def arguments(self) -> list[Argument]:
