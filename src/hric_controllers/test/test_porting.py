@@ -196,9 +196,12 @@ class Styles : public controller_interface::MultiInterfaceController<FrankaState
   void update(const ros::Time&, const ros::Duration& period) override {
     for (auto& joint : joints_) joint.setCommand(pid_.computeCommand(joint.getPosition(), period));
     const auto& state = state_->getRobotState();
+    const auto& third = arm_.at(2);
+    use(third->getVelocity(), (*arm_[1]).getEffort());
     use(state.cartesian_collision);
   }
   std::vector<hw::JointHandle> joints_;
+  std::array<std::unique_ptr<hw::JointHandle>, 7> arm_;
   std::unique_ptr<FrankaStateHandle> state_;
   control_toolbox::Pid pid_;
 };
@@ -217,6 +220,8 @@ class Styles : public controller_interface::MultiInterfaceController<FrankaState
         'yes (ns_ + topic("x")) PoseStamped',
         "NO   other   not in a controller",
         "yes  getPosition",
+        "yes  getVelocity",
+        "yes  getEffort",
         "yes  setCommand",
         "yes  getRobotState",
         "yes  current_errors",

@@ -39,11 +39,12 @@ CHILD_NODE = re.compile(r"\bNodeHandle\s+(\w+)\s*[({]\s*(?:\*?(\w+)\s*,\s*)?" + 
 TWO_NODES = re.compile(r"\binit\s*\([^)]*\bNodeHandle\s*&?\s*(\w+)[^)]*\bNodeHandle\s*&?\s*\w+")
 ACTION = re.compile(r"SimpleAction(Server|Client)\s*<\s*" + TYPE + r"\s*>")
 LIVE = re.compile(r"dynamic_reconfigure\s*::\s*Server\s*<\s*" + TYPE + r"\s*>")
-HANDLE = re.compile(r"\b(\w+Handle)\s*>*\s*[&*]?\s*(\w+)\s*[;,={(]")
+HANDLE = re.compile(r"\b(\w+Handle)\s*>*(?:\s*,\s*\w+\s*>)*\s*[&*]?\s*(\w+)\s*[;,={(]")
 METHOD = re.compile(r"(?<![\w.>])(?:\w+\s*::\s*)?(" + "|".join(LIFE_CYCLE) + r")\s*\([^;{}]*\)[^;{}]*\{")
 CALLBACK = re.compile(r"&\s*(?:\w+\s*::\s*)*(\w+)\s*[,)]")
 STATE = re.compile(r"\b(?:RobotState|(?:auto(?=[^;]*getRobotState\s*\(\s*\)\s*;)))\s*&?\s+&?(\w+)\s*[=;,)({]")
 ELEMENT = re.compile(r"\bfor\s*\([^;:()]*\b(\w+)\s*:\s*(\w+)\s*\)")
+RENAMED = re.compile(r"\bauto\s*[&*]?\s*(\w+)\s*=\s*[*&(]*(\w+)\b")
 GOT = re.compile(r"\bauto\s*[&*]?\s*(\w+)\s*=[^;]*getHandle\s*\([^;()]*\)\s*;")
 CHAINED = re.compile(r"getHandle\s*\([^;()]*\)\s*\.\s*(\w+)\s*\(")
 LIBRARY = re.compile(
@@ -260,8 +261,9 @@ def _calls(text: str, whole: str, at: Callable[..., Use]) -> Iterator[Use]:
     """Yield the calls of handles in a file, and the fields of the Franka state that it reads."""
     handles = {variable: kind for kind, variable in HANDLE.findall(whole) if kind != "NodeHandle"}
     handles |= {variable: "handle" for variable in GOT.findall(whole)}
-    handles |= {one: handles[group] for one, group in ELEMENT.findall(whole) if group in handles}
-    for found in re.finditer(r"\b(\w+)(?:\s*\[[^\]]*\]|\.at\([^)]*\))?\s*(?:\.|->)\s*(\w+)\s*\(", text):
+    for pattern in (ELEMENT, RENAMED):
+        handles |= {one: handles[group] for one, group in pattern.findall(whole) if group in handles}
+    for found in re.finditer(r"\b(\w+)(?:\s*\[[^\]]*\]|\.at\([^)]*\))?\)?\s*(?:\.|->)\s*(\w+)\s*\(", text):
         if found.group(1) in handles and found.group(2) not in OF_VECTORS:
             yield at("call", found.group(2), handles[found.group(1)], found)
     for found in CHAINED.finditer(text):

@@ -163,6 +163,7 @@ def _hints(source: Source) -> Iterator[str]:
 
 def _literal(text: str) -> str:
     """Return a C++ or Python literal as Python and YAML read it; empty: it is not a literal."""
+    text = re.sub(r'^(?:std::)?string\s*[({]\s*(".*")\s*[)}]$', r"\1", text)
     if re.fullmatch(r"-?\d+(\.\d*)?(e-?\d+)?f?", text):
         return text.removesuffix("f").removesuffix(".") if "." in text or text.isdigit() or text[0] == "-" else text
     if text in {"true", "True"}:
