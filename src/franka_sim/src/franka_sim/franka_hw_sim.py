@@ -6,6 +6,7 @@ from franka_hw_interface.arm_parameters import read_limits
 from franka_hw_interface.command_set import CommandSet
 from franka_hw_interface.commanded_arm import CommandedArm
 from franka_hw_interface.modes import HOLD, ArmMode, Kind
+from franka_hw_interface.robot_state import RobotMode
 from franka_sim import sensors, settings
 from franka_sim.box.compiled_arm import CompiledArm
 from franka_sim.box.control_box import ControlBox
@@ -108,7 +109,7 @@ class FrankaHWSim(SimulatedRobot, CommandedArm):
     def begin(self) -> bool:
         """Start the motion that a controller switch has requested; return True if running controllers must restart."""
         waiting = self.mode is HOLD and self._requested.commanded and not self.error and not self.halted
-        return waiting and self._begin()
+        return waiting and self.box.mode is not RobotMode.AUTOMATIC_ERROR_RECOVERY and self._begin()
 
     def read(self, time: float, period: float) -> None:
         """Read the plant's joint state with sensor noise, and pass it to the control box."""
