@@ -145,10 +145,8 @@ class PersonChoice:
             raise HricError(
                 f"trial is {self.trial!r} with person={self.kind!r}; valid: a path with person='trial', else none"
             )
-        if self.trial and (kind := Path(self.trial).suffix) not in TRIALS:
-            raise HricError(
-                f"trial is {self.trial!r}, a file {kind or 'without extension'}; valid: {', '.join(TRIALS)}"
-            )
+        if self.trial and Path(self.trial).suffix not in TRIALS:
+            raise HricError(f"trial is {self.trial!r}; valid: a file with the extension {' or '.join(TRIALS)}")
         if self.population:
             check_known("population", [self.population], populations.names())
         for name, usual in (("population", ""), ("drive", "torque")):
@@ -231,7 +229,7 @@ def scene(
         )
     setpoints = tuple((item.time, item.positions) for item in definition.setpoints)
     if task.goal == SETPOINTS and not setpoints:
-        raise HricError(f"the experiment {definition.name} has no setpoint, which is the goal; valid: one or more")
+        raise HricError(f"the experiment {definition.name} has no setpoint to use as goal; valid: one or more")
     definition = replace(definition, human=human or None, supervisor=None, setpoints=())
     return Scene(definition, intention, channel, setpoints)
 
@@ -263,7 +261,7 @@ def _check_effect(task: TaskDefinition, choice: PersonChoice, changes: Sequence[
                 f"the change {text!r} has no effect in this environment; valid: keys of {', '.join(sorted(valid))}"
             )
         if text.startswith("human.drive:="):
-            raise HricError(f"the change {text!r} has no effect; valid: the argument drive")
+            raise HricError(f"the change {text!r} has no effect; valid: the argument drive instead")
 
 
 def _choose(human: dict[str, Any], reference: Mapping[str, Any], choice: PersonChoice) -> str:
