@@ -6,14 +6,12 @@ from franka_hw_interface.arm_parameters import read_limits
 from franka_hw_interface.command_set import CommandSet
 from franka_hw_interface.commanded_arm import CommandedArm
 from franka_hw_interface.modes import HOLD, ArmMode, Kind
-from franka_hw_interface.robot_state import RobotMode
 from franka_sim import sensors, settings
 from franka_sim.box.compiled_arm import CompiledArm
 from franka_sim.box.control_box import ControlBox
 from franka_sim.box.requests import ControllerMode, GeneratorMode, MoveRequest, RequestOutcome
 from franka_sim.box_adapter import BoxAdapter
 from hric_control.limits import check_start
-from hric_control.robot_hw import ControllerInfo
 from hric_control.sim.simulated_robot import PlantInput, SimulatedRobot
 from hric_core.errors import HricError
 from hric_core.node import Node
@@ -88,7 +86,7 @@ class FrankaHWSim(SimulatedRobot, CommandedArm):
             self._realism = realism
             settings.set_internal_impedance(node, parameters.internal_impedance.stiffness, self.box.joint_impedance)
             self._commands = CommandSet(self.arm_id, states, self.robot_state, limits, period, parameters.rate_limits)
-            self.mode, self._requested, self._restart, self._early = HOLD, HOLD, False, False
+            self.mode, self._requested, self._restart = HOLD, HOLD, False
             self._register(self.model)
             self._put(self.q_start, self._reset_plant)
             adapter = BoxAdapter(self.loop, self.box, self.recover)
@@ -99,17 +97,12 @@ class FrankaHWSim(SimulatedRobot, CommandedArm):
     def _running(self) -> bool:
         return self.loop.running
 
-    def do_switch(self, start: Sequence[ControllerInfo], stop: Sequence[ControllerInfo]) -> None:
-        """Request the command mode; controllers that start between two runs do so before the motion begins."""
-        super().do_switch(start, stop)
-        self._early = not self._running
-
     # -- the cycle -----------------------------------------------------------------------------------------------------
 
     def begin(self) -> bool:
         """Start the motion that a controller switch has requested; return True if running controllers must restart."""
         waiting = self.mode is HOLD and self._requested.commanded and not self.error and not self.halted
-        return waiting and self.box.mode is not RobotMode.AUTOMATIC_ERROR_RECOVERY and self._begin()
+        return waiting and not self.box.recovering and self._begin()
 
     def read(self, time: float, period: float) -> None:
         """Read the plant's joint state with sensor noise, and pass it to the control box."""

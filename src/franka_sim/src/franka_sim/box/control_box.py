@@ -65,6 +65,11 @@ class ControlBox(ConfiguredBox):
         """Present mode of the arm."""
         return self.state.robot_mode
 
+    @property
+    def recovering(self) -> bool:
+        """True while the arm recovers from errors, until it rests."""
+        return self.mode is RobotMode.AUTOMATIC_ERROR_RECOVERY
+
     def take_finished(self) -> RequestOutcome | None:
         """Return the outcome of a motion that ended since the last call, or None."""
         finished, self.finished = self.finished, None
@@ -118,7 +123,7 @@ class ControlBox(ConfiguredBox):
         return outcome
 
     def _finish_recovery(self) -> None:
-        if self.mode is RobotMode.AUTOMATIC_ERROR_RECOVERY and not any(self.state.dq_d):
+        if self.recovering and not any(self.state.dq_d):
             self._clear_errors()
             self._change(BoxEvent.RECOVERED)
             self.report("recovered from errors")
