@@ -78,6 +78,8 @@ def test_a_load_replaces_the_one_before_and_zero_takes_it_off(model, states) -> 
         (1.0, [0, 0, float("inf")], [0] * 9, "not finite"),
         (1.0, [0, 0, 0], [0, 1, 0, 0, 0, 0, 0, 0, 0], "not symmetric"),
         (1.0, [0, 0, 0], [-1, 0, 0, 0, 1, 0, 0, 0, 1], "negative principal moment"),
+        (500.0, [0, 0, 0], [0] * 9, "exceeds the maximum of 20 kg"),
+        (1.0, [0, 0, 100.0], [0] * 9, "exceeds the maximum"),
     ],
 )
 def test_what_is_no_payload_is_refused_and_the_one_before_stays(model, states, mass, com, inertia, said) -> None:

@@ -159,6 +159,23 @@ def test_a_jump_is_a_discontinuity_or_a_violated_limit_by_name(make_box, control
     run(arm, JOINT, kind)
 
 
+def test_an_arm_that_brakes_recovers_when_it_rests(make_box) -> None:
+    arm, kind = make_box(), GeneratorMode.JOINT_VELOCITY
+    arm.start(JOINT, kind)
+    client = Client(arm, kind)
+    for cycle in range(1000):
+        arm.cycle(client.at(1e-3 * cycle))
+    arm.cycle(jump(arm, kind))
+    arm.cycle()
+    assert arm.box.recover() is RequestOutcome.SUCCESS
+    assert arm.box.mode is RobotMode.AUTOMATIC_ERROR_RECOVERY and max(map(abs, arm.state.dq)) > 0.1
+    assert arm.box.move(MoveRequest(JOINT, kind)) is RequestOutcome.NOT_POSSIBLE
+    for _ in range(200):
+        arm.cycle()
+    assert arm.box.mode is RobotMode.IDLE and arm.state.current_errors == NO_ERRORS
+    run(arm, JOINT, kind)
+
+
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name.lower())
 def test_a_command_that_is_no_number_never_reaches_the_arm(make_box, kind) -> None:
     arm = make_box()

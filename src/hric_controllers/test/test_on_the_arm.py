@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from arm_rig import ArmRig
 from genpy import Duration
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectoryPoint
@@ -15,6 +16,7 @@ from trajectory_msgs.msg import JointTrajectoryPoint
 import panda_description
 from control_msgs.msg import FollowJointTrajectoryGoal
 from hric_control.manager.controller_manager import ControllerManager
+from hric_control.plant import Load
 from hric_core import plugins
 from hric_core.errors import HricError
 from hric_core.local.node import LocalNode
@@ -128,3 +130,28 @@ def test_the_arms_state_and_its_joint_states_are_published():
     assert seen["/joint_states"].name == ARM
     assert list(seen["/franka_state_controller/franka_states"].q) == pytest.approx(START, abs=1e-4)
     assert [frame.child_frame_id for frame in seen["/tf"].transforms] == ["panda_NE", "panda_EE", "panda_K"]
+
+
+@pytest.mark.parametrize(
+    "name", ["cartesian_pose_controller", "cartesian_streaming_controller", "admittance_controller"]
+)
+def test_a_controller_started_between_two_runs_begins_where_a_payload_has_pulled_the_arm(name):
+    rig = ArmRig(name, start=False)
+    rig.hw.plant.set_load(Load(1.5, (0.0, 0.0, 0.1)))
+    rig.run(1.0)
+    rig.manager.switch([name], [])
+    rig.run(0.02)
+    assert rig.hw.error == "" and rig.state.O_T_EE_c == pytest.approx(rig.state.O_T_EE_d, abs=1e-6)
+
+
+def test_a_stream_begins_at_the_last_command_of_an_arm_that_a_payload_pulls_down():
+    before, after = "position_joint_trajectory_controller", "joint_streaming_controller"
+    rig = ArmRig(before)
+    rig.manager.load(after)
+    rig.hw.plant.set_load(Load(1.0, (0.0, 0.0, 0.1)))
+    rig.run(1.0)
+    desired = list(rig.state.q_d)
+    assert abs(rig.state.q[3] - desired[3]) > 1e-3
+    rig.manager.switch([after], [before])
+    rig.run(0.5)
+    assert rig.state.q_d == pytest.approx(desired, abs=1e-9)

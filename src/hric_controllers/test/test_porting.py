@@ -174,6 +174,117 @@ def test_a_node_in_python_is_read_too(source, capsys):
     assert names == ["~rate", "target", "command"]
 
 
+STYLES = """
+#include <std_srvs/SetBool.h>
+using namespace franka_hw;
+namespace hw = hardware_interface;
+class Styles : public controller_interface::MultiInterfaceController<FrankaStateInterface, hw::EffortJointInterface,
+    hw::ImuSensorInterface> {
+  bool init(hw::RobotHW* robot, ros::NodeHandle& root_nh, ros::NodeHandle& nh) override {
+    ros::NodeHandle gains(nh, "gains"), inner{gains, "inner"};
+    ros::NodeHandle inner_gains(gains, "pid");
+    inner_gains.getParam("p", p_);
+    root_nh.param<std::string>(std::string("robot_description"), text_, "");
+    service_ = nh.advertiseService("enable", &Styles::enable, this);
+    sub_ = root_nh.subscribe(ns_ + topic("x"), 1, &Styles::onPose, this);
+    client_ = nh.serviceClient<std_srvs::SetBool>("other");
+    auto sensor = robot->get<hw::ImuSensorInterface>()->getHandle("imu");
+    return robot->get<FrankaStateInterface>()->getHandle("panda_robot").getRobotState().current_errors;
+  }
+  void onPose(const geometry_msgs::PoseStamped& pose);
+  bool enable(std_srvs::SetBool::Request& request, std_srvs::SetBool::Response& response);
+  void update(const ros::Time&, const ros::Duration& period) override {
+    for (auto& joint : joints_) joint.setCommand(pid_.computeCommand(joint.getPosition(), period));
+    const auto& state = state_->getRobotState();
+    const auto& third = arm_.at(2);
+    use(third->getVelocity(), (*arm_[1]).getEffort());
+    use(state.cartesian_collision);
+  }
+  std::vector<hw::JointHandle> joints_;
+  std::array<std::unique_ptr<hw::JointHandle>, 7> arm_;
+  std::unique_ptr<FrankaStateHandle> state_;
+  control_toolbox::Pid pid_;
+};
+"""
+
+
+@pytest.mark.parametrize(
+    "row",
+    [
+        "yes  franka_hw::FrankaStateInterface",
+        "yes  hardware_interface::EffortJointInterface",
+        "NO   hardware_interface::ImuSensorInterface",
+        "yes  gains/pid/p   controller_node.param",
+        "yes  robot_description   root_node.param",
+        "yes  enable   SetBool",
+        'yes (ns_ + topic("x")) PoseStamped',
+        "NO   other   not in a controller",
+        "yes  getPosition",
+        "yes  getVelocity",
+        "yes  getEffort",
+        "yes  setCommand",
+        "yes  getRobotState",
+        "yes  current_errors",
+        "yes  cartesian_collision",
+        "NO   control_toolbox::Pid   not in HRIC: write the PID law in update()",
+    ],
+)
+def test_other_styles_of_cpp_are_read(row, source, capsys):
+    (source / "src/styles.cpp").write_text(STYLES)
+    assert command.main(["port", str(source / "src/styles.cpp")]) == 3
+    assert " ".join(row.split()) in " ".join(capsys.readouterr().out.split())
+
+
+PYTHON_STYLES = """
+import rospy, moveit_nowhere
+import geometry_msgs.msg as gm
+from dynamic_reconfigure.server import Server
+from franka_msgs.srv import SetLoad
+TARGET = "/target"
+
+class Helper:
+    pass
+
+class Main:
+    WRENCH = "wrench"
+    def __init__(self):
+        rospy.Subscriber(self.WRENCH, gm.WrenchStamped, self.take)
+        rospy.Publisher(name=TARGET, data_class=gm.PoseStamped, queue_size=1)
+        rospy.ServiceProxy("/franka_control/set_load", SetLoad)
+        rospy.Subscriber(f"{self.name}/x", gm.PoseStamped, self.take)
+        self.k = rospy.get_param(param_name="~k", default=3.0)
+        self.server = Server(Gains, self.change)
+"""
+
+
+@pytest.mark.parametrize(
+    "row",
+    [
+        "Main",
+        "yes  wrench   WrenchStamped",
+        "yes  /target   PoseStamped",
+        "NO   /franka_control/set_load   not in a controller",
+        'yes  ~k   controller_node.param("k")',
+        "yes  Gains   controller_node.live_parameters",
+        "NO   moveit_nowhere   cannot be imported here",
+    ],
+)
+def test_other_styles_of_python_are_read(row, source, capsys):
+    (source / "styles.py").write_text(PYTHON_STYLES)
+    assert command.main(["port", str(source / "styles.py")]) == 3
+    assert " ".join(row.split()) in " ".join(capsys.readouterr().out.split())
+
+
+def test_the_package_gets_private_names_and_no_computed_ones(source, tmp_path):
+    (source / "styles.py").write_text(PYTHON_STYLES)
+    command.main(["port", str(source / "styles.py"), "--output", str(tmp_path / "own")])
+    law = (tmp_path / "own/src/main/law.py").read_text()
+    assert 'self.k = controller_node.param("k", 3.0)' in law
+    assert 'controller_node.subscribe("wrench", WrenchStamped' in law
+    assert "# styles.py:17: subscriber (f'{self.name}/x'): PoseStamped" in law and 'subscribe("(' not in law
+    assert "  k: 3.0\n" in (tmp_path / "own/config/main.yaml").read_text()
+
+
 def test_headers_that_headers_include_are_read(source, capsys):
     (source / "src/position.cpp").write_text(
         "#include <my_law/position.h>\nPLUGINLIB_EXPORT_CLASS(my_law::Position, controller_interface::ControllerBase)"

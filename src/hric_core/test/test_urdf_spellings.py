@@ -67,6 +67,14 @@ REFUSED = {
     "no number": (PLAIN.replace('upper="1"', 'upper="nan"'), "got 'nan'"),
     "too large": (PLAIN.replace('upper="1"', 'upper="1e999"'), "got '1e999'"),
     "empty": (PLAIN.replace('rpy="0 0 0.25"', 'rpy=""'), "rpy of <origin> must be 3 numbers; got ''"),
+    "angle in degrees": (
+        PLAIN.replace("0.25", "90"),
+        r"joint j: rpy of .* 90, beyond 12\.57 \[rad\]; 90 deg would be 1\.57",
+    ),
+    "distance in mm": (
+        PLAIN.replace('xyz="0 0 0.5"', 'xyz="0 0 500"'),
+        r"xyz of .* 500, beyond 30 \[m\]; 500 mm would be 0\.5",
+    ),
     "version 9.0": (version("9.0"), r"has version '9.0'; valid: 1.0, 1.1, 1.2"),
     "version 1": (version("1"), "has version '1'"),
     "no version": (version(""), "has version ''"),

@@ -227,6 +227,13 @@ def test_what_does_not_fit_is_refused_with_the_valid_choices() -> None:
         ({"changes": ["human.drive:=muscle"]}, "valid: the argument drive"),
         ({"person": "none", "changes": ["human.mass:=50"]}, "valid: keys of parameters, robot"),
         ({"changes": ["parameters.force_controller.force:=[0, 0, 5]"]}, "not one of .* joint_pd_controller"),
+        (
+            {
+                "action": "impedance",
+                "changes": ["parameters.cartesian_impedance_controller.rotational_stiffness:=7"],
+            },
+            "rotational_stiffness: 7 has no effect, since each action sets it; valid: .* end_effector",
+        ),
     ):
         with pytest.raises(HricError, match=match):
             CollaborationEnv(**settings)

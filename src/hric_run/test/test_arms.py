@@ -181,6 +181,10 @@ def test_what_cannot_be_one_world_is_refused_by_name() -> None:
         ({"mass_kg": 1.0}, "no parameter 'mass_kg'"),
     ):
         refused(said, left={"robot": {"plant": {"payload": wrong}}})
+    refused(
+        r"arms\.left\.robot\.parameters\.control_log has no effect, .* valid: robot\.parameters\.control_log",
+        left={"robot": {"parameters": {"control_log": False}}},
+    )
     refused(r"arms\.left: robot\.load is 2\.0; valid: a mapping", left={"robot": {"load": 2.0}})
     refused(
         r"2 mistakes\s+arms.right: setpoints.*not started.*\s+arms.right: parameters for",

@@ -90,7 +90,7 @@ MISTAKES = [
         r"outside -1\.7628 to 1\.7628; -2 deg",
     ),
     ("run pd_step duration:=4000", r"4000 ms would be 4 s"),
-    ("run pd_step robot.load.mass:=750", r"valid: .* to 50 \[kg\]; 750 g would be 0\.75 kg"),
+    ("run pd_step robot.load.mass:=750", r"valid: .* to 20 \[kg\]; 750 g would be 0\.75 kg"),
     ("run pd_step kp:=50000", r"50000 N mm/rad would be 50 N m/rad"),
     (f"run pd_step {PD}.profile.velocity:=57", r"57 deg/s would be 0\.994838 rad/s"),
     ("run pd_step 'robot.description.rpy:=[0,0,90]'", r"90 deg would be 1\.5708 rad"),

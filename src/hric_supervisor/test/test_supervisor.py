@@ -4,6 +4,7 @@ import itertools
 import math
 import subprocess
 import sys
+from contextlib import nullcontext
 
 import numpy as np
 import pinocchio
@@ -20,7 +21,7 @@ from hric_assessment.tables import limit_table
 from hric_control.speed_scale import ScaleRequest, SpeedScale, stopping_time
 from hric_core.errors import HricError
 from hric_supervisor.arm import ArmShape, ArmState, InForce
-from hric_supervisor.decision import FREE, SLOWED, STOPPED
+from hric_supervisor.decision import FREE, SLOWED, STOPPED, Supervisor
 from hric_supervisor.settings import MODES, SupervisorSettings
 
 RNG = np.random.default_rng(5)
@@ -250,6 +251,31 @@ def test_an_arm_that_is_faster_than_its_stops_are_known_is_stopped_and_that_is_n
     assert cell.decide(5.0).scale == pytest.approx(0.3)  # of 1 m/s
     decision = cell.decide(5.0, 3.0 * SPEED)
     assert decision.scale == 0.0 and "table of stops goes up to 0.32 m/s" in decision.fault
+
+
+ONE_JOINT = """<robot name="ur5e"><link name="world"/><link name="arm"><inertial><mass value="1"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial><collision><geometry><sphere radius="0.1"/>
+</geometry></collision></link><joint name="shoulder" type="revolute"><parent link="world"/><child link="arm"/>
+<axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>"""
+
+
+@pytest.mark.parametrize(
+    ("of", "name", "said"),
+    [
+        ("robot: ur10e", "ur5e", r"stops of ur10e in .*, but the robot is ur5e; valid: .* with robot: ur5e"),
+        ("", "ur5e", "stops of a Franka arm in .*, but the robot is ur5e"),
+        ("robot: ur5e", "ur5e", None),
+        ("robot: ur5e", "panda", "stops of ur5e in .*, but the robot is panda"),
+    ],
+)
+def test_stops_of_another_robot_are_refused(of, name, said, tmp_path):
+    file = stops(tmp_path, (2.0, 0.0, 0.9, 0.5))
+    with open(file, "a") as text:
+        text.write(f"{of}\n")
+    joints = ["shoulder"] if name == "ur5e" else JOINTS
+    arm = ArmShape(ONE_JOINT, joints) if name == "ur5e" else ARM
+    with pytest.raises(HricError, match=said) if said else nullcontext():
+        Supervisor(SupervisorSettings(stops=file), arm)
 
 
 EXPECTED = ((0.5, 0.1), (3.0, 0.4))

@@ -159,3 +159,13 @@ def test_a_robot_that_is_not_of_ur_is_refused() -> None:
     with pytest.raises(HricError, match="7 joints with a transmission; an arm of UR has 6"):
         node = LocalNode({"robot_description": urdf, "robot": {"robot_ip": "127.0.0.32"}})
         RobotApp(node, node.child("robot"), hw=UrHW())
+
+
+def test_joints_in_another_order_than_that_of_the_controller_are_refused() -> None:
+    urdf = panda_description.load_file(UR5E)
+    names = [transmission.joint for transmission in parse_transmissions(urdf)]
+    first, second = (f'<joint name="{name}"><hardware' for name in names[:2])  # in the transmissions only
+    swapped = urdf.replace(first, "first").replace(second, first).replace("first", second)
+    node = LocalNode({"robot_description": swapped, "robot": {"robot_ip": "127.0.0.32"}})
+    with pytest.raises(HricError, match=f"in the order {names[1]}, {names[0]}, .*; valid: .* {names[0]}, {names[1]}"):
+        RobotApp(node, node.child("robot"), hw=UrHW())

@@ -48,6 +48,8 @@ class CommandedArm(RobotHW):
     _node: Node
     _commands: CommandSet
     _requested: ArmMode
+    _early = False
+    """True if controllers were started between two runs, before their motion begins."""
     _services: ArmServices
 
     @property
@@ -95,6 +97,7 @@ class CommandedArm(RobotHW):
 
     def do_switch(self, start: Sequence[ControllerInfo], stop: Sequence[ControllerInfo]) -> None:
         """Request the command mode of the started controllers, which `run` enters; keep the mode if it is the same."""
+        self._early = not self._running
         claimed = self._claimed(start)
         if claimed:
             if claimed[0] != self._requested:  # otherwise keep the object: the loop compares by identity

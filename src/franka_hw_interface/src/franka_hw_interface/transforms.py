@@ -88,14 +88,21 @@ def is_pose(values: Sequence[float], tolerance: float = ORTHONORMAL_TOLERANCE) -
     )
 
 
+MAX_LOAD, MAX_LOAD_DISTANCE, MAX_LOAD_INERTIA = 20.0, 1.0, 20.0
+"""Maximum payload: mass [kg], distance from the flange along each axis [m], moment of inertia [kg m^2].
+
+Project defaults, unconfirmed; far above the arm's rated payload of 3 kg, but below the same numbers in grams or mm.
+"""
+
+
 def check_load(mass: float, com: Sequence[float] | FloatArray, inertia: Sequence[float] | FloatArray) -> MassProperties:
     """Return a checked payload.
 
     Args:
-        mass: mass, not negative [kg].
-        com: centre of mass in the flange frame, 3 values [m].
+        mass: mass, 0 to MAX_LOAD [kg].
+        com: centre of mass in the flange frame, 3 values up to MAX_LOAD_DISTANCE [m].
         inertia: inertia about the centre of mass, 9 values or shape (3, 3), symmetric, without negative principal
-            moments [kg m^2].
+            moments, up to MAX_LOAD_INERTIA [kg m^2].
 
     Raises:
         CommandError: one of these conditions is violated.
@@ -110,4 +117,10 @@ def check_load(mass: float, com: Sequence[float] | FloatArray, inertia: Sequence
     principal = np.linalg.eigvalsh(tensor)
     if principal[0] < -1e-9 * scale:
         raise CommandError(f"load inertia has a negative principal moment: {principal.tolist()} kg m^2")
-    return MassProperties(m, _finite(com, 3, "load centre of mass"), tensor)
+    centre = _finite(com, 3, "load centre of mass")
+    if m > MAX_LOAD or np.abs(centre).max() > MAX_LOAD_DISTANCE or np.abs(tensor).max() > MAX_LOAD_INERTIA:
+        raise CommandError(
+            f"a load of {m:g} kg at {centre.tolist()} m with inertia {tensor.ravel().tolist()} kg m^2 exceeds the "
+            f"maximum of {MAX_LOAD:g} kg, {MAX_LOAD_DISTANCE:g} m, {MAX_LOAD_INERTIA:g} kg m^2"
+        )
+    return MassProperties(m, centre, tensor)

@@ -25,6 +25,11 @@ _GENERATORS = {
 }
 
 
+SAG = 1e-4
+"""Distance of a joint from its desired position above which controllers that were started between two runs must restart
+[rad]: the motion then begins elsewhere than they know (project default, above the noise of `realism: measured`)."""
+
+
 def _move_request(mode: ArmMode) -> MoveRequest:
     """Return the request that starts a motion in a command mode, as libfranka's control loops send it.
 
@@ -97,7 +102,7 @@ class FrankaHWSim(SimulatedRobot, CommandedArm):
     def begin(self) -> bool:
         """Start the motion that a controller switch has requested; return True if running controllers must restart."""
         waiting = self.mode is HOLD and self._requested.commanded and not self.error and not self.halted
-        return waiting and self._begin()
+        return waiting and not self.box.recovering and self._begin()
 
     def read(self, time: float, period: float) -> None:
         """Read the plant's joint state with sensor noise, and pass it to the control box."""
@@ -107,13 +112,15 @@ class FrankaHWSim(SimulatedRobot, CommandedArm):
 
     def _begin(self) -> bool:
         """Start the requested motion; return True if running controllers have to restart."""
+        state = self.robot_state
+        sagged = max(abs(a - b) for a, b in zip(state.q, state.q_d, strict=True)) > SAG
         outcome = self.box.move(_move_request(self._requested))
         if outcome is not RequestOutcome.STARTED:
             self._fail(f"a motion by {self._requested} is refused: {outcome.value}")
             return False
         self.mode = self._requested
         self._commands.enter(self.mode)
-        restart, self._restart = self._restart, False
+        restart, self._restart = self._restart or (self._early and sagged), False
         return restart
 
     def write(self, time: float, period: float) -> None:

@@ -173,6 +173,10 @@ class JointGroup(JointStateGroup):
     def command(self, values: Sequence[float] | FloatArray) -> None:
         self.set_command(values.tolist() if isinstance(values, np.ndarray) else values)
 
+    def commands(self) -> list[float]:
+        """Return the current commands as n plain floats, in the unit of the interface."""
+        return self._take(self._commands.value)
+
     def set_command(self, values: Sequence[float]) -> None:
         """Set the commands of all joints of the group, or none if one is invalid.
 

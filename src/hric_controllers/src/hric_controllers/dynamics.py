@@ -20,7 +20,7 @@ from hric_control.robot_hw import RobotHW
 from hric_controllers.joint.pd_law import Gravity
 from hric_core.errors import DescriptionError, HricError, ParameterError
 from hric_core.node import Node
-from hric_core.urdf import read
+from hric_core.urdf import Robot, mimic_laws, read
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -39,6 +39,9 @@ class ChainDynamics:
         self._order = [chain.joint_names.index(joint) for joint in joints]
         self.gravity: Gravity = chain.gravity_list if list(joints) == list(chain.joint_names) else self._reordered
         """Function that maps joint positions (n floats [rad]) to gravity torques (n floats [N m])."""
+        frozen = ", ".join(chain.description.frozen_joints)
+        self.assumed = f", with {frozen} at 0" if frozen else ""
+        """Text on the positions of joints beside the chain, for the user; empty: there are none."""
 
     def _reordered(self, q: list[float]) -> list[float]:
         torque = self._chain.gravity_list(self._states.positions())
@@ -82,7 +85,8 @@ def gravity_source(robot_hw: RobotHW, root_node: Node, joints: Sequence[str]) ->
                 return _model_gravity(
                     interface.handle(name), [arm.index(joint) for joint in joints]
                 ), "the robot's model interface"
-    return chain_dynamics(robot_hw, root_node, joints).gravity, "KDL from robot_description"
+    dynamics = chain_dynamics(robot_hw, root_node, joints)
+    return dynamics.gravity, "KDL from robot_description" + dynamics.assumed
 
 
 def _model_gravity(model: Any, order: list[int]) -> Gravity:
@@ -115,9 +119,21 @@ def _chain(urdf_xml: str, joints: Sequence[str]) -> KdlChain:
         chain = KdlChain(urdf_xml, robot.root, tip)
         missing = [name for name in joints if name not in chain.joint_names]
         if not missing:
+            _check_no_followers(robot, chain)
             return chain
         problem = f"{', '.join(missing)} not on the chain from {robot.root} to {tip} ({', '.join(chain.joint_names)})"
     raise DescriptionError(f"dynamics need one serial chain through all joints: {problem}")
+
+
+def _check_no_followers(robot: Robot, chain: KdlChain) -> None:
+    """Raise DescriptionError if a joint mimics one of the chain: the KDL chain lacks the torque that it transmits."""
+    for name, law in mimic_laws(robot.joints).items():
+        if law.joint in chain.joint_names:
+            raise DescriptionError(
+                f"dynamics need joints that move on their own: {name} mimics {law.joint}, and its weight and inertia "
+                "are not known at other positions than 0; valid: gravity: false and a controller of joint positions, "
+                f"or a description in which {name} is fixed"
+            )
 
 
 def largest_kd(mass: FloatArray, rotor_inertia: Sequence[float], period: float) -> list[float]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from franka_hw_interface.interfaces import FrankaModelInterface
 from hric_controllers.policy.contract import STREAM, moved, within
+from hric_core.errors import HricError
 from hric_core.geometry import FloatArray, Pose, from_rotation_vector
 from hric_core.geometry.quaternions import product
 from hric_gym.spaces import Box, unit_box
@@ -40,12 +41,14 @@ class ActionMode(ABC):
     Attributes:
         controller: name of the controller.
         parameters: parameters of the controller that this mode needs; they replace those of the experiment.
+        acted: names of those parameters that each action sets, so that another value would have no effect.
         space: Gymnasium space of the actions.
         command: present command, as in the field `command` of the observation.
     """
 
     controller: ClassVar[str] = PD
     parameters: ClassVar[Mapping[str, object]] = {}
+    acted: ClassVar[frozenset[str]] = frozenset()
     space: ClassVar[Box] = unit_box(7)
     command: FloatArray
 
@@ -55,6 +58,16 @@ class ActionMode(ABC):
         self._low, self._high, self._effort = (
             np.array([limit[key] for limit in limits]) for key in ("lower", "upper", "effort")
         )
+
+    @classmethod
+    def check(cls, parameters: Mapping[str, object]) -> None:
+        """Raise HricError if the experiment changes a parameter of the controller that each action sets."""
+        for name in sorted(cls.acted):
+            if parameters[name] != cls.parameters[name]:
+                raise HricError(
+                    f"parameters.{cls.controller}.{name}: {parameters[name]} has no effect, since each action sets it; "
+                    "valid: an action mode with constant stiffness, end_effector"
+                )
 
     def prepare(self) -> None:  # noqa: B027  (most modes change nothing that a reset keeps)
         """Undo changes of an episode that a reset of the simulation does not undo; called before each reset."""
@@ -158,6 +171,7 @@ class ImpedanceTarget(EndEffectorDelta):
     """Actions of EndEffectorDelta, then translational and rotational stiffness on a logarithmic scale (STIFFNESS)."""
 
     parameters: ClassVar = EndEffectorDelta.parameters | _stiffness(np.zeros(2))
+    acted: ClassVar = frozenset(_stiffness(np.zeros(2)))
     space: ClassVar[Box] = unit_box(8)
 
     def prepare(self) -> None:

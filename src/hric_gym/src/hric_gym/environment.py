@@ -102,6 +102,7 @@ class CollaborationEnv(Env):
             prepare()
         mode = self._mode_class
         self._scene = scene(self.task, self._choice, mode.controller, mode.parameters, changes)
+        mode.check(self._scene.definition.parameters[mode.controller])
         self._renderer: Renderer | None = None
         self._simulation: Simulation | None = None
         self._open(Simulation(self._scene.definition))

@@ -1,6 +1,7 @@
 """Position and velocity of an arm, as capsules around the links of its URDF."""
 
 import math
+import re
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -95,6 +96,12 @@ class ArmShape:
             )
         if not self.capsules.links:
             raise DescriptionError(f"no moving link of {self.tree.name} has a collision shape")
+
+    @property
+    def is_franka(self) -> bool:
+        """True if all joints have the names of Franka arms."""
+        prefixes = [joint[: -len("_joint1")] for joint in self.joints if re.fullmatch(r".+_joint[1-7]", joint)]
+        return len(prefixes) == len(self.joints) and all(f"{prefix}_link8" in self.tree.links for prefix in prefixes)
 
     def poses(self, q: FloatArray) -> dict[str, FloatArray]:
         """Return the poses of all links in the world by name, shape (n, 4, 4) each.

@@ -153,7 +153,7 @@ class Supervisor:
         frames: pose in the world of each frame in which persons may be observed, shape (4, 4); None: only the world.
 
     Raises:
-        HricError: there is no such table of limits, or the table or the file of stops is invalid.
+        HricError: there is no such table of limits, or the table or the file of stops is invalid or for another robot.
     """
 
     def __init__(
@@ -170,6 +170,7 @@ class Supervisor:
         )
         self._limits = Limits.named(settings.table)
         self._stopping = StoppingModel(settings)
+        self._stopping.check_robot(arm.tree.name, arm.is_franka)
         self._protective = Protective(settings, self._stopping)
         self._watch = Watch(settings, self._frames)
         self._speed = settings.speed

@@ -12,6 +12,7 @@ from hric_assessment.separation.protective import Stop, Terms, person_speed, pro
 from hric_assessment.separation.stopping import load
 from hric_assessment.tables import separation_table
 from hric_control.speed_scale import stopping_time
+from hric_core.errors import ParameterError
 from hric_core.geometry import FloatArray
 from hric_supervisor.arm import InForce, PlacedCapsules
 from hric_supervisor.person import Observation
@@ -119,6 +120,20 @@ class StoppingModel:
         if self._table is not None:
             table = self._table
             self.fastest = max(row.speed for row in table.stops if row.load == table.max_load)
+
+    def check_robot(self, name: str, franka: bool) -> None:
+        """Raise ParameterError if the table of stops is that of another robot.
+
+        Args:
+            name: name of the robot in its description.
+            franka: True if it is a Franka arm, as a table without a name is for one.
+        """
+        of = None if self._table is None else self._table.robot
+        if self._table is not None and (of != name if of else not franka):
+            raise ParameterError(
+                f"stops of {of or 'a Franka arm'} in {self._settings.stops}, but the robot is {name}; valid: a file of "
+                f"its stops, with robot: {name}"
+            )
 
     @property
     def _reaction(self) -> float:

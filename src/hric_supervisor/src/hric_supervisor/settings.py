@@ -69,8 +69,8 @@ class SupervisorSettings(Settings):
     stops: str = text(
         "",
         text='file of stops (see hric_assessment, "Stops") used instead of `settling_time`: T_s and S_s at its largest '
-        "load, measured on this robot while it stops by its speed scale; at least the time of the scale's ramp counts; "
-        "empty: none",
+        "load, measured on this robot, whose name its `robot` has, while it stops by its speed scale; at least the "
+        "time of the scale's ramp counts; empty: none",
     )
     intrusion: float = number(0.1, minimum=0.0, unit="m", text="intrusion distance C")
     person_uncertainty: float = number(0.05, minimum=0.0, unit="m", text="uncertainty Z_d of the person's position")

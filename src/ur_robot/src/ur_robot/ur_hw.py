@@ -11,6 +11,7 @@ from hric_core.errors import DescriptionError
 from hric_core.node import Node
 from hric_core.realtime_setup import realtime
 from hric_core.robot_time.arm_time import ArmTime
+from hric_core.urdf import read
 from ur_robot.connection import UrConnection, UrSettings
 
 JOINTS = 6
@@ -41,6 +42,7 @@ class UrHW(RobotHW):
                 f"robot_description has {len(names)} joints with a transmission; an arm of UR has {JOINTS}"
             )
         limits = load_limits(self.description, root_node, names, settings.enforce_limits)
+        _check_order(self.description, names)
         self.states = states = JointStates(names)
         states.effort[:] = [math.nan] * JOINTS
         self._commands = JointCommands(states)
@@ -126,6 +128,17 @@ class UrHW(RobotHW):
     def shutdown(self) -> None:
         """End the control program and the connection; the arm stops and holds."""
         self._connection.close()
+
+
+def _check_order(description: str, names: Sequence[str]) -> None:
+    """Refuse joints that are not in the order of the controller's values, which is from the base to the flange."""
+    tree = read(description)
+    ordered = sorted(names, key=lambda name: len(tree.path(tree.root, tree.joints[name].child)))
+    if list(names) != ordered:
+        raise DescriptionError(
+            f"robot_description has transmissions in the order {', '.join(names)}; valid: from the base to the flange, "
+            f"{', '.join(ordered)}"
+        )
 
 
 def _positions(info: ControllerInfo) -> frozenset[str]:

@@ -65,6 +65,11 @@ class ControlBox(ConfiguredBox):
         """Present mode of the arm."""
         return self.state.robot_mode
 
+    @property
+    def recovering(self) -> bool:
+        """True while the arm recovers from errors, until it rests."""
+        return self.mode is RobotMode.AUTOMATIC_ERROR_RECOVERY
+
     def take_finished(self) -> RequestOutcome | None:
         """Return the outcome of a motion that ended since the last call, or None."""
         finished, self.finished = self.finished, None
@@ -109,13 +114,19 @@ class ControlBox(ConfiguredBox):
         self._change(BoxEvent.CONNECTION_LOST)
 
     def recover(self) -> RequestOutcome:
-        """Run automatic error recovery: clear errors and collisions; the errors of the last motion stay readable."""
+        """Run automatic error recovery: clear errors and collisions; the errors of the last motion stay readable.
+
+        An arm that still brakes recovers when it rests.
+        """
         outcome = self._change(BoxEvent.RECOVER)
-        if self.mode is RobotMode.AUTOMATIC_ERROR_RECOVERY:
+        self._finish_recovery()
+        return outcome
+
+    def _finish_recovery(self) -> None:
+        if self.recovering and not any(self.state.dq_d):
             self._clear_errors()
             self._change(BoxEvent.RECOVERED)
             self.report("recovered from errors")
-        return outcome
 
     def set_user_stop(self, pressed: bool) -> RequestOutcome:
         """Press or release the user stop; a second press changes nothing."""
@@ -271,6 +282,7 @@ class ControlBox(ConfiguredBox):
     def _hold(self) -> list[float]:
         state = self.state
         self._braking.advance(state)
+        self._finish_recovery()
         tau = self.joint_impedance.torque(state)
         state.tau_J_d[:] = tau
         return tau

@@ -12,16 +12,9 @@ from franka_sim.fci.wire import StateCodec
 from franka_sim.gripper import Gripper
 from franka_sim.vacuum import PUMP, SuctionCup, VacuumGripper
 from hric_control.plant import Plant
-from hric_core.errors import CommandError
 
 if TYPE_CHECKING:
     from franka_sim.fci.arm_world import ArmWorld
-
-MAX_LOAD, MAX_LOAD_DISTANCE, MAX_LOAD_INERTIA = 20.0, 1.0, 20.0
-"""Maximum payload that a client may set: mass [kg], distance from the flange [m], inertia [kg m^2].
-
-Project defaults, unconfirmed; far above the arm's rated payload of 3 kg.
-"""
 
 
 class ArmDevice:
@@ -80,19 +73,13 @@ class ArmDevice:
         self.world.cycle(commands)
 
     def set_load(self, mass: float, com: Sequence[float], inertia: Sequence[float]) -> RequestOutcome:
-        """Set the payload of the box, up to MAX_LOAD and the other bounds, which keep its torques finite.
+        """Set the payload of the box.
 
         Args:
             mass: mass [kg].
             com: centre of mass in the flange frame, 3 floats [m].
             inertia: inertia about the centre of mass, 9 floats [kg m^2].
         """
-        if mass > MAX_LOAD or max(map(abs, com)) > MAX_LOAD_DISTANCE or max(map(abs, inertia)) > MAX_LOAD_INERTIA:
-            bounds = f"{MAX_LOAD:g} kg, {MAX_LOAD_DISTANCE:g} m, {MAX_LOAD_INERTIA:g} kg m^2"
-            raise CommandError(
-                f"a load of {mass:g} kg at {list(com)} m with inertia {list(inertia)} kg m^2 exceeds the maximum of "
-                f"{bounds}"
-            )
         return self.box.set_load(mass, com, inertia)
 
     def read(self, time: float) -> None:

@@ -92,9 +92,11 @@ class ForceController(CartesianImpedanceController):
         desired = self._desired.take_new()
         if desired == {}:
             if law.desired:  # a repeated 0 does not end the retraction
-                self._release()
+                self._release(self._pressing.retract)
         elif desired:
             law.press(desired)
+        elif law.approached > self._pressing.approach_distance:
+            self._give_up(law.approached)
         self._move(period)
 
     def _publish(self, measured: Pose) -> None:
@@ -105,12 +107,21 @@ class ForceController(CartesianImpedanceController):
             self._reference.publish(stamped.wrench_stamped, head, [*self._law.reference, 0.0, 0.0, 0.0])
             self._contact.publish(Bool, self._law.touching)
 
-    def _release(self) -> None:
-        """Move the equilibrium from the present position by `retract` away from the surface."""
+    def _give_up(self, distance: float) -> None:
+        """End an approach of a `distance` [m] without contact: the arm holds its position."""
+        self._release(0.0)
+        text = (
+            f"no surface: the arm moved by {distance:.3f} m without contact (approach_distance) and holds its position;"
+            " publish a desired force to approach again"
+        )
+        realtime.defer(self._node, lambda: self._node.log_warn(text), "log")
+
+    def _release(self, retract: float) -> None:
+        """Move the equilibrium from the present position by `retract` [m] away from the surface."""
         law, x = self._law, list(self._robot.O_T_EE[12:15])
         law.pose = Pose((x[0], x[1], x[2]), law.pose.orientation)
         for index, desired in law.desired.items():
-            back = math.copysign(self._pressing.retract, -desired)
+            back = math.copysign(retract, -desired)
             x = [a + back * b for a, b in zip(x, law.axis(index), strict=True)]
         law.target = Pose((x[0], x[1], x[2]), law.target.orientation)
         law.press({})

@@ -54,6 +54,7 @@ class ForceAxis:
     Attributes:
         touching: True in contact.
         reference: r, the force to which f is controlled now; 0 in the approach [N].
+        approached: displacement along the desired force since the begin of this approach; 0 in contact [m].
     """
 
     def __init__(self, gains: ForceGains) -> None:
@@ -63,6 +64,7 @@ class ForceAxis:
     def start(self) -> None:
         """Restart with the approach, and clear the integral."""
         self.touching, self._integral, self.reference, self._apart = False, 0.0, 0.0, 0.0
+        self.approached = 0.0
 
     def advance(
         self,
@@ -91,6 +93,7 @@ class ForceAxis:
             self.touching, self.reference = False, 0.0
         elif not self.touching and f >= gains.contact_force:
             self.touching, self.reference = True, min(f, w)
+        self.approached = 0.0 if self.touching else self.approached + v * period
         damper = 0.0
         if self.touching:
             self.reference += _clamped(w - self.reference, gains.force_rate * period)

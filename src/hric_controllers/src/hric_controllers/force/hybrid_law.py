@@ -45,6 +45,11 @@ class HybridLaw(CartesianLaw):
         pairs = [(math.copysign(self._axes[k].reference, force), self.axis(k)) for k, force in self.desired.items()]
         return [sum(r * n[i] for r, n in pairs) for i in range(3)]
 
+    @property
+    def approached(self) -> float:
+        """Displacement towards a surface since the begin of an approach, the largest of all force axes [m]."""
+        return max((self._axes[index].approached for index in self.desired), default=0.0)
+
     def axis(self, index: int) -> Vector:
         """Return the unit vector of an axis of the task frame, base axes."""
         return quaternions.rotated(self.pose.orientation, UNITS[index]) if self._turning else UNITS[index]

@@ -79,6 +79,13 @@ class ForceSettings(Settings):
         unit="m/s",
         text="speed towards the surface, before contact and after loss of contact",
     )
+    approach_distance: float = number(
+        0.2,
+        above=0.0,
+        maximum=2.0,
+        unit="m",
+        text="distance of an approach without contact after which the arm stops, as with a desired force of 0",
+    )
     contact_force: float = number(
         2.0,
         above=0.0,

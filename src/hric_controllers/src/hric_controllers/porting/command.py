@@ -21,10 +21,13 @@ TITLES = {
     "subscriber": "topics it subscribes to",
     "publisher": "topics it publishes",
     "service": "services",
+    "service client": "services it calls",
     "action": "actions",
     "live parameters": "live parameters",
     "call": "calls of handles",
     "state": "fields of the Franka state",
+    "library": "classes of other libraries",
+    "module": "missing modules",
 }
 
 
@@ -37,8 +40,8 @@ class PortCommand(Command):
 
     epilog = (
         "exit codes: 0 HRIC has everything that was recognised; 3 something is missing in HRIC, or its type or update()"
-        " is not in the source. Computed names and parts of base classes in other packages are not recognised: compare "
-        "the table with the source."
+        " is not in the source. Parts of macros and of base classes in other packages are not recognised, and computed "
+        "names are listed as expressions: compare the table with the source."
     )
 
     def arguments(self) -> list[Argument]:

@@ -35,6 +35,16 @@ ELSEWHERE = {
     "franka_hw::FrankaModelHandle": "use FrankaModelInterface",
 }
 """Replacements for interfaces that HRIC does not have."""
+LIBRARIES = {
+    "control_toolbox": "write the PID law in update()",
+    "tf": "listen in a node, and send the controller poses in its base frame",
+    "tf2_ros": "listen in a node, and send the controller poses in its base frame",
+    "message_filters": "subscribe to each topic, and match the newest messages in update()",
+    "KDL": "use the model interface, or franka_hw_interface.kdl_chain",
+    "urdf": "use hric_core.urdf.read",
+    "ros": "count the time in update()",
+}
+"""Replacements for libraries that HRIC does not offer to controllers, by namespace."""
 
 
 @dataclass(frozen=True)
@@ -57,20 +67,23 @@ def counterpart(use: Use) -> Counterpart:
     if use.kind == "interface":
         return _interface(use.name)
     if use.kind == "parameter":
-        literal = all(one.isalnum() or one in "_/~" for one in use.name)
-        text = f'controller_node.param("{use.name}")' if literal else "a computed name: write it out by hand"
-        return Counterpart(True, text)
+        text = f'{use.node}.param("{use.name.removeprefix("~")}")'
+        return Counterpart(True, text if use.is_literal else "a computed name: write it out by hand")
     if use.kind in {"subscriber", "publisher", "service"}:
         return _message(use)
+    if use.kind == "service client" or (use.kind, use.type) == ("action", "client"):
+        return Counterpart(False, "not in a controller: call it from a node")
     if use.kind == "action":
-        server = use.type == "server"
-        return Counterpart(
-            server, "controller_node.action_server" if server else "not in a controller: call it from a node"
-        )
+        return Counterpart(True, f"{use.node}.action_server")
     if use.kind == "live parameters":
         return Counterpart(True, "controller_node.live_parameters, or Settings.offer of hric_core.parameters")
     if use.kind == "call":
         return _call(use)
+    if use.kind == "library":
+        instead = LIBRARIES.get(use.name.split("::")[0], "use a Python library of the same purpose")
+        return Counterpart(False, f"not in HRIC: {instead}")
+    if use.kind == "module":
+        return Counterpart(False, "cannot be imported here: install it, or add its package to the workspace")
     names = [one.name for one in fields(RobotState)]
     return Counterpart(use.name in names, use.name if use.name in names else "not a field of RobotState")
 

@@ -1,7 +1,7 @@
 """Reader of C++ controllers of ros_control and franka_ros: interfaces, parameters, topics, calls. Compiles nothing."""
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -16,23 +16,42 @@ INCLUDE = re.compile(r'#\s*include\s*[<"]([\w./-]+\.(?:h|hpp|hh))[">]')
 EXPORT = re.compile(r"PLUGINLIB_EXPORT_CLASS\s*\(\s*([\w:]+)\s*,")
 CLASS = re.compile(r"\bclass\s+(\w+)\s*(?:final\s*)?:\s*public\s+(?:\w+\s*::\s*)*(?:Multi\w*)?Controller\w*\s*<")
 INTERFACE = re.compile(r"\b(\w+::\w+Interface)\b")
+UNQUALIFIED = re.compile(r"[<,]\s*(\w+Interface)\s*(?=[,>])")
+ALIAS = re.compile(r"\bnamespace\s+(\w+)\s*=\s*(?:::)?([\w:]+)\s*;")
+NODE = r"(?:(\w+)\s*)?(?:\.|->)\s*"
 PARAMETER = re.compile(
-    r"(?:(?:\.|->)\s*(getParam|getParamCached|param)|ros::param::(?:get|param))\s*(?:<[^;()]*?>)?\s*\("
+    r"(?:"
+    + NODE
+    + r"(getParam|getParamCached|param|hasParam|searchParam)|ros::param::(?:get|param|has))\s*(?:<[^;()]*?>)?\s*\("
 )
-SUBSCRIPTION = re.compile(r"(?:\.|->)\s*subscribe\s*(?:<\s*" + TYPE + r"[^;()]*>)?\s*\(\s*" + TEXT)
-SUBSCRIBE_OPTIONS = re.compile(r"\w\.init\s*(?:<\s*" + TYPE + r"\s*>)?\s*\(\s*" + TEXT)
-ADVERTISED = re.compile(r"(?:\.|->)\s*advertise\s*<\s*" + TYPE + r"\s*>\s*\(\s*" + TEXT)
+NAME = r"([^,;()]+(?:\([^()]*\)[^,;()]*)*)\s*"
+SUBSCRIPTION = re.compile(NODE + r"subscribe\s*(?:<\s*" + TYPE + r"[^;()]*>)?\s*\(\s*" + NAME + ",")
+SUBSCRIBE_OPTIONS = re.compile(r"(\w)\.init\s*(?:<\s*" + TYPE + r"\s*>)?\s*\(\s*(" + TEXT + ")")
+ADVERTISED = re.compile(NODE + r"advertise\s*<\s*" + TYPE + r"\s*>\s*\(\s*" + NAME + ",")
 REALTIME = re.compile(
-    r"RealtimePublisher\s*<\s*" + TYPE + r"\s*>\s*>?\s*(\w*)\s*(?:\(\s*[\w*>.-]+\s*,\s*" + TEXT + r")?"
+    r"RealtimePublisher\s*<\s*" + TYPE + r"\s*>\s*>?\s*(\w*)\s*(?:\(\s*([\w*>.-]+)\s*,\s*" + NAME + r",)?"
 )
-REALTIME_INIT = re.compile(r"(\w+)\s*(?:\.|->)\s*init\s*\(\s*[\w*]+\s*,\s*" + TEXT)
-SERVICE = re.compile(r"(?:\.|->)\s*advertiseService\s*(?:<[^;()]*?>)?\s*\(\s*" + TEXT)
+REALTIME_INIT = re.compile(r"(\w+)\s*(?:\.|->)\s*init\s*\(\s*([\w*]+)\s*,\s*(" + TEXT + ")")
+SERVICE = re.compile(
+    NODE + r"(advertiseService|serviceClient)\s*(?:<\s*" + TYPE + r"[^;()]*>)?\s*\(\s*" + NAME + "[,)]"
+)
+CHILD_NODE = re.compile(r"\bNodeHandle\s+(\w+)\s*[({]\s*(?:\*?(\w+)\s*,\s*)?" + TEXT)
+TWO_NODES = re.compile(r"\binit\s*\([^)]*\bNodeHandle\s*&?\s*(\w+)[^)]*\bNodeHandle\s*&?\s*\w+")
 ACTION = re.compile(r"SimpleAction(Server|Client)\s*<\s*" + TYPE + r"\s*>")
 LIVE = re.compile(r"dynamic_reconfigure\s*::\s*Server\s*<\s*" + TYPE + r"\s*>")
-HANDLE = re.compile(r"\b(\w+Handle)\s*>*\s*[&*]?\s*(\w+)\s*[;,={(]")
+HANDLE = re.compile(r"\b(\w+Handle)\s*>*(?:\s*,\s*\w+\s*>)*\s*[&*]?\s*(\w+)\s*[;,={(]")
 METHOD = re.compile(r"(?<![\w.>])(?:\w+\s*::\s*)?(" + "|".join(LIFE_CYCLE) + r")\s*\([^;{}]*\)[^;{}]*\{")
 CALLBACK = re.compile(r"&\s*(?:\w+\s*::\s*)*(\w+)\s*[,)]")
-STATE = re.compile(r"\bRobotState\s*&?\s+(\w+)\s*[=;,)({]")
+STATE = re.compile(r"\b(?:RobotState|(?:auto(?=[^;]*getRobotState\s*\(\s*\)\s*;)))\s*&?\s+&?(\w+)\s*[=;,)({]")
+ELEMENT = re.compile(r"\bfor\s*\([^;:()]*\b(\w+)\s*:\s*(\w+)\s*\)")
+RENAMED = re.compile(r"\bauto\s*[&*]?\s*(\w+)\s*=\s*[*&(]*(\w+)\b")
+GOT = re.compile(r"\bauto\s*[&*]?\s*(\w+)\s*=[^;]*getHandle\s*\([^;()]*\)\s*;")
+CHAINED = re.compile(r"getHandle\s*\([^;()]*\)\s*\.\s*(\w+)\s*\(")
+LIBRARY = re.compile(
+    r"\b((?:control_toolbox|tf2_ros|tf|message_filters|interactive_markers|urdf|KDL|pinocchio|moveit\w*)::\w+|ros::\w*Timer)\b"
+)
+NAMED = {"parameter", "subscriber", "publisher", "service", "service client"}
+"""Kinds of uses with a name that the source may compute."""
 OF_VECTORS = {
     "push_back",
     "emplace_back",
@@ -55,17 +74,54 @@ class Use:
     """Something of ROS or of the robot that a controller uses.
 
     Attributes:
-        kind: "interface", "parameter", "subscriber", "publisher", "service", "action", "live parameters", "call" or
-            "state".
+        kind: "interface", "parameter", "subscriber", "publisher", "service", "service client", "action", "live
+            parameters", "call", "state", "library" (of C++) or "module" (of Python, which is missing here).
         name: name in the source: of the interface, parameter, topic, service, method or field.
         type: message type as "package/Name", class of the handle, or default of a parameter as written; may be empty.
         origin: file name and line of the first use.
+        node: argument of `Controller.init` to whose namespace the name is relative.
     """
 
     kind: str
     name: str
     type: str
     origin: str
+    node: str = "controller_node"
+
+    @property
+    def is_literal(self) -> bool:
+        """False if the source computes the name, which is then the expression in parentheses."""
+        return not self.name.startswith("(")
+
+
+@dataclass(frozen=True)
+class _Nodes:
+    """Node handles of a source.
+
+    Attributes:
+        children: parent (may be empty) and relative namespace of each handle with a namespace of its own.
+        root: handle of the controller manager's namespace, the first of two that `init` has; may be empty.
+    """
+
+    children: dict[str, tuple[str, str]]
+    root: str
+
+    @classmethod
+    def of(cls, whole: str) -> "_Nodes":
+        """Return the node handles in the text of all files."""
+        two = TWO_NODES.search(whole)
+        children = {child: (parent, space) for child, parent, space in CHILD_NODE.findall(whole) if child != parent}
+        return cls(children, two.group(1) if two else "")
+
+    def resolve(self, use: Use, handle: str) -> Use:
+        """Return the use of a name that is relative to the namespace of a node handle."""
+        name, met = use.name, set()
+        while handle in self.children and handle not in met and name[:1] not in {"/", "~", "("}:
+            met.add(handle)
+            handle, space = self.children[handle]
+            name = f"{space}/{name}"
+        root = bool(self.root) and handle == self.root
+        return replace(use, name=name, node="root_node" if root else use.node)
 
 
 @dataclass(frozen=True)
@@ -103,7 +159,8 @@ def read_cpp(files: Sequence[Path]) -> Source:
                 texts[header] = _text(header)
                 waiting.append(header)
     packages = {Path(name).stem: name.split("/")[0] for text in texts.values() for name in INCLUDE.findall(text)}
-    texts = {path: INCLUDE.sub("", text) for path, text in texts.items()}
+    aliases = dict(one for text in texts.values() for one in ALIAS.findall(text))
+    texts = {path: _full(INCLUDE.sub("", text), aliases) for path, text in texts.items()}
     whole = "\n".join(texts.values())
     if "rclcpp" in whole:
         raise HricError(f"{files[0].name} is written for ROS 2 (rclcpp); valid: a controller of ros_control, ROS 1")
@@ -120,7 +177,7 @@ def read_cpp(files: Sequence[Path]) -> Source:
     methods: dict[str, str] = {}
     for path, text in texts.items():
         for use in _uses(path, text, whole):
-            if use.kind in {"subscriber", "publisher"} and use.type in packages:  # a name of "using"
+            if use.kind in {"subscriber", "publisher", "service"} and use.type in packages:  # a name of "using"
                 use = replace(use, type=f"{packages[use.type]}/{use.type}")
             uses.setdefault((use.kind, use.name), use)
         for found in METHOD.finditer(text):
@@ -137,6 +194,13 @@ def _text(path: Path) -> str:
     except OSError as error:
         raise HricError(f"{path}: {error.strerror}") from None
     return COMMENTS.sub(lambda one: one.group() if one.group()[0] == '"' else re.sub(r"[^\n]", " ", one.group()), text)
+
+
+def _full(text: str, aliases: Mapping[str, str]) -> str:
+    """Return the text with the full names of aliased namespaces."""
+    for short, full in aliases.items():
+        text = re.sub(rf"(?<![\w:]){short}::", f"{full}::", text)
+    return text
 
 
 def _headers(path: Path, text: str, folders: Sequence[Path]) -> Iterator[Path]:
@@ -162,27 +226,48 @@ def _block_end(text: str, opening: int) -> int:
 
 def _uses(path: Path, text: str, whole: str) -> Iterator[Use]:
     """Yield what a file uses; `whole` is the text of all files, for types that another one declares."""
+    nodes = _Nodes.of(whole)
 
-    def at(kind: str, name: str, of: str, found: re.Match[str]) -> Use:
-        return Use(kind, name, of, f"{path.name}:{_line(text, found.start())}")
+    def at(kind: str, name: str, of: str, found: re.Match[str], handle: str | None = None) -> Use:
+        if kind in NAMED:
+            name = _label(name)
+        return nodes.resolve(Use(kind, name, of, f"{path.name}:{_line(text, found.start())}"), handle or "")
 
     for found in INTERFACE.finditer(text):
         if not found.group(1).startswith("controller_interface"):
             yield at("interface", found.group(1), "", found)
+    for found in UNQUALIFIED.finditer(text):
+        space = "franka_hw" if found.group(1).startswith("Franka") else "hardware_interface"
+        if re.search(rf"\busing\s+namespace\s+{space}\s*;", whole):
+            yield at("interface", f"{space}::{found.group(1)}", "", found)
     for found in PARAMETER.finditer(text):
-        name, default = _parameter(found.group(1) or "get", _arguments(text, found.end() - 1))
-        yield at("parameter", name, default, found)
+        name, default = _parameter(found.group(2) or "get", _arguments(text, found.end() - 1))
+        yield at("parameter", name, default, found, found.group(1))
     yield from _topics(text, whole, at)
     for found in SERVICE.finditer(text):
-        yield at("service", found.group(1), "", found)
+        of = re.sub("/(Request|Response)$", "", _message(found.group(3), text, found.end(), whole))
+        kind = "service" if found.group(2) == "advertiseService" else "service client"
+        yield at(kind, found.group(4), of, found, found.group(1))
     for found in ACTION.finditer(text):
         yield at("action", _ros_type(found.group(2)), found.group(1).lower(), found)
     for found in LIVE.finditer(text):
         yield at("live parameters", _ros_type(found.group(1)), "", found)
+    yield from _calls(text, whole, at)
+    for found in LIBRARY.finditer(text):
+        yield at("library", found.group(1), "", found)
+
+
+def _calls(text: str, whole: str, at: Callable[..., Use]) -> Iterator[Use]:
+    """Yield the calls of handles in a file, and the fields of the Franka state that it reads."""
     handles = {variable: kind for kind, variable in HANDLE.findall(whole) if kind != "NodeHandle"}
-    for found in re.finditer(r"\b(\w+)(?:\s*\[[^\]]*\]|\.at\([^)]*\))?\s*(?:\.|->)\s*(\w+)\s*\(", text):
+    handles |= {variable: "handle" for variable in GOT.findall(whole)}
+    for pattern in (ELEMENT, RENAMED):
+        handles |= {one: handles[group] for one, group in pattern.findall(whole) if group in handles}
+    for found in re.finditer(r"\b(\w+)(?:\s*\[[^\]]*\]|\.at\([^)]*\))?\)?\s*(?:\.|->)\s*(\w+)\s*\(", text):
         if found.group(1) in handles and found.group(2) not in OF_VECTORS:
             yield at("call", found.group(2), handles[found.group(1)], found)
+    for found in CHAINED.finditer(text):
+        yield at("call", found.group(1), "handle", found)
     states = "|".join({r"getRobotState\(\)", *(rf"\b{name}" for name in STATE.findall(whole))})
     for found in re.finditer(rf"(?:{states})\s*\.\s*(\w+)\b(?!\s*\()", text):
         yield at("state", found.group(1), "", found)
@@ -190,18 +275,18 @@ def _uses(path: Path, text: str, whole: str) -> Iterator[Use]:
 
 def _topics(text: str, whole: str, at: Callable[..., Use]) -> Iterator[Use]:
     """Yield the subscribers and publishers of a file."""
-    for found in SUBSCRIPTION.finditer(text):
-        yield at("subscriber", found.group(2), _message(found.group(1), text, found.end(), whole), found)
-    for found in SUBSCRIBE_OPTIONS.finditer(text):
-        yield at("subscriber", found.group(2), _message(found.group(1), text, found.end(), whole), found)
+    for pattern in (SUBSCRIPTION, SUBSCRIBE_OPTIONS):
+        for found in pattern.finditer(text):
+            kind = _message(found.group(2), text, found.end(), whole)
+            yield at("subscriber", found.group(3), kind, found, found.group(1))
     for found in ADVERTISED.finditer(text):
-        yield at("publisher", found.group(2), _ros_type(found.group(1)), found)
-    variables = {variable: _ros_type(kind) for kind, variable, _ in REALTIME.findall(whole) if variable}
+        yield at("publisher", found.group(3), _ros_type(found.group(2)), found, found.group(1))
+    variables = {variable: _ros_type(kind) for kind, variable, *_ in REALTIME.findall(whole) if variable}
     for found in REALTIME.finditer(text):
-        if found.group(3):
-            yield at("publisher", found.group(3), _ros_type(found.group(1)), found)
+        if found.group(4):
+            yield at("publisher", found.group(4), _ros_type(found.group(1)), found, found.group(3))
     for found in REALTIME_INIT.finditer(text):
-        yield at("publisher", found.group(2), variables.get(found.group(1), ""), found)
+        yield at("publisher", found.group(3), variables.get(found.group(1), ""), found, found.group(2))
 
 
 def _message(stated: str | None, text: str, begin: int, whole: str) -> str:
@@ -236,7 +321,13 @@ def _arguments(text: str, opening: int) -> list[str]:
 
 
 def _parameter(call: str, arguments: Sequence[str]) -> tuple[str, str]:
-    """Return name, "(EXPRESSION)" if it is computed, and default (empty: none) of a parameter read by `call`."""
-    default = "" if call.startswith("get") or len(arguments) < 2 else arguments[-1]
-    literal = re.fullmatch(TEXT, arguments[0])
-    return (literal.group(1) if literal else f"({arguments[0]})"), default
+    """Return the expression of the name and the default (empty: none) of a parameter read by `call`."""
+    default = "" if call != "param" or len(arguments) < 2 else arguments[-1]
+    return arguments[0], default
+
+
+def _label(expression: str) -> str:
+    """Return the text of a C++ string literal, or "(EXPRESSION)" if the name is computed."""
+    expression = expression.strip()
+    literal = re.fullmatch(rf"(?:(?:std::)?string\s*[({{]\s*)?{TEXT}\s*[)}}]?", expression)
+    return literal.group(1) if literal else f"({expression})"

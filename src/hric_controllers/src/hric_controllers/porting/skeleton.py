@@ -3,6 +3,7 @@
 import keyword
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 from hric_controllers.porting.counterparts import counterpart
@@ -47,6 +48,8 @@ def configuration(source: Source) -> str:
     """Return the YAML of the controller; values that the source does not give stay commented out."""
     lines = [f"{snake(source.name)}:", f"  type: {source.plugin}"]
     for use in _parameters(source):
+        if use.node != "controller_node" or use.name.startswith("/"):
+            continue
         known = {"arm_id": "panda", "joint_names": f"[{ARM}]", "joints": f"[{ARM}]"}.get(use.name)
         value = known or _literal(use.type)
         lines.append(f"  {use.name}: {value}" if value else f"  # {use.name}: value of your YAML; read in {use.origin}")
@@ -91,7 +94,8 @@ def code(source: Source) -> str:
 
 def _parameters(source: Source) -> list[Use]:
     """Return the parameters with a plain name, and those that the interfaces need."""
-    uses = [use for use in source.uses if use.kind == "parameter" and re.fullmatch(r"\w+(/\w+)*", use.name)]
+    uses = [replace(use, name=use.name.removeprefix("~")) for use in source.uses if use.kind == "parameter"]
+    uses = [use for use in uses if use.is_literal and use.name]
     interfaces = {counterpart(use).text for use in source.uses if use.kind == "interface" and counterpart(use).exists}
     if any(name.startswith("Franka") for name in interfaces) and not any("arm_id" in use.name for use in uses):
         uses.append(Use("parameter", "arm_id", '"panda"', "no file"))
@@ -105,19 +109,19 @@ def _init(source: Source, names: dict[str, str]) -> Iterator[str]:
     parameters = _parameters(source)
     for use in parameters:
         default = _literal(use.type)
-        yield f'self.{snake(use.name)} = controller_node.param("{use.name}"{f", {default}" if default else ""})'
+        yield f'self.{snake(use.name)} = {use.node}.param("{use.name}"{f", {default}" if default else ""})'
     joints = next((snake(use.name) for use in parameters if "joint" in use.name), "joints")
     arm = next((snake(use.name) for use in parameters if "arm_id" in use.name), "arm_id")
     for use in source.uses:
         here = counterpart(use)
-        if not here.exists and use.kind != "state":
-            yield f"# {use.origin}: {use.name}: {here.text}"
+        if (not here.exists and use.kind != "state") or not use.is_literal:
+            yield f"# {use.origin}: {use.kind} {use.name}: {here.text}"
         elif use.kind == "interface":
             names[here.text] = here.module
             yield _interface(here.text, joints, arm)
         elif use.kind in {"subscriber", "publisher"}:
             names[here.text] = here.module
-            yield from _topic(use, here.text)
+            yield from _topic(replace(use, name=use.name.removeprefix("~")), here.text)
         elif use.kind in {"service", "action", "live parameters"}:
             yield f"# {use.origin}: {use.kind} {use.name}: {here.text}"
 
@@ -141,10 +145,10 @@ def _topic(use: Use, message: str) -> Iterator[str]:
     """Yield the lines that open a topic."""
     name = snake(use.name)
     if use.kind == "publisher":
-        yield f'self.{name}_publisher = realtime.publisher(controller_node, "{use.name}", {message})'
+        yield f'self.{name}_publisher = realtime.publisher({use.node}, "{use.name}", {message})'
         return
     yield f"self.new_{name} = realtime.LatestValue(None)"
-    yield f'controller_node.subscribe("{use.name}", {message}, self.new_{name}.set, queue_size=1)'
+    yield f'{use.node}.subscribe("{use.name}", {message}, self.new_{name}.set, queue_size=1)'
 
 
 def _hints(source: Source) -> Iterator[str]:
@@ -159,6 +163,7 @@ def _hints(source: Source) -> Iterator[str]:
 
 def _literal(text: str) -> str:
     """Return a C++ or Python literal as Python and YAML read it; empty: it is not a literal."""
+    text = re.sub(r'^(?:std::)?string\s*[({]\s*(".*")\s*[)}]$', r"\1", text)
     if re.fullmatch(r"-?\d+(\.\d*)?(e-?\d+)?f?", text):
         return text.removesuffix("f").removesuffix(".") if "." in text or text.isdigit() or text[0] == "-" else text
     if text in {"true", "True"}:

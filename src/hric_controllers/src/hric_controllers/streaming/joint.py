@@ -81,7 +81,7 @@ class StreamedJoints(Controller):
     def starting(self, time: float) -> None:
         """Hold the last commanded position until the first target comes."""
         self._targets.clear()
-        self._follower.start(self._group.positions())
+        self._follower.start(self._group.commands())
         self._state_time.restart()
         self._running = True
 

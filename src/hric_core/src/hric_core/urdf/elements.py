@@ -10,6 +10,7 @@ import numpy as np
 from hric_core.errors import DescriptionError
 from hric_core.geometry import FloatArray, homogeneous, transform_from_rpy
 from hric_core.geometry.transforms import rotation_from_quaternion
+from hric_core.magnitudes import largest, likely_unit
 
 VERSIONS = ("1.0", "1.1", "1.2")
 """Supported versions of the URDF format; the first is the default. urdfdom 6 supports the same versions.
@@ -110,6 +111,16 @@ def numbers(element: Element, attribute: str, count: int, default: str, where: s
     return [as_number(word, source) for word in words]
 
 
+def _realistic(tag: Element, name: str, unit: str, where: str) -> list[float]:
+    """Return the three numbers of an attribute of `<origin>`; refuse one that is probably in another unit."""
+    values, bound = numbers(tag, name, 3, "0 0 0", where), largest(unit)
+    for value in values:
+        if abs(value) > bound:
+            likely = likely_unit(value, unit, -bound, bound)
+            raise DescriptionError(f"{where}: {name} of <origin> has {value:g}, beyond {bound:.4g} [{unit}]{likely}")
+    return values
+
+
 def origin(element: Element, where: str) -> FloatArray:
     """Return the pose in an element's `<origin>`, shape (4, 4) [m]; the identity if there is no `<origin>`."""
     tag = element.find("origin")
@@ -120,7 +131,5 @@ def origin(element: Element, where: str) -> FloatArray:
         length = float(np.linalg.norm(quaternion))
         if "rpy" in tag.attrib or not length:
             raise DescriptionError(f"{where}: <origin> needs either rpy, or a quat_xyzw that is not zero")
-        return homogeneous(
-            rotation_from_quaternion((quaternion / length).tolist()), numbers(tag, "xyz", 3, "0 0 0", where)
-        )
-    return transform_from_rpy(numbers(tag, "xyz", 3, "0 0 0", where), numbers(tag, "rpy", 3, "0 0 0", where))
+        return homogeneous(rotation_from_quaternion((quaternion / length).tolist()), _realistic(tag, "xyz", "m", where))
+    return transform_from_rpy(_realistic(tag, "xyz", "m", where), _realistic(tag, "rpy", "rad", where))

@@ -109,8 +109,8 @@ class Setpoint(Settings):
                 raise ExperimentError(f"{where}: {joint} {position:g} rad is outside {low:g} to {high:g}{likely}")
 
 
-LARGEST_PAYLOAD = 50.0
-"""Largest valid payload [kg], above that of any collaborative arm (project default, unconfirmed)."""
+LARGEST_PAYLOAD = 20.0
+"""Largest valid payload [kg], that of `franka_hw_interface.transforms.check_load`."""
 
 
 @dataclass(frozen=True)
@@ -458,7 +458,14 @@ class Experiment(_Sensed):
         with mistakes.noted():
             if taken := [name for name in self.arms if name in self._other_names()]:
                 raise ParameterError(f"arms: {taken[0]} is also the name of other parameters; valid: another name")
-        for name in self.arms:
+        for name, arm_section in self.arms.items():
+            with mistakes.noted():
+                own = arm_section.robot.get("parameters")
+                if isinstance(own, Mapping) and "control_log" in own:
+                    raise ParameterError(
+                        f"arms.{name}.robot.parameters.control_log has no effect, since all arms have one log; valid: "
+                        "robot.parameters.control_log"
+                    )
             with mistakes.noted():
                 try:
                     self._arm(name).check("")
