@@ -196,6 +196,14 @@ def test_the_page_has_the_fields_of_observations_and_the_ids() -> None:
     env.close()
 
 
+@pytest.mark.parametrize("action", [name for name in MODES if not name.startswith("joint_")])
+def test_tasks_with_setpoints_run_with_controllers_that_their_experiment_does_not_start(action: str) -> None:
+    env = CollaborationEnv("Contact", action)
+    values, _ = env.reset(seed=1)
+    assert np.linalg.norm(values["goal"] - values["ee_position"]) > 0.1
+    env.close()
+
+
 def test_what_does_not_fit_is_refused_with_the_valid_choices() -> None:
     for settings, match in (
         ({"task": "Reaching"}, "CoTransport, Contact, HandGuidance"),

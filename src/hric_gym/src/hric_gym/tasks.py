@@ -212,6 +212,8 @@ def scene(
     common = ("simulator:=mujoco", "robot.parameters.control_log:=false", f"human.rate:={RATE}")
     others = [text for text in changes if _section(text) != "parameters"]
     definition = experiment.load(task.experiment, [*common, *task.changes, *others])
+    setpoints = tuple((item.time, item.positions) for item in definition.setpoints)
+    definition = replace(definition, supervisor=None, setpoints=())
     own = overlay(definition.parameters.get(controller, {}), parameters)
     definition = _commanded(definition, controller, own, [text for text in changes if text not in others])
     human = dict(definition.human or {})
@@ -229,11 +231,9 @@ def scene(
             f"the goal of {definition.name} is the motion of the person, which is not known with "
             f"person={choice.kind!r}; valid: scripted, policy"
         )
-    setpoints = tuple((item.time, item.positions) for item in definition.setpoints)
     if task.goal == SETPOINTS and not setpoints:
         raise HricError(f"the experiment {definition.name} has no setpoint, which is the goal; valid: one or more")
-    definition = replace(definition, human=human or None, supervisor=None, setpoints=())
-    return Scene(definition, intention, channel, setpoints)
+    return Scene(replace(definition, human=human or None), intention, channel, setpoints)
 
 
 def _commanded(
