@@ -80,7 +80,10 @@ def test_two_agents_act_only_in_an_episode_and_together() -> None:
     pytest.importorskip("pettingzoo")
     from hric_gym.parallel import CollaborationParallelEnv
 
+    with pytest.raises(HricError, match="argument person: .* valid: neither person nor trial"):
+        CollaborationParallelEnv(person="scripted")
     env = CollaborationParallelEnv("HandGuidance", step=1.0)
+    assert env.metadata["render_fps"] == 1.0
     actions = {agent: np.zeros(env.action_space(agent).shape) for agent in env.possible_agents}
     with pytest.raises(HricError, match="no episode is running"):
         env.step(actions)
@@ -207,6 +210,9 @@ def test_tasks_with_setpoints_run_with_controllers_that_their_experiment_does_no
 def test_what_does_not_fit_is_refused_with_the_valid_choices() -> None:
     for settings, match in (
         ({"task": "Reaching"}, "CoTransport, Contact, HandGuidance"),
+        ({"task": ["Reach"]}, r"no task \['Reach'\]; valid: CoTransport"),
+        ({"changes": None}, "changes is None; valid: a list of overrides"),
+        ({"changes": [3]}, r"changes is \[3\]; valid: a list of overrides"),
         ({"action": "joints"}, "joint_velocity"),
         ({"person": "actor"}, "none, policy, reactive, scripted, trial"),
         ({"person": "trial"}, "valid: a path with person='trial', else none"),
@@ -242,6 +248,8 @@ def test_what_does_not_fit_is_refused_with_the_valid_choices() -> None:
             env.step(action)
     with pytest.raises(HricError, match="cannot be guided"):
         env.step_with(np.zeros(7), np.zeros(3))
+    with pytest.raises(HricError, match="options 1 are not known; valid: none"):
+        env.reset(options={1: 2})
     for copied in (copy.deepcopy, pickle.dumps):
         with pytest.raises(HricError, match="an environment cannot be copied; valid: a new one"):
             copied(env)
@@ -276,6 +284,7 @@ def test_a_step_has_its_duration_with_other_cycles_and_engines(change: str) -> N
 def test_an_episode_ends_after_the_time_of_the_task_for_any_step(step: float, steps: int) -> None:
     env = gymnasium.make("hric/Reach-v0", person="none", step=step, action="torque")
     env.reset(seed=1)
+    assert env.metadata["render_fps"] == pytest.approx(1.0 / step)  # else a video has another duration
     late = [env.step(np.zeros(7))[2:4] for _ in range(steps)]
     assert late == [(False, False)] * (steps - 1) + [(False, True)]
     env.reset()

@@ -75,7 +75,7 @@ class CollaborationEnv(Env):
 
     period: float
     """Robot time between two actions [s]."""
-    metadata: Mapping[str, Any] = {"render_modes": ["rgb_array"], "render_fps": round(1.0 / STEP)}
+    metadata: Mapping[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 1.0 / STEP}
 
     def __init__(
         self,
@@ -97,6 +97,7 @@ class CollaborationEnv(Env):
         self.task, self._choice = TASKS[task], PersonChoice(person, trial, population, drive)
         self._weights, self.render_mode = checked_weights(WEIGHTS if weights is None else weights), render_mode
         self._mode_class, self.period = MODES[action], checked_step(step)
+        self.metadata = {**self.metadata, "render_fps": 1.0 / self.period}
         self._limit, self._steps = round(self.task.seconds / self.period), 0
         if render_mode is not None:
             prepare()
@@ -171,7 +172,7 @@ class CollaborationEnv(Env):
         """
         super().reset(seed=seed)
         if options:
-            raise HricError(f"options {', '.join(options)} are not known; valid: none")
+            raise HricError(f"options {', '.join(map(str, options))} are not known; valid: none")
         random = self.np_random
         seed = self._begin(random)
         self._observation, self._ended, self._steps = self.simulation.observe(), False, 0

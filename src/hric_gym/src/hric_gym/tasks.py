@@ -253,7 +253,8 @@ def _section(change: str) -> str:
 
 def _check_effect(task: TaskDefinition, choice: PersonChoice, changes: Sequence[str]) -> None:
     """Raise HricError if a change is one of a section that the environment does not use."""
-    if isinstance(changes, str):
+    is_list = isinstance(changes, Sequence) and not isinstance(changes, str)
+    if not is_list or not all(isinstance(text, str) for text in changes):
         raise HricError(f"changes is {changes!r}; valid: a list of overrides, each key:=value")
     valid = {"parameters", "robot", *(["setpoints"] if task.goal == SETPOINTS else [])}
     valid |= {"human"} if choice.kind != "none" else set()
