@@ -101,6 +101,22 @@ def test_signals_of_the_person_and_the_wrench_are_on_the_same_grid(dataset: Path
     assert (data["observation.wrench"][:, 1:] == [2, 3, 4, 5, 6]).all()
 
 
+@pytest.mark.parametrize("lost", [range(60, 120), range(100)], ids=["within", "first"])
+@pytest.mark.parametrize("topic", ["/hric/human/joint_states", "/franka_state_controller/franka_states"])
+def test_values_that_are_not_known_are_refused_before_a_file_is_written(
+    topic: str, lost: range, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    people, arms = [states(k) for k in range(200)], [wrench(k) for k in range(50)]
+    for k in lost:
+        people[k].position = [0.01 * k, np.nan]
+        arms[k // 4].O_F_ext_hat_K = [np.nan] * 6
+    messages, period = (people, 0.005) if topic.endswith("joint_states") else (arms, 0.02)
+    run = synthetic.write_run(tmp_path, CYCLES, extra=[(topic, one, period * k) for k, one in enumerate(messages)])
+    assert main(["export", str(run.path), "--format", "lerobot", "--output", str(tmp_path / "out")]) == 1
+    assert f"is not known (NaN) at {0.005 * lost[0]:.3f} s" in capsys.readouterr().err
+    assert not list((tmp_path / "out").rglob("*.parquet"))
+
+
 def test_numbers_and_times_of_frames_are_those_that_lerobot_demands(dataset: Path) -> None:
     data = frames(dataset)
     assert data["index"].tolist() == list(range(198)) and data["frame_index"].tolist() == 2 * list(range(99))

@@ -99,6 +99,8 @@ def of_run(tables: Mapping[str, TopicTable], run: RunFile, rate: float) -> RunEp
             sources[_name_of_person(table.topic)] = table, joints
     topics = {table.topic: SampledTopic(table) for table, _ in sources.values()}
     times = _grid(list(topics.values()), topics[logs[0].topic], rate)
+    for name, (table, columns) in sources.items():
+        _check_known(name, table, columns, times)
     features = {
         name: _feature(table, columns, topics[table.topic].values(columns, times))
         for name, (table, columns) in sources.items()
@@ -109,6 +111,19 @@ def of_run(tables: Mapping[str, TopicTable], run: RunFile, rate: float) -> RunEp
     added = [f"note: {note}" for note in run_notes.of_table(tables)]
     notes = (*(topic.how(times) for topic in topics.values()), *logs[0].notes, *missing, *added)
     return RunEpisode(task, str(robot.get("arm_id") or "unknown"), features, notes)
+
+
+def _check_known(feature: str, table: TopicTable, columns: list[str], times: FloatArray) -> None:
+    """Raise ExportError if a sample from which a frame is computed is not known (NaN): splines would invent it."""
+    named = table.named()
+    data = np.column_stack([np.asarray(named[name].values, dtype=float) for name in columns])
+    first, end = np.searchsorted(table.time, times[0], "right") - 1, np.searchsorted(table.time, times[-1]) + 1
+    if len(wrong := np.argwhere(~np.isfinite(data[max(first, 0) : end]))):
+        row, column = wrong[0]
+        raise ExportError(
+            f"format lerobot: {columns[column]} of {feature} is not known (NaN) at {table.time[max(first, 0) + row]:.3f} "
+            f"s; valid: known values in every frame; leave the topic {table.topic} out by --topics"
+        )
 
 
 def _columns_of_log(log: TopicTable) -> dict[str, list[str]]:
