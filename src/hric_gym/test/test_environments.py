@@ -80,7 +80,7 @@ def test_two_agents_act_only_in_an_episode_and_together() -> None:
     pytest.importorskip("pettingzoo")
     from hric_gym.parallel import CollaborationParallelEnv
 
-    with pytest.raises(HricError, match="argument person: .* valid: neither person nor trial"):
+    with pytest.raises(HricError, match=r"argument person: .* valid: neither person nor trial"):
         CollaborationParallelEnv(person="scripted")
     env = CollaborationParallelEnv("HandGuidance", step=1.0)
     assert env.metadata["render_fps"] == 1.0

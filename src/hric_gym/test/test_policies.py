@@ -131,7 +131,10 @@ def test_a_policy_is_evaluated_with_its_own_period_and_with_no_other_speed() -> 
     env = environment(policy)
     assert env.unwrapped.period == 0.1
     env.close()
-    for change, message in (({"action_scale": 0.1}, "action_scale .* 0.1 m/s; .*: 0.7 m/s"), ({"near": 0.05}, "0.03 m")):
+    for change, message in (
+        ({"action_scale": 0.1}, "action_scale .* 0.1 m/s; .*: 0.7 m/s"),
+        ({"near": 0.05}, "0.03 m"),
+    ):
         with pytest.raises(HricError, match=message):
             environment(replace(policy, **change))
 

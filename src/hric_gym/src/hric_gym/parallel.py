@@ -1,5 +1,6 @@
 """PettingZoo environment in which the robot and the person are two agents."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -34,13 +35,15 @@ class CollaborationParallelEnv(ParallelEnv):
         HricError: a name does not exist, or the task cannot run with these arguments.
     """
 
-    metadata: dict[str, Any] = {"name": "hric_collaboration_v0", "render_modes": ["rgb_array"]}
+    metadata: Mapping[str, Any] = {"name": "hric_collaboration_v0", "render_modes": ["rgb_array"]}
 
     def __init__(self, task: str = "HandGuidance", **settings: Any) -> None:
         if given := sorted({"person", "trial"} & {*settings}):
-            raise HricError(f"argument {', '.join(given)}: the person is an agent here; valid: neither person nor trial")
+            raise HricError(
+                f"argument {', '.join(given)}: the person is an agent here; valid: neither person nor trial"
+            )
         self._env = CollaborationEnv(task, **settings, person="policy")
-        self.metadata = self.metadata | {"render_fps": self._env.metadata["render_fps"]}
+        self.metadata = {**self.metadata, "render_fps": self._env.metadata["render_fps"]}
         self.render_mode = self._env.render_mode
         self.possible_agents = [ROBOT, PERSON]
         self.agents: list[str] = []

@@ -120,9 +120,10 @@ def _check_known(feature: str, table: TopicTable, columns: list[str], times: Flo
     first, end = np.searchsorted(table.time, times[0], "right") - 1, np.searchsorted(table.time, times[-1]) + 1
     if len(wrong := np.argwhere(~np.isfinite(data[max(first, 0) : end]))):
         row, column = wrong[0]
+        time = table.time[max(first, 0) + row]
         raise ExportError(
-            f"format lerobot: {columns[column]} of {feature} is not known (NaN) at {table.time[max(first, 0) + row]:.3f} "
-            f"s; valid: known values in every frame; leave the topic {table.topic} out by --topics"
+            f"format lerobot: {columns[column]} of {feature} is not known (NaN) at {time:.3f} s; valid: known values "
+            f"in every frame; leave the topic {table.topic} out by --topics"
         )
 
 
