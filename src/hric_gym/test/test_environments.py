@@ -422,6 +422,19 @@ def test_the_force_share_is_that_of_the_contact_limit() -> None:
     env.close()
 
 
+def test_the_costs_of_a_long_step_are_the_largest_of_its_parts() -> None:
+    shares = []
+    for step, steps in ((0.04, 50), (0.4, 5)):
+        env = CollaborationEnv("HandGuidance", "end_effector", step=step)
+        env.reset(seed=1)
+        shares.append([env.step(np.zeros(6))[4]["costs"] for _ in range(steps)])
+        env.close()
+    for index, long in enumerate(shares[1]):
+        parts = shares[0][10 * index : 10 * index + 10]
+        assert long == {name: max(part[name] for part in parts) for name in long}
+    assert len({part["effort"] for part in shares[0][:10]}) > 1
+
+
 def test_a_picture_is_drawn_without_a_display() -> None:
     lines = (
         "import numpy as np\nfrom hric_gym.environment import CollaborationEnv\n"

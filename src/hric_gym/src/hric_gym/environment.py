@@ -127,7 +127,7 @@ class CollaborationEnv(Env):
         if abs(self._cycles * hw.period - self.period) > 1e-9:
             raise HricError(f"step is {self.period}; valid: a multiple of the control cycle, {hw.period} s")
         human = simulation.definition.human
-        self._judge = None if human is None else Judge(hw, HumanSettings.of(human, HUMAN), self.period)
+        self._judge = None if human is None else Judge(hw, HumanSettings.of(human, HUMAN))
         self._mode: ActionMode = self._mode_class(simulation, self.period)
         self._intended = None if self._scene.intention is None else HandGoal(self._scene.intention, hw.period)
         self.goal = self._goal(hw)
@@ -232,9 +232,7 @@ class CollaborationEnv(Env):
         self._mode.apply(_checked(action, self.action_space), self._observation)
         if hand is not None:
             self._guide(_checked(hand, self.person_space))
-        self.simulation.advance(self._cycles)
-        self._observation = self.simulation.observe()
-        costs = Costs() if self._judge is None else self._judge.costs(self._observation)
+        costs = self._advance()
         info = self._info(costs)
         reward = -info["distance"] - sum(
             weight * min(costs.shares.get(name, 0.0), LARGEST) for name, weight in self._weights.items()
@@ -244,6 +242,17 @@ class CollaborationEnv(Env):
         self._ended, self._steps = bool(self._hw.error) or info["success"], self._steps + 1
         late = self._steps >= self._limit and not self._ended
         return self._values(costs), float(reward), self._ended, late, info
+
+    def _advance(self) -> Costs:
+        """Run the cycles of a step, and return their costs; those of a long step are computed every STEP [s]."""
+        parts: list[Costs] = []
+        left, most = self._cycles, self._cycles if self._judge is None else round(STEP / self._hw.period)
+        while left:
+            self.simulation.advance(min(left, most))
+            self._observation = self.simulation.observe()
+            parts.append(Costs() if self._judge is None else self._judge.costs(self._observation))
+            left -= min(left, most)
+        return Costs.worst(parts)
 
     def _guide(self, hand: FloatArray) -> None:
         """Move the target of the person's hand for one step, at most HAND_LEAD [m] from the hand on each axis."""

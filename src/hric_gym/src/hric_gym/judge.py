@@ -1,7 +1,7 @@
 """Costs of a step by the rules of hric_assessment, `tasks.COSTS`, as shares of their limits."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -41,6 +41,19 @@ class Costs:
     violations: tuple[str, ...] = ()
     not_known: tuple[str, ...] = ()
     findings: tuple[str, ...] = ()
+
+    @classmethod
+    def worst(cls, parts: Sequence["Costs"]) -> "Costs":
+        """Return the largest costs of the parts of a step; a cost has to be known in all of them."""
+        violations, unknown = (
+            {name for part in parts for name in getattr(part, key)} for key in ("violations", "not_known")
+        )
+        return cls(
+            {name: max(part.shares[name] for part in parts) for name in parts[0].shares if name not in unknown},
+            tuple(name for name in COSTS if name in violations),
+            tuple(name for name in COSTS if name in unknown),
+            tuple(dict.fromkeys(text for part in parts for text in part.findings)),
+        )
 
 
 class ContactWatch:
@@ -106,15 +119,14 @@ class Judge:
     Args:
         hw: the simulated robot.
         settings: section `human` of the experiment.
-        period: robot time of a step [s].
     """
 
-    def __init__(self, hw: SimulatedRobot, settings: HumanSettings, period: float) -> None:
-        self._period, self._watch = period, ContactWatch(hw, settings)
+    def __init__(self, hw: SimulatedRobot, settings: HumanSettings) -> None:
+        self._watch = ContactWatch(hw, settings)
         supervision = SupervisorSettings()
         self._stopping = StoppingModel(supervision)
         self._protective = Protective(supervision, self._stopping)
-        self._before: FloatArray | None = None
+        self._before: tuple[float, FloatArray] | None = None
 
     def restart(self) -> None:
         """Delete the data of the last episode; to be called after each reset."""
@@ -122,7 +134,7 @@ class Judge:
         self._before = None
 
     def costs(self, observation: SimulationState) -> Costs:
-        """Return the costs of the step since the last call; `observation`: state at its end."""
+        """Return the costs of the time since the last call; `observation`: state at its end."""
         person = observation.person
         assert person is not None, "the judge has a person"
         findings = self._watch.findings()
@@ -150,8 +162,8 @@ class Judge:
         person = observation.person
         assert person is not None
         ends = person.capsules.ends
-        before, self._before = self._before, ends
-        velocities = np.zeros_like(ends) if before is None else (ends - before) / self._period
+        before, self._before = self._before, (observation.time, ends)
+        velocities = np.zeros_like(ends) if before is None else (ends - before[1]) / (observation.time - before[0])
         near = nearness(observation.arm.capsules, person.capsules, velocities)
         speed = float(np.linalg.norm(observation.arm.capsules.velocities, axis=2).max())
         braking = self._stopping.left(observation.time, observation.time, InForce(), speed)
