@@ -435,15 +435,20 @@ def test_the_costs_of_a_long_step_are_the_largest_of_its_parts() -> None:
     assert len({part["effort"] for part in shares[0][:10]}) > 1
 
 
-def test_a_picture_is_drawn_without_a_display() -> None:
+def test_pictures_are_drawn_without_a_display_and_do_not_depend_on_other_environments() -> None:
     lines = (
         "import numpy as np\nfrom hric_gym.environment import CollaborationEnv\n"
-        "env = CollaborationEnv('HandGuidance', 'end_effector', render_mode='rgb_array')\n"
-        "env.reset(seed=1)\npicture = env.render()\nenv.step(np.zeros(6))\n"
-        "print(picture.shape, picture.dtype, picture.std() > 5, env.render().shape)\nenv.close()\n"
+        "CollaborationEnv('Reach').close()\n"  # loads MuJoCo
+        "a = CollaborationEnv('HandGuidance', 'end_effector', render_mode='rgb_array')\n"
+        "b = CollaborationEnv('Reach', person='none', render_mode='rgb_array')\n"
+        "for env in (a, b):\n    env.reset(seed=1)\n"
+        "before = [env.render() for env in (a, b)]\nafter = [env.render() for env in (a, b)]\n"
+        "b.close()\nafter.append(a.render())\na.close()\n"
+        "print(before[0].shape, before[0].dtype, before[0].std() > 5)\n"
+        "print(*(np.array_equal(x, y) for x, y in zip([*before, before[0]], after)))\n"
     )
     done = subprocess.run([sys.executable, "-c", lines], capture_output=True, text=True, timeout=300)
-    assert done.stdout.strip() == "(480, 640, 3) uint8 True (480, 640, 3)", done.stderr
+    assert done.stdout == "(480, 640, 3) uint8 True\nTrue True True\n", done.stderr
 
 
 @pytest.mark.slow  # 500 episodes, a few minutes

@@ -14,7 +14,7 @@ from hric_gym.actions import MODES, ActionMode
 from hric_gym.goals import DrawnGoal, Goal, HandGoal, SetpointGoal
 from hric_gym.guided import TARGETS
 from hric_gym.judge import Costs, Judge
-from hric_gym.picture import Renderer, prepare
+from hric_gym.picture import Renderer
 from hric_gym.spaces import Box, Env, Values, arm_values, as_values, dict_space, person_values, unit_box
 from hric_gym.tasks import (
     DRAWN,
@@ -99,8 +99,6 @@ class CollaborationEnv(Env):
         self._mode_class, self.period = MODES[action], checked_step(step)
         self.metadata = {**self.metadata, "render_fps": 1.0 / self.period}
         self._limit, self._steps = round(self.task.seconds / self.period), 0
-        if render_mode is not None:
-            prepare()
         mode = self._mode_class
         self._scene = scene(self.task, self._choice, mode.controller, mode.parameters, changes)
         self._renderer: Renderer | None = None
