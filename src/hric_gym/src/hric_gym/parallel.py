@@ -72,7 +72,7 @@ class CollaborationParallelEnv(ParallelEnv):
         """
         values, info = self._env.reset(seed=seed)
         self.agents = list(self.possible_agents)
-        return self._values(values), dict.fromkeys(self.agents, info)
+        return self._values(values), {agent: dict(info) for agent in self.agents}
 
     def step(self, actions: dict[str, Any]) -> tuple[Any, Any, Any, Any, Any]:
         """Execute an action of each agent; return observations, rewards, terminated, truncated and infos by agent.
@@ -89,7 +89,8 @@ class CollaborationParallelEnv(ParallelEnv):
         away = observations[PERSON]["hand_position"] - observations[PERSON]["hand_goal"]
         own = -float(np.linalg.norm(away)) - 0.1 * info["costs"].get("effort", 0.0)
         rewards = {ROBOT: reward, PERSON: own}
-        ends, limits, infos = (dict.fromkeys(agents, value) for value in (ended, late, info))
+        ends, limits = (dict.fromkeys(agents, value) for value in (ended, late))
+        infos = {agent: dict(info) for agent in agents}
         if ended or late:
             self.agents = []
         return observations, rewards, ends, limits, infos

@@ -258,13 +258,17 @@ def _check_effect(task: TaskDefinition, choice: PersonChoice, changes: Sequence[
         raise HricError(f"changes is {changes!r}; valid: a list of overrides, each key:=value")
     valid = {"parameters", "robot", *(["setpoints"] if task.goal == SETPOINTS else [])}
     valid |= {"human"} if choice.kind != "none" else set()
+    replaced = {"human.drive": "the argument drive", "human.rate": f"{RATE:g} Hz, which the costs need"}
+    replaced |= {"human.subject": "no population"} if choice.population else {}
+    replaced |= {"human.control.parameters.reference": "another trial"} if choice.trial else {}
     for text in changes:
         if _section(text) not in valid:
             raise HricError(
                 f"the change {text!r} has no effect in this environment; valid: keys of {', '.join(sorted(valid))}"
             )
-        if text.startswith("human.drive:="):
-            raise HricError(f"the change {text!r} has no effect; valid: the argument drive")
+        for key, instead in replaced.items():
+            if text.startswith((f"{key}:=", f"{key}.")):
+                raise HricError(f"the change {text!r} is not possible; valid: {instead}")
 
 
 def _choose(human: dict[str, Any], reference: Mapping[str, Any], choice: PersonChoice) -> str:
