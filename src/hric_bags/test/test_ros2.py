@@ -138,11 +138,27 @@ def test_a_file_that_ends_too_early_is_refused_in_one_sentence(
     assert path.name in message and message.count("\n") == 1 and "Traceback" not in message
 
 
-def test_health_of_a_bag_of_ros_2_is_refused_with_the_way_to_convert_it(
-    exported: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize("kind", ["mcap", "ros2"])
+def test_a_bag_of_ros_2_has_the_health_of_the_bag_that_it_came_from(
+    truth: Truth, exported: Path, kind: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["health", str(exported / "mcap")]) == 2
-    assert "rosbags-convert" in capsys.readouterr().err
+    reports = [(main(["health", str(bag)]), capsys.readouterr().out) for bag in (truth.bag, exported / kind)]
+    (code, ours), (other, theirs) = ((code, text.splitlines()[1:]) for code, text in reports)
+    assert (code, ours) == (other, theirs) and len(ours) > 10
+
+
+def test_a_damaged_bag_of_ros_2_is_named_and_what_can_be_read_is_examined(
+    exported: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "cut.mcap"
+    content = bytearray((exported / "mcap" / "made_up.mcap").read_bytes())
+    content[len(content) * 6 // 10] ^= 255  # in a chunk
+    path.write_bytes(content)
+    assert main(["health", str(path)]) == 4
+    text = capsys.readouterr().out
+    assert "damaged: cannot read cut.mcap, a bag of ROS 2" in text and "`mcap recover`" in text
+    assert main(["health", str(path), "--salvage"]) == 2
+    assert "--salvage is for bags of ROS 1" in capsys.readouterr().err
 
 
 def test_a_run_folder_is_no_bag(tmp_path: Path) -> None:
