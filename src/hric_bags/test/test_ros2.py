@@ -147,16 +147,17 @@ def test_a_bag_of_ros_2_has_the_health_of_the_bag_that_it_came_from(
     assert (code, ours) == (other, theirs) and len(ours) > 10
 
 
-def test_a_damaged_bag_of_ros_2_is_named_and_what_can_be_read_is_examined(
-    exported: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = tmp_path / "cut.mcap"
-    content = bytearray((exported / "mcap" / "made_up.mcap").read_bytes())
-    content[len(content) * 6 // 10] ^= 255  # in a chunk
-    path.write_bytes(content)
-    assert main(["health", str(path)]) == 4
-    text = capsys.readouterr().out
-    assert "damaged: cannot read cut.mcap, a bag of ROS 2" in text and "`mcap recover`" in text
+def test_a_changed_byte_in_a_chunk_is_found(exported: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, content = tmp_path / "cut.mcap", (exported / "mcap" / "made_up.mcap").read_bytes()
+    with (exported / "mcap" / "made_up.mcap").open("rb") as file:
+        reader = pytest.importorskip("mcap.reader").make_reader(file, validate_crcs=True)
+        (chunk,) = reader.get_summary().chunk_indexes
+        assert len(list(reader.iter_messages())) > 100
+    for place in np.linspace(chunk.chunk_start_offset + 60, chunk.chunk_start_offset + chunk.chunk_length - 1, 10):
+        path.write_bytes(content[: int(place)] + bytes([content[int(place)] ^ 1]) + content[int(place) + 1 :])
+        assert main(["health", str(path)]) == 4
+        text = capsys.readouterr().out
+        assert "damaged: cannot read cut.mcap, a bag of ROS 2" in text and "`mcap recover`" in text
     assert main(["health", str(path), "--salvage"]) == 2
     assert "--salvage is for bags of ROS 1" in capsys.readouterr().err
 
