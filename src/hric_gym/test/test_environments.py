@@ -170,6 +170,22 @@ def test_an_action_moves_the_arm_in_its_direction(action: str) -> None:
     env.close()
 
 
+@pytest.mark.parametrize("action", [name for name, mode in MODES.items() if not mode.whole])
+def test_a_long_step_moves_the_arm_as_short_ones_with_the_same_action(action: str) -> None:
+    ends = []
+    for step, steps in ((0.04, 20), (0.4, 2)):
+        env = CollaborationEnv("Reach", action, person="none", step=step)
+        env.reset(seed=1)
+        numbers = np.zeros(env.action_space.shape)
+        numbers[0] = 0.02 if action == "torque" else 0.5
+        for _ in range(steps):
+            values, _, ended, _, info = env.step(numbers)
+            assert not ended, info["reflex"]
+        ends.append(values["q"])
+        env.close()
+    np.testing.assert_allclose(*ends, atol=1e-5)
+
+
 def test_a_reflex_ends_the_episode_and_is_named() -> None:
     env = CollaborationEnv("Contact", "joint_velocity")
     env.reset(seed=1)

@@ -126,7 +126,7 @@ class CollaborationEnv(Env):
             raise HricError(f"step is {self.period}; valid: a multiple of the control cycle, {hw.period} s")
         human = simulation.definition.human
         self._judge = None if human is None else Judge(hw, HumanSettings.of(human, HUMAN))
-        self._mode: ActionMode = self._mode_class(simulation, self.period)
+        self._mode: ActionMode = self._mode_class(simulation)
         self._intended = None if self._scene.intention is None else HandGoal(self._scene.intention, hw.period)
         self.goal = self._goal(hw)
 
@@ -227,10 +227,8 @@ class CollaborationEnv(Env):
         """
         if self._ended:
             raise HricError("no episode is running: it has ended, or none has begun; call reset() first")
-        self._mode.apply(_checked(action, self.action_space), self._observation)
-        if hand is not None:
-            self._guide(_checked(hand, self.person_space))
-        costs = self._advance()
+        checked = _checked(action, self.action_space)
+        costs = self._advance(checked, None if hand is None else _checked(hand, self.person_space))
         info = self._info(costs)
         reward = -info["distance"] - sum(
             weight * min(costs.shares.get(name, 0.0), LARGEST) for name, weight in self._weights.items()
@@ -241,24 +239,29 @@ class CollaborationEnv(Env):
         late = self._steps >= self._limit and not self._ended
         return self._values(costs), float(reward), self._ended, late, info
 
-    def _advance(self) -> Costs:
-        """Run the cycles of a step, and return their costs; those of a long step are computed every STEP [s]."""
+    def _advance(self, action: FloatArray, hand: FloatArray | None) -> Costs:
+        """Run the cycles of a step; commands are sent, and costs are computed, at its start and every STEP [s]."""
         parts: list[Costs] = []
-        left, most = self._cycles, self._cycles if self._judge is None else round(STEP / self._hw.period)
+        left, most = self._cycles, round(STEP / self._hw.period)
         while left:
-            self.simulation.advance(min(left, most))
-            self._observation = self.simulation.observe()
+            cycles = min(left, most)
+            period = self.period * cycles / self._cycles
+            if not parts or not self._mode.whole:
+                self._mode.apply(action, self._observation, self.period if self._mode.whole else period)
+            if hand is not None:
+                self._guide(hand, period)
+            self.simulation.advance(cycles)
+            self._observation, left = self.simulation.observe(), left - cycles
             parts.append(Costs() if self._judge is None else self._judge.costs(self._observation))
-            left -= min(left, most)
         return Costs.worst(parts)
 
-    def _guide(self, hand: FloatArray) -> None:
-        """Move the target of the person's hand for one step, at most HAND_LEAD [m] from the hand on each axis."""
+    def _guide(self, hand: FloatArray, period: float) -> None:
+        """Move the target of the person's hand for a period [s], at most HAND_LEAD [m] from the hand on each axis."""
         channel, person = self._scene.channel, self._observation.person
         if not channel or person is None:
             raise HricError(f"the person is {self._choice.kind!r} and cannot be guided; valid: person='policy'")
         present = person.T_world_hand[:3, 3]
-        target = TARGETS[channel] + HAND_SPEED * self.period * hand
+        target = TARGETS[channel] + HAND_SPEED * period * hand
         TARGETS[channel] = np.clip(target, present - HAND_LEAD, present + HAND_LEAD)
 
     def _values(self, costs: Costs) -> Values:
