@@ -242,9 +242,9 @@ class CollaborationEnv(Env):
     def _advance(self, action: FloatArray, hand: FloatArray | None) -> Costs:
         """Run the cycles of a step; commands are sent, and costs are computed, at its start and every STEP [s]."""
         parts: list[Costs] = []
-        left, most = self._cycles, round(STEP / self._hw.period)
+        left, longest = self._cycles, round(STEP / self._hw.period)
         while left:
-            cycles = min(left, most)
+            cycles = min(left, longest)
             period = self.period * cycles / self._cycles
             if not parts or not self._mode.whole:
                 self._mode.apply(action, self._observation, self.period if self._mode.whole else period)

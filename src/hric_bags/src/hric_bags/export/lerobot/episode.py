@@ -104,11 +104,8 @@ def of_run(tables: Mapping[str, TopicTable], run: RunFile, rate: float) -> RunEp
             sources[_name_of_person(table.topic)] = table, joints
     topics = {table.topic: SampledTopic(table) for table, _ in sources.values()}
     times = _grid(list(topics.values()), topics[logs[0].topic], rate, commanded)
-    for name, (table, columns) in sources.items():
-        _check_known(name, table, columns, times)
     features = {
-        name: _feature(table, columns, topics[table.topic].values(columns, times))
-        for name, (table, columns) in sources.items()
+        name: _feature(name, topics[table.topic], table, columns, times) for name, (table, columns) in sources.items()
     }
     task = str(run.get("description") or run.get("experiment") or UNKNOWN)
     robot = (run.get("definition") or {}).get("robot") or {}
@@ -152,7 +149,9 @@ def _name_of_person(topic: str) -> str:
     return f"observation.{topic.strip('/').removeprefix('hric/').rpartition('/')[0].replace('/', '.') or 'person'}"
 
 
-def _feature(table: TopicTable, columns: list[str], values: FloatArray) -> Feature:
+def _feature(name: str, topic: SampledTopic, table: TopicTable, columns: list[str], times: FloatArray) -> Feature:
+    _check_known(name, table, columns, times)
+    values = topic.values(columns, times)
     if tuple(columns) == WRENCH:
         return Feature(WRENCH_NAMES, WRENCH_UNITS, values)
     units = {column.name: column.unit for column in table.columns}
