@@ -115,8 +115,8 @@ def test_a_payload_weighs_as_the_same_body_in_the_description() -> None:
         assert part is not None
         hand += part.moved(T_link8_part)
     described, carried = (
-        Mechanism(tree, joints, [ROTOR] * 7, payload=payload).robot_masses(q, "panda_link7", point, normal, load)
-        for tree, payload, load in ((with_hand, None, 0.0), (bare, ("panda_link8", hand), hand.mass))
+        Mechanism(tree, joints, [ROTOR] * 7, payloads=payload).robot_masses(q, "panda_link7", point, normal, load)
+        for tree, payload, load in ((with_hand, {}, 0.0), (bare, {"panda_link8": hand}, hand.mass))
     )
     assert carried == pytest.approx(described, rel=1e-9)
 

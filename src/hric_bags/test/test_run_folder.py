@@ -64,6 +64,7 @@ def test_the_writer_of_a_run_reads_what_everybody_reads(tmp_path: Path) -> None:
         ({"left": {"robot": {"load": {"com": [0, 0, 0.1]}}}, "right": {"robot": {"load": {"com": [0, 0.1, 0]}}}}, 2.0),
         ({"left": {"robot": {"load": {"mass": 1.0}}}, "right": {"robot": {"load": {"mass": 0.5}}}}, 1.0),
         ({"left": {"robot": {"plant": {"payload": {"mass": 3.0}}}}, "right": {}}, 3.0),
+        ({"left": {"robot": {"plant": {"payload": [{"mass": 1.0}, {"mass": 3.0}]}}}, "right": {}}, 4.0),
         ({}, 2.0),
     ],
 )

@@ -103,14 +103,17 @@ def robots(definition: Definition | Mapping[str, Any]) -> list[NodeParameters]:
 
 
 def held_mass(definition: Definition | Mapping[str, Any]) -> float:
-    """Return the mass that the arm holds [kg]: its configured load, or the payload of the plant if this is heavier.
+    """Return the mass that the arm holds [kg]: its configured load, or the payloads of the plant if these are heavier.
 
     Of several arms, the largest counts, which is the safe choice.
     """
-    held = [
-        part for robot in robots(definition) for part in (robot.get("load"), (robot.get("plant") or {}).get("payload"))
-    ]
-    return max(float((part or {}).get("mass", 0.0)) for part in held)
+
+    def mass(part: Any) -> float:
+        return float(sum(load.get("mass", 0.0) for load in (part if isinstance(part, list) else [part or {}])))
+
+    return max(
+        max(mass(robot.get("load")), mass((robot.get("plant") or {}).get("payload"))) for robot in robots(definition)
+    )
 
 
 def robot_parameters(run: RunFile) -> NodeParameters:

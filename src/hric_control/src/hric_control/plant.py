@@ -227,9 +227,9 @@ class Plant(ABC):
 
     @abstractmethod
     def set_load(self, load: Load | None, link: str | None = None) -> None:
-        """Fix a payload to a link, by default the last one of the chain; `load` None removes it.
+        """Replace the payload of a link, by default the child of the last actuated joint; `load` None removes it.
 
-        Joint positions and velocities are not changed."""
+        `load` and `link` None: remove all payloads. Joint positions and velocities are not changed."""
 
     @abstractmethod
     def apply_wrench(

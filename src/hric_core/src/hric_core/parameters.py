@@ -546,9 +546,10 @@ def listing(
 
     def convert(value: Any, where: str, joints: Sequence[str]) -> tuple[Any, ...]:
         mistakes, result = Mistakes(), []
+        one = single and value is not None and not isinstance(value, list | tuple)
         for index, item in enumerate(_items(() if value is None else value, counts, single)):
             with mistakes.noted():
-                result.append(of.checked(item, f"{where}[{_label(item, index)}]", joints))
+                result.append(of.checked(item, where if one else f"{where}[{_label(item, index)}]", joints))
         mistakes.raise_all()
         if different and len(set(result)) != len(result):
             raise ValueError

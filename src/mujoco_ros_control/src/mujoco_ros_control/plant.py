@@ -77,8 +77,8 @@ class MujocoPlant(EnginePlant, ReactingPlant):
         spec.compile()
         return str(spec.to_xml())
 
-    def _set_load(self, load: tuple[str, MassProperties] | None) -> None:
-        self.world.set_load(load)
+    def _set_loads(self, loads: Mapping[str, MassProperties]) -> None:
+        self.world.set_loads(loads)
 
     def contacts(self) -> list[Contact]:
         """Return the contacts of the last step."""

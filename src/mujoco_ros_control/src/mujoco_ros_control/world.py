@@ -1,6 +1,6 @@
 """World in MuJoCo: the robot, the objects of the world file and the models that are spawned later, in one scene."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import mujoco
 
@@ -120,10 +120,10 @@ class MujocoWorld(Models[MujocoModelJoints]):
             joints.reset()
         self.bushings.restart()
 
-    def set_load(self, load: tuple[str, MassProperties] | None) -> None:
-        """Replace the payload of the robot: (link, mass properties in the link's frame), or None to remove it."""
+    def set_loads(self, loads: Mapping[str, MassProperties]) -> None:
+        """Replace the payloads of the robot, by link, in the link's frame."""
         before = self._loads
-        self._loads = {} if load is None else {f"{self._itself.name}::{load[0]}": load[1]}
+        self._loads = {f"{self._itself.name}::{link}": load for link, load in loads.items()}
         try:
             self._build()
         except BaseException:

@@ -38,13 +38,13 @@ class OpenSimPlant(EnginePlant, ReactingPlant):
         self.world.act()
         self.robot.step(self._values)
 
-    def _set_load(self, load: tuple[str, MassProperties] | None) -> None:
+    def _set_loads(self, loads: Mapping[str, MassProperties]) -> None:
         model = self.robot.model
-        before, model.load = model.load, load
+        before, model.loads = model.loads, loads
         try:
             self.robot.build_again()
         except BaseException:
-            model.load = before
+            model.loads = before
             raise
 
     def contacts(self) -> list[Contact]:

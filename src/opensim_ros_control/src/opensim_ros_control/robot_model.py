@@ -1,6 +1,6 @@
 """OpenSim model of the robot and the models around it, built again whenever these or the payload change."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -45,7 +45,7 @@ class RobotModel:
 
     Attributes:
         robot: robot description.
-        load: payload (link, mass properties in the link's frame) from the next build on; None: no payload.
+        loads: payloads by link, in the link's frame, from the next build on.
         neighbours: models around the robot from the next build on.
     """
 
@@ -61,17 +61,18 @@ class RobotModel:
         self._options = Options(
             gravity=tuple(gravity), inertia="keep", names="rename", stops=False, friction="none", meshes=False
         )
-        self.load: tuple[str, MassProperties] | None = None
+        self.loads: Mapping[str, MassProperties] = {}
         self.neighbours: list[Model] = []
 
     def build(self) -> Built:
-        """Build an OpenSim model of the robot with its payload and the models around it."""
+        """Build an OpenSim model of the robot with its payloads and the models around it."""
         conversion = convert(together(self._urdf, self.neighbours), self._options)
         frames = {link: frame.path for link, frame in conversion.frames.items()}
         joints = {name: joint.paths for name, joint in conversion.joints.items() if joint.coordinates}
         built = Built(conversion.model, frames, joints, conversion.plan.robot, conversion)
-        if self.load is not None:
-            self._add_load(built, *self.load)
+        for link, load in self.loads.items():
+            self._add_load(built, link, load)
+        if self.loads:
             built.model.finalizeConnections()
         return built
 

@@ -75,10 +75,10 @@ class PyBulletPlant(EnginePlant):
             joints.act(world.forces.efforts(joints.body))
         return world.forces.efforts(robot.body)
 
-    def _set_load(self, load: tuple[str, MassProperties] | None) -> None:
+    def _set_loads(self, loads: Mapping[str, MassProperties]) -> None:
         # PyBullet's inverse dynamics ignores a changed mass, and may mistake a new body for a deleted one whose memory
         # address it has.
-        self.robot.set_load(load)
+        self.robot.set_loads(loads)
         self.world.rebuild()
 
     def contacts(self) -> list[Contact]:

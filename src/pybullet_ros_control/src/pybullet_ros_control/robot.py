@@ -1,6 +1,6 @@
 """Robot in PyBullet: its joints, their efforts, and one step of the simulation."""
 
-from collections.abc import Sequence, Set
+from collections.abc import Mapping, Sequence, Set
 from itertools import combinations
 
 import numpy as np
@@ -44,7 +44,7 @@ class PybulletRobot(EngineRobot):
         self.engine, self._client = engine, engine.client
         self._tree, self._config = tree, config
         self._exempt = never_touching(tree, masks)
-        self._model = self._prepare(None)
+        self._model = self._prepare({})
         self._load_body()
         moving = [tree.joints[name] for name in sorted(self.body.joints, key=self.body.joints.__getitem__)]
         super().__init__(MovingJoints(moving, joint_names, tree.name), config)
@@ -62,8 +62,7 @@ class PybulletRobot(EngineRobot):
         self._motors = JointMotors(engine, self.body, self._joints, efforts, speeds)
         self._send_modes()
 
-    def _prepare(self, load: tuple[str, MassProperties] | None) -> EngineModel:
-        loads = None if load is None else dict([load])
+    def _prepare(self, loads: Mapping[str, MassProperties]) -> EngineModel:
         return prepare(self._tree, loads=loads, collision=self._config.collision, visual=self._config.gui)
 
     def _load_body(self) -> None:
@@ -132,9 +131,9 @@ class PybulletRobot(EngineRobot):
         self._send_stops(self.stops.waiting)
         self._bind()
 
-    def set_load(self, load: tuple[str, MassProperties] | None) -> None:
-        """Set the payload, as (link, mass properties) or None; it takes effect at the next `load_again`."""
-        self._model = self._prepare(load)
+    def set_loads(self, loads: Mapping[str, MassProperties]) -> None:
+        """Set the payloads by link, in the link's frame; they take effect at the next `load_again`."""
+        self._model = self._prepare(loads)
 
     # -- modes and brakes ----------------------------------------------------------------------------------------------
 

@@ -7,7 +7,7 @@ point along the contact normal. Other forces during the contact and the rotation
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
@@ -20,10 +20,9 @@ from hric_bags.reader import ControlRecord, FloatArray, RunRecord
 from hric_bags.records.human_record import HumanRecord
 from hric_bags.run_file import robots
 from hric_control.plant import Surface
-from hric_control.plants import Payload, PlantConfig, Surfaces, combine, load_surfaces, rotor_inertia
+from hric_control.plants import PlantConfig, Surfaces, carried, combine, load_surfaces, rotor_inertia
 from hric_core import urdf
 from hric_core.errors import HricError, check_known
-from hric_core.geometry import MassProperties, tensor
 from hric_human.body import surfaces
 from hric_human.contact import RegionContact
 from hric_human.participant.settings import HumanSettings
@@ -211,7 +210,7 @@ class ClosedFormModels:
             self._human_q = np.hstack([walked, human.position])
         tree = urdf.read(description)
         rotors = [factors.get(ROTORS, 1.0) * value for value in rotor_inertia(plant, log.joint_names, tree)]
-        self._robot = Mechanism(tree, log.joint_names, rotors, payload=_carried(config.payload, tree, log.joint_names))
+        self._robot = Mechanism(tree, log.joint_names, rotors, payloads=carried(config.payload, tree, log.joint_names))
         self._human = Mechanism(urdf.read(described), joints, [0.0] * len(joints), T_world_root)
         rules = Surfaces((*load_surfaces(config.world), *config.surfaces), config.contact_stiffness)
         self._name = self._robot.tree.name
@@ -284,15 +283,6 @@ class ClosedFormModels:
             self._robot.balanced(q[i], link, series.point[k], series.normal[k], tau[i]) for i, k in enumerate(chosen)
         ]
         return Clamping(time, series.force[chosen], np.array(balanced))
-
-
-def _carried(payload: Payload, tree: urdf.Robot, joints: Sequence[str]) -> tuple[str, MassProperties] | None:
-    """Return the link with the payload of the plant, and its mass properties there; None: there is no payload."""
-    if not payload.mass:
-        return None
-    link = payload.link or tree.joints[joints[-1]].child
-    check_known("link", [link], tree.links, "the robot's description")
-    return link, MassProperties(payload.mass, np.array(payload.com), tensor(*payload.inertia))
 
 
 def _recorded(time: float, times: FloatArray) -> bool:

@@ -14,8 +14,9 @@ None of them is an upper limit of the others in every pose.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -51,7 +52,7 @@ class Mechanism:
         joints: joints that move; all others are fixed at zero.
         rotors: rotor inertia at each joint [kg m^2].
         T_world_root: pose of the root link in the world, shape (4, 4).
-        payload: link, and mass properties in its frame, of a payload that the tree lacks; None: there is none.
+        payloads: mass properties of payloads that the tree lacks, by link, in its frame.
     """
 
     def __init__(
@@ -60,13 +61,13 @@ class Mechanism:
         joints: Sequence[str],
         rotors: Sequence[float],
         T_world_root: FloatArray | None = None,
-        payload: tuple[str, MassProperties] | None = None,
+        payloads: Mapping[str, MassProperties] = MappingProxyType({}),
     ) -> None:
         self.tree, self.joints, self._rotors = tree, tuple(joints), np.diag(rotors)
         self._links = dict(tree.links)
-        if payload is not None:
-            link = self._links[payload[0]]
-            self._links[payload[0]] = replace(link, mass=payload[1] + (link.mass or MassProperties()))
+        for name, payload in payloads.items():
+            link = self._links[name]
+            self._links[name] = replace(link, mass=payload + (link.mass or MassProperties()))
         self._dynamics = Tree(replace(tree, links=self._links), joints)
         self._T_root_world = np.eye(4) if T_world_root is None else inverse(T_world_root)
 
@@ -147,7 +148,7 @@ class Mechanism:
     ) -> RobotMasses:
         """Return the masses of an arm at a point of a link along a normal, both in the world frame.
 
-        load: mass that the arm holds, for the standard's estimate; the other two have the `payload` [kg].
+        load: mass that the arm holds, for the standard's estimate; the other two have the `payloads` [kg].
         """
         joints = self.chain_of(link)
         moving, tool = moving_masses(self.tree, joints)

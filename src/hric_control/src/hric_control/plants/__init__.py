@@ -4,7 +4,7 @@ Import all names from here, except those of `faces` (contact areas of two shapes
 """
 
 from hric_control.plants.bushings import BushingLaw, Bushings, LinkMotion
-from hric_control.plants.config import DEFAULT_PLANT, GRAVITY, Payload, PlantConfig, WindowlessConfig, rotor_inertia
+from hric_control.plants.config import DEFAULT_PLANT, GRAVITY, PlantConfig, WindowlessConfig, carried, rotor_inertia
 from hric_control.plants.contact_law import ContactLaw
 from hric_control.plants.divergence import DivergedError, Divergence
 from hric_control.plants.driven_joints import DrivenJoints
@@ -55,7 +55,6 @@ __all__ = [
     "Model",
     "Models",
     "MovingJoints",
-    "Payload",
     "Phi",
     "PlantConfig",
     "Springs",
@@ -68,6 +67,7 @@ __all__ = [
     "Wrenches",
     "breakaways",
     "bristle_torque",
+    "carried",
     "combine",
     "load_masks",
     "load_surfaces",

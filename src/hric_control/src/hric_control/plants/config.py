@@ -5,10 +5,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from hric_control.plant import DEFAULT_PLANT as DEFAULT_PLANT
 from hric_control.plants.surfaces import SurfaceRule
 from hric_core.errors import ParameterError
-from hric_core.geometry import Vector, judge, tensor
+from hric_core.geometry import MassProperties, Vector, judge, tensor
 from hric_core.parameters import (
     Settings,
     choice,
@@ -67,6 +69,27 @@ class Payload(Settings):
             raise refused(f"{where}inertia", list(self.inertia), valid)
 
 
+def carried(payloads: Sequence[Payload], tree: Robot, joints: Sequence[str]) -> dict[str, MassProperties]:
+    """Return the mass properties of payloads by link, in its frame; several payloads of one link are added.
+
+    Args:
+        payloads: the payloads; one without mass is left out.
+        tree: description of the robot.
+        joints: actuated joints.
+
+    Raises:
+        UnknownNameError: the description has no such link.
+    """
+    loads: dict[str, MassProperties] = {}
+    for payload in payloads:
+        if payload.mass:
+            link = payload.link or tree.joints[joints[-1]].child
+            tree.check_link(link)
+            added = MassProperties(payload.mass, np.array(payload.com), tensor(*payload.inertia))
+            loads[link] = added + loads.get(link, MassProperties())
+    return loads
+
+
 @dataclass(frozen=True)
 class PlantConfig(Settings):
     """Parameters of a plant; a plant with further parameters derives a class from this one."""
@@ -111,7 +134,12 @@ class PlantConfig(Settings):
         "", valid="a path or package://", text="world file, path or package://; see pybullet_ros_control, Worlds"
     )
     gravity: Vector = GRAVITY
-    payload: Payload = section(Payload)
+    payload: tuple[Payload, ...] = listing(
+        section(Payload),
+        default=(),
+        single=True,
+        text="a payload with the keys below, or a list of payloads, also of several links",
+    )
     gui: bool = flag(False, text="`true`: open the window of the engine; needs a display")
     half_step_readout: bool = flag(
         True,

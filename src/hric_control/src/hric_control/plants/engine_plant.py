@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from hric_control.plant import Articulated, Bushing, BushingLoad, DrivenPlant, FloatArray, Load, Mode, Surface
-from hric_control.plants.config import PlantConfig, rotor_inertia
+from hric_control.plants.config import PlantConfig, carried, rotor_inertia
 from hric_control.plants.engine_robot import EngineRobot
 from hric_control.plants.models import Models, payload
 from hric_control.plants.surfaces import Surfaces
@@ -50,13 +50,12 @@ class EnginePlant(DrivenPlant, Articulated):
     # -- state ---------------------------------------------------------------------------------------------------------
 
     def _begin(self) -> None:
-        """Set all joints to 0 and attach the payload of the parameters, at the end of a plant's construction."""
+        """Set all joints to 0 and attach the payloads of the parameters, at the end of a plant's construction."""
         self._put([0.0] * len(self.joint_names))
-        carried = self.config.payload
-        if carried.mass:
-            xx, xy, xz, yy, yz, zz = carried.inertia
-            inertia = (xx, xy, xz, xy, yy, yz, xz, yz, zz)
-            self.set_load(Load(carried.mass, carried.com, inertia), carried.link or None)
+        loads = carried(self.config.payload, self.tree, self.joint_names)
+        if loads:
+            self._set_loads(loads)
+        self._loads = loads
 
     def _put(self, q: Sequence[float], dq: Sequence[float] | None = None) -> None:
         self.robot.put(q, [0.0] * len(q) if dq is None else dq)
@@ -118,14 +117,17 @@ class EnginePlant(DrivenPlant, Articulated):
         self._values = self.robot.joints.command(tau)
 
     def set_load(self, load: Load | None, link: str | None = None) -> None:
-        """Replace the payload; `link`: link with the new payload, by default the child of the last actuated joint."""
-        link = link or self.tree.joints[self.joint_names[-1]].child
-        self.tree.check_link(link)
-        self._set_load(None if load is None else (link, payload(load)))
+        """Replace the payload of a link, by default the child of the last actuated joint; see `Plant`."""
+        named = link or self.tree.joints[self.joint_names[-1]].child
+        self.tree.check_link(named)
+        kept = {} if load is None and link is None else {k: v for k, v in self._loads.items() if k != named}
+        loads = kept if load is None else {**kept, named: payload(load)}
+        self._set_loads(loads)
+        self._loads = loads
 
     @abstractmethod
-    def _set_load(self, load: tuple[str, MassProperties] | None) -> None:
-        """Set the payload (link, mass properties in the link's frame); None: no payload. All states are unchanged."""
+    def _set_loads(self, loads: Mapping[str, MassProperties]) -> None:
+        """Set the payloads by link, in the link's frame, in place of all present ones. All states are unchanged."""
 
     def apply_wrench(
         self, body: str, force: Sequence[float], torque: Sequence[float], point: Sequence[float], duration: float

@@ -36,7 +36,7 @@ PRIVATE = "robot"
 IDENTIFIED = "identified"
 """Friction of the plant with parameters by joint."""
 BY_JOINT = "friction_parameters"
-"""Parameter of the plant that is combined by joint, as is the rotor inertia; a payload belongs to one robot."""
+"""Parameter of the plant that is combined by joint, as is the rotor inertia."""
 
 JOINT_COMMANDS = (EffortJointInterface, VelocityJointInterface, PositionJointInterface)
 
@@ -305,7 +305,7 @@ def combined_input(needed: Mapping[str, PlantInput]) -> PlantInput:
         needed: what each robot needs of it, by name of the robot.
 
     Raises:
-        HricError: two robots have a joint or link of the same name, two have a payload, or parameters of the plant that
+        HricError: two robots have a joint or link of the same name, or parameters of the plant that
             concern all of them differ.
     """
     config: dict[str, Any] = {"rotor_inertia": {}}
@@ -330,18 +330,21 @@ def combined_input(needed: Mapping[str, PlantInput]) -> PlantInput:
     }
     for key in sorted(keys):
         config[key] = common(f"plant/{key}", {name: part.config.get(key) for name, part in needed.items()})
-    loads = {name: _mapping(part.config.get("payload")) for name, part in needed.items()}
-    carrying = [name for name, load in loads.items() if load and load.get("mass") != 0]
-    if len(carrying) > 1:
-        raise ParameterError(f"plant/payload is set for {' and '.join(carrying)}; valid: for one of the robots")
-    for name in carrying:
-        part = needed[name]
-        last = read(part.urdf_xml).joints[part.joint_names[-1]].child
-        config["payload"] = {"link": last, **loads[name]}
+    config["payload"] = [load for part in needed.values() for load in _payloads(part)]
     if not config[BY_JOINT]:
         del config[BY_JOINT]
     description = combined(MODEL, {name: part.urdf_xml for name, part in needed.items()})
     return PlantInput(description, [joint for part in needed.values() for joint in part.joint_names], config)
+
+
+def _payloads(part: PlantInput) -> list[object]:
+    """Return the payloads of one robot, each with its link, which must be named in the plant of several robots."""
+    payloads = part.config.get("payload") or []
+    last = read(part.urdf_xml).joints[part.joint_names[-1]].child
+    return [
+        {"link": last, **load} if isinstance(load, Mapping) and load.get("mass") != 0 else load
+        for load in (payloads if isinstance(payloads, list | tuple) else [payloads])
+    ]
 
 
 def _mapping(value: object) -> dict[str, object]:

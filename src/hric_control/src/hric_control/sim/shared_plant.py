@@ -100,9 +100,9 @@ class PlantPart(DrivenPlant):
         self._plant.set_brakes(self._shared.brakes)
 
     def set_load(self, load: Load | None, link: str | None = None) -> None:
-        """Replace the payload of the shared plant, which has one; its link must be named."""
+        """Replace the payload of a link of the shared plant; the link must be named."""
         if link is None:
-            raise HricError("a plant that several robots share has one payload, whose link must be named")
+            raise HricError("the link of a payload must be named in a plant that several robots share")
         self._plant.set_load(load, link)
 
     def apply_wrench(
