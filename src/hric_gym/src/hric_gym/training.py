@@ -65,7 +65,7 @@ SAVING = 1000
 """Number of steps between two checkpoints, so that a killed training can be resumed."""
 RECENT = 50
 """Number of episodes over which the progress bar averages."""
-ENDING = signal.SIGINT, signal.SIGTERM
+STOP_SIGNALS = signal.SIGINT, signal.SIGTERM
 """Signals after which a training writes its policy and ends."""
 Ends = list[tuple[float, bool, bool]]
 
@@ -232,7 +232,7 @@ def train(agreed: PolicyContract, output: Path, *, resume: bool = False) -> bool
         model = SAC("MlpPolicy", env, seed=seed, buffer_size=steps, replay_buffer_class=buffer, **rate, **SETTINGS)
     save = partial(_save_all, model, agreed, output)
     interrupted, left = threading.Event(), steps - model.num_timesteps
-    previous = {number: signal.signal(number, lambda *_: interrupted.set()) for number in ENDING}
+    previous = {number: signal.signal(number, lambda *_: interrupted.set()) for number in STOP_SIGNALS}
     limits = [_CostLimit(limit[0], AIM * limit[1])] if limit else []
     try:
         model.learn(left, [_Progress(left, interrupted), _Checkpoints(save), *limits], reset_num_timesteps=False)
