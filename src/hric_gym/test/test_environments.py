@@ -27,6 +27,7 @@ from hric_gym import goals  # noqa: E402
 from hric_gym.actions import MODES  # noqa: E402
 from hric_gym.environment import CollaborationEnv  # noqa: E402
 from hric_gym.goals import NEAR, DrawnGoal  # noqa: E402
+from hric_gym.judge import Costs  # noqa: E402
 
 
 def bits(values: dict[str, Any]) -> bytes:
@@ -248,6 +249,7 @@ def test_what_does_not_fit_is_refused_with_the_valid_choices() -> None:
             "contact has no setpoint, which is the goal",
         ),
         ({"step": 0.041, "changes": ["robot.plant.time_step:=0.002"]}, "step is 0.041; .* control cycle, 0.002 s"),
+        ({"weights": {"posture": 1.0}, "changes": ["human.parts:=right_arm"]}, "weights.posture: .* is not known"),
         ({"changes": "kp:=50"}, "changes is 'kp:=50'; valid: a list of overrides"),
         ({"changes": ["duration:=9"]}, "'duration:=9' has no effect in this environment; valid: keys of human, param"),
         ({"changes": ["arms:=left,right"]}, "'arms:=left,right' has no effect"),
@@ -437,6 +439,14 @@ def test_the_force_share_is_that_of_the_contact_limit() -> None:
             ratios = peak / limit.force.transient, peak / 1e-4 / limit.pressure.transient
             largest = max(largest, *ratios)
     assert peak > 5.0 and share == pytest.approx(largest, rel=1e-9)
+    env.close()
+
+
+def test_a_constraint_that_is_not_known_is_not_kept() -> None:
+    env = CollaborationEnv("HandGuidance", "end_effector")
+    env.reset(seed=1)
+    costs = [Costs(not_known=names) for names in ((), ("posture",), ("effort",), ("force", "effort"))]
+    assert [env._info(cost)["cost"] for cost in costs] == [0.0, 0.0, 1.0, 2.0]
     env.close()
 
 

@@ -13,13 +13,14 @@ from hric_core.geometry import FloatArray
 from hric_gym.actions import MODES, ActionMode
 from hric_gym.goals import DrawnGoal, Goal, HandGoal, SetpointGoal
 from hric_gym.guided import TARGETS
-from hric_gym.judge import Costs, Judge
+from hric_gym.judge import TRUNK, Costs, Judge
 from hric_gym.picture import Renderer
 from hric_gym.spaces import Box, Env, Values, arm_values, as_values, dict_space, person_values, unit_box
 from hric_gym.tasks import (
     DRAWN,
     DRAWS,
     HAND,
+    POSTURE,
     TASKS,
     PersonChoice,
     checked_step,
@@ -58,7 +59,7 @@ class CollaborationEnv(Env):
 
     The reward is -distance from the goal [m], minus the weighted costs, each as share of its limit, and minus
     REFLEX_COST for a reflex. `info` has `distance` [m], `success`, `reflex`, the fields of `judge.Costs` (`costs`: its
-    shares), and `cost`: the number of constraints of the task that the step violated.
+    shares), and `cost`: the number of constraints of the task that are violated or not known.
 
     Args:
         task: name of a task, one of `tasks.TASKS`.
@@ -105,6 +106,8 @@ class CollaborationEnv(Env):
         self._simulation: Simulation | None = None
         self._open(Simulation(self._scene.definition))
         observation = self.simulation.observe()
+        if self._weights.get(POSTURE) and observation.person and TRUNK not in observation.person.joints:
+            raise HricError("weights.posture: the posture of a person without a trunk is not known; valid: 0")
         self._mode.start(observation)
         self._observation, self._ended = observation, True
         self._restart_goals(np.random.default_rng(0), 0)
@@ -282,7 +285,7 @@ class CollaborationEnv(Env):
             "violations": costs.violations,
             "not_known": costs.not_known,
             "findings": costs.findings,
-            "cost": float(len(set(costs.violations) & set(self.task.constraints))),
+            "cost": float(len({*costs.violations, *costs.not_known} & {*self.task.constraints})),
         }
 
     def render(self) -> Any:

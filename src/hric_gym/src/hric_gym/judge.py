@@ -22,6 +22,8 @@ from hric_supervisor.arm import InForce
 from hric_supervisor.separation import Protective, StoppingModel, nearness
 from hric_supervisor.settings import SupervisorSettings
 
+TRUNK = "trunk_flex"
+"""Joint of a body with a trunk, without which the posture is not known."""
 TINY = 1e-9
 """Distance that replaces distances of zero or less as divisor [m]."""
 
@@ -144,7 +146,7 @@ class Judge:
         effort = float(np.nanmax(person.strength_share, initial=-math.inf))
         if math.isfinite(effort):
             shares[EFFORT] = effort
-        if "trunk_flex" in person.joints:
+        if TRUNK in person.joints:
             shares[POSTURE] = self._posture(person.joints, person.q)
         over = {name for name, share in shares.items() if share > 1.0} | ({FORCE} if poor else set())
         return Costs(
