@@ -3,6 +3,7 @@
 import argparse
 import ast
 import random
+import re
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -13,6 +14,8 @@ from house.sources import WORKSPACE, Function, HouseError, Source, in_folder
 PAGES = ("README.md", "CONTRIBUTING.md", "docs/**/*.md", "src/*/INTERFACE.md")
 LOGS = {"print", "debug", "info", "warn", "warning", "error", "exception", "critical", "fatal"}
 """Names of functions that print or log a text."""
+MAX_CODE = 40
+"""Maximum length of the code of a value that is shown in a text."""
 
 
 def main(arguments: Sequence[str] | None = None, root: Path = WORKSPACE) -> int:
@@ -64,13 +67,45 @@ def _logs(root: Path) -> list[str]:
     logs = []
     for source in in_folder(root):
         for node in source.nodes:
-            called = getattr(node, "func", None)
             if not isinstance(node, ast.Raise | ast.Call):
                 continue
-            if isinstance(node, ast.Raise) or getattr(called, "attr", getattr(called, "id", "")) in LOGS:
-                texts = " ".join(text for _, text in printed(list(ast.walk(node))))
-                logs += [f"{source.path}:{node.lineno}\n  {texts}"] if texts else []
+            called = getattr(node, "func", None)
+            named = isinstance(node, ast.Raise) or getattr(called, "attr", getattr(called, "id", "")) in LOGS
+            if named and any(printed(list(ast.walk(node)))):
+                logs.append(f"{source.path}:{node.lineno}\n  {_shown(node)}")
     return logs
+
+
+def _shown(node: ast.AST) -> str:
+    """Return the text of a log call or an error; a value in it is its code in braces, or `...` if that is long."""
+    match node:
+        case ast.Raise(exc=ast.expr() as call):
+            return _shown(call)
+        case ast.Call(func=ast.Name(id="refused"), args=[where, value, valid]):
+            return f"{_shown(where)} is {_shown(value)}; valid: {_shown(valid)}"
+        case ast.Call(func=ast.Name(id="unknown" | "UnknownNameError"), args=[kind, name, valid, *where]):
+            scope = f" in {_shown(where[0])}" if where else ""
+            return f"no {_shown(kind)} {_shown(name)}{scope}; valid: {_shown(valid)}"
+        case ast.Call(args=[ast.Constant(value=str(text)), *values]) if "%" in text:
+            parts = map(_shown, values)
+            return re.sub(r"%[+\d.]*[sdgfr]", lambda match: next(parts, match[0]), text)
+        case ast.IfExp(body=body, orelse=other):
+            return f"({_shown(body)}|{_shown(other)})"
+        case ast.JoinedStr(values=values):
+            return "".join(map(_shown, values))
+        case ast.Constant(value=str(text)):
+            return text
+        case ast.FormattedValue(value=value):
+            return _value(value)
+        case ast.Call(args=args) if any(printed(list(ast.walk(node)))):
+            return " ".join(map(_shown, args))
+    return _value(node)
+
+
+def _value(node: ast.AST) -> str:
+    code = ast.unparse(node)
+    texts = " ".join(text for _, text in printed(list(ast.walk(node))))
+    return f"{{{code}}}" if len(code) <= MAX_CODE else texts or "..."
 
 
 def _pages(root: Path) -> list[str]:

@@ -297,7 +297,7 @@ def test_what_is_not_finite_is_refused_with_invalid_argument(caplog: pytest.LogC
     with serving(ConstantDevice()) as ip, Peer(ip) as peer:
         assert peer.exchange(5, struct.pack("<7d", *[float("nan")] * 7)) == b"\x02"
         assert peer.exchange(5, struct.pack("<7d", *[100.0] * 7)) == b"\x00"
-    assert "SetJointImpedance refused: a number is not finite" in caplog.text
+    assert "SetJointImpedance refused: a value in the request is not finite" in caplog.text
 
 
 @VERSIONS

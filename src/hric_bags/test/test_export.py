@@ -208,7 +208,7 @@ def test_files_of_others_in_the_folder_are_not_replaced(truth: Truth, tmp_path: 
     request = ExportRequest(("csv", "parquet"), ("/joint_states",))
     for _ in range(2):
         result = exporting.export(recording.find(str(truth.bag)), request, tmp_path)
-        assert "joint_states.csv exists and is of no export; valid: another folder, or " in result.failures["csv"]
+        assert "joint_states.csv is not from an export; valid: another folder, or " in result.failures["csv"]
         assert file.read_text() == "mine" and list(result.files) == ["parquet"]
     assert not exporting.export(recording.find(str(truth.bag)), request, tmp_path, again=True).failures
     assert file.read_text() != "mine"

@@ -64,6 +64,6 @@ def test_an_index_that_leads_nowhere_is_an_error_of_the_bag(tmp_path: Path) -> N
     path.write_bytes(content[:at] + b"op=\x07" + content[at + 4 :])
     with (
         IndexedReader(path) as reader,
-        pytest.raises(BagError, match=r"its index leads to no message .*; try: hric health"),
+        pytest.raises(BagError, match=r"its index names byte .*, where no message is; try: hric health"),
     ):
         list(reader.messages())

@@ -179,7 +179,7 @@ def test_runs_with_different_signals_are_no_data_set(tmp_path: Path, capsys: pyt
 def test_several_runs_are_refused_for_other_formats(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     run = str(made(tmp_path).path)
     assert main(["export", run, run, "--format", "lerobot", "csv"]) == 2
-    assert "several runs are given: valid with --format lerobot alone" in capsys.readouterr().err
+    assert "several runs are given; valid: only --format lerobot" in capsys.readouterr().err
 
 
 def test_pictures_are_left_out_with_a_word(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

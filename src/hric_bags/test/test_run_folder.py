@@ -149,7 +149,7 @@ def test_a_bag_outside_the_folder_is_refused(tmp_path: Path, name: str) -> None:
 
 def test_a_file_that_is_no_bag_is_not_called_missing(tmp_path: Path) -> None:
     (tmp_path / "cut.mcap").write_bytes(b"")
-    with pytest.raises(RunFolderError, match=r"cut\.mcap is no run folder and no bag: it does not begin as a"):
+    with pytest.raises(RunFolderError, match=r"cut\.mcap is no run folder and no bag: its content is not that"):
         RunFolder.open(tmp_path / "cut.mcap", tmp_path)
 
 

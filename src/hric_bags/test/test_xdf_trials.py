@@ -131,7 +131,7 @@ def test_clocks_of_streams_are_put_on_that_of_the_file(tmp_path: Path) -> None:
         ({"times": np.delete(even(BEGIN, 1000.0, 2100), slice(1000, 1100))}, "is not even in time"),
         (
             {"offsets": tuple((BEGIN + 5.0 * k + 40.0 * (k > 9), 60.0 * (k > 9)) for k in range(20))},
-            "has 2 parts between which its clock was set again",
+            "has 2 parts, since its clock was reset during the recording",
         ),
     ],
 )  # fmt: skip

@@ -258,5 +258,5 @@ def test_a_parameter_that_cannot_be_is_refused_by_its_full_name(name):
 
 
 def test_a_point_has_no_attitude_to_follow():
-    with pytest.raises(HricError, match="a point has no attitude"):
+    with pytest.raises(HricError, match="a point has no orientation"):
         rig(still, source="point", follow="pose")

@@ -194,7 +194,7 @@ def test_a_network_that_does_not_take_the_observation_is_refused(tmp_path, chang
     model = onnx.load(write(tmp_path / "policy.onnx", [0.0] * 3))
     change(model.graph)
     onnx.save(model, str(tmp_path / "policy.onnx"))
-    with pytest.raises(HricError, match=f"policy.onnx {match}.*; valid: a file of hric train"):
+    with pytest.raises(HricError, match=f"policy.onnx {match}.*; valid: a file by hric train"):
         ArmRig(NAME, file=str(tmp_path / "policy.onnx"))
     assert "onnxruntime" not in capfd.readouterr().err
 
@@ -202,7 +202,7 @@ def test_a_network_that_does_not_take_the_observation_is_refused(tmp_path, chang
 @pytest.mark.parametrize(
     ("change", "match"),
     [
-        (None, "its metadata has no hric_policy; valid: a file of hric train"),
+        (None, "its metadata has no hric_policy; valid: a file by hric train"),
         ({"version": 2}, "version is 2; valid: a whole number from 1 to 1"),
         ({"action": "torque"}, "action is 'torque'; valid: end_effector_stream"),
         ({"period": 40.0}, "period is 40.0"),

@@ -141,7 +141,7 @@ def test_a_baseline_without_frames_is_none(tmp_path: Path, zero: list[int]) -> N
 
 
 def test_a_baseline_beyond_the_file_costs_the_plate(tmp_path: Path) -> None:
-    with pytest.raises(ParameterError, match="no samples in the frames 50 to 60, its baseline"):
+    with pytest.raises(ParameterError, match="no samples in frames 50 to 60, its baseline"):
         read_trial(written(tmp_path, ZERO=[50, 60])).plate(1)
 
 

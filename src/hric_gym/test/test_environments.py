@@ -242,11 +242,14 @@ def test_what_does_not_fit_is_refused_with_the_valid_choices() -> None:
         ({"weights": {"force": float("nan")}}, "weights.force is nan; valid: a finite number"),
         ({"weights": [1.0]}, "weights is "),
         ({"population": "adult_mixed", "person": "none"}, "population is 'adult_mixed' with person='none'"),
-        ({"person": "trial", "trial": "walk.csv"}, r"a file .csv; valid: .c3d, .trc, .mot"),
+        (
+            {"person": "trial", "trial": "walk.csv"},
+            r"'walk.csv'; valid: a file with the extension .c3d or .trc or .mot",
+        ),
         ({"person": "none", "drive": "muscle"}, "drive is 'muscle' with person='none'; valid: another person"),
         (
             {"task": "Contact", "changes": ["setpoints:=[]"]},
-            "contact has no setpoint, which is the goal",
+            "contact has no setpoint to use as goal",
         ),
         ({"step": 0.041, "changes": ["robot.plant.time_step:=0.002"]}, "step is 0.041; .* control cycle, 0.002 s"),
         ({"weights": {"posture": 1.0}, "changes": ["human.parts:=right_arm"]}, "weights.posture: .* is not known"),

@@ -146,7 +146,7 @@ def test_the_command_leaves_a_table_and_a_picture_that_say_what_they_are(
     ("words", "told"),
     [
         (["--region", "face"], "permits no contact with face at any speed"),
-        (["--x", "0.7", "0.3", "3"], "--x 0.7 0.3 3; valid: lowest and highest"),
+        (["--x", "0.7", "0.3", "3"], "--x is 0.7 0.3 3; valid: lowest, highest"),
         (["--x", "2", "2", "1"], "reaches none of the"),
         (["--damping", "-1"], "--damping"),
     ],

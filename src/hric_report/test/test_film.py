@@ -94,7 +94,7 @@ def test_every_picture_is_repeatable(scene: Pictures) -> None:
 @in_a_browser
 @pytest.mark.slow
 def test_span_outside_the_run_is_refused(run: RunFolder, tmp_path: Path) -> None:
-    with pytest.raises(HricError, match=r"--from 1 --to 99: valid are times from 0\.000 to 1\.999 s"):
+    with pytest.raises(HricError, match=r"--from 1 --to 99; valid: times from 0\.000 to 1\.999 s"):
         perform(["film", str(run.path), "--output", str(tmp_path / "a.mp4"), "--from", "1", "--to", "99"])
     assert not list(tmp_path.iterdir())
 

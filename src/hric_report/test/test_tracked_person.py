@@ -105,7 +105,7 @@ def test_the_command_leaves_files_and_a_table(run: Path, capsys: pytest.CaptureF
 
 def test_what_cannot_be_tracked_is_refused(run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["muscle_load", str(run), "--tracked", "--cutoff", "4"]) == 2
-    assert "valid: a run, without --cutoff" in capsys.readouterr().err
+    assert "valid: with a run, and without --cutoff" in capsys.readouterr().err
     copy = tmp_path / run.name
     shutil.copytree(run, copy)
     content = yaml.safe_load((copy / "run.yaml").read_text())

@@ -187,7 +187,7 @@ def test_what_cannot_be_one_world_is_refused_by_name() -> None:
         right={"controllers": ["joint_state_controller"]},
     )
     refused(r"arms: '3rd' is no name", **{"3rd": {"controllers": ["joint_state_controller"]}})
-    refused("arms: other parameters have the name robot; valid: another", robot={"controllers": BROADCASTERS})
+    refused("arms: robot is also the name of other parameters; valid: another", robot={"controllers": BROADCASTERS})
     refused(r"arms\.right: .*xyz is .*500 mm would be", right={"robot": {"description": {"xyz": [0.0, 500.0, 0.0]}}})
     others = {"joint_pd_controller": {"joints": [f"left_joint{number}" for number in range(1, 8)]}}
     refused(
@@ -211,7 +211,8 @@ def test_overrides_that_have_no_single_meaning_are_refused() -> None:
     with pytest.raises(HricError, match="valid: different names, for example arms:=left,right"):
         Simulation("pd_step", arms="a,a")
     with pytest.raises(
-        HricError, match=r"no override 'arms:=a,b': robot.urdf has no place.*valid: a file with the section"
+        HricError,
+        match=r"no override 'arms:=a,b': several arms cannot use one robot.urdf.*valid: a file with the section",
     ):
         Simulation("ur5e_step", arms="a,b")
     with pytest.raises(HricError, match="'mid' is not one of left, right"):

@@ -166,11 +166,11 @@ def test_a_controller_reads_parameters_outside_its_namespace(tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("name", "told"),
     [
-        ("joint_pd_controller/kp", "other keys of the experiment set what is in joint_pd_controller"),
-        ("/robot_description", "what is in robot_description"),
+        ("joint_pd_controller/kp", "other keys of the experiment already set joint_pd_controller"),
+        ("/robot_description", "already set robot_description"),
         ("robot ip", "'robot ip' is no name of a ROS parameter"),
         ("a//b", "'a//b' is no name"),
-        ("use_sim_time", "what is in use_sim_time"),
+        ("use_sim_time", "already set use_sim_time"),
     ],
 )
 def test_a_global_parameter_that_is_none_is_refused(tmp_path: Path, name: str, told: str) -> None:

@@ -95,7 +95,7 @@ def test_an_occlusion_hides_the_skeleton_as_a_whole_and_noise_repeats_with_the_s
 
 def test_a_skeleton_that_cannot_be_is_refused() -> None:
     with pytest.raises(
-        ParameterError, match="bone 'forearm' of S07 has the parent 'upper_arm'; valid: a bone before it"
+        ParameterError, match="bone 'forearm' of S07 has the parent 'upper_arm'; valid: a bone listed before it"
     ):
         ServedSkeleton("S07", 3, BONES[2:], (), where)
     with pytest.raises(ParameterError, match=r"share one of the streaming ids: hand \(1\), S07 \(1\)"):

@@ -2,14 +2,14 @@
 
 import math
 from collections.abc import Sequence
-from typing import ClassVar
+from typing import ClassVar, Self
 
 from franka_hw_interface.limits import FrankaLimits, franka_limits
 from franka_hw_interface.model import FrankaModel, FrankaModelHandle
 from franka_hw_interface.robot_state import RobotState, identity16
 from franka_hw_interface.transforms import check_pose
 from hric_control.hardware_interface import HardwareInterface
-from hric_core.errors import CommandError, HricError, UnknownNameError
+from hric_core.errors import CommandError, HricError, check_known
 
 
 class FrankaStateHandle:
@@ -27,7 +27,7 @@ class FrankaStateHandle:
 
 
 class _ArmInterface(HardwareInterface):
-    """Hardware interface with one resource, named `<arm_id>_<suffix>`."""
+    """Hardware interface with one resource, named `<arm_id>_<suffix>`; a joined one has those of several arms."""
 
     suffix: ClassVar[str] = "robot"
 
@@ -39,15 +39,35 @@ class _ArmInterface(HardwareInterface):
             raise HricError(f"{type(self).__name__}: state must be a RobotState; got {type(state).__name__}")
         self.arm_id, self.state = arm_id, state
         self.resource = f"{arm_id}_{self.suffix}"
+        self._joined: dict[str, Self] = {}
 
     @property
     def names(self) -> tuple[str, ...]:
-        return (self.resource,)
+        """Names of the resources."""
+        return tuple(self._arms())
 
-    def _check_name(self, name: str) -> None:
-        if name != self.resource:
-            raise UnknownNameError("handle", name, self.names, type(self).__name__)
+    def _arms(self) -> dict[str, Self]:
+        """Return the interface of each arm by resource."""
+        return self._joined or {self.resource: self}
+
+    def joined(self, others: Sequence[Self]) -> Self:
+        """Return one interface with the resources of several arms; it has no attributes of an arm, see `of`."""
+        whole = object.__new__(type(self))
+        HardwareInterface.__init__(whole)
+        whole._joined = {name: arm for part in (self, *others) for name, arm in part._arms().items()}
+        return whole
+
+    def of(self, arm_id: str) -> Self:
+        """Return the interface of one arm, for its attributes; claims are noted by the handles of this interface."""
+        name = f"{arm_id}_{self.suffix}"
+        check_known("handle", [name], self.names, type(self).__name__)
+        return self._arms()[name]
+
+    def _claimed(self, name: str) -> Self:
+        """Return the interface of the arm with a resource, and claim the resource."""
+        check_known("handle", [name], self.names, type(self).__name__)
         self._claim([name])
+        return self._arms()[name]
 
 
 class FrankaStateInterface(_ArmInterface):
@@ -57,8 +77,7 @@ class FrankaStateInterface(_ArmInterface):
 
     def handle(self, name: str) -> FrankaStateHandle:
         """Return the state handle."""
-        self._check_name(name)
-        return FrankaStateHandle(name, self.state)
+        return FrankaStateHandle(name, self._claimed(name).state)
 
 
 class FrankaModelInterface(_ArmInterface):
@@ -79,8 +98,7 @@ class FrankaModelInterface(_ArmInterface):
 
     def handle(self, name: str) -> FrankaModelHandle:
         """Return the model handle."""
-        self._check_name(name)
-        return self._handle
+        return self._claimed(name)._handle
 
 
 def _check_elbow(elbow: Sequence[float]) -> list[float]:
@@ -183,8 +201,8 @@ class FrankaPoseCartesianInterface(_CartesianInterface):
 
     def handle(self, name: str) -> FrankaCartesianPoseHandle:
         """Return the command handle and claim the arm."""
-        self._check_name(name)
-        return FrankaCartesianPoseHandle(name, self.state, self.command)
+        arm = self._claimed(name)
+        return FrankaCartesianPoseHandle(name, arm.state, arm.command)
 
 
 class FrankaVelocityCartesianInterface(_CartesianInterface):
@@ -195,5 +213,5 @@ class FrankaVelocityCartesianInterface(_CartesianInterface):
 
     def handle(self, name: str) -> FrankaCartesianVelocityHandle:
         """Return the command handle and claim the arm."""
-        self._check_name(name)
-        return FrankaCartesianVelocityHandle(name, self.state, self.command)
+        arm = self._claimed(name)
+        return FrankaCartesianVelocityHandle(name, arm.state, arm.command)

@@ -72,7 +72,7 @@ def fit_load(model: KdlFrankaModel, loaded: ModelCheck, empty: ModelCheck) -> Lo
     moving = (np.abs(loaded.velocity) > MOVING) & inside[:, None]
     if moving.sum() < SHORTEST * loaded.signals.rate:
         spent = moving.sum() / loaded.signals.rate
-        raise LogError(f"the joints move faster than {MOVING:g} rad/s for {spent:.2g} s; valid: {SHORTEST:g} s or more")
+        raise LogError(f"the joints exceed {MOVING:g} rad/s for only {spent:.2g} s; valid: {SHORTEST:g} s or more")
     regressor = _regressor(model, loaded)
     values, covariance = _solved(regressor, torque, moving, loaded)
     mass, mass_deviation = float(values[0]), float(np.sqrt(covariance[0, 0]))

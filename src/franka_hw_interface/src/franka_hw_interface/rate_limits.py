@@ -44,7 +44,7 @@ class TorqueSmoother:
         self._sent = [0.0] * 7
 
     def smooth(self, tau: Sequence[float], tau_J_d: Sequence[float]) -> list[float]:
-        """Return the torques to send, 7 floats [N m].
+        """Return the desired torques, filtered and limited in rate, 7 floats [N m].
 
         Args:
             tau: desired torques, 7 floats [N m].

@@ -116,9 +116,9 @@ class IndexedReader(Reader):
                         break
                     offset = end  # skip a connection record, which some programs write first
             except StructError as error:
-                raise damaged(self.path, f"its index leads to no message at byte {offset} of a chunk") from error
+                raise damaged(self.path, f"its index names byte {offset} of a chunk, where no message is") from error
             if end > len(raw):
-                raise damaged(self.path, f"a message has {len(raw) - data - 4} of its {end - data - 4} bytes")
+                raise damaged(self.path, f"a message is cut after {len(raw) - data - 4} of its {end - data - 4} bytes")
             yield chosen[number], time, raw[data + 4 : end]
 
     def _entries(

@@ -254,7 +254,7 @@ def stitch(messages: Iterable[Any]) -> ControlRecord:
 
 
 class _JoinedLog:
-    """Control log as growing arrays, to which messages are joined as they arrive: messages take twice the memory.
+    """Control log as arrays that grow with each message, which takes half of the memory of the messages.
 
     Attributes:
         clock: (stamp, robot time) of the first cycle of each message [s].

@@ -100,7 +100,7 @@ class Ros2Reader(AnyReader):
         for path in (file.path.with_name(f"{file.path.name}-wal") for file in self._files):
             if path.is_file() and path.stat().st_size:
                 bag = path.name.removesuffix("-wal")
-                raise self._unreadable(f"{path.name} has changes of {bag}; `sqlite3 {bag} .tables` joins them")
+                raise self._unreadable(f"{path.name} has messages that {bag} lacks; `sqlite3 {bag} .tables` adds them")
         self._check_count(sum(c.msgcount for c in self.connections), self.message_count, "all topics")
 
     def _check_count(self, count: int, expected: int, what: str) -> None:

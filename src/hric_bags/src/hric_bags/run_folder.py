@@ -110,7 +110,9 @@ class RunFolder:
         if kind := foreign.describe(Path(path).expanduser()):
             raise RunFolderError(kind)
         if Path(path).is_file():
-            raise RunFolderError(f"{path} is no run folder and no bag: it does not begin as a .bag, .mcap or .db3")
+            raise RunFolderError(
+                f"{path} is no run folder and no bag: its content is not that of a .bag, .mcap or .db3"
+            )
         base = root or runs_root()
         known = sorted(
             (item.parent.name for item in base.glob("*/run.yaml") if not item.parent.is_symlink()), reverse=True

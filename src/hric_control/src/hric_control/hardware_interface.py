@@ -8,7 +8,7 @@ claims and refuses conflicts.
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from typing import ClassVar, TypeVar
+from typing import ClassVar, Self, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -225,6 +225,13 @@ class HardwareInterface:
         """Names of the resources, e.g. joints, that were claimed since `clear_claims`."""
         return frozenset(self._claims)
 
+    def joined(self, others: Sequence[Self]) -> Self | None:
+        """Return one interface with the resources of this one and of others of its type, for several robots in one.
+
+        None, the default: interfaces of this type cannot be joined.
+        """
+        return None
+
     def clear_claims(self) -> None:
         """Clear the claims; the manager calls this before each controller's `init`."""
         self._claims.clear()
@@ -349,6 +356,10 @@ class ForceTorqueSensorInterface(HardwareInterface):
     def names(self) -> tuple[str, ...]:
         """Names of the sensors."""
         return tuple(self._sensors)
+
+    def joined(self, others: Sequence[Self]) -> Self:
+        """Return one interface with the sensors of several robots."""
+        return type(self)(sensor for part in (self, *others) for sensor in part._sensors.values())
 
     def handle(self, name: str) -> ForceTorqueSensorHandle:
         """Return the handle of one sensor."""

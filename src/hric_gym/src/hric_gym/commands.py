@@ -84,7 +84,7 @@ class TrainCommand(Command):
             settings["cost_limit"] = [name, _given(share, number(minimum=0.0, maximum=1.0), "--cost-limit")]
         agreed = PolicyNetwork(output).contract if arguments.resume else contract(arguments.task, settings)
         if (trained := agreed.training.get("task")) != arguments.task:
-            valid = trained or "a file of hric train"
+            valid = trained or "a file by hric train"
             raise HricError(f"{output} is no policy of the task {arguments.task}; valid with --resume: {valid}")
         before = time.process_time()
         completed = train(agreed, output, resume=arguments.resume)

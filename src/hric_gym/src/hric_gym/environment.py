@@ -151,7 +151,7 @@ class CollaborationEnv(Env):
     def hand_goal(self) -> FloatArray:
         """Return the position at which the person wants their hand to be, shape (3,) [m]."""
         if self._intended is None:
-            raise HricError(f"hand_goal is not known with person={self._choice.kind!r}; valid: scripted, policy")
+            raise HricError(f"hand_goal is not defined with person={self._choice.kind!r}; valid: scripted, policy")
         return self._intended.at(self._observation.time)
 
     @property

@@ -145,10 +145,8 @@ class PersonChoice:
             raise HricError(
                 f"trial is {self.trial!r} with person={self.kind!r}; valid: a path with person='trial', else none"
             )
-        if self.trial and (kind := Path(self.trial).suffix) not in TRIALS:
-            raise HricError(
-                f"trial is {self.trial!r}, a file {kind or 'without extension'}; valid: {', '.join(TRIALS)}"
-            )
+        if self.trial and Path(self.trial).suffix not in TRIALS:
+            raise HricError(f"trial is {self.trial!r}; valid: a file with the extension {' or '.join(TRIALS)}")
         if self.population:
             check_known("population", [self.population], populations.names())
         for name, usual in (("population", ""), ("drive", "torque")):
@@ -232,7 +230,7 @@ def scene(
             f"person={choice.kind!r}; valid: scripted, policy"
         )
     if task.goal == SETPOINTS and not setpoints:
-        raise HricError(f"the experiment {definition.name} has no setpoint, which is the goal; valid: one or more")
+        raise HricError(f"the experiment {definition.name} has no setpoint to use as goal; valid: one or more")
     return Scene(replace(definition, human=human or None), intention, channel, setpoints)
 
 
@@ -258,7 +256,7 @@ def _check_effect(task: TaskDefinition, choice: PersonChoice, changes: Sequence[
         raise HricError(f"changes is {changes!r}; valid: a list of overrides, each key:=value")
     valid = {"parameters", "robot", *(["setpoints"] if task.goal == SETPOINTS else [])}
     valid |= {"human"} if choice.kind != "none" else set()
-    replaced = {"human.drive": "the argument drive", "human.rate": f"{RATE:g} Hz, which the costs need"}
+    replaced = {"human.drive": "the argument drive instead", "human.rate": f"{RATE:g} Hz, which the costs need"}
     replaced |= {"human.subject": "no population"} if choice.population else {}
     replaced |= {"human.control.parameters.reference": "another trial"} if choice.trial else {}
     for text in changes:

@@ -129,7 +129,7 @@ def _middle(points: Points, first: str, second: str) -> FloatArray:
 
 
 def _pelvis(points: Points) -> FloatArray:
-    """Return the axes of the pelvis, shape (n, 3, 3): y to the left along both ASI, x in the plane of all four."""
+    """Return the axes of the pelvis, shape (n, 3, 3): y from RASI to LASI, x in the plane of ASI and PSI markers."""
     y = _unit(points["LASI"] - points["RASI"])
     x = _across(_middle(points, "LASI", "RASI") - _middle(points, "LPSI", "RPSI"), y)
     return np.stack([x, y, np.cross(x, y)], axis=2)

@@ -117,7 +117,7 @@ class Merger:
         return chunk.layout is not first.layout or chunk.pace != first.pace
 
     def _strays(self, chunk: Chunk) -> bool:
-        """Return True if the chunk starts over half a sample period off the time extrapolated from stored samples."""
+        """Return True if the chunk starts more than half a sample period before or after the expected time."""
         rate = chunk.rate
         return abs(self._parts[0].start + self._count / rate - chunk.start) > 0.5 / rate
 

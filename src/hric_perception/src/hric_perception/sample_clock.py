@@ -116,7 +116,7 @@ class SampleClock:
         return [self._assign_times(*block) for block in held]
 
     def _certain(self, now: float) -> int:
-        """Return how many held-back blocks can get their times; if they confirm a gap, first account for it."""
+        """Return how many held-back blocks can get their times; a gap that they confirm moves the line first."""
         if not self._points or self._fits(self._strayed(len(self._held))):
             return len(self._held)
         strayed = self._strayed(1)

@@ -94,7 +94,7 @@ def _skin(template: SkinTemplate, body: Body, shape: SkinShape, girth: float = 1
 
 
 def _placed(body: Body, shape: SkinShape, template: SkinTemplate) -> dict[str, Placed]:
-    """Return where each link has its part of the template, and where it brings it."""
+    """Return the pose of each link in the template and in the body."""
     segments = {segment.link: segment for segment in body.segments.values()}
     placed = _trunk(segments, shape, body.subject.height)
     for side in SIDES:
@@ -104,7 +104,7 @@ def _placed(body: Body, shape: SkinShape, template: SkinTemplate) -> dict[str, P
 
 
 def _trunk(segments: dict[str, BodySegment], shape: SkinShape, height: float) -> dict[str, Placed]:
-    """Return waist, torso and head: they keep the template's axes, and its spine is straightened."""
+    """Return the placed waist, torso and head; they have the template's axes, and its spine is straightened."""
     joints = shape.joints
     hips = 0.5 * (joints["l-upper-leg"] + joints["r-upper-leg"])
     shoulders = 0.5 * (joints["l-shoulder"] + joints["r-shoulder"])
@@ -127,7 +127,7 @@ def _trunk(segments: dict[str, BodySegment], shape: SkinShape, height: float) ->
 
 
 def _arm(segments: dict[str, BodySegment], shape: SkinShape, torso: Placed, side: str) -> dict[str, Placed]:
-    """Return the links of an arm: y is the elbow's axis above, and x points to the thumb's side below it."""
+    """Return the placed links of an arm; y of the upper arm is the elbow axis, x of the others points to the thumb."""
     names = ("shoulder", "elbow", "hand", "finger-2-1", "finger-3-1", "finger-3-4", "finger-5-1")
     shoulder, elbow, wrist, index, middle, tip, little = (shape.joints[f"{side}-{name}"] for name in names)
     upper, lower = shoulder - elbow, elbow - wrist  # along z, upwards
@@ -153,7 +153,7 @@ def _arm(segments: dict[str, BodySegment], shape: SkinShape, torso: Placed, side
 def _leg(
     segments: dict[str, BodySegment], shape: SkinShape, template: SkinTemplate, waist: Placed, side: str
 ) -> dict[str, Placed]:
-    """Return the links of a leg: x points forward, in the foot to the toes."""
+    """Return the placed links of a leg; their x axes point forward, that of the foot to the toes."""
     hip, knee, ankle, toe = (shape.joints[f"{side}-{name}"] for name in ("upper-leg", "knee", "ankle", "toe-2-4"))
     size, forward, up = waist.scale[0], np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
     placed, p_base = dict[str, Placed](), segments[f"{side}_hip"].p_parent_link

@@ -111,7 +111,7 @@ def _hemmed(
     """Split the surface along smooth borders between its zones.
 
     Returns:
-        Triangles; zone of each new vertex, shape (k,); and shares of the n old vertices in it, shape (k, n).
+        Triangles; zone of each of the k vertices; weights of the n old vertices in each of them, shape (k, n).
     """
     likeness = smoothed(triangles, np.eye(len(ZONES))[zones], HEM)
     mixing, parts = identity(len(zones), format="csr"), list[npt.NDArray[np.int64]]()

@@ -93,7 +93,7 @@ def _run(folder: Path | None, plan: SweepPlan, before: ReferenceRun | None, opti
 
 
 def _probe(plan: SweepPlan, engine: SweepEngine, code: str) -> None:
-    """Check that each variable has an effect. Raises HricError: one has none, or the experiment refuses its values."""
+    """Check that each variable has an effect. Raises HricError if one has none, or if its values are refused."""
     from hric_sweep import probe
 
     print(

@@ -32,7 +32,7 @@ def file_of(name: str, kind: str, folder: Path) -> Path:
             raise ParameterError(f"no {kind} file {name}; valid names of {kind} files: {', '.join(known)}")
         return path
     if name not in known:
-        raise UnknownNameError(kind, name, known, f"the {kind} files; or the path of a YAML file")
+        raise UnknownNameError(kind, name, known, f"the {kind} files (the path of a YAML file is valid, too)")
     return folder / f"{name}.yaml"
 
 

@@ -169,7 +169,7 @@ class Controls:
         if not isinstance(kind, str) or kind not in self._commands:
             raise ForeignMessageError(f"no command {kind!r}")
         if set(message) != {"command"} | self._keys.get(kind, set()):
-            raise ForeignMessageError(f"command {kind} has the keys {', '.join(message)}")
+            raise ForeignMessageError(f"command {kind} has the wrong keys: {', '.join(message)}")
         with self._lock:
             holder = self._holder
         if holder is not viewer:
@@ -203,7 +203,7 @@ class Controls:
     def _joints(self, message: Mapping[str, Any]) -> None:
         positions = message["positions"]
         if not isinstance(positions, dict) or not positions:
-            raise ForeignMessageError("the key positions is empty, or not a mapping")
+            raise ForeignMessageError("`positions` must be a mapping with one joint or more")
         for name in positions:
             if name not in self._limits:
                 raise UnknownNameError("joint", name, self._limits)
@@ -231,7 +231,7 @@ class Controls:
     def _press(self, message: Mapping[str, Any]) -> None:
         button, pressed = _text(message, "button"), message["pressed"]
         if not isinstance(pressed, bool):
-            raise ForeignMessageError("the key pressed is not true or false")
+            raise ForeignMessageError("`pressed` must be true or false")
         if button not in BUTTONS:
             raise UnknownNameError("button", button, BUTTONS)
         self._actions.press(button, pressed)
@@ -240,7 +240,7 @@ class Controls:
 def _number(message: Mapping[str, Any], key: str, lower: float = -math.inf, upper: float = math.inf) -> float:
     value = message[key]
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ForeignMessageError(f"the key {key} is not a number")
+        raise ForeignMessageError(f"`{key}` must be a number")
     if not lower <= value <= upper:
         raise HricError(f"{key} {value:g} is outside its range; valid: {lower:g} to {upper:g}")
     return float(value)
@@ -248,18 +248,18 @@ def _number(message: Mapping[str, Any], key: str, lower: float = -math.inf, uppe
 
 def _whole(message: Mapping[str, Any], key: str, upper: int) -> int:
     if not isinstance(message[key], int):
-        raise ForeignMessageError(f"the key {key} is not a whole number")
+        raise ForeignMessageError(f"`{key}` must be a whole number")
     return int(_number(message, key, 1, upper))
 
 
 def _text(message: Mapping[str, Any], key: str) -> str:
     if not isinstance(message[key], str):
-        raise ForeignMessageError(f"the key {key} is not a text")
+        raise ForeignMessageError(f"`{key}` must be a text")
     return str(message[key])
 
 
 def _vector(message: Mapping[str, Any], key: str, size: int) -> list[float]:
     values = message[key]
     if not isinstance(values, list) or len(values) != size:
-        raise ForeignMessageError(f"the key {key} is not a list of {size} numbers")
+        raise ForeignMessageError(f"`{key}` must be a list of {size} numbers")
     return [_number({key: value}, key) for value in values]

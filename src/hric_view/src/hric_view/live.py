@@ -93,7 +93,7 @@ class LiveForces:
             self._largest[contact.link] = Force(", ".join(contact.regions) or contact.link, point, (x, y, z))
 
     def scene(self) -> dict[str, object]:
-        """Return an empty dictionary: the forces are only in the frames."""
+        """Return an empty dictionary: a new viewer needs nothing before the first frame, which has the forces."""
         return {}
 
     def frame(self) -> dict[str, object]:

@@ -54,7 +54,7 @@ class LiveState:
         return message if time.monotonic() - received < self.patience else None
 
     def scene(self) -> dict[str, object]:
-        """Return an empty dictionary: the data of this part are only in the frames."""
+        """Return an empty dictionary: a new viewer needs nothing before the first frame, which has the data."""
         return {}
 
 
@@ -152,7 +152,7 @@ class LivePlates:
         return self._held[plate].push
 
     def scene(self) -> dict[str, object]:
-        """Return an empty dictionary: plates are in the frames, since they may appear later."""
+        """Return an empty dictionary: each frame has the plates, since they may appear later."""
         return {}
 
     def frame(self) -> dict[str, object]:
@@ -239,7 +239,7 @@ class LiveTouches:
         return None if worst is None else round(worst, FORCE_DIGITS)
 
     def scene(self) -> dict[str, object]:
-        """Return an empty dictionary: the shares are only in the frames."""
+        """Return an empty dictionary: a new viewer needs nothing before the first frame, which has the shares."""
         return {}
 
     def frame(self) -> dict[str, object]:

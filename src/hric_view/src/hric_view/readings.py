@@ -35,7 +35,7 @@ class LiveLimits:
         self.push = self._joints.push
 
     def scene(self) -> dict[str, object]:
-        """Return an empty dictionary: the values are only in the frames."""
+        """Return an empty dictionary: a new viewer needs nothing before the first frame, which has the values."""
         return {}
 
     def frame(self) -> dict[str, object]:
@@ -79,7 +79,7 @@ class LiveEmg:
         self.push = self._mean.push
 
     def scene(self) -> dict[str, object]:
-        """Return an empty dictionary: channels are in the frames, since they may appear later."""
+        """Return an empty dictionary: each frame has the channels, since they may appear later."""
         return {}
 
     def frame(self) -> dict[str, object]:

@@ -309,7 +309,7 @@ def from_text(text: str | bytes) -> dict[str, Any]:
 
     def pairs(items: list[tuple[str, Any]]) -> dict[str, Any]:
         if len(dict(items)) < len(items):
-            raise ValueError("repeated key")
+            raise ValueError("a key is repeated")
         return dict(items)
 
     def number(text: str) -> float:
@@ -322,7 +322,7 @@ def from_text(text: str | bytes) -> dict[str, Any]:
     except (ValueError, RecursionError) as error:  # RecursionError: nested too deeply
         raise ForeignMessageError(str(error)) from error
     if not isinstance(message, dict):
-        raise ForeignMessageError("not an object")
+        raise ForeignMessageError("the message is not a JSON object")
     return message
 
 

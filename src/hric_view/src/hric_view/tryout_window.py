@@ -38,9 +38,9 @@ class TryoutWindow:
     def receive(self, viewer: Viewer, message: Mapping[str, Any]) -> None:
         """Run the experiment with the conditions in a viewer's message, and send them the result."""
         if set(message) != {"command", "values"} or message["command"] != "run":
-            raise ForeignMessageError(f"keys {', '.join(message)}")
+            raise ForeignMessageError(f"no command of this page; keys of the message: {', '.join(message)}")
         if not isinstance(message["values"], dict):
-            raise ForeignMessageError("values is not a mapping")
+            raise ForeignMessageError("`values` must be a mapping")
         viewer.send(self._tryout.result(checked(message["values"])))
 
     def leave(self, viewer: Viewer) -> None:

@@ -152,7 +152,7 @@ class LiveVerdict:
         return AssessmentInput("the running system", "run", Path(), recording, self._run, self._description)
 
     def scene(self) -> dict[str, object]:
-        """Return an empty dictionary: the verdict is only in frames."""
+        """Return an empty dictionary: a new viewer needs nothing before the first frame, which has the verdict."""
         return {}
 
     def frame(self) -> dict[str, object]:
@@ -165,7 +165,7 @@ class LiveVerdict:
 
 
 class _Connection:
-    """Topic and type of a message, with the attributes of a connection in a bag."""
+    """Stand-in for a connection of a bag, which has topic and type of a message."""
 
     def __init__(self, topic: str, msgtype: str) -> None:
         self.topic, self.msgtype = topic, msgtype

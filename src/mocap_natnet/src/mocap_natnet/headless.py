@@ -20,8 +20,8 @@ STAMP = 1.0 / NS
 class HeadlessMocap:
     """Motion capture of a headless run: publishes each frame one latency after its exposure, in robot time.
 
-    The publisher's parameter `robot_time` is the function of that name in this module. A source that reads a simulation
-    is called at the first `advance` that reaches the middle of the exposure.
+    The publisher must be made with the function `robot_time` of this module. Poses of simulated bodies are read in the
+    first `advance` that reaches the middle of the exposure.
 
     Args:
         motive: emulated Motive.
@@ -34,7 +34,9 @@ class HeadlessMocap:
 
     def __init__(self, motive: Motive, publisher: MocapPublisher, begin: float = 0.0) -> None:
         if motive.settings.jitter:
-            raise ParameterError("jitter is for the network; valid without a network: 0")
+            raise ParameterError(
+                f"jitter is {motive.settings.jitter}; valid in a headless run, which has no network: 0"
+            )
         self._motive, self._publisher, self._begin = motive, publisher, begin
         self._codec = Codec(motive.version)
         self._exposed: deque[tuple[float, float, bytes]] = deque()

@@ -1,4 +1,4 @@
-"""Collision detection for an OpenSim model: collision shapes, the pairs that may touch, and those that do.
+"""Collision detection for an OpenSim model: collision shapes, the pairs that may touch, and the pairs that touch.
 
 A pair that is far apart is checked again only when the motion since the last check could have closed its gap.
 """

@@ -122,7 +122,7 @@ def _vector(values: tuple[float, ...]) -> Vector:
 
 
 def _moved(point: Vector, rate: Vector, by: float) -> Vector:
-    """Return point + by rate."""
+    """Return point + by * rate."""
     return point[0] + by * rate[0], point[1] + by * rate[1], point[2] + by * rate[2]
 
 

@@ -90,7 +90,7 @@ def _request(shape: OsimShape, source: Path | None) -> MeshRequest:
 
 
 def _add(model: opensim.Model, shape: OsimShape, file: str) -> tuple[Callable[[str], None], opensim.Component]:
-    """Add a geometry with a file to the model; return the function that sets its file, and the geometry."""
+    """Add the geometry of a mesh file to the model; return the function that changes the file, and the geometry."""
     carrier = opensim.PhysicalFrame.safeDownCast(model.updComponent(shape.carrier))
     if shape.visual:
         mesh = opensim.Mesh(file)

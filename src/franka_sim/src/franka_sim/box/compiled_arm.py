@@ -43,17 +43,17 @@ class CompiledArm:
         self._mounting = array("d", [*model.gravity_base, *total.inertia.ravel(), total.mass, *total.com])
 
     def inverse_dynamics(self, q: Vector, dq: Vector, ddq: Vector) -> list[float]:
-        """Return M(q) ddq + C(q, dq) dq + g(q) [N m]; 7 floats each [rad], [rad/s], [rad/s^2]. After `take_model`."""
+        """Return M(q) ddq + C(q, dq) dq + g(q) [N m], for q, dq, ddq in rad and s. Needs `take_model` before."""
         return _inverse_dynamics(self._arm, self._mounting, q, dq, ddq)
 
     def gravity(self, q: Vector) -> list[float]:
-        """Return g(q), 7 floats [N m]; q: 7 floats [rad]. After `take_model`."""
+        """Return g(q), 7 floats [N m]; q: 7 floats [rad]. Needs `take_model` before."""
         return self.inverse_dynamics(q, _STILL, _STILL)
 
     def external_torque(
         self, q: Vector, constants: tuple[float, float], *cycle: Vector
     ) -> tuple[list[float], list[float]]:
-        """Update the filtered estimate of the external joint torque by one cycle. After `take_model`.
+        """Update the filtered estimate of the external joint torque by one cycle. Needs `take_model` before.
 
         Args:
             q: position at the start of the cycle, 7 floats [rad].

@@ -166,7 +166,7 @@ class ArmService(Service):
         vectors = row.decode(message.payload)
         try:
             if not all(math.isfinite(x) for vector in vectors for x in vector):
-                raise HricError("a number is not finite")
+                raise HricError("a value in the request is not finite")
             outcome = self._handlers[row.request](message, vectors)
         except (HricError, ArithmeticError, ValueError) as error:  # e.g. numbers so large that the arithmetic overflows
             self.complaints.warn(row.request.value, f"{row.request.value} refused: {error}")

@@ -106,7 +106,7 @@ class FciConnection:
         """
         self._out += self._framing.frame(command, command_id, self._framing.status.pack(status) + tail)
         if len(self._out) > MAX_UNSENT:
-            raise BadMessageError(f"it has not read {len(self._out)} bytes of responses")
+            raise BadMessageError(f"the client has not read {len(self._out)} bytes of responses")
         self.flush()
 
     def flush(self) -> None:

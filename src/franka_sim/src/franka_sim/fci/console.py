@@ -86,7 +86,7 @@ class Console:
     def _object(self, words: list[str]) -> None:
         hand, width = self._device.hand, _number(words[0])
         if not isinstance(hand, Gripper):
-            raise CommandError("object: the emulated arm has no hand to put it in")
+            raise CommandError("object: the emulated arm has no hand that could grasp one")
         hand.object_width = width or None
 
 

@@ -39,7 +39,7 @@ class Epoch:
         self._epochs: deque[tuple[int, float]] = deque()
 
     def on_cycle(self, time: float) -> None:
-        """Store the arm's time [s] of the state sent next. Called in the arm's loop; `on_pair` in any thread."""
+        """Store the robot time of the next sent state [s]. To be called in the arm's loop, `on_pair` in any thread."""
         self._cycles.append((monotonic_ns(), time))
 
     def on_pair(self, monotonic: int, run: float) -> bool:

@@ -170,30 +170,30 @@ class Service(ABC):
         for message in connection.receive():
             if self.client is not None and connection is self.client.connection:
                 if message.command == CONNECT:
-                    raise BadMessageError("it sent Connect a second time")
+                    raise BadMessageError("the client sent Connect a second time")
                 self.handle(message)
             elif connection in self._waiting:
                 self._shake_hands(connection, message)
 
     def _shake_hands(self, connection: FciConnection, message: FciMessage) -> None:
         if message.command != CONNECT:
-            raise BadMessageError(f"it sent request {message.command} before Connect")
+            raise BadMessageError(f"the client sent request {message.command} before Connect")
         version, udp_port = CONNECT_PAYLOAD.unpack(message.payload)
         if version != self._version:
             connection.respond(CONNECT, message.command_id, INCOMPATIBLE, VERSION.pack(self._version))
             raise BadMessageError(
-                f"its protocol version is {version}, that of this control box {self._version}; another libfranka, or "
-                "another --robot, is needed"
+                f"the client has protocol version {version}, this control box {self._version}; valid: another "
+                "libfranka, or another --robot"
             )
         peer, _ = self._waiting[connection]
         if self.client is not None:
             raise BadMessageError(f"another client, {self.client.name}, is connected")
         if udp_port == 0:
-            raise BadMessageError("it sent UDP port 0")
+            raise BadMessageError("the client sent UDP port 0")
         try:
             link = make_link(self._address[0], (_host(peer), udp_port), self._faults)
         except OSError as error:
-            raise BadMessageError(f"its UDP port {udp_port} cannot be reached: {error}") from None
+            raise BadMessageError(f"UDP port {udp_port} of the client cannot be reached: {error}") from None
         del self._waiting[connection]
         self.client = Client(connection, link, peer, time.monotonic())
         self._selector.register(link.socket, READ, lambda _: self.on_datagrams())

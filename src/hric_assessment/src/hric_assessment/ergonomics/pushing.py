@@ -3,8 +3,8 @@
     accepted = limits("push", (0.9, 1.0), distance=7.5, interval=60.0)
     accepted.initial, accepted.sustained           # [N]
 
-There is no interpolation: the next longer distance, the next shorter interval, and the lower force of the two heights
-around that of the hands count. The values are in config/tables/pushing.yaml.
+Values are not interpolated: the row is that of the next longer distance and the next shorter interval, and of the two
+nearest heights of the hands the one with the lower force. The values are in config/tables/pushing.yaml.
 """
 
 from typing import NamedTuple

@@ -80,12 +80,12 @@ class AssessmentInput:
         """Return the motion of the arm's capsules in the world, and the links that they leave out.
 
         Raises:
-            NotAssessableError: the place of the robot is not known.
+            NotAssessableError: the pose of the robot is not known.
         """
         tree = urdf.read(self.description)
         if (base := self.base(tree.root)) is None:
             raise NotAssessableError(
-                f"the place of the robot is not known: no static transform leads from world to {tree.root}, the root "
+                f"the pose of the robot is not known: no static transform leads from world to {tree.root}, the root "
                 "of its description (record /tf_static)"
             )
         capsules, left_out = capsules_of(tree, moved_by(tree, names := log.joint_names))

@@ -84,7 +84,7 @@ def _shares(person: AssessedPerson, side: str, window: tuple[float, float]) -> M
     count = len(person.time)
 
     def beyond(name: str, degrees: float) -> tuple[BoolArray, BoolArray, BoolArray]:
-        """Return masks, shape (n,): certainly and possibly beyond a threshold to either side, and not known."""
+        """Return three masks, shape (n,): an angle certainly beyond +-degrees, possibly beyond, and not known."""
         angle = getattr(posture, name)
         size = np.full(count, np.nan) if angle is None else np.abs(np.broadcast_to(angle, count))
         half, limit = np.broadcast_to(spread.get(name, 0.0), count), math.radians(degrees)

@@ -146,7 +146,7 @@ class Anonymiser:
         return digits <= 2 if not word else word in self._public and digits <= (1 if len(word) == 1 else 2)
 
     def time(self, nanoseconds: int) -> int:
-        """Return a date as time since the first recorded message [ns]; any other time [ns] is returned unchanged."""
+        """Return a date [ns since 1970] as time since the first recorded message [ns]; a robot time stays unchanged."""
         if nanoseconds < OLDEST_DATE:
             return nanoseconds
         self._note("dates of recordings and stamps: replaced by the time since the first of them")

@@ -106,7 +106,7 @@ def _output(
 ) -> ExportFolder:
     """Return the folder of an export with its list of files; notes on a run are among the settings."""
     if len(sources) > 1 and (request.anonymise is not None or set(request.formats) != {LEROBOT}):
-        raise ParameterError("several runs are given: valid with --format lerobot alone, without --anonymise")
+        raise ParameterError("several runs are given; valid: only --format lerobot, and no --anonymise")
     settings = {"topics": sorted(request.topics), "load_body": request.load_body, "surface": request.surface}
     settings |= {"rate": request.rate} if LEROBOT in request.formats else {}
     if request.anonymise is None and (notes := [str(note) for each in sources for note in recording.notes(each)]):

@@ -91,7 +91,7 @@ class ExportFolder:
             return
         if relative not in self._written:
             if path.exists() and not self._again:
-                raise ExportError(f"{path} exists and is of no export; valid: another folder, or --again to replace it")
+                raise ExportError(f"{path} is not from an export; valid: another folder, or --again to replace it")
             self._written.add(relative)
             self._note()  # before the file is written: it is known to be of an export even after a crash
         files.make_folder(path.parent)

@@ -129,7 +129,7 @@ def _held(series: dict[str, list[tuple[float, FloatArray]]], name: str) -> Force
     if not settled.any():
         return None
 
-    def error(topic: str) -> float | None:
+    def rms_error(topic: str) -> float | None:
         samples = series.get(topic, [])
         index = [int(np.searchsorted(times, time, "right")) - 1 for time, _ in samples]
         errors = [
@@ -139,13 +139,13 @@ def _held(series: dict[str, list[tuple[float, FloatArray]]], name: str) -> Force
         ]
         return float(np.sqrt(np.mean(np.square(errors)))) if errors else None
 
-    estimated = error(f"{name}{MEASURED}")
+    estimated = rms_error(f"{name}{MEASURED}")
     period = float(np.median(np.diff(times)))
     return (
         None
         if estimated is None
         else ForceHeld(
-            float(desired[settled].mean()), period * int(settled.sum()), estimated, error(f"{name}{CONTACTS_TYPE}")
+            float(desired[settled].mean()), period * int(settled.sum()), estimated, rms_error(f"{name}{CONTACTS_TYPE}")
         )
     )
 

@@ -178,7 +178,7 @@ class Limiter:
 
 
 class EffortLimiter(Limiter):
-    """Limiter of effort commands by position, velocity, effort and last rate of effort, so that they are continuous.
+    """Limiter of effort commands by position, velocity and effort, and then by rate, so that they are continuous.
 
     Position: outside the range only an effort towards the range is allowed. With soft limits (gains k_position,
     k_velocity) the velocity bound decreases with the distance to the soft limit, v_max(q) = -k_position (q - soft), and

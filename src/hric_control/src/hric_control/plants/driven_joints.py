@@ -46,13 +46,13 @@ class DrivenJoints:
         self.begin()
 
     def begin(self) -> None:
-        """Set the joints to the state that was set last."""
+        """Set the joints to the state of the last `put`, at first zero."""
 
     def drive(self, efforts: Sequence[float]) -> None:
         """Set the joint efforts from the next step on [N m or N]. Raises CommandError unless there is one per joint."""
         self._efforts = self.joints.command(efforts)
 
     def reset(self) -> None:
-        """Set the joints to the state that was set last, and their efforts to zero."""
+        """Set the joints to the state of the last `put`, at first zero, and their efforts to zero."""
         self._efforts = self.joints.zeros
         self.begin()

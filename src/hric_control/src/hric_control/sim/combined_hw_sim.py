@@ -8,6 +8,7 @@ from typing import Any
 
 from hric_control.hardware_interface import (
     EffortJointInterface,
+    HardwareInterface,
     JointCommandInterface,
     JointCommands,
     JointStateInterface,
@@ -112,6 +113,7 @@ class CombinedHWSim(SimulatedRobot):
             self.q_start = [value for robot in self._robots.values() for value in robot.q_start]
             self.register_interface(JointStateInterface(self.states))
             self._offer_commands()
+            self._offer_others()
             self._put(self.q_start, self._reset_plant)
 
     def _new_robot(self, root_node: Node, private: Node) -> SimulatedRobot:
@@ -142,6 +144,18 @@ class CombinedHWSim(SimulatedRobot):
             if names:
                 self._offered.append(kind(JointCommands(self.states), names))
                 self.register_interface(self._offered[-1])
+
+    def _offer_others(self) -> None:
+        """Register the other interfaces, such as state and model of each arm, with the resources of all robots."""
+        parts: dict[type[HardwareInterface], list[HardwareInterface]] = {}
+        for robot in self._robots.values():
+            for interface in robot.interfaces():
+                if not self.has(type(interface)):
+                    parts.setdefault(type(interface), []).append(interface)
+        for first, *others in parts.values():
+            whole = first.joined(others)
+            if whole is not None:
+                self.register_interface(whole)
 
     def check_for_conflict(self, controllers: Sequence[ControllerInfo]) -> None:
         """Refuse controllers that must not run together in one of the robots."""
@@ -180,8 +194,12 @@ class CombinedHWSim(SimulatedRobot):
         """Halt robots that share a controller with one in an error state, as franka_ros does; release the others."""
         halted: set[SimulatedRobot] = set()
         for info in self._controllers.values():
-            joints = frozenset[str]().union(*info.claims.values())
-            shared = [robot for robot in self._robots.values() if not joints.isdisjoint(robot.states.names)]
+            claimed = frozenset[str]().union(*info.claims.values())
+            shared = [
+                robot
+                for robot in self._robots.values()
+                if any(not claimed.isdisjoint(part.names) for part in robot.interfaces() if part.claims_resources)
+            ]
             if any(robot.error for robot in shared):
                 halted |= {*shared}
         for robot in self._robots.values():

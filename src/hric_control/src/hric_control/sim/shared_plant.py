@@ -51,7 +51,7 @@ class PlantPart(DrivenPlant):
         first = self._plant.joint_names.index(self.joint_names[0])
         self._span = slice(first, first + len(self.joint_names))
         if self._plant.joint_names[self._span] != self.joint_names:
-            raise HricError(f"the joints {', '.join(joint_names)} do not follow each other in the shared plant")
+            raise HricError(f"the joints {', '.join(joint_names)} are not successive joints of the shared plant")
         self.time_step, self.integrator = self._plant.time_step, self._plant.integrator
         self.gravity = self._plant.gravity
 

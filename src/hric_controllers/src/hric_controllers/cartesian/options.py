@@ -66,7 +66,7 @@ class ImpedanceOptions:
             self._feedforward.take(message)
 
     def start(self, law: CartesianLaw, measured: Pose, q: Sequence[float]) -> None:
-        """Discard wrenches and fill the tank."""
+        """Discard received feed-forward wrenches and fill the energy tank at the start of the controller."""
         self._running = True
         if self._feedforward is not None:
             self._feedforward.start()
@@ -74,14 +74,14 @@ class ImpedanceOptions:
             self._tank.start(law, law.energy(measured) + self._elsewhere(q), q)
 
     def stop(self) -> None:
-        """Stop accepting wrenches."""
+        """Stop accepting feed-forward wrenches."""
         self._running = False
 
     def _elsewhere(self, q: Sequence[float]) -> float:
         return 0.0 if self._repulsion is None else self._repulsion.energy(q)
 
     def admit(self, law: CartesianLaw, measured: Pose, q: Sequence[float]) -> None:
-        """Let the tank account for the last cycle and scale the change of equilibrium and gains."""
+        """Let the energy tank account for the last cycle and scale the change of equilibrium and gains."""
         if self._tank is not None:
             self._tank.advance(law, measured, q, self._elsewhere(q))
 

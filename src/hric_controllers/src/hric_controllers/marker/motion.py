@@ -2,9 +2,9 @@
 
 The generator respects limits of velocity, acceleration and jerk. Each new target starts the time-optimal motion from
 the present state to rest at this target (Berscheid and Kroeger 2021, "Jerk-limited real-time trajectory generation with
-arbitrary target states", in its library ruckig), so position, velocity and acceleration are continuous. All axes arrive
-at one time: an axis with a short distance moves slowly, so that noise of the target across the direction of motion
-shakes the arm less. A first-order filter of the target removes the rest of the noise.
+arbitrary target states", implemented in the library ruckig), so position, velocity and acceleration are continuous. All
+axes arrive at one time: an axis with a short distance moves slowly, so that noise of the target across the direction of
+motion shakes the arm less. A first-order filter of the target removes the rest of the noise.
 """
 
 import math

@@ -126,9 +126,9 @@ class TrackingSettings(Settings):
     state_publish_rate: float = state_rate(100.0)
 
     def check(self, where: str) -> None:
-        """Raise an error if a point's attitude shall be followed, or if a limit is above that of the arm."""
+        """Raise an error if a point's orientation is to be followed, or if a limit is above that of the arm."""
         if self.follow == "pose" and self.source == "point":
-            raise refused(f"{where}follow", self.follow, "position with source point: a point has no attitude")
+            raise refused(f"{where}follow", self.follow, "position with source point: a point has no orientation")
         check_arm_limits(where, self.translation, self.rotation)
 
     @property

@@ -97,12 +97,12 @@ class PolicyContract(Settings):
         """Return the contract in the metadata of the file `path`. Raises ParameterError if there is no valid one."""
         if KEY not in metadata:
             raise ParameterError(
-                f"{path} does not say what its policy observes: its metadata has no {KEY}; valid: a file of hric train"
+                f"{path} does not say what its policy observes: its metadata has no {KEY}; valid: a file by hric train"
             )
         try:
             content = json.loads(metadata[KEY])
         except json.JSONDecodeError as error:
-            raise ParameterError(f"{path}: {KEY} is not JSON: {error}; valid: a file of hric train") from None
+            raise ParameterError(f"{path}: {KEY} is not JSON: {error}; valid: a file by hric train") from None
         return cls.of(content, f"{path}: {KEY}")
 
     def text(self) -> str:

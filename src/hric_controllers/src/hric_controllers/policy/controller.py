@@ -92,7 +92,7 @@ class PolicyController(StreamedJoints):
         if settings.delay * CYCLE >= contract.period:
             raise refused(controller_node.resolve("delay"), settings.delay, f"less than {contract.period / CYCLE:g}")
         self._arm = robot_hw.get(FrankaStateInterface).handle(f"{settings.arm_id}_robot").robot_state
-        self._model = robot_hw.get(FrankaModelInterface).model
+        self._model = robot_hw.get(FrankaModelInterface).of(settings.arm_id).model
         super().init(robot_hw, root_node, controller_node)
         if len(self.joints) != 7:
             raise refused(controller_node.resolve("joints"), self.joints, "the 7 joints of the arm")

@@ -42,10 +42,10 @@ class PolicyNetwork:
         try:
             self._session = onnxruntime.InferenceSession(path.read_bytes(), options, providers=["CPUExecutionProvider"])
         except OSError as error:
-            raise ParameterError(f"{path} cannot be read: {error.strerror}; valid: a file of hric train") from None
+            raise ParameterError(f"{path} cannot be read: {error.strerror}; valid: a file by hric train") from None
         except Exception as error:  # onnxruntime has no common class of its errors
             reason = str(error).partition("\n")[0][:120]
-            raise ParameterError(f"{path} is not an ONNX file: {reason}; valid: a file of hric train") from None
+            raise ParameterError(f"{path} is not an ONNX file: {reason}; valid: a file by hric train") from None
         self.contract = PolicyContract.from_metadata(self._session.get_modelmeta().custom_metadata_map, str(path))
         form = [
             (item.name, item.type, list(item.shape)[1:])
@@ -58,7 +58,7 @@ class PolicyNetwork:
         try:
             self.cost = self._measured()
         except FailureError as error:
-            raise ParameterError(f"{error}; valid: a file of hric train") from None
+            raise ParameterError(f"{error}; valid: a file by hric train") from None
 
     def __call__(self, observation: Vector) -> Vector:
         """Return the action, shape (3,), for an observation, shape (contract.size,).

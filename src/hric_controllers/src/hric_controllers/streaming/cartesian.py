@@ -42,7 +42,7 @@ class CartesianStreamingController(Controller):
         self._arm = interface.handle(f"{arm_id}_robot")
         self._scale = robot_hw.get(SpeedScaleInterface).handle()
         self._follower = StreamFollower(settings.limits, settings.ranges)
-        self._bounds = JointBounds.of_arm(root_node, arm_id, interface)
+        self._bounds = JointBounds.of_arm(root_node, arm_id, interface.of(arm_id))
         self._slow = Occurrences()
         self._targets: deque[tuple[list[float], float | None]] = deque(maxlen=KEPT)
         self._start, self._running = Pose(), False

@@ -191,11 +191,11 @@ class JointBounds:
         return [(x - last) / self._dt for x, last in zip(q, self._last.q, strict=True)]
 
     def _correct(self, state: RobotState) -> bool:
-        """Go on from the motion of the box, where it is another one; return True if the box bridged a lost packet.
+        """Continue from the motion of the control box if it differs; return True if the box bridged a lost packet.
 
-        A box that gets the poses as they are has another pose only after a lost packet, which it bridges. After
+        If the box gets the poses unfiltered, its pose differs only after a lost packet, which it bridges. After
         libfranka's filter the pose always differs, and its rate limiter takes care of lost packets. The box may also
-        resolve the redundancy in another way.
+        choose another joint position for the same pose.
         """
         last, null = self._last, self._ik.null
         other = max(abs(x - y) for x, y in zip(state.O_T_EE_c, last.T, strict=True)) > EXACT

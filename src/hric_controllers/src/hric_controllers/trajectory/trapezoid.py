@@ -80,7 +80,7 @@ class TrapezoidProfile:
 
     def __init__(self, max_velocity: Sequence[float], max_acceleration: Sequence[float]) -> None:
         if len(max_velocity) != len(max_acceleration):
-            raise HricError(f"{len(max_velocity)} velocity limits for {len(max_acceleration)} acceleration limits")
+            raise HricError(f"{len(max_velocity)} velocity, but {len(max_acceleration)} acceleration limits are given")
         for kind, values in (("velocity", max_velocity), ("acceleration", max_acceleration)):
             if not all(math.isfinite(value) and value > 0.0 for value in values):
                 raise HricError(f"profile {kind} limits must be positive and finite; got {list(values)}")

@@ -163,7 +163,7 @@ class PlateReader:
         if last < first:
             return np.zeros(len(rows))
         if not samples.size or not np.isfinite(samples).all():
-            raise PlateError(f"has no samples in the frames {first} to {last}, its baseline by FORCE_PLATFORM:ZERO")
+            raise PlateError(f"has no samples in frames {first} to {last}, its baseline as FORCE_PLATFORM:ZERO states")
         baseline = samples.mean(axis=1)
         if kind == 1:  # a centre of pressure has no offset: it is not defined without load
             baseline[3:5] = 0.0

@@ -169,7 +169,7 @@ def _even(name: str, kind: str, stream: Mapping[str, Any], alone: bool) -> _Stre
     if not stream["clock_times"] and not alone:
         raise _StreamError("has no clock offsets, so that it may be on another clock than the other streams")
     if len(info["clock_segments"]) > 1:
-        raise _StreamError(f"has {len(info['clock_segments'])} parts between which its clock was set again")
+        raise _StreamError(f"has {len(info['clock_segments'])} parts, since its clock was reset during the recording")
     stated = _text((stream.get("footer") or {}).get("info") or {}, "sample_count")
     if stated and int(stated) != count:
         raise _StreamError(f"has {count} samples; its footer states {stated}")

@@ -145,7 +145,7 @@ class MuscleSet:
     def __init__(self, body: Body, anatomy: Anatomy, factor: float = 1.0) -> None:
         sides = [side for side in ("right", "left") if f"{side}_upper_arm" in body.segments]
         if not sides:
-            raise HricError(f"the body of {body.subject.code} has no arm for muscles; valid: parts with an arm")
+            raise HricError(f"the body of {body.subject.code} has no arm for muscles; valid: a body with an arm")
         if not factor > 0.0:
             raise HricError(f"the factor on the muscles' strength is {factor}; valid: above 0")
         self._order, self._strength, self._body, self._factor = list(body.joints), strength(body), body, factor

@@ -39,7 +39,7 @@ def points(x: Sequence[float], y: Sequence[float], z: Sequence[float]) -> FloatA
     axes = []
     for name, (low, high, count) in zip("xyz", (x, y, z), strict=True):
         if not (np.isfinite([low, high]).all() and low <= high and count >= 1 and count == int(count)):
-            raise HricError(f"--{name} {low:g} {high:g} {count:g}; valid: lowest and highest [m], and a whole number")
+            raise HricError(f"--{name} is {low:g} {high:g} {count:g}; valid: lowest, highest [m], number of points")
         axes.append(np.linspace(low, high, int(count)))
     return np.array(list(product(*axes)))
 

@@ -97,7 +97,7 @@ def measure(robot: FrankaHWSim, request: MapRequest, points: FloatArray) -> Iter
         points: points in the base frame, shape (n, 3) [m].
 
     Yields:
-        Each point with its cells; no cells if the arm does not reach it.
+        Each point with one cell per direction of motion; no cells if the arm does not reach the point.
 
     Raises:
         HricError: no contact with the region is permitted, or the table of limits has no such region.

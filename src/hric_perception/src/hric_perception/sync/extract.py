@@ -166,7 +166,7 @@ def chunk_reader(leaves: Sequence[Leaf], where: str) -> Callable[[Any], MessageS
         width = len(message.channels)
         count, rest = divmod(len(message.data), width) if width else (0, 1)
         if rest or not 0.0 < message.rate < float("inf"):
-            raise MalformedError(f"{len(message.data)} values of {width} channels at {message.rate:g} Hz")
+            raise MalformedError(f"a chunk has {len(message.data)} values of {width} channels at {message.rate:g} Hz")
         offsets = np.rint(np.arange(count) * (NS / message.rate)).astype(np.int64)
         values = np.asarray(message.data, np.float64).reshape(count, width)
         return MessageSamples(stamp_of(message) + offsets, values[:, _indices(find, message)])

@@ -153,7 +153,7 @@ class JointRing:
 
     @property
     def pose(self) -> Any:
-        """Pose of the ring in the parent, a geometry_msgs/Pose."""
+        """Pose of the ring in the frame of the parent link, a geometry_msgs/Pose."""
         return Pose(Point(*self.p), Quaternion(*self.R.as_quat()))
 
 

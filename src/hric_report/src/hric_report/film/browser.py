@@ -130,7 +130,9 @@ class Browser:
         """Return the value of a JavaScript expression in the page; for a promise, its result."""
         response = self.call("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
         if "exceptionDetails" in response:
-            raise BrowserError(f"{expression}: {json.dumps(response['exceptionDetails'])[:2000]}")
+            raise BrowserError(
+                f"the page cannot execute {expression}: {json.dumps(response['exceptionDetails'])[:2000]}"
+            )
         return response["result"].get("value")
 
     def screenshot(self) -> bytes:

@@ -150,7 +150,7 @@ def _span(arguments: argparse.Namespace, first: float, last: float) -> tuple[flo
     end = last if arguments.end is None else arguments.end
     if not first - 1e-3 <= begin < end <= last + 1e-3:
         raise HricError(
-            f"--from {begin:g} --to {end:g}: valid are times from {first:.3f} to {last:.3f} s, --from first"
+            f"--from {begin:g} --to {end:g}; valid: times from {first:.3f} to {last:.3f} s, --from before --to"
         )
     return begin, end
 

@@ -178,9 +178,7 @@ class MuscleLoadCommand(Command):
         recording, output = Path(arguments.run).expanduser(), arguments.output
         is_c3d = recording.suffix.lower() == ".c3d"
         if arguments.tracked and (is_c3d or arguments.cutoff != CUTOFF):
-            raise MuscleLoadError(
-                "--tracked needs a run, and filters as in the live run; valid: a run, without --cutoff"
-            )
+            raise MuscleLoadError("--tracked uses the filter of the live run; valid: with a run, and without --cutoff")
         if is_c3d:
             result = _load_of_c3d(recording, arguments)
             output = output or recording.with_name(f"{recording.stem}_{FOLDER}")

@@ -326,7 +326,7 @@ class Experiment(_Sensed):
                     f"global_parameters: {name!r} is no name of a ROS parameter; valid: such as /robot_ip"
                 )
             if (first := name.strip("/").split("/")[0]) in taken:
-                raise ParameterError(f"global_parameters.{name}: other keys of the experiment set what is in {first}")
+                raise ParameterError(f"global_parameters.{name}: other keys of the experiment already set {first}")
             if not _is_ros_value(self.global_parameters[name]):
                 valid = "numbers, integers of 32 bits, texts, true, false, and lists and mappings of them"
                 raise refused(f"global_parameters.{name}", self.global_parameters[name], valid)
@@ -457,7 +457,7 @@ class Experiment(_Sensed):
                 )
         with mistakes.noted():
             if taken := [name for name in self.arms if name in self._other_names()]:
-                raise ParameterError(f"arms: other parameters have the name {taken[0]}; valid: another name")
+                raise ParameterError(f"arms: {taken[0]} is also the name of other parameters; valid: another name")
         for name in self.arms:
             with mistakes.noted():
                 try:

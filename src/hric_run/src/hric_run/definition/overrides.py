@@ -146,8 +146,8 @@ def _divide(raw: dict[str, Any], value: Any, text: str) -> None:
         raise ExperimentError(f"cannot apply override {text!r}; valid: different names, for example arms:=left,right")
     if raw["robot"].get("urdf"):
         raise ExperimentError(
-            f"no override {text!r}: robot.urdf has no place and no prefix of names, so it cannot occur twice; valid: "
-            "a file with the section arms, and a robot.urdf for each arm"
+            f"no override {text!r}: several arms cannot use one robot.urdf, as their poses and names would be "
+            "the same; valid: a file with the section arms, and a robot.urdf for each arm"
         )
     base = raw["robot"].get("description", {}).get("xyz") or "0 0 0"
     x, y, z = map(float, base.split() if isinstance(base, str) else base)

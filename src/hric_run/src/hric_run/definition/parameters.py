@@ -231,8 +231,8 @@ def load_request(spec: RobotSpec) -> Any:
         return None
     if issubclass(plugins.find(plugins.ROBOT_HW, spec.hw), RobotHWSim):
         raise ExperimentError(
-            f"robot.load is a payload in the control box of a Franka arm, which {spec.hw} has not; valid for this "
-            "robot: the payload as a link of its description"
+            f"robot.load is a payload in the control box of a Franka arm, which {spec.hw} does not have; valid for "
+            "this robot: the payload as a link of its description"
         )
     return SetLoadRequest(mass=spec.load.mass, F_x_center_load=list(spec.load.com), load_inertia=[0.0] * 9)
 

@@ -187,7 +187,7 @@ def with_results(batch: PointBatch, results: Sequence[SamplerResult]) -> PointBa
     """
     failed = np.array([result.exceeded is None for result in results])
     if any(result.margin is None for result in results if result.exceeded is not None):
-        raise HricError("results have no margin; valid: with this sampler, the output less its limit for each run")
+        raise HricError("results have no margin, which this sampler needs: the output of each run minus the limit")
     margins = np.array([-np.inf if result.exceeded is None else float(result.margin or 0.0) for result in results])
     return replace(
         batch, margins=margins, exceeded=np.array([bool(result.exceeded) for result in results]), failed=failed

@@ -124,7 +124,7 @@ class FrameDecoder:
 def _check(reader: Reader, number: int, size: int) -> None:
     if number * size > reader.left:
         raise CodecError(
-            "count", f"{number} elements of at least {size} bytes at byte {reader.offset}, {reader.left} bytes are left"
+            "count", f"{number} elements of at least {size} bytes at byte {reader.offset}, only {reader.left} are left"
         )
 
 

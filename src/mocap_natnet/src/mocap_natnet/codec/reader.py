@@ -41,7 +41,7 @@ class Reader:
         begin = self.offset
         stop = begin + layout.size
         if stop > self.end:
-            raise CodecError("short", f"{layout.size} bytes expected at byte {begin}, {self.end - begin} are left")
+            raise CodecError("short", f"{layout.size} bytes expected at byte {begin}, only {self.end - begin} are left")
         self.offset = stop
         return layout.unpack_from(self.data, begin)
 
@@ -54,7 +54,7 @@ class Reader:
         number = self.integer()
         if number < 0 or number * size > self.end - self.offset:
             raise CodecError(
-                "count", f"{number} elements of at least {size} bytes at byte {self.offset}, {self.left} bytes are left"
+                "count", f"{number} elements of at least {size} bytes at byte {self.offset}, only {self.left} are left"
             )
         return number
 
@@ -76,7 +76,7 @@ class Reader:
         if self.offset > self.end:
             raise CodecError(
                 "short",
-                f"{number} elements of {layout.size} bytes expected at byte {begin}, {self.end - begin} bytes are left",
+                f"{number} elements of {layout.size} bytes expected at byte {begin}, only {self.end - begin} are left",
             )
         return list(layout.iter_unpack(self.data[begin : self.offset]))
 
@@ -93,7 +93,7 @@ class Reader:
         """Limit reading to the next `size` bytes; return the former end, the argument for `end_sized`."""
         stop, end = self.offset + size, self.end
         if size < 0 or stop > end:
-            raise CodecError("size", f"{size} bytes stated at byte {self.offset}, {end - self.offset} are left")
+            raise CodecError("size", f"{size} bytes stated at byte {self.offset}, only {end - self.offset} are left")
         self.end = stop
         return end
 

@@ -31,7 +31,7 @@ def order(request: Request, words: str, timeout: float = 2.0) -> None:
     """
     response = request(words, timeout)
     if len(response) >= 4 and any(response[:4]):
-        raise Refused(f"Motive refuses {words}")
+        raise Refused(f"Motive refuses the command {words}")
 
 
 def start(request: Request, name: str) -> None:

@@ -108,7 +108,7 @@ class Motive:
         return None if lost < settings.loss else settings.latency + share * settings.jitter
 
     def frame(self, number: int) -> Frame:
-        """Return a frame; the middle of its exposure is at stream time number / rate, it is sent after its latency."""
+        """Return a frame, exposed at stream time number / rate (middle of the exposure) and sent one latency later."""
         settings = self.settings
         time = number * settings.period
         sent = time + (self.delay(number) or settings.latency)

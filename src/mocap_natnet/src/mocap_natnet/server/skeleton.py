@@ -50,7 +50,7 @@ class ServedSkeleton:
         for bone in self.bones:
             if bone.parent not in known:
                 raise ParameterError(
-                    f"bone {bone.name!r} of {self.name} has the parent {bone.parent!r}; valid: a bone before it"
+                    f"bone {bone.name!r} of {self.name} has the parent {bone.parent!r}; valid: a bone listed before it"
                 )
             known.append(bone.name)
 

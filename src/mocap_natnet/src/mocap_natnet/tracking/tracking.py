@@ -95,7 +95,7 @@ class Tracker:
         self._valid.clear()
 
     def name(self, body: int) -> str:
-        """Return the described name of a body with this streaming id; without a description "body_<id>"."""
+        """Return the name of the body with this streaming id, or "body_<id>" if the server has not described it."""
         described = self._described.get(body)
         return described.name if described and described.name else f"body_{body}"
 

@@ -65,7 +65,7 @@ def write_bdf(path: Path, channels: Sequence[Channel], rate: float) -> None:
 
 
 def _microvolts(channels: Sequence[Channel]) -> FloatArray:
-    """Return the values of the channels, shape (channels, samples) [uV]. Raises ExportError: one is not known."""
+    """Return the values of the channels, shape (channels, samples) [uV]. Raises ExportError if one is NaN."""
     if unknown := [channel.label for channel in channels if not np.isfinite(channel.values).all()]:
         raise ExportError(f"EMG of {', '.join(unknown)} has samples that are not known (NaN); leave it out by --topics")
     return np.stack([channel.values * (VOLTS[channel.unit.lower()] * 1e6) for channel in channels])

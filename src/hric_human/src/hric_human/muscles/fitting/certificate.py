@@ -156,7 +156,7 @@ def _static_optimization(
             raise HricError(f"OpenSim's tool fails: {''.join(last)}")
         activation, forces = (_columns(result, model.muscles) for result in results)
     if len(activation) != FRAMES or not np.isfinite(activation).all():
-        raise HricError(f"OpenSim's tool solves {len(activation)} of {FRAMES} frames")
+        raise HricError(f"OpenSim's tool solves only {len(activation)} of {FRAMES} frames")
     return activation, forces
 
 

@@ -169,7 +169,7 @@ def fit(path: Path) -> Anatomy:
 
 
 def _constant(group: Group, force: float, optimal: float, slack: float, drawn: MusclePath) -> Muscle:
-    """Return a muscle that acts on pro_sup only, with a constant moment arm."""
+    """Return a muscle that only pronates or supinates the forearm (joint pro_sup), with a constant moment arm."""
     length = Polynomial(("pro_sup",), 1, (rounded(slack + MEAN_FIBRE * optimal), -group.arm))
     return Muscle(group.name, rounded(force), rounded(optimal), rounded(slack), length, {}, drawn)
 

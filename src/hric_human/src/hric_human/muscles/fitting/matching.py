@@ -139,7 +139,7 @@ class Matching:
         return math.atan2(-z, -y)
 
     def _match_pronation(self) -> None:
-        """Match the coordinate that rotates the forearm about its long axis to pro_sup, with a straight elbow."""
+        """Match joint pro_sup to the coordinate that rotates the forearm about its long axis at a straight elbow."""
         posture, bones = self.posture, self.posture.bones
         for coordinate in reversed(posture.between(bones.humerus, bones.radius)):
             along = float((self.R_ground_humerus().T @ posture.axis(coordinate, bones.radius))[1])

@@ -67,7 +67,7 @@ class Placing:
         return np.array([made[name] for name in self.joints]).T
 
     def pulls(self) -> dict[str, FloatArray]:
-        """Return, by joint centre, the force on the distal part per muscle force, shape (K, 3) [1].
+        """Return, by joint centre, the force on the distal link for unit forces of the K muscles, shape (K, 3) [1].
 
         The axes are those of the proximal link: x forward, y left, z up.
         """
