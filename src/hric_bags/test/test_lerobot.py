@@ -101,6 +101,22 @@ def test_signals_of_the_person_and_the_wrench_are_on_the_same_grid(dataset: Path
     assert (data["observation.wrench"][:, 1:] == [2, 3, 4, 5, 6]).all()
 
 
+@pytest.mark.parametrize("lost", [range(60, 120), range(100)], ids=["within", "first"])
+@pytest.mark.parametrize("topic", ["/hric/human/joint_states", "/franka_state_controller/franka_states"])
+def test_values_that_are_not_known_are_refused_before_a_file_is_written(
+    topic: str, lost: range, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    people, arms = [states(k) for k in range(200)], [wrench(k) for k in range(50)]
+    for k in lost:
+        people[k].position = [0.01 * k, np.nan]
+        arms[k // 4].O_F_ext_hat_K = [np.nan] * 6
+    messages, period = (people, 0.005) if topic.endswith("joint_states") else (arms, 0.02)
+    run = synthetic.write_run(tmp_path, CYCLES, extra=[(topic, one, period * k) for k, one in enumerate(messages)])
+    assert main(["export", str(run.path), "--format", "lerobot", "--output", str(tmp_path / "out")]) == 1
+    assert f"is not known (NaN) at {0.005 * lost[0]:.3f} s" in capsys.readouterr().err
+    assert not list((tmp_path / "out").rglob("*.parquet"))
+
+
 def test_numbers_and_times_of_frames_are_those_that_lerobot_demands(dataset: Path) -> None:
     data = frames(dataset)
     assert data["index"].tolist() == list(range(198)) and data["frame_index"].tolist() == 2 * list(range(99))
@@ -170,6 +186,55 @@ def test_pictures_are_left_out_with_a_word(tmp_path: Path, capsys: pytest.Captur
     run = synthetic.write_run(tmp_path, CYCLES, extra=[("/camera/image_raw", Image(), 0.1)])
     assert main(["export", str(run.path), "--format", "lerobot"]) == 0
     assert "lerobot: pictures of /camera/image_raw are left out" in capsys.readouterr().out
+
+
+def commanded(root: Path, kinds: str) -> RunFolder:
+    """Write a run with a type of command for each batch of 20 cycles: n none, e effort, p position."""
+    names, data = {"n": "none", "e": "effort", "p": "position"}, synthetic.signals(20 * len(kinds), 0.1)
+    folder = RunFolder.create(root, "made_up")
+    with synthetic.BagWriter(folder.bag_path) as bag:
+        for batch, kind in enumerate(kinds):
+            message = synthetic.log_message(20 * batch, 20, data)
+            message.command_interface = [names[kind]] * 3
+            if kind == "n":
+                message.command = message.command_raw = [0.0] * 60
+            bag.write("/control_log", message, 0.02 * (batch + 1))
+    folder.write({"experiment": "made_up", "status": "completed", "mode": "headless", "bag": folder.bag_path.name})
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("kinds", "span", "least"), [("nppppn", (0.02, 0.1), 1e-3), ("nnnnnn", None, 0.0), ("eeennn", (0.0, 0.12), 0.0)]
+)
+def test_cycles_without_a_command_are_no_actions(
+    tmp_path: Path, kinds: str, span: tuple[float, float] | None, least: float
+) -> None:
+    run = commanded(tmp_path, kinds)
+    assert main(["export", str(run.path), "--format", "lerobot", "--output", str(tmp_path / "out")]) == 0
+    data = frames(tmp_path / "out" / "lerobot")
+    notes = json.loads((tmp_path / "out/lerobot/meta/info.json").read_text())["notes"]
+    assert ("action" in data) is (span is not None) is ("no action" not in str(notes))
+    begin, end = span or (0.0, 0.12)
+    assert len(data["index"]) == round(100 * (end - begin))
+    if span:
+        np.testing.assert_allclose(data["observation.state"][0], synthetic.signals(120, 0.1)[1][round(1e3 * begin)])
+        assert np.abs(data["action"][:, 1]).min() >= least
+
+
+@pytest.mark.parametrize(("kinds", "message"), [("ppnnpp", "of action is not known (NaN) at 0.040 s")])
+def test_a_time_without_commands_between_others_is_refused(
+    tmp_path: Path, kinds: str, message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = commanded(tmp_path, kinds)
+    assert main(["export", str(run.path), "--format", "lerobot", "--output", str(tmp_path / "out")]) == 1
+    assert message in capsys.readouterr().err
+
+
+def test_a_command_that_changes_its_unit_has_none(tmp_path: Path) -> None:
+    run = commanded(tmp_path, "eeeppp")
+    assert main(["export", str(run.path), "--format", "csv", "--output", str(tmp_path / "out")]) == 0
+    text = (tmp_path / "out/csv/control_log.csv").read_text()
+    assert "# unit of command.j1: none or not known" in text and "the unit changes during the run: command" in text
 
 
 def test_lost_cycles_are_noted_in_the_data_set(tmp_path: Path) -> None:

@@ -138,11 +138,28 @@ def test_a_file_that_ends_too_early_is_refused_in_one_sentence(
     assert path.name in message and message.count("\n") == 1 and "Traceback" not in message
 
 
-def test_health_of_a_bag_of_ros_2_is_refused_with_the_way_to_convert_it(
-    exported: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize("kind", ["mcap", "ros2"])
+def test_a_bag_of_ros_2_has_the_health_of_the_bag_that_it_came_from(
+    truth: Truth, exported: Path, kind: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["health", str(exported / "mcap")]) == 2
-    assert "rosbags-convert" in capsys.readouterr().err
+    reports = [(main(["health", str(bag)]), capsys.readouterr().out) for bag in (truth.bag, exported / kind)]
+    (code, ours), (other, theirs) = ((code, text.splitlines()[1:]) for code, text in reports)
+    assert (code, ours) == (other, theirs) and len(ours) > 10
+
+
+def test_a_changed_byte_in_a_chunk_is_found(exported: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, content = tmp_path / "cut.mcap", (exported / "mcap" / "made_up.mcap").read_bytes()
+    with (exported / "mcap" / "made_up.mcap").open("rb") as file:
+        reader = pytest.importorskip("mcap.reader").make_reader(file, validate_crcs=True)
+        (chunk,) = reader.get_summary().chunk_indexes
+        assert len(list(reader.iter_messages())) > 100
+    for place in np.linspace(chunk.chunk_start_offset + 60, chunk.chunk_start_offset + chunk.chunk_length - 1, 10):
+        path.write_bytes(content[: int(place)] + bytes([content[int(place)] ^ 1]) + content[int(place) + 1 :])
+        assert main(["health", str(path)]) == 4
+        text = capsys.readouterr().out
+        assert "damaged: cannot read cut.mcap, a bag of ROS 2" in text and "`mcap recover`" in text
+    assert main(["health", str(path), "--salvage"]) == 2
+    assert "--salvage is for bags of ROS 1" in capsys.readouterr().err
 
 
 def test_a_run_folder_is_no_bag(tmp_path: Path) -> None:
@@ -233,7 +250,9 @@ def test_changes_next_to_an_sqlite_file_are_not_ignored(exported: Path, tmp_path
     connection.execute("UPDATE messages SET timestamp = timestamp + 1")
     connection.commit()
     for bag in (file, file.parent):
-        with pytest.raises(BagError, match=r"made_up.db3-wal has messages that .* lacks; `sqlite3 made_up.db3 .tables` adds them"):
+        with pytest.raises(
+            BagError, match=r"made_up.db3-wal has messages that .* lacks; `sqlite3 made_up.db3 .tables` adds them"
+        ):
             contents(bag)
     connection.close()
     assert min(time for _, _, time, _ in contents(file)) > min(time for _, _, time, _ in contents(exported / "ros2"))

@@ -27,6 +27,7 @@ from hric_gym import goals  # noqa: E402
 from hric_gym.actions import MODES  # noqa: E402
 from hric_gym.environment import CollaborationEnv  # noqa: E402
 from hric_gym.goals import NEAR, DrawnGoal  # noqa: E402
+from hric_gym.judge import Costs  # noqa: E402
 
 
 def bits(values: dict[str, Any]) -> bytes:
@@ -80,7 +81,10 @@ def test_two_agents_act_only_in_an_episode_and_together() -> None:
     pytest.importorskip("pettingzoo")
     from hric_gym.parallel import CollaborationParallelEnv
 
+    with pytest.raises(HricError, match=r"argument person: .* valid: neither person nor trial"):
+        CollaborationParallelEnv(person="scripted")
     env = CollaborationParallelEnv("HandGuidance", step=1.0)
+    assert env.metadata["render_fps"] == 1.0
     actions = {agent: np.zeros(env.action_space(agent).shape) for agent in env.possible_agents}
     with pytest.raises(HricError, match="no episode is running"):
         env.step(actions)
@@ -167,6 +171,22 @@ def test_an_action_moves_the_arm_in_its_direction(action: str) -> None:
     env.close()
 
 
+@pytest.mark.parametrize("action", [name for name, mode in MODES.items() if not mode.whole])
+def test_a_long_step_moves_the_arm_as_short_ones_with_the_same_action(action: str) -> None:
+    ends = []
+    for step, steps in ((0.04, 20), (0.4, 2)):
+        env = CollaborationEnv("Reach", action, person="none", step=step)
+        env.reset(seed=1)
+        numbers = np.zeros(env.action_space.shape)
+        numbers[0] = 0.02 if action == "torque" else 0.5
+        for _ in range(steps):
+            values, _, ended, _, info = env.step(numbers)
+            assert not ended, info["reflex"]
+        ends.append(values["q"])
+        env.close()
+    np.testing.assert_allclose(*ends, atol=1e-5)
+
+
 def test_a_reflex_ends_the_episode_and_is_named() -> None:
     env = CollaborationEnv("Contact", "joint_velocity")
     env.reset(seed=1)
@@ -196,9 +216,20 @@ def test_the_page_has_the_fields_of_observations_and_the_ids() -> None:
     env.close()
 
 
+@pytest.mark.parametrize("action", [name for name in MODES if not name.startswith("joint_")])
+def test_tasks_with_setpoints_run_with_controllers_that_their_experiment_does_not_start(action: str) -> None:
+    env = CollaborationEnv("Contact", action)
+    values, _ = env.reset(seed=1)
+    assert np.linalg.norm(values["goal"] - values["ee_position"]) > 0.1
+    env.close()
+
+
 def test_what_does_not_fit_is_refused_with_the_valid_choices() -> None:
     for settings, match in (
         ({"task": "Reaching"}, "CoTransport, Contact, HandGuidance"),
+        ({"task": ["Reach"]}, r"no task \['Reach'\]; valid: CoTransport"),
+        ({"changes": None}, "changes is None; valid: a list of overrides"),
+        ({"changes": [3]}, r"changes is \[3\]; valid: a list of overrides"),
         ({"action": "joints"}, "joint_velocity"),
         ({"person": "actor"}, "none, policy, reactive, scripted, trial"),
         ({"person": "trial"}, "valid: a path with person='trial', else none"),
@@ -221,10 +252,13 @@ def test_what_does_not_fit_is_refused_with_the_valid_choices() -> None:
             "contact has no setpoint to use as goal",
         ),
         ({"step": 0.041, "changes": ["robot.plant.time_step:=0.002"]}, "step is 0.041; .* control cycle, 0.002 s"),
+        ({"weights": {"posture": 1.0}, "changes": ["human.parts:=right_arm"]}, "weights.posture: .* is not known"),
         ({"changes": "kp:=50"}, "changes is 'kp:=50'; valid: a list of overrides"),
         ({"changes": ["duration:=9"]}, "'duration:=9' has no effect in this environment; valid: keys of human, param"),
         ({"changes": ["arms:=left,right"]}, "'arms:=left,right' has no effect"),
         ({"changes": ["human.drive:=muscle"]}, "valid: the argument drive"),
+        ({"changes": ["human.rate:=1"]}, "'human.rate:=1' is not possible; valid: 25 Hz"),
+        ({"changes": ["human.subject:=P50_male"], "population": "adult_female"}, "not possible; valid: no population"),
         ({"person": "none", "changes": ["human.mass:=50"]}, "valid: keys of parameters, robot"),
         ({"changes": ["parameters.force_controller.force:=[0, 0, 5]"]}, "not one of .* joint_pd_controller"),
         (
@@ -244,6 +278,8 @@ def test_what_does_not_fit_is_refused_with_the_valid_choices() -> None:
             env.step(action)
     with pytest.raises(HricError, match="cannot be guided"):
         env.step_with(np.zeros(7), np.zeros(3))
+    with pytest.raises(HricError, match="options 1 are not known; valid: none"):
+        env.reset(options={1: 2})
     for copied in (copy.deepcopy, pickle.dumps):
         with pytest.raises(HricError, match="an environment cannot be copied; valid: a new one"):
             copied(env)
@@ -278,6 +314,7 @@ def test_a_step_has_its_duration_with_other_cycles_and_engines(change: str) -> N
 def test_an_episode_ends_after_the_time_of_the_task_for_any_step(step: float, steps: int) -> None:
     env = gymnasium.make("hric/Reach-v0", person="none", step=step, action="torque")
     env.reset(seed=1)
+    assert env.metadata["render_fps"] == pytest.approx(1.0 / step)  # else a video has another duration
     late = [env.step(np.zeros(7))[2:4] for _ in range(steps)]
     assert late == [(False, False)] * (steps - 1) + [(False, True)]
     env.reset()
@@ -415,15 +452,41 @@ def test_the_force_share_is_that_of_the_contact_limit() -> None:
     env.close()
 
 
-def test_a_picture_is_drawn_without_a_display() -> None:
+def test_a_constraint_that_is_not_known_is_not_kept() -> None:
+    env = CollaborationEnv("HandGuidance", "end_effector")
+    env.reset(seed=1)
+    costs = [Costs(not_known=names) for names in ((), ("posture",), ("effort",), ("force", "effort"))]
+    assert [env._info(cost)["cost"] for cost in costs] == [0.0, 0.0, 1.0, 2.0]
+    env.close()
+
+
+def test_the_costs_of_a_long_step_are_the_largest_of_its_parts() -> None:
+    shares = []
+    for step, steps in ((0.04, 50), (0.4, 5)):
+        env = CollaborationEnv("HandGuidance", "end_effector", step=step)
+        env.reset(seed=1)
+        shares.append([env.step(np.zeros(6))[4]["costs"] for _ in range(steps)])
+        env.close()
+    for index, long in enumerate(shares[1]):
+        parts = shares[0][10 * index : 10 * index + 10]
+        assert long == {name: max(part[name] for part in parts) for name in long}
+    assert len({part["effort"] for part in shares[0][:10]}) > 1
+
+
+def test_pictures_are_drawn_without_a_display_and_do_not_depend_on_other_environments() -> None:
     lines = (
         "import numpy as np\nfrom hric_gym.environment import CollaborationEnv\n"
-        "env = CollaborationEnv('HandGuidance', 'end_effector', render_mode='rgb_array')\n"
-        "env.reset(seed=1)\npicture = env.render()\nenv.step(np.zeros(6))\n"
-        "print(picture.shape, picture.dtype, picture.std() > 5, env.render().shape)\nenv.close()\n"
+        "CollaborationEnv('Reach').close()\n"  # loads MuJoCo
+        "a = CollaborationEnv('HandGuidance', 'end_effector', render_mode='rgb_array')\n"
+        "b = CollaborationEnv('Reach', person='none', render_mode='rgb_array')\n"
+        "for env in (a, b):\n    env.reset(seed=1)\n"
+        "before = [env.render() for env in (a, b)]\nafter = [env.render() for env in (a, b)]\n"
+        "b.close()\nafter.append(a.render())\na.close()\n"
+        "print(before[0].shape, before[0].dtype, before[0].std() > 5)\n"
+        "print(*(np.array_equal(x, y) for x, y in zip([*before, before[0]], after)))\n"
     )
     done = subprocess.run([sys.executable, "-c", lines], capture_output=True, text=True, timeout=300)
-    assert done.stdout.strip() == "(480, 640, 3) uint8 True (480, 640, 3)", done.stderr
+    assert done.stdout == "(480, 640, 3) uint8 True\nTrue True True\n", done.stderr
 
 
 @pytest.mark.slow  # 500 episodes, a few minutes

@@ -3,6 +3,7 @@
 import signal
 import subprocess
 import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -94,6 +95,48 @@ def test_ctrl_c_leaves_a_policy_and_a_checkpoint_from_which_the_training_goes_on
     assert isinstance(buffer, CostBuffer) is bool(limit) and ("cost_limit" in training) is bool(limit)
     assert buffer.size() == 1299, "the interrupted step is not stored"
     assert not limit or 0.0 < buffer.weight <= ASCENT * float(buffer._costs.sum()) * (1.0 + 1e-6)
+
+
+@pytest.mark.slow  # a training of a minute
+def test_a_killed_training_goes_on_from_its_last_checkpoint(tmp_path: Path) -> None:
+    command = [*HRIC, "train", "Reach", "--output", str(tmp_path / "policy.onnx")]
+    process = subprocess.Popen([*command, "--steps", "1100"], stderr=subprocess.DEVNULL)
+    try:
+        while not (tmp_path / "policy.onnx").exists():  # the last of its files
+            assert process.poll() is None
+            time.sleep(0.01)
+    finally:
+        process.kill()
+        process.wait()
+    assert SAC.load(tmp_path / "policy.zip").num_timesteps == 1000
+    assert load_from_pkl(tmp_path / "policy.replay").size() == 1000
+    subprocess.run([*command, "--resume"], check=True, capture_output=True, timeout=300)
+    assert SAC.load(tmp_path / "policy.zip").num_timesteps == 1100
+
+
+@pytest.mark.parametrize("name", ["policy.onnx", "policy.zip", "policy.replay"])
+def test_a_new_training_replaces_no_file(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).touch()
+    with pytest.raises(HricError, match=f"{name} exists; valid: another name with --output, or --resume"):
+        perform(["train", "Reach", "--output", str(tmp_path / "policy.onnx")])
+
+
+def test_a_training_has_no_seed_of_the_episodes_of_an_evaluation(tmp_path: Path) -> None:
+    with pytest.raises(HricError, match="--seed is 1000000; valid: a whole number from 0 to 999999"):
+        perform(["train", "Reach", "--output", str(tmp_path / "policy.onnx"), "--seed", "1000000"])
+
+
+def test_a_policy_is_evaluated_with_its_own_period_and_with_no_other_speed() -> None:
+    policy = replace(agreed(), period=0.1)
+    env = environment(policy)
+    assert env.unwrapped.period == 0.1
+    env.close()
+    for change, message in (
+        ({"action_scale": 0.1}, "action_scale .* 0.1 m/s; .*: 0.7 m/s"),
+        ({"near": 0.05}, "0.03 m"),
+    ):
+        with pytest.raises(HricError, match=message):
+            environment(replace(policy, **change))
 
 
 def test_the_weight_of_the_cost_follows_its_limit_and_applies_to_stored_steps() -> None:

@@ -5,12 +5,15 @@ from collections.abc import Collection, Generator, Iterator
 from copy import copy
 from heapq import merge
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
+from zlib import crc32
 
 from rosbags.convert.converter import LATCH
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection, ConnectionExtRosbag1, MessageDefinition, MessageDefinitionFormat
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+from rosbags.rosbag2.storage_mcap import McapWriter
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
@@ -41,6 +44,8 @@ The names are those of franka_ros2's message: github.com/frankaemika/franka_ros2
 _NAMES_IN_ROS2 = {name: lower for lower, name in NAMES_IN_ROS1.items()}
 STORAGES = {"mcap": StoragePlugin.MCAP, "ros2": StoragePlugin.SQLITE3}
 """Name of an export format -> storage of the ROS 2 bag."""
+CHECKSUM = 1 + 8 + 3 * 8
+"""Position of the checksum in the record of a chunk: after kind, length, two times and size (mcap.dev/spec)."""
 VERSION = 8
 """Version of the metadata of written bags."""
 
@@ -155,6 +160,18 @@ class Ros2Reader(AnyReader):
         return merge(*(part.messages(connections, start, stop) for part in parts), key=lambda item: item[1])
 
 
+class _CheckedMcapWriter(McapWriter):
+    """Writer of MCAP files with a checksum of each chunk, which that of rosbags leaves out."""
+
+    def close_chunk(self) -> None:
+        crc, begin = crc32(self.chunk.bio.getvalue()), self.bio.tell()
+        super().close_chunk()
+        end = self.bio.tell()
+        self.bio.seek(begin + CHECKSUM)
+        self.bio.write(crc.to_bytes(4, "little"))
+        self.bio.seek(end)
+
+
 class Ros2Writer(Writer):
     """Writer of a ROS 2 bag from messages that are serialised as in ROS 1; MCAP is compressed by zstd.
 
@@ -163,6 +180,8 @@ class Ros2Writer(Writer):
         kind: one of STORAGES.
         types: message types as in ROS 1.
     """
+
+    STORAGE_PLUGINS = MappingProxyType({**Writer.STORAGE_PLUGINS, StoragePlugin.MCAP: _CheckedMcapWriter})
 
     def __init__(self, folder: Path, kind: str, types: Typestore) -> None:
         super().__init__(folder, version=VERSION, storage_plugin=STORAGES[kind])

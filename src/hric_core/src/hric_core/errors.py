@@ -1,6 +1,6 @@
 """Exceptions of the workspace. Each message says what was wrong, where, and what would be valid."""
 
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Hashable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches
 
@@ -81,7 +81,7 @@ class UnknownNameError(HricError):
 def check_known(kind: str, names: Iterable[object], valid: Collection[str], where: str = "") -> None:
     """Raise UnknownNameError for the first of `names` that is not in `valid`; `kind`, `where`: see UnknownNameError."""
     for name in names:
-        if name not in valid:
+        if not isinstance(name, Hashable) or name not in valid:
             raise UnknownNameError(kind, name, valid, where)
 
 

@@ -36,13 +36,13 @@ class ActionMode(ABC):
 
     Args:
         simulation: simulation in which the controller of this mode is loaded.
-        period: robot time between two actions [s].
 
     Attributes:
         controller: name of the controller.
         parameters: parameters of the controller that this mode needs; they replace those of the experiment.
         acted: names of those parameters that each action sets, so that another value would have no effect.
         space: Gymnasium space of the actions.
+        whole: True if the command of a step is sent at once, even if the step is long.
         command: present command, as in the field `command` of the observation.
     """
 
@@ -50,10 +50,11 @@ class ActionMode(ABC):
     parameters: ClassVar[Mapping[str, object]] = {}
     acted: ClassVar[frozenset[str]] = frozenset()
     space: ClassVar[Box] = unit_box(7)
+    whole: ClassVar[bool] = False
     command: FloatArray
 
-    def __init__(self, simulation: Simulation, period: float) -> None:
-        self._simulation, self._period = simulation, period
+    def __init__(self, simulation: Simulation) -> None:
+        self._simulation = simulation
         limits = list(simulation.limits.values())[:7]
         self._low, self._high, self._effort = (
             np.array([limit[key] for limit in limits]) for key in ("lower", "upper", "effort")
@@ -77,12 +78,13 @@ class ActionMode(ABC):
         """Set the command so that the arm stays where it is at the start of an episode."""
 
     @abstractmethod
-    def apply(self, action: FloatArray, observation: SimulationState) -> None:
+    def apply(self, action: FloatArray, observation: SimulationState, period: float) -> None:
         """Send the command of an action to the controller.
 
         Args:
             action: numbers from -1 to 1, of the shape of `space`.
             observation: present state of the simulation.
+            period: robot time until the next call [s].
         """
 
 
@@ -95,9 +97,9 @@ class JointVelocity(ActionMode):
         """Set the setpoint to the present joint positions."""
         self.command = np.clip(observation.arm.q, self._low, self._high)
 
-    def apply(self, action: FloatArray, observation: SimulationState) -> None:
+    def apply(self, action: FloatArray, observation: SimulationState, period: float) -> None:
         """Move the setpoint by the commanded velocity times the period."""
-        self.command = np.clip(self.command + JOINT_SPEED * self._period * action, self._low, self._high)
+        self.command = np.clip(self.command + JOINT_SPEED * period * action, self._low, self._high)
         self._simulation.command(PD, self.command.tolist())
 
 
@@ -106,7 +108,7 @@ class JointPosition(JointVelocity):
 
     parameters: ClassVar = {"profile": {"enabled": True, "velocity": 1.0, "acceleration": 5.0}, "kp": 200.0, "kd": 20.0}
 
-    def apply(self, action: FloatArray, observation: SimulationState) -> None:
+    def apply(self, action: FloatArray, observation: SimulationState, period: float) -> None:
         """Set the setpoint to the commanded joint positions."""
         self.command = np.clip(self._low + 0.5 * (action + 1.0) * (self._high - self._low), self._low, self._high)
         self._simulation.command(PD, self.command.tolist())
@@ -119,6 +121,7 @@ class EndEffectorStream(ActionMode):
     `hric_controllers/PolicyController` does on the arm.
     """
 
+    whole: ClassVar[bool] = True  # as PolicyController does
     controller: ClassVar[str] = "joint_streaming_controller"
     space: ClassVar[Box] = unit_box(3)
 
@@ -127,9 +130,9 @@ class EndEffectorStream(ActionMode):
         self._model = self._simulation.app.hw.get(FrankaModelInterface).model
         self.command = within(observation.arm.q, self._low, self._high)
 
-    def apply(self, action: FloatArray, observation: SimulationState) -> None:
+    def apply(self, action: FloatArray, observation: SimulationState, period: float) -> None:
         """Move the commanded joint positions by the velocity times the period."""
-        after = moved(self._model, self.command, STREAM_SPEED * self._period * action, self._period)
+        after = moved(self._model, self.command, STREAM_SPEED * period * action, period)
         self.command = within(after, self._low, self._high)
         self._simulation.command(self.controller, self.command.tolist())
 
@@ -149,12 +152,12 @@ class EndEffectorDelta(ActionMode):
     def _hold(self) -> None:
         self.command = np.array([*self._pose.position, *self._pose.orientation])
 
-    def apply(self, action: FloatArray, observation: SimulationState) -> None:
+    def apply(self, action: FloatArray, observation: SimulationState, period: float) -> None:
         """Move the equilibrium pose by the velocity times the period, at most LEAD [m] ahead of the end effector."""
         present = _matrix(observation)[:3, 3]
-        position = np.array(self._pose.position) + SPEED * self._period * action[:3]
+        position = np.array(self._pose.position) + SPEED * period * action[:3]
         x, y, z = np.clip(position, present - LEAD, present + LEAD).tolist()
-        rotation = from_rotation_vector((ROTATION * self._period * action[3:6]).tolist())
+        rotation = from_rotation_vector((ROTATION * period * action[3:6]).tolist())
         self._pose = Pose((x, y, z), product(rotation, self._pose.orientation))
         self._hold()
         self._simulation.command(IMPEDANCE, self._pose)
@@ -191,10 +194,10 @@ class ImpedanceTarget(EndEffectorDelta):
         super()._hold()
         self.command = np.array([*self.command, *self._stiffness.values()])
 
-    def apply(self, action: FloatArray, observation: SimulationState) -> None:
+    def apply(self, action: FloatArray, observation: SimulationState, period: float) -> None:
         """Set the stiffness, and move the equilibrium pose by the velocity times the period."""
         self._soften(action[6:])
-        super().apply(action, observation)
+        super().apply(action, observation, period)
 
 
 class JointTorque(ActionMode):
@@ -210,7 +213,7 @@ class JointTorque(ActionMode):
         """Set the commanded torques to zero."""
         self.command = np.zeros(7)
 
-    def apply(self, action: FloatArray, observation: SimulationState) -> None:
+    def apply(self, action: FloatArray, observation: SimulationState, period: float) -> None:
         """Command the shares TORQUE of the effort limits, times the action."""
         self.command = TORQUE * self._effort * action
         self._simulation.command(self.controller, self.command.tolist())

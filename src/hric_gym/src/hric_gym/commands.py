@@ -21,7 +21,7 @@ class TrainCommand(Command):
 
     The policy chooses the speed on the straight line to the goal. SAC of stable-baselines3 trains it in the environment
     of the task, with the person. Ctrl-C ends the training and writes the policy so far, with a checkpoint from which
-    --resume continues. The same seed gives the same file.
+    --resume continues; both are also written every 1000 actions. The same seed gives the same file.
     """
 
     def arguments(self) -> list[Argument]:
@@ -57,6 +57,7 @@ class TrainCommand(Command):
         """Train the policy, and write it and its checkpoint."""
         from hric_controllers.policy.network import PolicyNetwork
         from hric_gym.environment import WEIGHTS
+        from hric_gym.evaluation import FIRST
         from hric_gym.policy_env import contract
         from hric_gym.tasks import COSTS
         from hric_gym.training import train
@@ -71,8 +72,11 @@ class TrainCommand(Command):
         steps = whole(minimum=1000).checked(STEPS if arguments.steps is None else arguments.steps, "--steps")
         if output.suffix != ".onnx" or not output.parent.is_dir():
             raise HricError(f"--output is {output}; valid: a file with the suffix .onnx in a folder that exists")
+        checkpoint = [output, *(output.with_suffix(suffix) for suffix in (".zip", ".replay"))]
+        if not arguments.resume and (existing := next(filter(Path.exists, checkpoint), None)):
+            raise HricError(f"{existing} exists; valid: another name with --output, or --resume")
         weights = {name: _given(text, number(minimum=0.0), "--weight") for name, text in arguments.weight}
-        settings = {"steps": steps, "seed": whole(minimum=0).checked(arguments.seed or 0, "--seed")}
+        settings = {"steps": steps, "seed": whole(minimum=0, maximum=FIRST - 1).checked(arguments.seed or 0, "--seed")}
         settings["weights"] = WEIGHTS | weights
         if arguments.cost_limit is not None:
             name, share = arguments.cost_limit

@@ -13,13 +13,14 @@ from hric_core.geometry import FloatArray
 from hric_gym.actions import MODES, ActionMode
 from hric_gym.goals import DrawnGoal, Goal, HandGoal, SetpointGoal
 from hric_gym.guided import TARGETS
-from hric_gym.judge import Costs, Judge
-from hric_gym.picture import Renderer, prepare
+from hric_gym.judge import TRUNK, Costs, Judge
+from hric_gym.picture import Renderer
 from hric_gym.spaces import Box, Env, Values, arm_values, as_values, dict_space, person_values, unit_box
 from hric_gym.tasks import (
     DRAWN,
     DRAWS,
     HAND,
+    POSTURE,
     TASKS,
     PersonChoice,
     checked_step,
@@ -58,7 +59,7 @@ class CollaborationEnv(Env):
 
     The reward is -distance from the goal [m], minus the weighted costs, each as share of its limit, and minus
     REFLEX_COST for a reflex. `info` has `distance` [m], `success`, `reflex`, the fields of `judge.Costs` (`costs`: its
-    shares), and `cost`: the number of constraints of the task that the step violated.
+    shares), and `cost`: the number of constraints of the task that are violated or not known.
 
     Args:
         task: name of a task, one of `tasks.TASKS`.
@@ -75,7 +76,7 @@ class CollaborationEnv(Env):
 
     period: float
     """Robot time between two actions [s]."""
-    metadata: Mapping[str, Any] = {"render_modes": ["rgb_array"], "render_fps": round(1.0 / STEP)}
+    metadata: Mapping[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 1.0 / STEP}
 
     def __init__(
         self,
@@ -97,9 +98,8 @@ class CollaborationEnv(Env):
         self.task, self._choice = TASKS[task], PersonChoice(person, trial, population, drive)
         self._weights, self.render_mode = checked_weights(WEIGHTS if weights is None else weights), render_mode
         self._mode_class, self.period = MODES[action], checked_step(step)
+        self.metadata = {**self.metadata, "render_fps": 1.0 / self.period}
         self._limit, self._steps = round(self.task.seconds / self.period), 0
-        if render_mode is not None:
-            prepare()
         mode = self._mode_class
         self._scene = scene(self.task, self._choice, mode.controller, mode.parameters, changes)
         mode.check(self._scene.definition.parameters[mode.controller])
@@ -107,6 +107,8 @@ class CollaborationEnv(Env):
         self._simulation: Simulation | None = None
         self._open(Simulation(self._scene.definition))
         observation = self.simulation.observe()
+        if self._weights.get(POSTURE) and observation.person and TRUNK not in observation.person.joints:
+            raise HricError("weights.posture: the posture of a person without a trunk is not known; valid: 0")
         self._mode.start(observation)
         self._observation, self._ended = observation, True
         self._restart_goals(np.random.default_rng(0), 0)
@@ -127,8 +129,8 @@ class CollaborationEnv(Env):
         if abs(self._cycles * hw.period - self.period) > 1e-9:
             raise HricError(f"step is {self.period}; valid: a multiple of the control cycle, {hw.period} s")
         human = simulation.definition.human
-        self._judge = None if human is None else Judge(hw, HumanSettings.of(human, HUMAN), self.period)
-        self._mode: ActionMode = self._mode_class(simulation, self.period)
+        self._judge = None if human is None else Judge(hw, HumanSettings.of(human, HUMAN))
+        self._mode: ActionMode = self._mode_class(simulation)
         self._intended = None if self._scene.intention is None else HandGoal(self._scene.intention, hw.period)
         self.goal = self._goal(hw)
 
@@ -172,7 +174,7 @@ class CollaborationEnv(Env):
         """
         super().reset(seed=seed)
         if options:
-            raise HricError(f"options {', '.join(options)} are not known; valid: none")
+            raise HricError(f"options {', '.join(map(str, options))} are not known; valid: none")
         random = self.np_random
         seed = self._begin(random)
         self._observation, self._ended, self._steps = self.simulation.observe(), False, 0
@@ -229,12 +231,8 @@ class CollaborationEnv(Env):
         """
         if self._ended:
             raise HricError("no episode is running: it has ended, or none has begun; call reset() first")
-        self._mode.apply(_checked(action, self.action_space), self._observation)
-        if hand is not None:
-            self._guide(_checked(hand, self.person_space))
-        self.simulation.advance(self._cycles)
-        self._observation = self.simulation.observe()
-        costs = Costs() if self._judge is None else self._judge.costs(self._observation)
+        checked = _checked(action, self.action_space)
+        costs = self._advance(checked, None if hand is None else _checked(hand, self.person_space))
         info = self._info(costs)
         reward = -info["distance"] - sum(
             weight * min(costs.shares.get(name, 0.0), LARGEST) for name, weight in self._weights.items()
@@ -245,13 +243,29 @@ class CollaborationEnv(Env):
         late = self._steps >= self._limit and not self._ended
         return self._values(costs), float(reward), self._ended, late, info
 
-    def _guide(self, hand: FloatArray) -> None:
-        """Move the target of the person's hand for one step, at most HAND_LEAD [m] from the hand on each axis."""
+    def _advance(self, action: FloatArray, hand: FloatArray | None) -> Costs:
+        """Run the cycles of a step; commands are sent, and costs are computed, at its start and every STEP [s]."""
+        parts: list[Costs] = []
+        left, longest = self._cycles, round(STEP / self._hw.period)
+        while left:
+            cycles = min(left, longest)
+            period = self.period * cycles / self._cycles
+            if not parts or not self._mode.whole:
+                self._mode.apply(action, self._observation, self.period if self._mode.whole else period)
+            if hand is not None:
+                self._guide(hand, period)
+            self.simulation.advance(cycles)
+            self._observation, left = self.simulation.observe(), left - cycles
+            parts.append(Costs() if self._judge is None else self._judge.costs(self._observation))
+        return Costs.worst(parts)
+
+    def _guide(self, hand: FloatArray, period: float) -> None:
+        """Move the target of the person's hand for a period [s], at most HAND_LEAD [m] from the hand on each axis."""
         channel, person = self._scene.channel, self._observation.person
         if not channel or person is None:
             raise HricError(f"the person is {self._choice.kind!r} and cannot be guided; valid: person='policy'")
         present = person.T_world_hand[:3, 3]
-        target = TARGETS[channel] + HAND_SPEED * self.period * hand
+        target = TARGETS[channel] + HAND_SPEED * period * hand
         TARGETS[channel] = np.clip(target, present - HAND_LEAD, present + HAND_LEAD)
 
     def _values(self, costs: Costs) -> Values:
@@ -272,7 +286,7 @@ class CollaborationEnv(Env):
             "violations": costs.violations,
             "not_known": costs.not_known,
             "findings": costs.findings,
-            "cost": float(len(set(costs.violations) & set(self.task.constraints))),
+            "cost": float(len({*costs.violations, *costs.not_known} & {*self.task.constraints})),
         }
 
     def render(self) -> Any:

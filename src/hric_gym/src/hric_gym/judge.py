@@ -1,7 +1,7 @@
 """Costs of a step by the rules of hric_assessment, `tasks.COSTS`, as shares of their limits."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -22,6 +22,8 @@ from hric_supervisor.arm import InForce
 from hric_supervisor.separation import Protective, StoppingModel, nearness
 from hric_supervisor.settings import SupervisorSettings
 
+TRUNK = "trunk_flex"
+"""Joint of a body with a trunk, without which the posture is not known."""
 TINY = 1e-9
 """Distance that replaces distances of zero or less as divisor [m]."""
 
@@ -41,6 +43,19 @@ class Costs:
     violations: tuple[str, ...] = ()
     not_known: tuple[str, ...] = ()
     findings: tuple[str, ...] = ()
+
+    @classmethod
+    def worst(cls, parts: Sequence["Costs"]) -> "Costs":
+        """Return the largest costs of the parts of a step; a cost has to be known in all of them."""
+        violations, unknown = (
+            {name for part in parts for name in getattr(part, key)} for key in ("violations", "not_known")
+        )
+        return cls(
+            {name: max(part.shares[name] for part in parts) for name in parts[0].shares if name not in unknown},
+            tuple(name for name in COSTS if name in violations),
+            tuple(name for name in COSTS if name in unknown),
+            tuple(dict.fromkeys(text for part in parts for text in part.findings)),
+        )
 
 
 class ContactWatch:
@@ -106,15 +121,14 @@ class Judge:
     Args:
         hw: the simulated robot.
         settings: section `human` of the experiment.
-        period: robot time of a step [s].
     """
 
-    def __init__(self, hw: SimulatedRobot, settings: HumanSettings, period: float) -> None:
-        self._period, self._watch = period, ContactWatch(hw, settings)
+    def __init__(self, hw: SimulatedRobot, settings: HumanSettings) -> None:
+        self._watch = ContactWatch(hw, settings)
         supervision = SupervisorSettings()
         self._stopping = StoppingModel(supervision)
         self._protective = Protective(supervision, self._stopping)
-        self._before: FloatArray | None = None
+        self._before: tuple[float, FloatArray] | None = None
 
     def restart(self) -> None:
         """Delete the data of the last episode; to be called after each reset."""
@@ -122,7 +136,7 @@ class Judge:
         self._before = None
 
     def costs(self, observation: SimulationState) -> Costs:
-        """Return the costs of the step since the last call; `observation`: state at its end."""
+        """Return the costs of the time since the last call; `observation`: state at its end."""
         person = observation.person
         assert person is not None, "the judge has a person"
         findings = self._watch.findings()
@@ -132,7 +146,7 @@ class Judge:
         effort = float(np.nanmax(person.strength_share, initial=-math.inf))
         if math.isfinite(effort):
             shares[EFFORT] = effort
-        if "trunk_flex" in person.joints:
+        if TRUNK in person.joints:
             shares[POSTURE] = self._posture(person.joints, person.q)
         over = {name for name, share in shares.items() if share > 1.0} | ({FORCE} if poor else set())
         return Costs(
@@ -150,8 +164,8 @@ class Judge:
         person = observation.person
         assert person is not None
         ends = person.capsules.ends
-        before, self._before = self._before, ends
-        velocities = np.zeros_like(ends) if before is None else (ends - before) / self._period
+        before, self._before = self._before, (observation.time, ends)
+        velocities = np.zeros_like(ends) if before is None else (ends - before[1]) / (observation.time - before[0])
         near = nearness(observation.arm.capsules, person.capsules, velocities)
         speed = float(np.linalg.norm(observation.arm.capsules.velocities, axis=2).max())
         braking = self._stopping.left(observation.time, observation.time, InForce(), speed)

@@ -1,6 +1,7 @@
 """PettingZoo environment in which the robot and the person are two agents."""
 
-from typing import Any, ClassVar
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -34,10 +35,15 @@ class CollaborationParallelEnv(ParallelEnv):
         HricError: a name does not exist, or the task cannot run with these arguments.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"name": "hric_collaboration_v0", "render_modes": ["rgb_array"]}
+    metadata: Mapping[str, Any] = {"name": "hric_collaboration_v0", "render_modes": ["rgb_array"]}
 
     def __init__(self, task: str = "HandGuidance", **settings: Any) -> None:
+        if given := sorted({"person", "trial"} & {*settings}):
+            raise HricError(
+                f"argument {', '.join(given)}: the person is an agent here; valid: neither person nor trial"
+            )
         self._env = CollaborationEnv(task, **settings, person="policy")
+        self.metadata = {**self.metadata, "render_fps": self._env.metadata["render_fps"]}
         self.render_mode = self._env.render_mode
         self.possible_agents = [ROBOT, PERSON]
         self.agents: list[str] = []
@@ -66,7 +72,7 @@ class CollaborationParallelEnv(ParallelEnv):
         """
         values, info = self._env.reset(seed=seed)
         self.agents = list(self.possible_agents)
-        return self._values(values), dict.fromkeys(self.agents, info)
+        return self._values(values), {agent: dict(info) for agent in self.agents}
 
     def step(self, actions: dict[str, Any]) -> tuple[Any, Any, Any, Any, Any]:
         """Execute an action of each agent; return observations, rewards, terminated, truncated and infos by agent.
@@ -83,7 +89,8 @@ class CollaborationParallelEnv(ParallelEnv):
         away = observations[PERSON]["hand_position"] - observations[PERSON]["hand_goal"]
         own = -float(np.linalg.norm(away)) - 0.1 * info["costs"].get("effort", 0.0)
         rewards = {ROBOT: reward, PERSON: own}
-        ends, limits, infos = (dict.fromkeys(agents, value) for value in (ended, late, info))
+        ends, limits = (dict.fromkeys(agents, value) for value in (ended, late))
+        infos = {agent: dict(info) for agent in agents}
         if ended or late:
             self.agents = []
         return observations, rewards, ends, limits, infos

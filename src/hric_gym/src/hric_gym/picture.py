@@ -1,23 +1,13 @@
 """Pictures of a simulation, drawn by MuJoCo without a display."""
 
-import os
-
 from hric_control.sim.simulated_robot import SimulatedRobot
-from hric_core.errors import HricError
 from hric_human.participant.settings import HUMAN, HumanSettings
 from hric_run.definition.experiment import Experiment
 from hric_run.observation import SimulationState
+from mujoco_ros_control.pictures import Camera, CameraSettings
 
 VIEW = {"width": 640, "height": 480, "xyz": [0.7, -3.2, 1.1], "rpy": [0.0, 0.25, 1.5708]}
 """Size of the pictures [pixels] and pose of the camera in the world [m], [rad]."""
-
-
-def prepare() -> None:
-    """Set MUJOCO_GL=egl, for rendering without a display, unless it is set; call this before MuJoCo is loaded.
-
-    MUJOCO_GL=osmesa renders without graphics drivers.
-    """
-    os.environ.setdefault("MUJOCO_GL", "egl")
 
 
 class Renderer:
@@ -28,22 +18,14 @@ class Renderer:
         definition: experiment with the world file and the person.
 
     Raises:
-        HricError: OpenGL is not available, or MuJoCo was loaded before `prepare` was called.
+        HricError: OpenGL is not available.
     """
 
     def __init__(self, hw: SimulatedRobot, definition: Experiment) -> None:
-        # Imported here, since this chooses MuJoCo's way to render.
-        from mujoco_ros_control.pictures import Camera, CameraSettings
-
         self._plant, self._names = hw.plant, hw.states.names
         person = None if definition.human is None else HumanSettings.of(definition.human, HUMAN)
         settings = CameraSettings.of(VIEW, "camera")
-        try:
-            self._camera = Camera(hw.description, str(definition.robot.plant.get("world", "")), settings, person)
-        except HricError as error:
-            raise HricError(
-                f"{error}; set the environment variable MUJOCO_GL to egl or osmesa before MuJoCo is imported"
-            ) from error
+        self._camera = Camera(hw.description, str(definition.robot.plant.get("world", "")), settings, person)
 
     def picture(self, observation: SimulationState) -> object:
         """Return the picture of an observation, uint8, shape (480, 640, 3)."""

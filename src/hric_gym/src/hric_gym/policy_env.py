@@ -11,7 +11,7 @@ import numpy as np
 
 import hric_gym.envs
 from hric_controllers.policy.contract import FIELDS, STREAM, VERSION, FieldScale, PolicyContract, Vector
-from hric_core.errors import check_known
+from hric_core.errors import HricError, check_known
 from hric_gym.actions import STREAM_SPEED
 from hric_gym.environment import STEP
 from hric_gym.goals import BOX, NEAR
@@ -85,9 +85,13 @@ def environment(agreed: PolicyContract, person: str = "scripted") -> PolicyEnv:
         person: kind of person, as in `CollaborationEnv`.
 
     Raises:
-        HricError: the contract names no task, or one whose goal is not a point; the real arm receives only points.
+        HricError: the contract names no task, or one whose goal is not a point; the real arm receives only points. Or
+            it has another speed, or another distance at which a goal is reached, than the environment.
     """
     task, weights = str(agreed.training.get("task")), agreed.training.get("weights")
     check_known("task", [task], [name for name, item in TASKS.items() if item.goal == DRAWN])
+    for name, own, unit in (("action_scale", STREAM_SPEED, "m/s"), ("near", NEAR, "m")):
+        if (value := getattr(agreed, name)) != own:
+            raise HricError(f"{name} of the policy is {value} {unit}; valid in hric_gym: {own} {unit}")
     identity = next(identity for identity, name in hric_gym.envs.IDS.items() if name == task)
-    return PolicyEnv(make(identity, action=agreed.action, weights=weights, person=person), agreed)
+    return PolicyEnv(make(identity, action=agreed.action, step=agreed.period, weights=weights, person=person), agreed)

@@ -210,6 +210,8 @@ def scene(
     common = ("simulator:=mujoco", "robot.parameters.control_log:=false", f"human.rate:={RATE}")
     others = [text for text in changes if _section(text) != "parameters"]
     definition = experiment.load(task.experiment, [*common, *task.changes, *others])
+    setpoints = tuple((item.time, item.positions) for item in definition.setpoints)
+    definition = replace(definition, supervisor=None, setpoints=())
     own = overlay(definition.parameters.get(controller, {}), parameters)
     definition = _commanded(definition, controller, own, [text for text in changes if text not in others])
     human = dict(definition.human or {})
@@ -227,11 +229,9 @@ def scene(
             f"the goal of {definition.name} is the motion of the person, which is not known with "
             f"person={choice.kind!r}; valid: scripted, policy"
         )
-    setpoints = tuple((item.time, item.positions) for item in definition.setpoints)
     if task.goal == SETPOINTS and not setpoints:
         raise HricError(f"the experiment {definition.name} has no setpoint to use as goal; valid: one or more")
-    definition = replace(definition, human=human or None, supervisor=None, setpoints=())
-    return Scene(definition, intention, channel, setpoints)
+    return Scene(replace(definition, human=human or None), intention, channel, setpoints)
 
 
 def _commanded(
@@ -251,17 +251,22 @@ def _section(change: str) -> str:
 
 def _check_effect(task: TaskDefinition, choice: PersonChoice, changes: Sequence[str]) -> None:
     """Raise HricError if a change is one of a section that the environment does not use."""
-    if isinstance(changes, str):
+    is_list = isinstance(changes, Sequence) and not isinstance(changes, str)
+    if not is_list or not all(isinstance(text, str) for text in changes):
         raise HricError(f"changes is {changes!r}; valid: a list of overrides, each key:=value")
     valid = {"parameters", "robot", *(["setpoints"] if task.goal == SETPOINTS else [])}
     valid |= {"human"} if choice.kind != "none" else set()
+    replaced = {"human.drive": "the argument drive instead", "human.rate": f"{RATE:g} Hz, which the costs need"}
+    replaced |= {"human.subject": "no population"} if choice.population else {}
+    replaced |= {"human.control.parameters.reference": "another trial"} if choice.trial else {}
     for text in changes:
         if _section(text) not in valid:
             raise HricError(
                 f"the change {text!r} has no effect in this environment; valid: keys of {', '.join(sorted(valid))}"
             )
-        if text.startswith("human.drive:="):
-            raise HricError(f"the change {text!r} has no effect; valid: the argument drive instead")
+        for key, instead in replaced.items():
+            if text.startswith((f"{key}:=", f"{key}.")):
+                raise HricError(f"the change {text!r} is not possible; valid: {instead}")
 
 
 def _choose(human: dict[str, Any], reference: Mapping[str, Any], choice: PersonChoice) -> str:

@@ -3,13 +3,15 @@
 import math
 import signal
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from tqdm import tqdm
 
+from hric_bags import files
 from hric_controllers.policy.contract import KEY, PolicyContract, Vector
 from hric_controllers.policy.network import ACTIONS, INPUT, OUTPUT
 from hric_core.errors import HricError
@@ -59,13 +61,17 @@ WEIGHED = 0.5
 from steps that come near the limit."""
 TINY = 1e-6
 """Smallest divisor of the goal's offset, which prevents a division by zero [1]."""
+SAVING = 1000
+"""Number of steps between two checkpoints, so that a killed training can be resumed."""
 RECENT = 50
 """Number of episodes over which the progress bar averages."""
+STOP_SIGNALS = signal.SIGINT, signal.SIGTERM
+"""Signals after which a training writes its policy and ends."""
 Ends = list[tuple[float, bool, bool]]
 
 
 class _Progress(BaseCallback):
-    """Progress bar with mean return, and shares of episodes with success and with a violation; it ends at Ctrl-C.
+    """Progress bar with mean return, and shares of episodes with success and with a violation; it ends at a signal.
 
     The figures are those of the newest RECENT episodes. A violation is a force above its limit, or a reflex.
     """
@@ -89,6 +95,21 @@ class _Progress(BaseCallback):
 
     def _on_training_end(self) -> None:
         self._bar.close()
+
+
+class _Checkpoints(BaseCallback):
+    """Writer of a checkpoint after every SAVING steps; `save` writes it."""
+
+    def __init__(self, save: Callable[[], None]) -> None:
+        super().__init__()
+        self._save = save
+
+    def _on_rollout_start(self) -> None:  # between two steps: the last one is stored
+        if self.num_timesteps and self.num_timesteps % SAVING == 0:
+            self._save()
+
+    def _on_step(self) -> bool:
+        return True
 
 
 class CostBuffer(ReplayBuffer):
@@ -179,7 +200,9 @@ class TrainingEnv(Wrapper):
 
 
 def train(agreed: PolicyContract, output: Path, *, resume: bool = False) -> bool:
-    """Train a policy, and write it and a checkpoint; return True if all steps were done, False after Ctrl-C.
+    """Train a policy, and write it and a checkpoint; return True if all steps were done, False after Ctrl-C or SIGTERM.
+
+    Both are also written after every SAVING steps.
 
     Args:
         agreed: contract of the policy; its `training` has the task, `steps`, `seed`, `weights` of the reward and, if
@@ -207,19 +230,30 @@ def train(agreed: PolicyContract, output: Path, *, resume: bool = False) -> bool
     else:
         buffer = CostBuffer if limit else None
         model = SAC("MlpPolicy", env, seed=seed, buffer_size=steps, replay_buffer_class=buffer, **rate, **SETTINGS)
-    interrupted = threading.Event()
-    previous = signal.signal(signal.SIGINT, lambda *_: interrupted.set())
-    left = steps - model.num_timesteps
-    callbacks = [_Progress(left, interrupted), *([_CostLimit(limit[0], AIM * limit[1])] if limit else [])]
+    save = partial(_save_all, model, agreed, output)
+    interrupted, left = threading.Event(), steps - model.num_timesteps
+    previous = {number: signal.signal(number, lambda *_: interrupted.set()) for number in STOP_SIGNALS}
+    limits = [_CostLimit(limit[0], AIM * limit[1])] if limit else []
     try:
-        model.learn(left, callbacks, reset_num_timesteps=False)
+        model.learn(left, [_Progress(left, interrupted), _Checkpoints(save), *limits], reset_num_timesteps=False)
+        save()
     finally:
-        signal.signal(signal.SIGINT, previous)
+        for number, handler in previous.items():
+            signal.signal(number, handler)
         env.close()
-    model.save(checkpoint)
-    model.save_replay_buffer(replay)
-    export(model, agreed, output)
     return not interrupted.is_set()
+
+
+def _save_all(model: Any, agreed: PolicyContract, output: Path) -> None:
+    """Write the policy and its checkpoint, each file as a whole."""
+    writers: dict[Path, Callable[[Path], object]] = {
+        output.with_suffix(".zip"): model.save,
+        output.with_suffix(".replay"): model.save_replay_buffer,
+        output: partial(export, model, agreed),
+    }
+    for path, write in writers.items():
+        with files.atomic(path) as temporary:
+            write(temporary)
 
 
 def export(model: Any, agreed: PolicyContract, output: Path) -> None:

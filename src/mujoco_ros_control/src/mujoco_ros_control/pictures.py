@@ -4,9 +4,12 @@ No physics is simulated here, so the images can show the robot of any engine, or
 x of its own frame, with z up (REP 103); images are in the optical frame: x right, y down, z ahead.
 """
 
+import importlib
 import math
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -207,7 +210,7 @@ class _Canvas:
         m.vis.quality.offsamples = 0
         m.vis.global_.offwidth, m.vis.global_.offheight = width, height
         self._m, self._shape, self._rect = m, (height, width), mujoco.MjrRect(0, 0, width, height)
-        self._gl = mujoco.GLContext(width, height)
+        self._gl = _context_class()(width, height)
         self._gl.make_current()
         self._scene, self._option = mujoco.MjvScene(m, maxgeom=m.ngeom + m.nskin), mujoco.MjvOption()
         self._view, self._idle = mujoco.MjvCamera(), mujoco.MjvPerturb()
@@ -218,6 +221,7 @@ class _Canvas:
 
     def draw(self, d: mujoco.MjData, *, depth: bool) -> tuple[Picture, npt.NDArray[np.float32] | None]:
         """Render the scene; return the image and, if `depth`, the distances along the optical axis [m], else None."""
+        self._gl.make_current()  # another canvas may have been drawn meanwhile
         bodies = mujoco.mjtCatBit.mjCAT_ALL
         mujoco.mjv_updateScene(self._m, d, self._option, self._idle, self._view, bodies, self._scene)
         mujoco.mjr_render(self._rect, self._scene, self._context)
@@ -229,8 +233,16 @@ class _Canvas:
 
     def close(self) -> None:
         """Release the OpenGL context."""
+        self._gl.make_current()
         self._context.free()
         self._gl.free()
+
+
+def _context_class() -> Any:
+    """Return MuJoCo's class of OpenGL contexts by MUJOCO_GL, also if MuJoCo was loaded without it."""
+    name = os.environ.get("MUJOCO_GL", "egl")
+    check_known("MUJOCO_GL", [name], ("egl", "glfw", "osmesa"))
+    return importlib.import_module(f"mujoco.{name}").GLContext
 
 
 def _distances(buffer: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:

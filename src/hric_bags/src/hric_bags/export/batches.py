@@ -14,6 +14,8 @@ from hric_bags.export.table import FloatArray, TopicColumn, TopicTable
 CONTROL_LOG, CHUNK = bag_reader.LOG_TYPE, "hric_msgs/msg/SampleChunk"
 SYNCED, LAYOUT = "hric_msgs/msg/SyncedSample", "hric_msgs/msg/SyncLayout"
 BATCHED = (CONTROL_LOG, CHUNK)
+NOT_COMMANDED = "none"
+"""Type of command of a joint that no controller commands."""
 _LOG_UNITS = {"position": "rad", "velocity": "rad/s", "effort": "N m"}
 
 
@@ -29,15 +31,24 @@ def table_of(
 def control_log(topic: str, messages: Sequence[Any], clock: str, prismatic: frozenset[str]) -> TopicTable:
     """Return the table of a control log with one row per control cycle, each cycle once."""
     log = bag_reader.stitch(messages)
-    columns = [TopicColumn("cycle", "", _cycles(log))]
+    cycles, kinds = _cycles(log), np.array([list(message.command_interface) for message in messages])
+    starts = np.maximum.accumulate([int(message.first_cycle) for message in messages])
+    message_of_row = np.searchsorted(starts, cycles, "right") - 1
+    columns, changing = [TopicColumn("cycle", "", cycles)], []
     for field in bag_reader.ARRAYS:
-        values = getattr(log, field)
         for j, joint in enumerate(log.joint_names):
-            unit = _LOG_UNITS.get(field) or units.COMMAND_UNITS.get(log.interfaces[j], "")
-            columns.append(TopicColumn(f"{field}.{joint}", units.of_joint(unit, joint, prismatic), values[:, j]))
+            unit, values = _LOG_UNITS.get(field, ""), getattr(log, field)[:, j]
+            if not unit:
+                used = {*kinds[:, j].tolist()} - {NOT_COMMANDED}
+                unit = units.COMMAND_UNITS.get(used.pop(), "") if len(used) == 1 else ""
+                changing += [f"{field}.{joint}"] if used else []
+                if unit == units.COMMAND_UNITS["position"]:  # of an effort or velocity, 0 is no command
+                    values = np.where((kinds[:, j] == NOT_COMMANDED)[message_of_row], np.nan, values)
+            columns.append(TopicColumn(f"{field}.{joint}", units.of_joint(unit, joint, prismatic), values))
     first = messages[0]
     offset = bag_reader.seconds(first.header.stamp) - float(first.time[0])
     notes = [f"{count} cycles are missing from cycle {start} on" for start, count in log.gaps]
+    notes += [f"the unit changes during the run: {', '.join(changing)}"] if changing else []
     stamp = np.rint((log.time + offset) * 1e9).astype(np.int64)
     return TopicTable(topic, CONTROL_LOG, "", log.time, stamp, tuple(columns), clock, tuple(notes))
 

@@ -61,7 +61,7 @@ def of_file(scan: BagScan) -> list[HealthFinding]:
 def of_streams(streams: list[TopicStream]) -> list[HealthFinding]:
     """Return findings on problems of the streams of a bag."""
     offset = _clock_offset(streams)
-    findings = []
+    findings = [] if streams else [HealthFinding(PROBLEM, "", "the bag has no messages")]
     if abs(offset) > LATE:
         findings.append(
             HealthFinding(NOTE, "", f"header stamps and recording times are on different clocks, {offset:+.3f} s apart")

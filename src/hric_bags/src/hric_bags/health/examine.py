@@ -10,10 +10,12 @@ from tqdm import tqdm
 
 from hric_bags import foreign, text
 from hric_bags.health import checks
-from hric_bags.health.bag_records import BagScan
+from hric_bags.health.bag_records import BagConnection, BagScan
 from hric_bags.health.checks import HealthFinding
-from hric_bags.health.salvage import ACTIVE
-from hric_bags.health.streams import StreamGatherer, TopicStream
+from hric_bags.health.salvage import ACTIVE, REPAIR
+from hric_bags.health.streams import SYNCED, StreamGatherer, TopicStream
+from hric_bags.indexed import BagError
+from hric_bags.ros2 import Ros2Reader
 from hric_bags.run_folder import RunFolder, runs_root
 from hric_core.errors import HricError
 
@@ -105,7 +107,7 @@ def examine(path: Path, *, progress: bool = False, doubtful: Sequence[str] = ())
         HricError: the file is not a bag, or cannot be read.
     """
     if foreign.is_ros2(path):
-        raise HealthError(foreign.describe(path))
+        return _examine_ros2(path, progress)
     scan = BagScan(path)
     gatherer = StreamGatherer()
     unknown = 0
@@ -126,9 +128,31 @@ def examine(path: Path, *, progress: bool = False, doubtful: Sequence[str] = ())
     findings += [HealthFinding(checks.PROBLEM, "", text) for text in (*scan.doubtful, *doubtful)]
     if unknown:
         findings.insert(0, HealthFinding(checks.DAMAGED, "", f"{unknown} messages belong to unknown topics"))
-    if not streams:
-        findings.append(HealthFinding(checks.PROBLEM, "", "the bag has no messages"))
     return BagHealth(path, size, streams, findings)
+
+
+def _examine_ros2(path: Path, progress: bool) -> BagHealth:
+    """Examine a bag of ROS 2, up to the first damage. Raises BagError if it cannot be opened."""
+    gatherer, damage = StreamGatherer(uncounted={SYNCED}), []
+    with (
+        Ros2Reader(path) as reader,
+        tqdm(total=None, unit=" messages", desc=path.name, disable=not progress, leave=False) as bar,
+    ):
+        known = {
+            c.id: BagConnection(
+                c.topic, c.msgtype.replace("/msg/", "/"), c.digest, c.msgdef.data, "", bool(c.ext.latching)
+            )
+            for c in reader.connections
+        }
+        try:
+            for connection, time, raw in reader.messages():
+                gatherer.add(known[connection.id], time, raw)
+                bar.update()
+        except BagError as error:
+            damage = [HealthFinding(checks.DAMAGED, "", str(error))]
+    streams = gatherer.streams()
+    size = sum(part.stat().st_size for part in (path.iterdir() if path.is_dir() else [path]))
+    return BagHealth(path, size, streams, damage + checks.of_streams(streams))
 
 
 def render(health: BagHealth) -> str:
@@ -151,7 +175,8 @@ def render(health: BagHealth) -> str:
     verdict = {
         HEALTHY: "healthy",
         PROBLEMS: "readable, with problems",
-        DAMAGED: "damaged: --salvage writes what can be read into a whole bag",
+        DAMAGED: f"damaged: {REPAIR if foreign.is_ros2(health.path) else '--salvage'} writes what can be read into a "
+        "whole bag",
     }
     return (
         "\n\n".join(

@@ -6,11 +6,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from hric_bags import foreign
 from hric_bags.chunked_writer import ChunkedWriter
 from hric_bags.health.bag_records import BagConnection, BagScan
 from hric_core.errors import HricError, failing
 
 ACTIVE, DAMAGED = ".active", ".damaged"
+REPAIR = "`mcap recover` or `ros2 bag reindex`"
+"""Commands of others that repair a bag of ROS 2."""
 
 
 class SalvageError(HricError):
@@ -42,6 +45,8 @@ def salvage(path: Path) -> Salvaged:
     Raises:
         SalvageError: a process still writes the bag, a file of the new name exists, or writing failed.
     """
+    if foreign.is_ros2(path):
+        raise SalvageError(f"--salvage is for bags of ROS 1, and {path.name} is one of ROS 2; {REPAIR} repairs it")
     if in_use(path):
         raise SalvageError(f"{path.name} is being written by a recorder; end the recording first")
     active = path.name.endswith(ACTIVE)

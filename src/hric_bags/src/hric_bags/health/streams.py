@@ -2,7 +2,7 @@
 
 import re
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,6 +15,8 @@ from hric_bags.health.bag_records import BagConnection
 IntArray = npt.NDArray[np.int64]
 _HEADER = re.compile(r"^\s*(std_msgs/)?Header\s+header\b")
 _STAMP = struct.Struct("<III")
+SYNCED = "hric_msgs/SyncedSample"
+"""Message type whose running number is the `seq` of its header, which ROS 2 does not have."""
 COUNTED: dict[str, tuple[str, Callable[[Any], tuple[int, int]]]] = {
     "hric_msgs/ControlLog": ("cycles", lambda message: (int(message.first_cycle), int(message.n_cycles))),
     "hric_msgs/SampleChunk": (
@@ -22,7 +24,7 @@ COUNTED: dict[str, tuple[str, Callable[[Any], tuple[int, int]]]] = {
         lambda message: (int(message.first_sample), len(message.data) // max(len(message.channels), 1)),
     ),
     "hric_msgs/MocapData": ("frames", lambda message: (int(message.frame_number), 1)),
-    "hric_msgs/SyncedSample": ("samples", lambda message: (int(message.header.seq), 1)),
+    SYNCED: ("samples", lambda message: (int(message.header.seq), 1)),
 }
 """Message type with a running number -> unit that it counts, function from message to (first number, how many)."""
 _WRAP = 1 << 32
@@ -107,9 +109,10 @@ class _Gathered:
 
 
 class StreamGatherer:
-    """Collector that makes a stream per topic from serialised messages."""
+    """Collector that makes a stream per topic from serialised messages; uncounted: types without running number."""
 
-    def __init__(self) -> None:
+    def __init__(self, uncounted: Collection[str] = ()) -> None:
+        self._uncounted = uncounted
         self._topics: dict[str, _Gathered] = {}
         self._readers: dict[str, Callable[[bytes], tuple[int, int]]] = {}
 
@@ -123,7 +126,7 @@ class StreamGatherer:
         if _has_header(connection) and len(raw) >= _STAMP.size:
             _, seconds, nanoseconds = _STAMP.unpack_from(raw)
             gathered.stamps.append(seconds * 1_000_000_000 + nanoseconds)
-        if connection.type_name in COUNTED:
+        if connection.type_name in COUNTED and connection.type_name not in self._uncounted:
             gathered.numbers.append(self._reader(connection)(raw))
 
     def _reader(self, connection: BagConnection) -> Callable[[bytes], tuple[int, int]]:

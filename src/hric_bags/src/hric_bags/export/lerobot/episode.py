@@ -16,11 +16,13 @@ from hric_bags.run_file import RunFile
 
 NEEDED = (batches.CONTROL_LOG, FRANKA_TYPE, STATES_TYPE)
 """Message types from which an episode is made."""
+ACTION = "action"
+"""Name of the feature with the commands."""
 OF_LOG = {
     "observation.state": "position",
     "observation.velocity": "velocity",
     "observation.effort": "effort",
-    "action": "command",
+    ACTION: "command",
 }
 """Name of a feature -> columns of the control log."""
 WRENCH = tuple(f"O_F_ext_hat_K.{k}" for k in range(6))
@@ -66,7 +68,7 @@ class RunEpisode:
     @property
     def length(self) -> int:
         """Number of frames."""
-        return len(self.features["action"].values)
+        return len(self.features["observation.state"].values)
 
 
 def of_run(tables: Mapping[str, TopicTable], run: RunFile, rate: float) -> RunEpisode:
@@ -84,6 +86,9 @@ def of_run(tables: Mapping[str, TopicTable], run: RunFile, rate: float) -> RunEp
     if len(logs) != 1 or len(logs[0].time) < 2:
         raise ExportError(f"format lerobot needs one control log of two samples or more; the bag has {len(logs)}")
     sources = {name: (logs[0], of_log) for name, of_log in _columns_of_log(logs[0]).items()}
+    commanded = _commanded(logs[0])
+    if commanded is None:
+        del sources[ACTION]
     arms = [
         table
         for table in tables.values()
@@ -98,17 +103,40 @@ def of_run(tables: Mapping[str, TopicTable], run: RunFile, rate: float) -> RunEp
         if table.type_name == STATES_TYPE and JOINTS & {name.partition(".")[2] for name in joints}:
             sources[_name_of_person(table.topic)] = table, joints
     topics = {table.topic: SampledTopic(table) for table, _ in sources.values()}
-    times = _grid(list(topics.values()), topics[logs[0].topic], rate)
+    times = _grid(list(topics.values()), topics[logs[0].topic], rate, commanded)
     features = {
-        name: _feature(table, columns, topics[table.topic].values(columns, times))
-        for name, (table, columns) in sources.items()
+        name: _feature(name, topics[table.topic], table, columns, times) for name, (table, columns) in sources.items()
     }
     task = str(run.get("description") or run.get("experiment") or UNKNOWN)
     robot = (run.get("definition") or {}).get("robot") or {}
     missing = [] if arms else ["no observation.wrench: the bag has no franka_msgs/FrankaState"]
+    missing += [] if commanded else ["no action: the joints have no commands of one unit"]
     added = [f"note: {note}" for note in run_notes.of_table(tables)]
     notes = (*(topic.how(times) for topic in topics.values()), *logs[0].notes, *missing, *added)
     return RunEpisode(task, str(robot.get("arm_id") or "unknown"), features, notes)
+
+
+def _commanded(log: TopicTable) -> tuple[float, float] | None:
+    """Return the first and last time with commands to all joints [s]; None: one has none, or of several units."""
+    columns = [column for column in log.columns if column.name.startswith("command.")]
+    rows = np.flatnonzero(np.isfinite([column.values for column in columns]).all(axis=0))
+    known = all(column.unit for column in columns) and len(rows)
+    return (float(log.time[rows[0]]), float(log.time[rows[-1]])) if known else None
+
+
+def _check_known(feature: str, table: TopicTable, columns: list[str], times: FloatArray) -> None:
+    """Raise ExportError if a sample from which a frame is computed is not known (NaN): splines would invent it."""
+    named = table.named()
+    data = np.column_stack([np.asarray(named[name].values, dtype=float) for name in columns])
+    first, end = np.searchsorted(table.time, times[0], "right") - 1, np.searchsorted(table.time, times[-1]) + 1
+    if len(wrong := np.argwhere(~np.isfinite(data[max(first, 0) : end]))):
+        row, column = wrong[0]
+        time = table.time[max(first, 0) + row]
+        other = "" if feature == ACTION else f"; leave the topic {table.topic} out by --topics"
+        raise ExportError(
+            f"format lerobot: {columns[column]} of {feature} is not known (NaN) at {time:.3f} s; valid: known values "
+            f"in every frame{other}"
+        )
 
 
 def _columns_of_log(log: TopicTable) -> dict[str, list[str]]:
@@ -121,7 +149,9 @@ def _name_of_person(topic: str) -> str:
     return f"observation.{topic.strip('/').removeprefix('hric/').rpartition('/')[0].replace('/', '.') or 'person'}"
 
 
-def _feature(table: TopicTable, columns: list[str], values: FloatArray) -> Feature:
+def _feature(name: str, topic: SampledTopic, table: TopicTable, columns: list[str], times: FloatArray) -> Feature:
+    _check_known(name, table, columns, times)
+    values = topic.values(columns, times)
     if tuple(columns) == WRENCH:
         return Feature(WRENCH_NAMES, WRENCH_UNITS, values)
     units = {column.name: column.unit for column in table.columns}
@@ -129,15 +159,18 @@ def _feature(table: TopicTable, columns: list[str], values: FloatArray) -> Featu
     return Feature(tuple(names), tuple(units[column] for column in columns), values)
 
 
-def _grid(topics: list[SampledTopic], log: SampledTopic, rate: float) -> FloatArray:
-    """Return the times of the frames, shape (n,) [s]."""
+def _grid(
+    topics: list[SampledTopic], log: SampledTopic, rate: float, commanded: tuple[float, float] | None
+) -> FloatArray:
+    """Return the times of the frames, shape (n,) [s]; commanded: first and last time with commands."""
     step = log.rate / rate
     if abs(step - round(step)) > ALMOST or round(step) < 1:
         whole = [log.rate / k for k in (1, 2, 4, 5, 10, 20, 50, 100)]
         valid = ", ".join(f"{value:g}" for value in whole if abs(value - round(value)) < ALMOST)
         raise ExportError(f"--rate {rate:g}: valid: {log.rate:g} Hz of the control log over a whole number: {valid}")
-    begin = log.time[np.searchsorted(log.time, max(topic.time[0] for topic in topics) - ALMOST / log.rate)]
-    end = min(topic.time[-1] for topic in topics)
+    spans = [(topic.time[0], topic.time[-1]) for topic in topics] + [commanded or (log.time[0], log.time[-1])]
+    begin = log.time[np.searchsorted(log.time, max(first for first, _ in spans) - ALMOST / log.rate)]
+    end = min(last for _, last in spans)
     count = int(np.floor((end - begin) * rate + ALMOST)) + 1
     if count < 2:
         raise ExportError(f"the signals have {max(end - begin, 0.0):.3f} s in common; valid: at least two frames")
