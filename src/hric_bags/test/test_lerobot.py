@@ -242,3 +242,10 @@ def test_lost_cycles_are_noted_in_the_data_set(tmp_path: Path) -> None:
     assert main(["export", str(run), "--format", "lerobot"]) == 0
     notes = json.loads((run / "export/lerobot/meta/info.json").read_text())["notes"]
     assert "40 cycles are missing from cycle 400 on" in notes
+
+
+def test_a_person_recorded_after_the_arm_has_no_frame(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    late = [("/hric/human/joint_states", states(k), 0.005 * k) for k in range(900, 1100)]
+    run = synthetic.write_run(tmp_path, CYCLES, extra=late)
+    assert main(["export", str(run.path), "--format", "lerobot"]) == 1
+    assert "s in common; valid: at least two frames" in capsys.readouterr().err

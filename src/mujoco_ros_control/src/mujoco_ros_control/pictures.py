@@ -240,7 +240,7 @@ class _Canvas:
 
 def _context_class() -> Any:
     """Return MuJoCo's class of OpenGL contexts by MUJOCO_GL, also if MuJoCo was loaded without it."""
-    name = os.environ.get("MUJOCO_GL", "egl")
+    name = os.environ.get("MUJOCO_GL") or "egl"
     check_known("MUJOCO_GL", [name], ("egl", "glfw", "osmesa"))
     return importlib.import_module(f"mujoco.{name}").GLContext
 

@@ -169,7 +169,8 @@ def _grid(
         valid = ", ".join(f"{value:g}" for value in whole if abs(value - round(value)) < ALMOST)
         raise ExportError(f"--rate {rate:g}: valid: {log.rate:g} Hz of the control log over a whole number: {valid}")
     spans = [(topic.time[0], topic.time[-1]) for topic in topics] + [commanded or (log.time[0], log.time[-1])]
-    begin = log.time[np.searchsorted(log.time, max(first for first, _ in spans) - ALMOST / log.rate)]
+    first_row = int(np.searchsorted(log.time, max(first for first, _ in spans) - ALMOST / log.rate))
+    begin = log.time[min(first_row, len(log.time) - 1)]
     end = min(last for _, last in spans)
     count = int(np.floor((end - begin) * rate + ALMOST)) + 1
     if count < 2:
