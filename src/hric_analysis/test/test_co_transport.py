@@ -171,7 +171,7 @@ def test_the_replay_has_the_board_where_both_ends_of_it_are(led: runner.Headless
             "human.position:=[3.0, -0.2]",
             r"the goal of the hand is 1\.4\d+ m from the right shoulder; valid: up to 0\.6",
         ),
-        ("robot.load.mass:=-1", r"robot\.load\.mass is -1; valid: a finite number from 0 to 50 \[kg\]"),
+        ("robot.load.mass:=-1", r"robot\.load\.mass is -1; valid: a finite number from 0 to 20 \[kg\]"),
     ],
 )
 def test_what_cannot_be_carried_is_refused_before_anything_runs(change: str, said: str) -> None:

@@ -66,10 +66,20 @@ def test_an_exposure_in_the_future_or_far_in_the_past_does_not_count() -> None:
     assert clock.echo is not None
     echoes(clock.echo, 0.0, 5.0, 0.0)
     now = START + 5 * NS
-    for t, means in ((4.99, "mid-exposure"), (3.5, "reception"), (5.5, "reception")):
+    for t, means in ((4.99, "mid-exposure"), (-6.0, "reception"), (5.5, "reception")):
         exposed, told = clock.exposed(Frame(1, suffix=Suffix(mid_exposure=ticks_at(t, 0.0), transmitted=1)), now)
         assert told == means
         assert exposed == pytest.approx(START + 4.99 * NS if means == "mid-exposure" else now - 5_500_000, abs=1e5)
+
+
+def test_a_frame_that_a_stalled_machine_delivers_late_keeps_its_exposure() -> None:
+    clock = ExposureClock(0.0055)
+    clock.restart(FREQUENCY)
+    assert clock.echo is not None
+    echoes(clock.echo, 0.0, 5.0, 0.0)
+    for t in np.arange(3.0, 4.995, 0.01):  # two seconds of frames at once
+        exposed, means = clock.exposed(Frame(1, suffix=Suffix(mid_exposure=ticks_at(t, 0.0))), START + 5 * NS)
+        assert means == "mid-exposure" and exposed == pytest.approx(START + t * NS, abs=1e5)
 
 
 def test_the_running_minimum_is_that_of_the_window() -> None:

@@ -28,10 +28,10 @@ MINIMUM_WINDOW = 10.0
 FAR = 1.0
 """Largest valid difference of a delay from the running minimum [s] (project default, unconfirmed)."""
 NS = 1_000_000_000
-LATEST, CLOCK_ERROR = NS, NS // 100
+LATEST, CLOCK_ERROR = 10 * NS, NS // 100
 """Largest age and largest lead of a valid exposure time, compared with the arrival [ns].
 
-Project default, unconfirmed.
+The age exceeds that of frames that wait while this machine stalls. Project default, unconfirmed.
 """
 
 
