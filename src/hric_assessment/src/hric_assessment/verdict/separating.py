@@ -50,6 +50,7 @@ class PersonSeparation:
         evidence: evidence of the arm's log, with the share of its motion in which the person is known.
         relied: True if only the distance protected the person: contacts are not judged by force, and nothing is held.
         unlogged: joints that move the arm, or another arm, and are not in the arm's log.
+        strangers: joints in the recording that are not in the robot's description.
         shapeless: links of the arm with meshes or without a collision shape, which the distances ignore.
         load: load of the arm [kg].
         unbraked: name of a robot other than Franka's whose stopping is not known; empty: known, or a Franka.
@@ -67,6 +68,7 @@ class PersonSeparation:
     evidence: Evidence
     relied: bool
     unlogged: tuple[str, ...]
+    strangers: tuple[str, ...]
     shapeless: tuple[str, ...]
     load: float
     unbraked: str
@@ -142,6 +144,7 @@ def separated(source: AssessmentInput, person: AssessedPerson, choices: Assessme
         _evidence(source, log, person, arm),
         relied,
         unlogged(arm.tree, log.joint_names),
+        tuple(name for names in source.recording.mechanisms.values() for name in names if name not in arm.tree.joints),
         tuple(dict.fromkeys(left_out)),
         load,
         _unbraked(source, choices),
@@ -308,6 +311,11 @@ def _unproven(approach: PersonSeparation) -> tuple[str, str]:
     if approach.unlogged:
         why = f"the positions of {', '.join(approach.unlogged)} are not in the control log and are assumed to be zero"
         return why, "record a control log with all joints of the robot that can move"
+    if approach.strangers:
+        why = (
+            f"where the links of {', '.join(approach.strangers)} are is not known: no joints of the robot's description"
+        )
+        return why, "record a robot description with all robots and grippers"
     if approach.shapeless:
         why = f"the distance of {', '.join(approach.shapeless)} is not known: collision shapes are meshes or missing"
         return why, "give these links collision shapes: capsules, cylinders, spheres or boxes"
