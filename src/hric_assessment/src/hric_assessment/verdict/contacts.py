@@ -4,6 +4,7 @@ Each episode is judged by the recorded force, and by its approach speed with the
 of the two decides.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -11,17 +12,17 @@ from functools import cached_property
 import numpy as np
 
 from hric_assessment.contact.area import check_area
-from hric_assessment.contact.assess import ContactSite, LimitRatio, assess
+from hric_assessment.contact.assess import ContactSite, LimitRatio, assess, force_ratios
 from hric_assessment.contact.classes import BY_CLAMPING, INTERPRETATIONS, ContactClass, contact_class
 from hric_assessment.contact.energy import energy_finding
-from hric_assessment.contact.episodes import PENALTY, Episode, end_of, episodes, window_of
+from hric_assessment.contact.episodes import PENALTY, Episode, end_of, episodes, split, window_of
 from hric_assessment.findings import CONTACT, ENERGY, Evidence, Finding, Outcome
-from hric_assessment.tables import MASS, ROTORS, STIFFNESS, TIME_STEP, verdict_table
+from hric_assessment.tables import MASS, ROTORS, STIFFNESS, TIME_STEP, episode_table, verdict_table
 from hric_assessment.verdict.choices import AssessmentChoices
 from hric_assessment.verdict.impacts import ExpectedImpacts
 from hric_assessment.verdict.inputs import AssessmentInput
 from hric_assessment.verdict.person import body_of
-from hric_bags.records.human_record import HumanRecord
+from hric_bags.records.human_record import GripRecord, HumanRecord
 from hric_bags.records.region_contacts import ContactStream
 from hric_core.errors import HricError
 from hric_human.contact import RegionContact
@@ -35,6 +36,10 @@ SILENT_GAP = 0.075
 
 It is 1.5 times the 50 ms after which an empty message is due (`hric_human.participant.topics.SILENCE`).
 """
+HAND = "hand, fingers"
+"""Region of a grip by a link whose regions are not known."""
+BEYOND = "beyond the limit of a contact; no source states how hard a grip may be"
+GRIP_REMEDY = "judge the grip by other means, or repeat the task with less force"
 NOT_VARIED = (
     "the peak force is not that of an impact in closed form: how masses and stiffness would change it is not known"
 )
@@ -51,8 +56,9 @@ def contact_findings(source: AssessmentInput, choices: AssessmentChoices) -> lis
     findings = [finding for record in humans.values() for finding in _of_person(source, record, choices)]
     on_camera = (source.definition.get("mocap") or {}).get("human")
     for topic in source.recording.people:
-        if not (humans and on_camera):  # otherwise the tracked person is the simulated one
-            findings.append(_not_recorded(source, choices, topic.rpartition("/")[0]))
+        name = topic.rpartition("/")[0]
+        if name not in humans and not (humans and on_camera):  # otherwise the tracked person is the simulated one
+            findings.append(_not_recorded(source, choices, name))
     return findings or [_not_recorded(source, choices, "")]
 
 
@@ -90,6 +96,7 @@ def _of_person(source: AssessmentInput, record: HumanRecord, choices: Assessment
     for contact in record.region_contacts:
         regions.setdefault(_region_key(contact), []).append(contact)
     findings = [finding for contacts in regions.values() for finding in judge.of_region(contacts)]
+    findings += [finding for grip in record.grips.values() if (finding := judge.of_grip(grip)) is not None]
     findings = [replace(finding, evidence=evidence) for finding in findings]
     if not findings or lost:
         rest = _rest(source, record, evidence, lost, remedy, choices)
@@ -203,6 +210,35 @@ class _Judge:
         for episode in episodes(sprung, self._period, until):
             findings += [finding.marked_near_limit() for finding in self._with_force(episode)]
         return findings
+
+    def of_grip(self, grip: GripRecord) -> Finding | None:
+        """Return the finding that a grip's force is not known or beyond the limits of a contact; None: it is below."""
+        holder, held = (body.rpartition("::")[2] for body in (grip.holder, grip.held))
+        of_link = {} if self._body is None else self._body.regions
+        names = tuple(region.name for region in (*of_link.get(holder, ()), *of_link.get(held, ()))) or (HAND,)
+        limits, force = self._choices.limits, np.linalg.norm(grip.force, axis=1)
+        if not grip.closed.any() or (limit := limits.at(names)) is None:
+            return None
+        rows = np.split(np.flatnonzero(grip.closed), np.flatnonzero(np.diff(np.flatnonzero(grip.closed)) > 1) + 1)
+        parts = [split(grip.time[row], force[row], episode_table(), math.nan) for row in rows]
+        ratios = [ratio for part in parts for ratio in force_ratios(part, None, limit)]
+        largest = max(ratios, key=lambda item: item.ratio if math.isfinite(item.ratio) else math.inf)
+        if largest.ratio <= 1.0:
+            return None
+        reason = f"{largest}: {BEYOND}" if math.isfinite(largest.ratio) else "the force of the grip is not known"
+        window, topic = (float(grip.time[rows[0][0]]), float(grip.time[rows[-1][-1]])), f"{self._record.name}/grip"
+        return Finding(
+            f"grip {grip.name} of {grip.held} by {grip.holder}",
+            Outcome.NOT_ASSESSABLE,
+            reason,
+            limits.table.name,
+            window=window,
+            signals=(topic,),
+            regions=names,
+            group=CONTACT,
+            person=self._record.name,
+            remedy=GRIP_REMEDY,
+        )
 
     def _without_force(self, contacts: Sequence[RegionContact]) -> Finding:
         """Return one finding for all contacts of two bodies that have no meaningful force."""
