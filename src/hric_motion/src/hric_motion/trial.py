@@ -27,6 +27,8 @@ from hric_motion.measured import MeasuredMotion, measured
 
 MIN_MARKERS, MIN_TRUNK = 10, 3
 """Smallest numbers of markers of a known set, in all and on the trunk (project default, unconfirmed)."""
+FARTHEST = 2.5
+"""Largest distance of a marker from the median of a person's markers [m] (project default, unconfirmed)."""
 LEGS = tuple(f"_{LINKS[kind]}" for kind in ("thigh", "shank", "foot"))
 """Endings of the links of a leg."""
 DEFAULT = "P50_male"
@@ -139,6 +141,7 @@ def trial_motion(
     on = {one.name: one.link for one in markers(segments(replace(person, parts="whole_body")), extra)}
     _check_known(trials[0], worn, [name for name in worn.labels if on[name] in TRUNK], mapped=labels is not None)
     by_trial = [worn.labels, *(_again(trial, worn, labels is not None) for trial in trials[1:])]
+    trials = [_without_strays(trial, one) for trial, one in zip(trials, by_trial, strict=True)]
     names, never, positions = _seen(trials, by_trial)
     _check_upright(trials, names, positions)
     legs = any(on[name].endswith(LEGS) for name in names)
@@ -217,6 +220,28 @@ def _positions(trial: Trial, labels: Person, names: Sequence[str]) -> FloatArray
         if name in labels:
             positions[:, column] = trial.positions[:, trial.labels.index(labels[name])]
     return positions
+
+
+def _without_strays(trial: Trial, labels: Person) -> Trial:
+    """Return a trial without markers that are farther from the person's other markers than a body is long.
+
+    A frame of which half of the markers would be left out stays as it is: its unit may be wrong.
+    """
+    rows = [trial.labels.index(label) for label in labels.values()]
+    positions, visible = trial.positions.copy(), seen_in(trial.positions[:, rows])
+    strays = np.zeros_like(visible)
+    for k in np.flatnonzero(visible.any(axis=1)):
+        seen = positions[k, rows][visible[k]]
+        away = np.linalg.norm(seen - np.median(seen, axis=0), axis=1) > FARTHEST
+        strays[k, visible[k]] = away if 2 * away.sum() < len(away) else False
+    if not strays.any():
+        return trial
+    frame, marker = np.nonzero(strays)
+    positions[frame, np.array(rows)[marker]] = np.nan
+    counts = strays.sum(axis=0)
+    named = ", ".join(f"{trial.labels[rows[k]]} in {counts[k]} of {len(strays)} frames" for k in np.unique(marker))
+    sentence = f"markers more than {FARTHEST:g} m from the person's others: {named}"
+    return replace(trial, positions=positions, reasons={**trial.reasons, "strays": sentence})
 
 
 def _check_known(trial: Trial, worn: _Worn, trunk: Sequence[str], *, mapped: bool) -> None:

@@ -80,8 +80,11 @@ class ArmScores:
     @property
     def worst_lasting(self) -> int:
         """Score that would count if all unknown times had the highest score of the table."""
-        seconds = verdict_table()["lasting"] - (self.evidence.requested - self.evidence.known)
-        return lasting(self.time, self.worst, seconds) if seconds > 0.0 else int(list(self.scores.table.levels)[-1])
+        evidence, shortest = self.evidence, verdict_table()["lasting"]
+        seconds = shortest - (evidence.requested - evidence.known)
+        if seconds <= 0.0 or (evidence.requested < shortest and not evidence.complete):
+            return int(list(self.scores.table.levels)[-1])
+        return lasting(self.time, self.worst, seconds)
 
     def timeline(self) -> ScoreCurve:
         """Return the scores over time as a curve of the verdict."""
