@@ -136,6 +136,23 @@ def test_a_recording_shorter_than_a_second_is_within_limits_only_if_all_of_it_is
     assert {one.outcome for one in found.values()} == {Outcome.NOT_ASSESSABLE}
 
 
+@pytest.mark.parametrize(
+    ("lost", "outcomes"),
+    [
+        (("right_el_flex",), {Outcome.WARNING}),
+        (("right_sh_", "right_el_", "right_pro_", "right_wr_"), {Outcome.NOT_ASSESSABLE}),
+    ],
+    ids=["without its elbow", "not at all"],
+)
+def test_an_arm_that_is_not_completely_recorded_is_assessed_nevertheless(
+    lost: tuple[str, ...], outcomes: set[Outcome]
+) -> None:
+    whole = person({"right_sh_flex": 170.0}, root=leaning(0.0))
+    rows = [k for k, name in enumerate(whole.names) if not name.startswith(lost)]
+    found = findings(replace(whole, names=tuple(whole.names[k] for k in rows), q=whole.q[:, rows]))
+    assert {found["RULA right"].outcome} == outcomes
+
+
 @pytest.mark.parametrize(("uncertainty", "outcome"), [(0.0, Outcome.WITHIN), (math.inf, Outcome.NOT_ASSESSABLE)])
 def test_angles_of_unknown_uncertainty_are_never_within_limits(uncertainty: float, outcome: Outcome) -> None:
     finding = findings(replace(person({}, root=leaning(0.0)), uncertainty=uncertainty))["RULA right"]

@@ -81,8 +81,9 @@ class AssessedPerson:
 
     @property
     def sides(self) -> tuple[str, ...]:
-        """Sides of the arms whose elbow angle is known."""
-        return tuple(side for side in ("right", "left") if f"{side}_el_flex" in self.names)
+        """Sides of the arms that the body has, even if none of their angles is known."""
+        joints = {*self.body.joints, *self.names}
+        return tuple(side for side in ("right", "left") if any(name.startswith(f"{side}_sh_") for name in joints))
 
     def summary(self) -> PersonSummary:
         """Return the description of the person for the verdict."""
