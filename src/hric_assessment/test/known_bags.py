@@ -211,6 +211,8 @@ def approach(
     urdf: str = ball_urdf(),
     base: Sequence[tuple[str, str, float]] = (),
     more: Callable[[Bag], None] = lambda bag: None,
+    parts: str = "right_arm",
+    frozen: tuple[float, float] = (0.0, 0.0),
 ) -> Known:
     """7. The ball passes a hanging arm at a constant speed. Nearest is where a closed form of point and line has it.
 
@@ -220,11 +222,13 @@ def approach(
         urdf: description of the robot.
         base: frames from the world to the root of the description, see `upright`.
         more: writes further messages.
+        parts: parts of the body of which the joints are recorded.
+        frozen: begin and end of the time in which the log repeats one position [s].
     """
     speed, begin = 0.8, -1.6
     times = np.arange(0.0, 4.0005, 0.001)
-    x = begin + speed * times
-    body = describe(HumanSettings.of({"parts": "right_arm"}, "human").person)
+    x = begin + speed * np.where((times > frozen[0]) & (times < frozen[1]), frozen[0], times)
+    body = describe(HumanSettings.of({"parts": parts}, "human").person)
     with Bag(folder / "approach.bag") as bag:
         bag.write("/robot_description", "std_msgs/msg/String", 0.0, data=urdf)
         upright(bag, 1.4, base)

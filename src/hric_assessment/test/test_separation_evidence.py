@@ -1,5 +1,6 @@
 """The distance of a person from an arm where one of the two is not recorded for a part of the time."""
 
+import functools
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -8,10 +9,12 @@ from typing import Any
 import known_bags
 import numpy as np
 import pytest
+import verdict_cases
 
 from hric_assessment.findings import Outcome
 from hric_assessment.verdict import assess, opened
 from hric_assessment.verdict.conclusions import Reply
+from hric_core.errors import HricError
 from hric_human.body import describe
 from hric_human.participant.settings import HumanSettings
 
@@ -123,7 +126,7 @@ def states(bag: known_bags.Bag, topic: str, at: float, names: list[str]) -> None
 def test_an_arm_is_far_enough_only_where_all_that_moves_is_known(
     tmp_path: Path, more: Callable[[known_bags.Bag], None], reply: Reply, words: str
 ) -> None:
-    known_bags.approach(tmp_path, urdf=known_bags.ball_urdf("base_link"), base=BASE, more=more)
+    known_bags.approach(tmp_path, urdf=known_bags.ball_urdf("base_link"), base=BASE, more=more, parts="upper_body")
     verdict = assess(opened(str(tmp_path / "approach.bag")))
     (distance,) = [one for one in verdict.conclusions if one.question == "distance"]
     assert distance.reply == reply and words in "; ".join([distance.reason, *verdict.input.notes])
@@ -156,7 +159,7 @@ def test_a_tracked_person_is_far_enough_only_where_the_tracker_knows_their_pose(
     tmp_path: Path, changes: dict[str, Any], reply: Reply
 ) -> None:
     """The changes last for one second, those of the residual for the whole recording."""
-    body = describe(HumanSettings.of({"parts": "right_arm"}, "human").person)
+    body = describe(HumanSettings.of({"parts": "upper_body"}, "human").person)
 
     def more(bag: known_bags.Bag) -> None:
         for at in (0.02 * k for k in range(200)):
@@ -169,8 +172,51 @@ def test_a_tracked_person_is_far_enough_only_where_the_tracker_knows_their_pose(
     assert distance.reply == reply
 
 
+def logged(bag: verdict_cases.Bag, robot_time: Callable[[float], float]) -> None:
+    """Let a control log of 3 s have another clock."""
+    bag.control_log(0.0, 3.0)
+    for at, topic, _, message in bag.rows:
+        if topic == "/control_log":
+            message.time = message.time - at + robot_time(at)
+
+
+@pytest.mark.parametrize(
+    "robot_time",
+    [lambda at: min(at, 1.0), lambda at: at % 1.5, lambda at: at + 9.0 * (at > 1.0)],
+    ids=["stands still", "begins again", "jumps"],
+)
+def test_a_robot_clock_that_does_not_follow_the_stamps_is_refused(
+    tmp_path: Path, robot_time: Callable[[float], float]
+) -> None:
+    bag = verdict_cases.Bag()
+    logged(bag, robot_time)
+    with pytest.raises(HricError, match=r"the clock of the control log is .* s off its stamps"):
+        opened(str(bag.save(tmp_path / "clock.bag")))
+
+
+def test_a_robot_clock_may_drift(tmp_path: Path) -> None:
+    bag = verdict_cases.Bag()
+    logged(bag, lambda at: 1.0005 * at)
+    assert opened(str(bag.save(tmp_path / "clock.bag"))).recording.log is not None
+
+
+def test_an_arm_whose_position_is_frozen_while_it_has_a_velocity_is_not_known(tmp_path: Path) -> None:
+    known_bags.approach(tmp_path, base=FAR, frozen=(2.0, 9.0), parts="upper_body")
+    findings = assess(opened(str(tmp_path / "approach.bag"))).findings
+    (finding,) = [one for one in findings if one.group == "separation"]
+    assert finding.outcome == Outcome.NOT_ASSESSABLE and "known for 2.0" in finding.reason
+
+
 def test_a_person_whose_first_joint_states_are_empty_is_assessed(tmp_path: Path) -> None:
-    known_bags.approach(tmp_path, base=FAR, more=lambda bag: states(bag, "/hric/human/joint_states", 0.0, []))
+    empty = functools.partial(states, topic="/hric/human/joint_states", at=0.0, names=[])
+    known_bags.approach(tmp_path, base=FAR, more=empty, parts="upper_body")
     findings = assess(opened(str(tmp_path / "approach.bag"))).findings
     (finding,) = [one for one in findings if one.group == "separation"]
     assert finding.outcome == Outcome.WITHIN
+
+
+def test_a_person_of_whom_only_an_arm_is_known_is_not_far_enough(tmp_path: Path) -> None:
+    known_bags.approach(tmp_path, base=FAR)
+    findings = assess(opened(str(tmp_path / "approach.bag"))).findings
+    (finding,) = [one for one in findings if one.group == "separation"]
+    assert finding.outcome == Outcome.NOT_ASSESSABLE and "only an arm or both are known" in finding.reason

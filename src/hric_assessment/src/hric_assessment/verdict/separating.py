@@ -186,6 +186,13 @@ def _sampled(log: ControlRecord, person: AssessedPerson, time: FloatArray) -> Bo
     return sampled
 
 
+def _known(log: ControlRecord) -> BoolArray:
+    """Return True for cycles with finite positions, shape (n,), that do not repeat while the arm has a velocity."""
+    repeated = np.concatenate([[False], (np.diff(log.position, axis=0) == 0.0).all(axis=1)])
+    moves = (np.abs(log.velocity) > verdict_table()["moving"]).any(axis=1)
+    return finite_rows(log.position) & ~(repeated & moves)
+
+
 def _gaps(
     log: ControlRecord, person: AssessedPerson, window: tuple[float, float], seen: BoolArray
 ) -> list[tuple[float, float]]:
@@ -194,7 +201,7 @@ def _gaps(
     seen: True for instants of the person with valid joint angles, shape (n,).
     """
     root, longest = person.root, verdict_table()["max_gap"]
-    gaps = [*unknown(log.time, finite_rows(log.position), window, longest)]
+    gaps = [*unknown(log.time, _known(log), window, longest)]
     gaps += unknown(person.time, seen, window, longest)
     if root is not None and not root.fixed:
         gaps += unknown(root.time, finite_rows(root.pose), window, longest)
@@ -204,8 +211,7 @@ def _gaps(
 def _evidence(source: AssessmentInput, log: ControlRecord, person: AssessedPerson, arm: CapsuleMotion) -> Evidence:
     """Return the evidence of the arm's log, with the share of the arm's motion in which the person is fully known."""
     window = source.recording.begin, source.recording.end
-    finite = finite_rows(log.position)
-    evidence = Evidence.of(log.time, finite, window, verdict_table()["max_gap"])
+    evidence = Evidence.of(log.time, _known(log), window, verdict_table()["max_gap"])
     unseen = np.zeros(len(log.time), dtype=bool)
     for begin, end in _gaps(log, person, window, finite_rows(person.q)):
         unseen |= (log.time > begin) & (log.time < end)
@@ -319,6 +325,9 @@ def _unproven(approach: PersonSeparation) -> tuple[str, str]:
     if approach.shapeless:
         why = f"the distance of {', '.join(approach.shapeless)} is not known: collision shapes are meshes or missing"
         return why, "give these links collision shapes: capsules, cylinders, spheres or boxes"
+    if person.settings is None and not any(joint.startswith("trunk") for joint in person.body.joints):
+        why = "of the person only an arm or both are known"
+        return why, f"record all joints of the body in {person.name}/joint_states"
     if approach.unbraked and approach.margin >= 0.0:
         why = f"how fast {approach.unbraked} stops is not known; S_p has an assumed stop"
         own = f"stops of this robot, measured or from its manual, with `robot: {approach.unbraked}`"

@@ -27,7 +27,14 @@ from hric_bags.reader import (
 from hric_bags.records.contact_record import CONTACTS_TYPE as PAIRS_TYPE
 from hric_bags.records.contact_record import PairForce, add_to
 from hric_bags.records.human_record import TORQUE_TYPE, HumanMessages, HumanRecord, human_names
-from hric_bags.records.one_publisher import JOINTS, RecordedJointStates, RisingStamps, check_names, publishers
+from hric_bags.records.one_publisher import (
+    BACK_IN_TIME,
+    JOINTS,
+    RecordedJointStates,
+    RisingStamps,
+    check_names,
+    publishers,
+)
 from hric_bags.records.rows import Thinning, in_order, times, xyz, xyz_quaternion
 from hric_bags.records.safety_record import EVENT_TYPE, STATE_TYPE, SafetyMessages, SafetyRecord
 from hric_core.geometry import Pose, normalized
@@ -47,6 +54,8 @@ NAMES = {TORQUE_TYPE: "name", ACTIVATION_TYPE: "name", REACTIONS_TYPE: "joint_na
 """Message type -> field with names of joints or muscles, which must be unique in each message that is read."""
 ONE_PUBLISHER = (LOG_TYPE, TORQUE_TYPE, TRACKING_TYPE, ACTIVATION_TYPE)
 """Message types that only one node may publish on one topic."""
+DRIFT = 1e-3
+"""Largest drift of the robot's clock against that of the stamps [1] (project default, unconfirmed)."""
 MOVED = 1e-3
 """Difference of a frame's poses in its parent from which on the frame has moved [m], [rad]; project default."""
 LOST = "lost"
@@ -429,8 +438,21 @@ class _ThinLog:
 
     @property
     def robot_time(self) -> RobotTime | None:
-        """Function from stamps to robot time [s]; None: there is no control log."""
-        return robot_time_of(self._clock) if self._clock else None
+        """Function from stamps to robot time [s]; None: there is no control log.
+
+        Raises:
+            BagError: the robot's clock stood still, jumped or began again.
+        """
+        if not self._clock:
+            return None
+        stamps, times = np.array(self._clock).T
+        apart, drift = float(np.ptp(stamps - times)), DRIFT * float(np.ptp(stamps))
+        if apart > BACK_IN_TIME + drift:
+            raise BagError(
+                f"the clock of the control log is {apart:.3f} s off its stamps at some times, as if it stood still or "
+                f"began again; valid: up to {BACK_IN_TIME + drift:.3f} s, in the bag of one run"
+            )
+        return robot_time_of(self._clock)
 
     def record(self) -> ControlRecord | None:
         """Return the record of the stored cycles; None: there are none."""
