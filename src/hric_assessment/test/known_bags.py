@@ -212,7 +212,7 @@ def approach(
     base: Sequence[tuple[str, str, float]] = (),
     more: Callable[[Bag], None] = lambda bag: None,
     parts: str = "right_arm",
-    frozen: tuple[float, float] = (0.0, 0.0),
+    measured: Callable[[np.ndarray], np.ndarray] = lambda times: times,
 ) -> Known:
     """7. The ball passes a hanging arm at a constant speed. Nearest is where a closed form of point and line has it.
 
@@ -223,11 +223,11 @@ def approach(
         base: frames from the world to the root of the description, see `upright`.
         more: writes further messages.
         parts: parts of the body of which the joints are recorded.
-        frozen: begin and end of the time in which the log repeats one position [s].
+        measured: function from times to those whose position the log has [s].
     """
     speed, begin = 0.8, -1.6
     times = np.arange(0.0, 4.0005, 0.001)
-    x = begin + speed * np.where((times > frozen[0]) & (times < frozen[1]), frozen[0], times)
+    x = begin + speed * measured(times)
     body = describe(HumanSettings.of({"parts": parts}, "human").person)
     with Bag(folder / "approach.bag") as bag:
         bag.write("/robot_description", "std_msgs/msg/String", 0.0, data=urdf)

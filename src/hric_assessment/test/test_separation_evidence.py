@@ -96,6 +96,11 @@ def states(bag: known_bags.Bag, topic: str, at: float, names: list[str]) -> None
         (lambda bag: known_bags.frames(bag, 3.0, ("world", "base_link", 1.0, 0.0)), Reply.UNKNOWN, "several poses"),
         (lambda bag: known_bags.frames(bag, 3.0, ("floor", "base_link", 0.0, 0.0)), Reply.UNKNOWN, "several poses"),
         (
+            lambda bag: known_bags.frames(bag, 3.0, ("world", "base_link", math.nan, 0.0)),
+            Reply.UNKNOWN,
+            "or an impossible one",
+        ),
+        (
             lambda bag: known_bags.frames(bag, 3.0, ("world", "base_link", 1.0, 0.0), topic="/tf"),
             Reply.UNKNOWN,
             "the frame base_link has several poses in tf",
@@ -119,7 +124,16 @@ def states(bag: known_bags.Bag, topic: str, at: float, names: list[str]) -> None
         (lambda bag: bag.write("/hric/human/root", "std_msgs/msg/String", 1.0, data="text"), Reply.YES, "never"),
     ],
     ids=[
-        *("alone", "second arm", "base moved", "two parents", "base moves", "person moves", "links in tf"),
+        *(
+            "alone",
+            "second arm",
+            "base moved",
+            "two parents",
+            "base is not finite",
+            "base moves",
+            "person moves",
+            "links in tf",
+        ),
         *("another description", "two descriptions", "another type of a topic"),
     ],
 )
@@ -201,10 +215,16 @@ def test_a_robot_clock_may_drift(tmp_path: Path) -> None:
 
 
 def test_an_arm_whose_position_is_frozen_while_it_has_a_velocity_is_not_known(tmp_path: Path) -> None:
-    known_bags.approach(tmp_path, base=FAR, frozen=(2.0, 9.0), parts="upper_body")
+    known_bags.approach(tmp_path, base=FAR, measured=lambda times: np.minimum(times, 2.0), parts="upper_body")
     findings = assess(opened(str(tmp_path / "approach.bag"))).findings
     (finding,) = [one for one in findings if one.group == "separation"]
     assert finding.outcome == Outcome.NOT_ASSESSABLE and "known for 2.0" in finding.reason
+
+
+def test_an_arm_at_no_place_has_no_picture(tmp_path: Path) -> None:
+    known_bags.approach(tmp_path, measured=lambda times: np.where(times > 1.0, np.nan, times), parts="upper_body")
+    verdict = assess(opened(str(tmp_path / "approach.bag")))
+    assert verdict.moment is None
 
 
 def test_a_person_whose_first_joint_states_are_empty_is_assessed(tmp_path: Path) -> None:

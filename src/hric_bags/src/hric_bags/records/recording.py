@@ -249,14 +249,17 @@ class _Taken:
                 self._place(transform)
 
     def _place(self, transform: Any) -> None:
-        """Add the pose of a frame in its parent; a frame with several parents or poses has moved."""
-        q, parent, child = transform.transform.rotation, transform.header.frame_id, transform.child_frame_id
-        if not any(orientation := (q.x, q.y, q.z, q.w)):
+        """Add the pose of a frame in its parent; one with several parents or poses, or an impossible one, has moved."""
+        parent, child = transform.header.frame_id.strip("/"), transform.child_frame_id.strip("/")
+        position, q = xyz(transform.transform.translation), transform.transform.rotation
+        orientation = q.x, q.y, q.z, q.w
+        if not any(orientation) or not all(map(math.isfinite, (*position, *orientation))):
+            self._moved[child] = None
             return
-        pose = Pose(xyz(transform.transform.translation), normalized(orientation))
-        first, T_first_child = self._static.setdefault(child.strip("/"), (parent.strip("/"), pose))
-        if first != parent.strip("/") or any(abs(value) > MOVED for value in difference(T_first_child, pose)):
-            self._moved[child.strip("/")] = None
+        pose = Pose(position, normalized(orientation))
+        first, T_first_child = self._static.setdefault(child, (parent, pose))
+        if first != parent or any(abs(value) > MOVED for value in difference(T_first_child, pose)):
+            self._moved[child] = None
 
     def _described(self, joints: Sequence[str]) -> list[str]:
         """Return the descriptions with the arm's joints, or all if there is none; they differ from each other."""
@@ -301,7 +304,8 @@ class _Taken:
         ]
         log = self._log.record()
         described = self._described(() if log is None else log.joint_names)
-        notes = [f"the frame {frame} has several poses in tf, so where it is is not known" for frame in self._moved]
+        several = "has several poses in tf, or an impossible one, so where it is is not known"
+        notes = [f"the frame {frame} {several}" for frame in self._moved]
         notes += ["the robot descriptions in the recording differ, so none is used"] * (len(described) > 1)
         humans = {human.name: human.record(robot_time) for human in self._humans}
         people = _columns({topic: named for topic, named in self._people.items() if named is not None}, robot_time)
