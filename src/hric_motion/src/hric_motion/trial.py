@@ -141,7 +141,7 @@ def trial_motion(
     on = {one.name: one.link for one in markers(segments(replace(person, parts="whole_body")), extra)}
     _check_known(trials[0], worn, [name for name in worn.labels if on[name] in TRUNK], mapped=labels is not None)
     by_trial = [worn.labels, *(_again(trial, worn, labels is not None) for trial in trials[1:])]
-    trials = [_without_strays(trial, one) for trial, one in zip(trials, by_trial, strict=True)]
+    trials = [without_strays(trial, one) for trial, one in zip(trials, by_trial, strict=True)]
     names, never, positions = _seen(trials, by_trial)
     _check_upright(trials, names, positions)
     legs = any(on[name].endswith(LEGS) for name in names)
@@ -222,7 +222,7 @@ def _positions(trial: Trial, labels: Person, names: Sequence[str]) -> FloatArray
     return positions
 
 
-def _without_strays(trial: Trial, labels: Person) -> Trial:
+def without_strays(trial: Trial, labels: Person) -> Trial:
     """Return a trial without markers that are farther from the person's other markers than a body is long.
 
     A frame of which half of the markers would be left out stays as it is: its unit may be wrong.
