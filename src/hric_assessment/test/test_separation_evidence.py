@@ -93,22 +93,30 @@ def states(bag: known_bags.Bag, topic: str, at: float, names: list[str]) -> None
     [
         (lambda bag: None, Reply.YES, "never nearer than S_p"),
         (lambda bag: states(bag, "/arm2/joint_states", 1.0, ["lift"]), Reply.UNKNOWN, "the links of lift are"),
-        (lambda bag: known_bags.frames(bag, 3.0, ("world", "base_link", 1.0, 0.0)), Reply.UNKNOWN, "several poses"),
-        (lambda bag: known_bags.frames(bag, 3.0, ("floor", "base_link", 0.0, 0.0)), Reply.UNKNOWN, "several poses"),
+        (
+            lambda bag: known_bags.frames(bag, 3.0, ("world", "base_link", 1.0, 0.0)),
+            Reply.UNKNOWN,
+            "has several or impossible poses",
+        ),
+        (
+            lambda bag: known_bags.frames(bag, 3.0, ("floor", "base_link", 0.0, 0.0)),
+            Reply.UNKNOWN,
+            "has several or impossible poses",
+        ),
         (
             lambda bag: known_bags.frames(bag, 3.0, ("world", "base_link", math.nan, 0.0)),
             Reply.UNKNOWN,
-            "or an impossible one",
+            "has several or impossible poses",
         ),
         (
             lambda bag: known_bags.frames(bag, 3.0, ("world", "base_link", 1.0, 0.0), topic="/tf"),
             Reply.UNKNOWN,
-            "the frame base_link has several poses in tf",
+            "the frame base_link has several or impossible poses in tf",
         ),
         (
             lambda bag: known_bags.frames(bag, 3.0, ("world", "human_base", 1.0, 1.4), topic="/tf"),
             Reply.UNKNOWN,
-            "the frame human_base has several poses in tf",
+            "the frame human_base has several or impossible poses in tf",
         ),
         (lambda bag: known_bags.frames(bag, 3.0, ("base_link", "tool", 1.0, 0.0), topic="/tf"), Reply.YES, "never"),
         (
@@ -196,21 +204,19 @@ def logged(bag: verdict_cases.Bag, robot_time: Callable[[float], float]) -> None
 
 @pytest.mark.parametrize(
     "robot_time",
-    [lambda at: min(at, 1.0), lambda at: at % 1.5, lambda at: at + 9.0 * (at > 1.0)],
-    ids=["stands still", "begins again", "jumps"],
+    [lambda at: min(at, 1.0), lambda at: at % 1.5],
+    ids=["stands still", "begins again"],
 )
-def test_a_robot_clock_that_does_not_follow_the_stamps_is_refused(
-    tmp_path: Path, robot_time: Callable[[float], float]
-) -> None:
+def test_a_robot_clock_that_does_not_rise_is_refused(tmp_path: Path, robot_time: Callable[[float], float]) -> None:
     bag = verdict_cases.Bag()
     logged(bag, robot_time)
-    with pytest.raises(HricError, match=r"the clock of the control log is .* s off its stamps"):
+    with pytest.raises(HricError, match=r"the clock of the control log does not rise above"):
         opened(str(bag.save(tmp_path / "clock.bag")))
 
 
-def test_a_robot_clock_may_drift(tmp_path: Path) -> None:
+def test_a_robot_clock_may_be_slow(tmp_path: Path) -> None:
     bag = verdict_cases.Bag()
-    logged(bag, lambda at: 1.0005 * at)
+    logged(bag, lambda at: 0.5 * at)
     assert opened(str(bag.save(tmp_path / "clock.bag"))).recording.log is not None
 
 

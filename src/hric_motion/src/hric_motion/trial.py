@@ -141,7 +141,7 @@ def trial_motion(
     on = {one.name: one.link for one in markers(segments(replace(person, parts="whole_body")), extra)}
     _check_known(trials[0], worn, [name for name in worn.labels if on[name] in TRUNK], mapped=labels is not None)
     by_trial = [worn.labels, *(_again(trial, worn, labels is not None) for trial in trials[1:])]
-    trials = [without_strays(trial, one) for trial, one in zip(trials, by_trial, strict=True)]
+    trials = list(map(without_strays, trials, by_trial))
     names, never, positions = _seen(trials, by_trial)
     _check_upright(trials, names, positions)
     legs = any(on[name].endswith(LEGS) for name in names)
@@ -151,10 +151,8 @@ def trial_motion(
         motion = measured(person, names, positions[0], trials[0].rate, extra, still, progress)
     except HricError as error:
         raise HricError(f"{path.name}: {error}") from error
-    notes = _notes(trials, worn, sources, person, never)
-    return TrialMotion(
-        motion, trials[0], worn.labels, worn.chosen.name, worn.prefix.strip(":_/"), person, sources, notes
-    )
+    about = worn.chosen.name, worn.prefix.strip(":_/"), person, sources, _notes(trials, worn, sources, person, never)
+    return TrialMotion(motion, trials[0], worn.labels, *about)
 
 
 def _mapped(trial: Trial, path: Path) -> _Worn:
@@ -225,21 +223,18 @@ def _positions(trial: Trial, labels: Person, names: Sequence[str]) -> FloatArray
 def without_strays(trial: Trial, labels: Person) -> Trial:
     """Return a trial without markers that are farther from the person's other markers than a body is long.
 
-    A frame of which half of the markers would be left out stays as it is: its unit may be wrong.
+    A frame in which these are half of the markers stays as it is: its unit may be wrong.
     """
-    rows = [trial.labels.index(label) for label in labels.values()]
-    positions, visible = trial.positions.copy(), seen_in(trial.positions[:, rows])
-    strays = np.zeros_like(visible)
-    for k in np.flatnonzero(visible.any(axis=1)):
-        seen = positions[k, rows][visible[k]]
-        away = np.linalg.norm(seen - np.median(seen, axis=0), axis=1) > FARTHEST
-        strays[k, visible[k]] = away if 2 * away.sum() < len(away) else False
-    if not strays.any():
+    rows, positions = [trial.labels.index(label) for label in labels.values()], trial.positions.copy()
+    p, seen = positions[:, rows], seen_in(positions[:, rows])
+    middle = [np.median(frame[k] if k.any() else frame, axis=0) for frame, k in zip(p, seen, strict=True)]
+    strays = seen & (np.linalg.norm(p - np.reshape(middle, (-1, 1, 3)), axis=2) > FARTHEST)
+    strays &= (2 * strays.sum(axis=1) < seen.sum(axis=1))[:, None]
+    counts = {trial.labels[row]: count for row, count in zip(rows, strays.sum(axis=0), strict=True) if count}
+    if not counts:
         return trial
-    frame, marker = np.nonzero(strays)
-    positions[frame, np.array(rows)[marker]] = np.nan
-    counts = strays.sum(axis=0)
-    named = ", ".join(f"{trial.labels[rows[k]]} in {counts[k]} of {len(strays)} frames" for k in np.unique(marker))
+    positions[:, rows] = np.where(strays[..., None], np.nan, p)
+    named = ", ".join(f"{label} in {count} of {len(strays)} frames" for label, count in counts.items())
     sentence = f"markers more than {FARTHEST:g} m from the person's others: {named}"
     return replace(trial, positions=positions, reasons={**trial.reasons, "strays": sentence})
 

@@ -159,7 +159,7 @@ def _judged(
     limits: Limits,
     approach: LimitRatio | None,
 ) -> tuple[Outcome, str, list[LimitRatio]]:
-    ratios = force_ratios(force, site.contact_area, limit) if force and limit else []
+    ratios = _ratios(force, site, limit) if force and limit else []
     if approach is not None and site.kind == PENALTY and (approach.exact or approach.value <= approach.limit):
         ratios.append(approach)
     if any(region in NOT_PERMITTED for region in site.regions):
@@ -202,13 +202,13 @@ def _unproven(
     return ""
 
 
-def force_ratios(force: Episode, area: float | None, limit: ContactLimit) -> list[LimitRatio]:
-    """Return all forces and pressures with their limits; area: that of the contact [m^2], None: not known.
+def _ratios(force: Episode, site: ContactSite, limit: ContactLimit) -> list[LimitRatio]:
+    """Return all forces and pressures with their limits.
 
     A transient value without a transient limit is compared with the quasi-static one.
     """
     held = None if force.quasi_static is None else force.quasi_static.peak
-    return _of_pair(force.transient.peak, held, area, limit)
+    return _of_pair(force.transient.peak, held, site.contact_area, limit)
 
 
 def _of_pair(peak: float, held: float | None, area: float | None, limit: ContactLimit) -> list[LimitRatio]:

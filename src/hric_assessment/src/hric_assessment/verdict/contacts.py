@@ -4,7 +4,6 @@ Each episode is judged by the recorded force, and by its approach speed with the
 of the two decides.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -12,12 +11,12 @@ from functools import cached_property
 import numpy as np
 
 from hric_assessment.contact.area import check_area
-from hric_assessment.contact.assess import ContactSite, LimitRatio, assess, force_ratios
+from hric_assessment.contact.assess import ContactSite, LimitRatio, assess
 from hric_assessment.contact.classes import BY_CLAMPING, INTERPRETATIONS, ContactClass, contact_class
 from hric_assessment.contact.energy import energy_finding
-from hric_assessment.contact.episodes import PENALTY, Episode, end_of, episodes, split, window_of
+from hric_assessment.contact.episodes import PENALTY, Episode, end_of, episodes, window_of
 from hric_assessment.findings import CONTACT, ENERGY, Evidence, Finding, Outcome
-from hric_assessment.tables import MASS, ROTORS, STIFFNESS, TIME_STEP, episode_table, verdict_table
+from hric_assessment.tables import MASS, ROTORS, STIFFNESS, TIME_STEP, verdict_table
 from hric_assessment.verdict.choices import AssessmentChoices
 from hric_assessment.verdict.impacts import ExpectedImpacts
 from hric_assessment.verdict.inputs import AssessmentInput
@@ -38,7 +37,7 @@ It is 1.5 times the 50 ms after which an empty message is due (`hric_human.parti
 """
 HAND = "hand, fingers"
 """Region of a grip by a link whose regions are not known."""
-BEYOND = "beyond the limit of a contact; no source states how hard a grip may be"
+BEYOND = "no source states how hard a grip may be beyond the limit of a held contact"
 GRIP_REMEDY = "judge the grip by other means, or repeat the task with less force"
 NOT_VARIED = (
     "the peak force is not that of an impact in closed form: how masses and stiffness would change it is not known"
@@ -212,33 +211,21 @@ class _Judge:
         return findings
 
     def of_grip(self, grip: GripRecord) -> Finding | None:
-        """Return the finding that a grip's force is not known or beyond the limits of a contact; None: it is below."""
-        holder, held = (body.rpartition("::")[2] for body in (grip.holder, grip.held))
-        of_link = {} if self._body is None else self._body.regions
-        names = tuple(region.name for region in (*of_link.get(holder, ()), *of_link.get(held, ()))) or (HAND,)
-        limits, force = self._choices.limits, np.linalg.norm(grip.force, axis=1)
-        if not grip.closed.any() or (limit := limits.at(names)) is None:
+        """Return the finding that a grip's force is unknown or above the limit of a held contact; None: it is below."""
+        of_link, links = {} if self._body is None else self._body.regions, (grip.holder, grip.held)
+        found = [region.name for body in links for region in of_link.get(body.rpartition("::")[2], ())]
+        limit, force = self._choices.limits.at(found or [HAND]), np.linalg.norm(grip.force[grip.closed], axis=1)
+        if limit is None or (force <= limit.force.quasi_static).all():
             return None
-        rows = np.split(np.flatnonzero(grip.closed), np.flatnonzero(np.diff(np.flatnonzero(grip.closed)) > 1) + 1)
-        parts = [split(grip.time[row], force[row], episode_table(), math.nan) for row in rows]
-        ratios = [ratio for part in parts for ratio in force_ratios(part, None, limit)]
-        largest = max(ratios, key=lambda item: item.ratio if math.isfinite(item.ratio) else math.inf)
-        if largest.ratio <= 1.0:
-            return None
-        reason = f"{largest}: {BEYOND}" if math.isfinite(largest.ratio) else "the force of the grip is not known"
-        window, topic = (float(grip.time[rows[0][0]]), float(grip.time[rows[-1][-1]])), f"{self._record.name}/grip"
-        return Finding(
-            f"grip {grip.name} of {grip.held} by {grip.holder}",
-            Outcome.NOT_ASSESSABLE,
-            reason,
-            limits.table.name,
-            window=window,
-            signals=(topic,),
-            regions=names,
-            group=CONTACT,
-            person=self._record.name,
-            remedy=GRIP_REMEDY,
+        time, name = grip.time[grip.closed], self._record.name
+        reason = (
+            f"the grip has up to {force.max():.1f} of {limit.force.quasi_static:.1f} N ({limit.force.label}); {BEYOND}"
         )
+        return Finding(
+            f"grip {grip.name} of {grip.held} by {grip.holder}", Outcome.NOT_ASSESSABLE, reason,
+            self._choices.limits.table.name, window=(float(time[0]), float(time[-1])), signals=(f"{name}/grip",),
+            regions=tuple(found), group=CONTACT, person=name, remedy=GRIP_REMEDY,
+        )  # fmt: skip
 
     def _without_force(self, contacts: Sequence[RegionContact]) -> Finding:
         """Return one finding for all contacts of two bodies that have no meaningful force."""

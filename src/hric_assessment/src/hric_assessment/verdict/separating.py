@@ -127,10 +127,9 @@ def separated(source: AssessmentInput, person: AssessedPerson, choices: Assessme
         raise NotAssessableError("arm and person were not recorded at the same time")
     distances = separation(float(begin), float(end), arm, robot.radii, bodies, body.radii)
     speed = speeds(arm, distances.time)
-    load = held_mass(source.definition)
-    human, terms = _protective(speed, person, choices.braking, load)
+    human, terms = _protective(speed, person, choices.braking, load := held_mass(source.definition))
     notes = _notes(person, choices.braking.text(load), unknown_share)
-    relied = _relied(person, notes)
+    relied, joints = _relied(person, notes), [name for each in source.recording.mechanisms.values() for name in each]
     return PersonSeparation(
         distances,
         speed,
@@ -144,7 +143,7 @@ def separated(source: AssessmentInput, person: AssessedPerson, choices: Assessme
         _evidence(source, log, person, arm),
         relied,
         unlogged(arm.tree, log.joint_names),
-        tuple(name for names in source.recording.mechanisms.values() for name in names if name not in arm.tree.joints),
+        tuple(name for name in joints if name not in arm.tree.joints),
         tuple(dict.fromkeys(left_out)),
         load,
         _unbraked(source, choices),

@@ -24,17 +24,11 @@ from hric_bags.reader import (
     robot_time_of,
     seconds,
 )
+from hric_bags.records import one_publisher
 from hric_bags.records.contact_record import CONTACTS_TYPE as PAIRS_TYPE
 from hric_bags.records.contact_record import PairForce, add_to
 from hric_bags.records.human_record import TORQUE_TYPE, HumanMessages, HumanRecord, human_names
-from hric_bags.records.one_publisher import (
-    BACK_IN_TIME,
-    JOINTS,
-    RecordedJointStates,
-    RisingStamps,
-    check_names,
-    publishers,
-)
+from hric_bags.records.one_publisher import JOINTS, RecordedJointStates, RisingStamps, check_names, publishers
 from hric_bags.records.rows import Thinning, in_order, times, xyz, xyz_quaternion
 from hric_bags.records.safety_record import EVENT_TYPE, STATE_TYPE, SafetyMessages, SafetyRecord
 from hric_core.geometry import Pose, normalized
@@ -54,8 +48,6 @@ NAMES = {TORQUE_TYPE: "name", ACTIVATION_TYPE: "name", REACTIONS_TYPE: "joint_na
 """Message type -> field with names of joints or muscles, which must be unique in each message that is read."""
 ONE_PUBLISHER = (LOG_TYPE, TORQUE_TYPE, TRACKING_TYPE, ACTIVATION_TYPE)
 """Message types that only one node may publish on one topic."""
-DRIFT = 1e-3
-"""Largest drift of the robot's clock against that of the stamps [1] (project default, unconfirmed)."""
 MOVED = 1e-3
 """Difference of a frame's poses in its parent from which on the frame has moved [m], [rad]; project default."""
 LOST = "lost"
@@ -246,9 +238,9 @@ class _Taken:
             self._descriptions[str(message.data)] = None
         elif kind == STATIC_TYPE:
             for transform in message.transforms:
-                self._place(transform)
+                self._note_frame(transform)
 
-    def _place(self, transform: Any) -> None:
+    def _note_frame(self, transform: Any) -> None:
         """Add the pose of a frame in its parent; one with several parents or poses, or an impossible one, has moved."""
         parent, child = transform.header.frame_id.strip("/"), transform.child_frame_id.strip("/")
         position, q = xyz(transform.transform.translation), transform.transform.rotation
@@ -261,10 +253,14 @@ class _Taken:
         if first != parent or any(abs(value) > MOVED for value in difference(T_first_child, pose)):
             self._moved[child] = None
 
-    def _described(self, joints: Sequence[str]) -> list[str]:
-        """Return the descriptions with the arm's joints, or all if there is none; they differ from each other."""
+    def _described(self, joints: Sequence[str]) -> tuple[str, tuple[str, ...]]:
+        """Return the description with the arm's joints, "" if several differ, and notes on what is not used."""
         fitting = [text for text in self._descriptions if all(f'"{name}"' in text for name in joints)]
-        return fitting or [*self._descriptions]
+        known = fitting or [*self._descriptions]
+        notes = [f"the frame {frame} has several or impossible poses in tf: it is not used" for frame in self._moved]
+        if len(known) > 1:
+            notes.append("the robot descriptions in the recording differ: none is used")
+        return known[0] if len(known) == 1 else "", tuple(notes)
 
     def _add_states(self, topic: str, message: Any) -> None:
         if topic not in self._people and message.name:
@@ -295,25 +291,21 @@ class _Taken:
         """
         self._check_publishers(reader)
         topics = {topic: info.msgcount for topic, info in reader.topics.items()}
-        count = reader.message_count
-        first, last = (1e-9 * reader.start_time, 1e-9 * reader.end_time) if count else (0.0, 0.0)
+        first, last = (1e-9 * reader.start_time, 1e-9 * reader.end_time) if reader.message_count else (0.0, 0.0)
         robot_time = self._log.robot_time or (lambda stamp: stamp - first)
         pairs = [
             replace(pair, time=robot_time(pair.time), first=robot_time(pair.first), last=robot_time(pair.last))
             for _, pair in sorted(self._pairs.items())
         ]
         log = self._log.record()
-        described = self._described(() if log is None else log.joint_names)
-        several = "has several poses in tf, or an impossible one, so where it is is not known"
-        notes = [f"the frame {frame} {several}" for frame in self._moved]
-        notes += ["the robot descriptions in the recording differ, so none is used"] * (len(described) > 1)
+        description, notes = self._described(() if log is None else log.joint_names)
         humans = {human.name: human.record(robot_time) for human in self._humans}
         people = _columns({topic: named for topic, named in self._people.items() if named is not None}, robot_time)
         streams = [human.time for human in humans.values()] + [columns.time for columns in people.values()]
+        streams += [] if log is None else [log.time]
         streams += [human.stream.time for human in humans.values() if human.stream is not None]
-        streams = [time for time in (*streams, *([] if log is None else [log.time])) if len(time)]
         begin, end = robot_time(first), robot_time(last)
-        if streams:
+        if streams := [time for time in streams if len(time)]:
             begin = min(begin + SLACK, *(time[0] for time in streams))
             end = max(end - SLACK, *(time[-1] for time in streams))
         return Recording(
@@ -330,11 +322,11 @@ class _Taken:
             _columns(self._activation, robot_time),
             _columns(self._contact, robot_time),
             _columns(self._shares, robot_time),
-            described[0] if len(described) == 1 else "",
+            description,
             {(parent, child): T for child, (parent, T) in self._static.items() if child not in self._moved},
             self._safety.record(robot_time),
             {topic: states.names for topic, states in self._states.items() if topic not in (*people, *self._topics)},
-            tuple(notes),
+            notes,
         )
 
 
@@ -407,7 +399,7 @@ class _ThinLog:
     """Collector of control log cycles at a limited rate [Hz]; repeated cycles are stored once."""
 
     def __init__(self, rate: float) -> None:
-        self._rate, self._slot, self._last = rate, -math.inf, -math.inf
+        self._rate, self._slot, self._last, self._rose = rate, -math.inf, -math.inf, -math.inf
         self._time = array("d")
         self._values = {name: array("d") for name in (*ARRAYS, "by_effort")}
         self._clock: list[tuple[float, float]] = []
@@ -427,6 +419,7 @@ class _ThinLog:
                 f"the joints of the control log change at {time[0]:.3f} s, from {', '.join(self._message.joint_names)} "
                 f"to {', '.join(message.joint_names)}; valid: the bag of one arm"
             )
+        self._check_clock(seconds(message.header.stamp), time[-1])
         slots = np.floor(time * self._rate + 1e-6)
         chosen = (np.diff(slots, prepend=self._slot) > 0.0) & (time > self._last)
         self._slot, self._last = max(self._slot, slots[-1]), max(self._last, time[-1])
@@ -440,23 +433,20 @@ class _ThinLog:
             self._clock.append((seconds(message.header.stamp), float(time[0])))
             self._message = message
 
+    def _check_clock(self, stamp: float, time: float) -> None:
+        """Raise BagError if the robot time of the last cycle [s] does not rise while the stamps [s] do."""
+        if not time <= self._last:
+            self._rose = stamp
+        elif stamp - self._rose > one_publisher.BACK_IN_TIME:
+            raise BagError(
+                f"the clock of the control log does not rise above {self._last:.3f} s, as if it stood still or a run "
+                "started again; valid: the bag of one run"
+            )
+
     @property
     def robot_time(self) -> RobotTime | None:
-        """Function from stamps to robot time [s]; None: there is no control log.
-
-        Raises:
-            BagError: the robot's clock stood still, jumped or began again.
-        """
-        if not self._clock:
-            return None
-        stamps, times = np.array(self._clock).T
-        apart, drift = float(np.ptp(stamps - times)), DRIFT * float(np.ptp(stamps))
-        if apart > BACK_IN_TIME + drift:
-            raise BagError(
-                f"the clock of the control log is {apart:.3f} s off its stamps at some times, as if it stood still or "
-                f"began again; valid: up to {BACK_IN_TIME + drift:.3f} s, in the bag of one run"
-            )
-        return robot_time_of(self._clock)
+        """Function from stamps to robot time [s]; None: there is no control log."""
+        return robot_time_of(self._clock) if self._clock else None
 
     def record(self) -> ControlRecord | None:
         """Return the record of the stored cycles; None: there are none."""
