@@ -260,7 +260,7 @@ def test_what_does_not_fit_is_refused_with_the_valid_choices() -> None:
         ({"changes": ["human.rate:=1"]}, "'human.rate:=1' is not possible; valid: 25 Hz"),
         ({"changes": ["human.subject:=P50_male"], "population": "adult_female"}, "not possible; valid: no population"),
         ({"person": "none", "changes": ["human.mass:=50"]}, "valid: keys of parameters, robot"),
-        ({"changes": ["parameters.force_controller.force:=[0, 0, 5]"]}, "not one of .* joint_pd_controller"),
+        ({"changes": ["parameters.force_controller.force:=[0, 0, 5]"]}, "not one of joint_pd_controller"),
         (
             {
                 "action": "impedance",
