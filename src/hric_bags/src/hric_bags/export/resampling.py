@@ -51,7 +51,7 @@ class SampledTopic:
         return f"{self._table.topic} {how}" + (f", straight lines over {self.gaps} gaps" if self.gaps else "")
 
     def newest(self, names: Sequence[str], times: FloatArray) -> FloatArray:
-        """Return the newest sample at or before each of `times`, shape (times, names); no later sample has an effect."""
+        """Return the newest sample at or before each of `times`, shape (times, names), whatever follows."""
         columns = self._table.named()
         data = np.column_stack([np.asarray(columns[name].values, dtype=float)[self._rows] for name in names])
         return np.asarray(data[self._before(times)])
