@@ -10,6 +10,7 @@ from hric_control.sim.simulated_robot import SimulatedRobot
 from hric_core.geometry import FloatArray, pose_of_transform
 from hric_core.node import Node
 from hric_dynamics.tree import closest
+from hric_human.body.segments import ROOT
 from hric_human.control.human_control import hand_side
 from hric_human.control.kinematics import HandChain
 from hric_human.participant.settings import HUMAN, MUSCLE, HumanSettings
@@ -162,7 +163,7 @@ class Observer:
         assert isinstance(plant, Articulated), "a person is refused by other plants"
         plant.read_joints(HUMAN, self._q, self._dq)
         q, dq = self._q[-count:], self._dq[-count:]
-        root, _ = plant.link_state(f"{HUMAN}::{plant.base_link(HUMAN)}")
+        root, _ = plant.link_state(f"{HUMAN}::{ROOT}")  # the base of a walking person stays at the start
         hand = root @ self._hand.pose(q).transform()
         placed = self._body_shape.seen(
             self._hw.loop.time, "world", dict(zip(self._joints, q, strict=True)), pose_of_transform(root)
