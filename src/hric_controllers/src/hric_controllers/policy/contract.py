@@ -149,9 +149,11 @@ class PolicyContract(Settings):
             )
         for name in self.robot.different(arm):
             if name not in ignored:
+                ranges = ", or other_ranges: true of the controller" if name in ("lower", "upper") else ""
                 raise ParameterError(
                     f"the policy is of another robot: {name} of {self.robot.arm_id} in the training: "
                     f"{_shown(self.robot, name)}, of {arm.arm_id}: {_shown(arm, name)}; valid: a policy of this robot"
+                    f"{ranges}"
                 )
         return self.goals
 
