@@ -91,6 +91,8 @@ def test_two_agents_act_only_in_an_episode_and_together() -> None:
     env.reset(seed=1)
     with pytest.raises(HricError, match="no action of person; valid: one of each agent, robot, person"):
         env.step({"robot": actions["robot"]})
+    with pytest.raises(HricError, match="no action of person; valid: one of each agent, robot, person"):
+        env.step({"robot": actions["robot"], "person": None})
     while env.agents:
         env.step(actions)
     with pytest.raises(HricError, match="no episode is running"):

@@ -10,6 +10,7 @@ from hric_control.sim.simulated_robot import SimulatedRobot
 from hric_core.geometry import FloatArray, pose_of_transform
 from hric_core.node import Node
 from hric_dynamics.tree import nearest
+from hric_human.body.segments import ROOT
 from hric_human.control.human_control import hand_side
 from hric_human.control.kinematics import HandChain
 from hric_human.participant.settings import HUMAN, MUSCLE, HumanSettings
@@ -108,6 +109,7 @@ class Observer:
         self._joints = tuple(body.joints)
         root = self.settings.root(body)
         self._body_shape, self._T_world_root = BodyShape(body, root), root.transform()
+        self._T_world_root.setflags(write=False)  # all observations share it
         side = hand_side(body, (self.settings.control or {}).get("side", "dominant"), "")
         self._hand = HandChain(body, side)
         count = len(self._joints)
@@ -165,8 +167,8 @@ class Observer:
         plant.read_joints(HUMAN, self._q, self._dq)
         q, dq = self._q[-count:], self._dq[-count:]
         root, moved = self._T_world_root, None
-        if len(self._q) > count:  # the person walks
-            root, _ = plant.link_state(f"{HUMAN}::{plant.base_link(HUMAN)}")
+        if len(self._q) > count:  # the person walks; the base of the model stays at the start
+            root, _ = plant.link_state(f"{HUMAN}::{ROOT}")
             moved = pose_of_transform(root)
         hand = root @ self._hand.pose(q).transform()
         placed = self._body_shape.seen(self._hw.loop.time, "world", dict(zip(self._joints, q, strict=True)), moved)
