@@ -21,6 +21,7 @@ from hric_bags.records.contact_record import ForceHeld, PairForce
 from hric_bags.records.safety_record import SafetyRecord
 from hric_bags.run_file import Definition, RunFile
 from hric_core.json_values import to_json
+from hric_core.urdf import read
 
 if TYPE_CHECKING:
     from hric_analysis.human import SimulatedPerson
@@ -49,6 +50,7 @@ class RunMetrics(MotionMetrics):
     Attributes:
         real_time_factor: robot time per wall time [1].
         missed_deadlines: number of control cycles that started late; None: not published, as in a headless run.
+        prismatic: joints whose values are in m, m/s and N where those of the others are in rad, rad/s and N m.
         reflexes: stops by which the arm protected itself.
         contacts: contact forces of each pair of bodies that touched.
         forces: force that each force controller held on a surface, by its name.
@@ -69,6 +71,7 @@ class RunMetrics(MotionMetrics):
     human: HumanMetrics | None
     supervisor: SupervisorMetrics | None
     tracking: TrackingMetrics | None
+    prismatic: tuple[str, ...] = ()
     reference: ReferenceSetup | None = None
     differences: tuple[Difference, ...] | None = None
 
@@ -100,6 +103,7 @@ class Values(Mapping[str, object]):
         self._others: dict[str, Callable[[], object]] = {
             "real_time_factor": lambda: run.get("real_time_factor"),
             "missed_deadlines": lambda: collection_record.missed_deadlines(bag),
+            "prismatic": self._prismatic,
             "reflexes": lambda: tuple(Reflex(*reflex) for reflex in record.reflexes),
             "contacts": lambda: tuple(contact_record.read(bag, record.robot_time)) or None,
             "forces": lambda: contact_record.forces_held(bag, record.robot_time) or None,
@@ -161,6 +165,10 @@ class Values(Mapping[str, object]):
         controller = parameters.get(setpoints[0]["controller"], {}) if setpoints else {}
         setup = differences.Setup(reference, self._definition.get("robot") or {}, controller, self._motion)
         return ReferenceSetup(self._reference, reference["title"]), differences.compare(setup)
+
+    def _prismatic(self) -> tuple[str, ...]:
+        known = read(self._description).joints if self._description else {}
+        return tuple(n for n in self._record.log.joint_names if n in known and known[n].type == "prismatic")
 
     def _stability(self) -> Stability:
         judged = stability.judge(self._run, self._record.log, self._limits)
