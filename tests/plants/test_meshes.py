@@ -98,7 +98,12 @@ BAD = {
     "a unit of no length": ("a.dae", collada('<unit meter="0"/>'), "", "meter of <unit> must be above 0; got '0'"),
     "a negative unit": ("a.dae", collada('<unit meter="-1"/>'), "", "meter of <unit> must be above 0; got '-1'"),
     "a unit that is no number": ("a.dae", collada('<unit meter="mm"/>'), "", "must be above 0; got 'mm'"),
-    "the size of a hall": ("a.obj", BOARD, "", 'is 1000 m long, beyond 30 m; in mm, it needs scale="0.001 0.001 0.001"'),
+    "the size of a hall": (
+        "a.obj",
+        BOARD,
+        "",
+        'is 1000 m long, beyond 30 m; in mm, it needs scale="0.001',
+    ),
     "a scale of zero": ("a.obj", FLAT, 'scale="1 0 1"', "a <mesh> of scale 1 0 1; all must be above 0"),
 }
 

@@ -64,9 +64,7 @@ def test_peers_that_send_no_header_keep_nobody_out(ros: str) -> None:
 
 @pytest.mark.rostest
 @pytest.mark.parametrize("begin", [b"GET / HTTP/1.1\r\n", b"\xff" * 8, b""])
-def test_a_peer_without_a_valid_header_is_disconnected(
-    ros: str, begin: bytes, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_peer_without_a_valid_header_is_disconnected(ros: str, begin: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(inbound, "HEADER_TIME", 0.2)
     with server_of_a_node() as peer:
         peer.sendall(begin)

@@ -3,7 +3,7 @@
 import socket
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 
 import pytest
 from fci_peer import new_address
@@ -56,9 +56,7 @@ def test_a_program_without_an_end_delays_no_cycle(served: Served) -> None:
         client.settimeout(0.0)
         rest = b"def rtde_control():\n" + b"x = 1\n" * 80_000
         while rest:
-            try:
+            with suppress(BlockingIOError):
                 rest = rest[client.send(rest[:4096]) :]
-            except BlockingIOError:
-                pass
             served.poll()
     assert served.slowest < 5e-3

@@ -69,8 +69,8 @@ class EngineRobot(ABC):
         if not values[0] > least:
             joint = self.joints.joints[own[int(np.abs(motions[:, 0]).argmax())]]
             raise DescriptionError(
-                f"joint {joint.name}: the inertia about it is {values[0]:.3g} kg m^2 at these positions, so that nothing "
-                f"resists its motion; correct <inertial> of link {joint.child} and of the links beyond it"
+                f"joint {joint.name}: the inertia about it is {values[0]:.3g} kg m^2 at these positions, so that "
+                f"nothing resists its motion; correct <inertial> of link {joint.child} and of the links beyond it"
             )
 
     def set_modes(self, modes: Sequence[Mode]) -> None:
