@@ -14,7 +14,7 @@ from hric_core.errors import DescriptionError
 
 _FAR = 1e9
 """Position of a joint stop that no joint reaches, which disables the stop [rad or m]."""
-_LEAST_INERTIA = 1e-11
+_MIN_INERTIA = 1e-11
 """Inertia up to which a motion of the joints is resisted by nothing [kg m^2 or kg]; project default, unconfirmed."""
 
 
@@ -58,15 +58,15 @@ class EngineRobot(ABC):
         Raises:
             DescriptionError: none does; the message names the joint that moves most.
         """
-        self._check_positive(self.mass_matrix() + np.diag([loss.rotor for loss in self.losses]), _LEAST_INERTIA)
+        self._check_positive(self.mass_matrix() + np.diag([loss.rotor for loss in self.losses]), _MIN_INERTIA)
 
-    def _check_positive(self, M: FloatArray, least: float) -> None:
+    def _check_positive(self, M: FloatArray, minimum: float) -> None:
         own = [i for i in range(len(self.q)) if i not in {follower for follower, *_ in self.joints.followers}]
         if not own:
             return
         J = self.joints.law_jacobian()[:, own]
         values, motions = np.linalg.eigh(J.T @ M @ J) if np.isfinite(M).all() else ([math.nan], np.eye(len(own)))
-        if not values[0] > least:
+        if not values[0] > minimum:
             joint = self.joints.joints[own[int(np.abs(motions[:, 0]).argmax())]]
             raise DescriptionError(
                 f"joint {joint.name}: the inertia about it is {values[0]:.3g} kg m^2 at these positions, so that "

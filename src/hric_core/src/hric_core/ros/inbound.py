@@ -53,7 +53,7 @@ class Doorkeeper:
 
     def __init__(self, handle: Handle) -> None:
         self._handle = handle
-        self._turn, self._lock = threading.Lock(), threading.Lock()
+        self._handling, self._lock = threading.Lock(), threading.Lock()
         self._waiting: list[socket.socket] = []
 
     def __call__(self, connected: socket.socket, address: tuple[str, int]) -> None:
@@ -74,7 +74,7 @@ class Doorkeeper:
         with self._lock:
             self._waiting.remove(connected)
         if not fault:
-            with self._turn:
+            with self._handling:
                 return self._handle(connected, address)
         LOG.info("the connection from %s:%d is closed: %s", *address, fault)
         connected.close()
