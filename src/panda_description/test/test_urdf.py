@@ -17,7 +17,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import panda_description
-from hric_core.errors import ParameterError, UnknownNameError
+from hric_core.errors import DescriptionError, ParameterError, UnknownNameError
 from hric_core.geometry import steiner_term
 from hric_core.urdf import read
 from panda_description import parameters
@@ -350,3 +350,25 @@ def test_a_description_is_expanded_again_after_a_change_of_its_files(
 def test_a_description_does_not_need_a_cache(own_cache: Path) -> None:
     own_cache.parent.write_text("not a folder")
     assert load_in_a_new_process() == load_in_a_new_process() == (panda_description.load(meshes=False), True)
+
+
+XACRO = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">{}</robot>'
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (
+            XACRO.format('<xacro:include filename="a.xacro"/>').encode(),
+            "a file includes itself or a macro",
+        ),
+        (XACRO.format('<xacro:macro name="m"><xacro:m/></xacro:macro><xacro:m/>').encode(), ".*a macro calls itself"),
+        (XACRO.format('<link name="Prüfling"/>').encode("latin-1"), "'utf-8' codec can't decode"),
+        (XACRO.format('<xacro:arg name="q"/>').encode(), "xacro:arg: missing attribute 'default'"),
+    ],
+)
+def test_a_xacro_file_that_cannot_be_expanded_is_one_error(tmp_path: Path, content: bytes, message: str) -> None:
+    (tmp_path / "a.xacro").write_bytes(content)
+    with pytest.raises(DescriptionError, match=f"a.xacro: {message}") as error:
+        panda_description.load_file(str(tmp_path / "a.xacro"))
+    assert "\n" not in str(error.value)

@@ -21,7 +21,6 @@ from hric_bags.records.contact_record import ForceHeld, PairForce
 from hric_bags.records.safety_record import SafetyRecord
 from hric_bags.run_file import Definition, RunFile
 from hric_core.json_values import to_json
-from hric_core.urdf import read
 
 if TYPE_CHECKING:
     from hric_analysis.human import SimulatedPerson
@@ -103,7 +102,7 @@ class Values(Mapping[str, object]):
         self._others: dict[str, Callable[[], object]] = {
             "real_time_factor": lambda: run.get("real_time_factor"),
             "missed_deadlines": lambda: collection_record.missed_deadlines(bag),
-            "prismatic": self._prismatic,
+            "prismatic": lambda: metrics.prismatic_joints(record.log.joint_names, description),
             "reflexes": lambda: tuple(Reflex(*reflex) for reflex in record.reflexes),
             "contacts": lambda: tuple(contact_record.read(bag, record.robot_time)) or None,
             "forces": lambda: contact_record.forces_held(bag, record.robot_time) or None,
@@ -165,10 +164,6 @@ class Values(Mapping[str, object]):
         controller = parameters.get(setpoints[0]["controller"], {}) if setpoints else {}
         setup = differences.Setup(reference, self._definition.get("robot") or {}, controller, self._motion)
         return ReferenceSetup(self._reference, reference["title"]), differences.compare(setup)
-
-    def _prismatic(self) -> tuple[str, ...]:
-        known = read(self._description).joints if self._description else {}
-        return tuple(n for n in self._record.log.joint_names if n in known and known[n].type == "prismatic")
 
     def _stability(self) -> Stability:
         judged = stability.judge(self._run, self._record.log, self._limits)

@@ -11,9 +11,9 @@
 static inline double within(double x, double most) { return fmin(fmax(x, 0.0), most); }
 
 /* Return the squared distance of two segments [m^2], NAN if a number is not finite. w: from the begin of the second to
- * that of the first; u, v: the segments; at: result, positions of the nearest points along both, 0 to 1. The minimum in the plane, clamped to the square one coordinate after the
- * other, is that in the square; for parallel segments one of the ends of the first gives it (Ericson, Real-Time
- * Collision Detection, 5.1.9). */
+ * that of the first; u, v: the segments; at: result, positions of the nearest points along both, 0 to 1. The minimum in
+ * the plane, clamped to the square one coordinate after the other, is that in the square; for parallel segments one of
+ * the ends of the first gives it (Ericson, Real-Time Collision Detection, 5.1.9). */
 static inline double segments_apart(const double w[3], const double u[3], const double v[3], double at[2])
 {
     const double uu = dot(u, u), vv = dot(v, v), uv = dot(u, v), uw = dot(u, w), vw = dot(v, w);

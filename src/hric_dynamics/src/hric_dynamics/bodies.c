@@ -191,7 +191,7 @@ FUNCTION(nearest)
         return NULL;
     const Py_ssize_t size = sizeof(double), n = view[RADII_A].len / size, m = view[RADII_B].len / size;
     const Py_ssize_t bytes[SETS] = {6 * n * size, n * size, 6 * m * size, m * size, 8 * m * size};
-    double(*a)[2][3] = view[ENDS_A].buf, (*b)[2][3] = view[ENDS_B].buf, (*rows)[8] = view[ROWS].buf;
+    double (*a)[2][3] = view[ENDS_A].buf, (*b)[2][3] = view[ENDS_B].buf, (*rows)[8] = view[ROWS].buf;
     const double *radii_a = view[RADII_A].buf, *radii_b = view[RADII_B].buf;
     const int fits = views_fit(view, SETS, bytes);
     for (Py_ssize_t pair = 0; fits && pair < n * m; pair++) {
@@ -378,6 +378,8 @@ static PyMethodDef bodies_methods[] = {
     {0}};
 
 static PyMethodDef functions[] = {
-    METHOD(nearest, "(ends_a, radii_a, ends_b, radii_b, rows): write the nearest of a set of capsules for each of another"), {0}};
+    METHOD(nearest,
+           "(ends_a, radii_a, ends_b, radii_b, rows): write the nearest of a set of capsules for each of another"),
+    {0}};
 
 TYPE_MODULE(hric_bodies, Bodies, bodies, functions)

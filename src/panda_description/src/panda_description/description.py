@@ -15,7 +15,6 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 from xml.dom import Node, minidom
-from xml.parsers.expat import ExpatError
 
 from hric_core import resources
 from hric_core.command import Argument, Command
@@ -205,7 +204,9 @@ def process_xacro(path: Path, mappings: dict[str, str]) -> minidom.Document:
         xacro = xacro_module()
         try:
             document: minidom.Document = xacro.process_file(str(path), mappings=mappings)
-        except (xacro.XacroException, ExpatError) as error:
+        except RecursionError as error:
+            raise DescriptionError(f"{path.name}: a file includes itself or a macro calls itself") from error
+        except Exception as error:  # xacro raises errors of any type, e.g. UnicodeDecodeError
             raise DescriptionError(f"{path.name}: {'; '.join(str(error).splitlines())}") from error
     return document
 

@@ -88,6 +88,9 @@ class CompiledDynamics(Protocol):
     def forget(self) -> None:
         """Clear the memory of the previous step, after the state was set from outside."""
 
+    def mass_matrix(self, q: Vector, /) -> list[float]:
+        """Return the mass matrix of the links at q, without mimic laws, n x n floats, row-major [kg m^2]."""
+
     def mobility(self, q: Vector, /) -> list[float]:
         """Return the inverse mass matrix of the links at q, with mimic laws, n x n floats, row-major [1/(kg m^2)]."""
 

@@ -97,8 +97,15 @@ class PybulletRobot(EngineRobot):
         return self._motors.effort
 
     def mass_matrix(self) -> FloatArray:
-        """Return the engine's mass matrix of all moving joints without rotors, shape (m, m) [kg m^2]."""
-        return np.array(pybullet.calculateMassMatrix(self.body.id, self.q, physicsClientId=self.engine.client))
+        """Return the mass matrix of all moving joints without rotors, shape (m, m) [kg m^2].
+
+        PyBullet computes none for an impossible inertia."""
+        return np.array(self.dynamics.mass_matrix(self.q)).reshape(len(self.q), -1)
+
+    def check_inertia(self) -> None:
+        """Check the inertia of the joints with the rotors, and without them, as the engine moves the links alone."""
+        super().check_inertia()
+        self._check_positive(self.mass_matrix(), 0.0)
 
     # -- setting the state ---------------------------------------------------------------------------------------------
 

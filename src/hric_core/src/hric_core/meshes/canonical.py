@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from hric_core.errors import DescriptionError, HricError
 from hric_core.geometry import FloatArray
 from hric_core.kept import CacheEntry, cache_folder
+from hric_core.magnitudes import largest
 from hric_core.resources import resolve
 from hric_core.urdf import Shape
 
@@ -21,7 +22,7 @@ SUFFIXES = (".dae", ".obj", ".stl")
 """Extensions of the mesh files that can be read."""
 WRITTEN_SUFFIX = ".obj"
 """Extension of the converted files."""
-VERSION = b"1"
+VERSION = b"2"
 """Version of the conversion, part of every cache key; change it when the converted text changes."""
 THINNEST = 1e-6
 """Smallest ratio of thickness to length of a mesh; below it the mesh is flat [1] (project default, unconfirmed)."""
@@ -150,6 +151,9 @@ def _hull(path: Path, changed: int, scale: tuple[float, ...], where: str) -> Mes
 
     lines = canonical(path, scale, where)[0].splitlines()
     vertices = np.array([line.split()[1:] for line in lines if line.startswith(b"v ")], float)
+    if (length := float(np.ptp(vertices, axis=0).max())) > largest("m"):
+        mm = " ".join(f"{factor * 1e-3:g}" for factor in scale)
+        raise UnreadableMeshError(f'it is {length:.4g} m long, beyond {largest("m"):g} m; in mm, it needs scale="{mm}"')
     extents = np.linalg.svd(vertices - vertices.mean(axis=0), compute_uv=False)
     if len(vertices) < 4 or extents[-1] < THINNEST * extents[0]:
         raise UnreadableMeshError("the mesh is flat; a collision shape must enclose a volume")
