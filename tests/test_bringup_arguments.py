@@ -6,6 +6,7 @@ import socket
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -22,7 +23,7 @@ from bringup_arguments import (  # noqa: E402
     instances,
     split,
 )
-from bringup_end import LIMIT, time_to_end  # noqa: E402
+from bringup_end import LONGER, _name  # noqa: E402
 from bringup_master import MasterError, call, choose, free_port  # noqa: E402
 from bringup_ready import arm, engine  # noqa: E402
 
@@ -380,5 +381,4 @@ def test_friction_is_a_name_or_file(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("process", ["recorder-7", "cell/recorder-7", "lab/cell-2/recorder-7"])
 def test_a_recorder_has_as_long_to_end_in_any_namespace(process: str) -> None:
-    assert time_to_end(process) == time_to_end("experiment-8") == 120.0
-    assert time_to_end(process.replace("recorder", "emg")) == LIMIT
+    assert _name(SimpleNamespace(name=process)) in LONGER

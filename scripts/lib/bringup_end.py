@@ -85,7 +85,7 @@ def _wait(alive: Sequence[Any], impatient: Callable[[], bool]) -> None:
     while alive := [process for process in alive if process.popen.poll() is None]:
         now = time.monotonic()
         for process in alive:
-            overdue = now - began > time_to_end(process.name)
+            overdue = now - began > LONGER.get(_name(process), LIMIT)
             if process.name not in killed and (overdue or impatient()):
                 killed.add(process.name)
                 _signal(process, signal.SIGKILL)
@@ -98,18 +98,10 @@ def _wait(alive: Sequence[Any], impatient: Callable[[], bool]) -> None:
         time.sleep(0.02)
 
 
-def time_to_end(process: str) -> float:
-    """Return the time for a node to end before it is killed [s of wall time]; process: roslaunch's name of it."""
-    return LONGER.get(_node(process), LIMIT)
-
-
 def _name(process: Any) -> str:
-    return _node(process.name)
-
-
-def _node(process: str) -> str:
     """Return the node name of a process, which roslaunch names NAMESPACE/NODE-NUMBER."""
-    return process.rpartition("-")[0].rpartition("/")[2]
+    name: str = process.name.rpartition("-")[0]
+    return name.rpartition("/")[2]
 
 
 def _signal(process: Any, number: int) -> None:
