@@ -54,13 +54,14 @@ class EngineRobot(ABC):
 
     def check_inertia(self) -> None:
         """Raise DescriptionError if no inertia resists a motion of the joints at the present positions."""
-        self._check_positive(self.mass_matrix() + np.diag([loss.rotor for loss in self.losses]), _LEAST_INERTIA)
+        self._check_positive(self.mass_matrix())
 
-    def _check_positive(self, M: FloatArray, least: float) -> None:
+    def _check_positive(self, M: FloatArray, rotors: bool = True) -> None:
         if own := sorted({*range(len(M))} - {follower for follower, *_ in self.joints.followers}):
             J = self.joints.law_jacobian()[:, own]
+            M = M + rotors * np.diag([loss.rotor for loss in self.losses])
             values, motions = np.linalg.eigh(J.T @ M @ J) if np.isfinite(M).all() else ([math.nan], np.eye(len(own)))
-            if not values[0] > least:
+            if not values[0] > rotors * _LEAST_INERTIA:
                 joint = self.joints.joints[own[int(np.abs(motions[:, 0]).argmax())]]
                 raise DescriptionError(
                     f"joint {joint.name}: the inertia about it is {values[0]:.3g} kg m^2 at these positions, so that "
