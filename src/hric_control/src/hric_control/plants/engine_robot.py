@@ -14,7 +14,7 @@ from hric_core.errors import DescriptionError
 
 _FAR = 1e9
 """Position of a joint stop that no joint reaches, which disables the stop [rad or m]."""
-_LEAST_INERTIA = 1e-11
+_MIN_INERTIA = 1e-11
 """Inertia up to which a motion of the joints is resisted by nothing [kg m^2 or kg]; project default, unconfirmed."""
 
 
@@ -61,7 +61,7 @@ class EngineRobot(ABC):
             J = self.joints.law_jacobian()[:, own]
             M = M + rotors * np.diag([loss.rotor for loss in self.losses])
             values, motions = np.linalg.eigh(J.T @ M @ J) if np.isfinite(M).all() else ([math.nan], np.eye(len(own)))
-            if not values[0] > rotors * _LEAST_INERTIA:
+            if not values[0] > rotors * _MIN_INERTIA:
                 joint = self.joints.joints[own[int(np.abs(motions[:, 0]).argmax())]]
                 raise DescriptionError(
                     f"joint {joint.name}: the inertia about it is {values[0]:.3g} kg m^2 at these positions, so that "
