@@ -53,25 +53,20 @@ class EngineRobot(ABC):
         """Return the engine's mass matrix of all m moving joints, without rotor inertia, shape (m, m) [kg m^2]."""
 
     def check_inertia(self) -> None:
-        """Check that an inertia resists each motion of the joints at the present positions.
+        """Raise DescriptionError if no inertia resists a motion of the joints at the present positions."""
+        self._check_positive(self.mass_matrix())
 
-        Raises:
-            DescriptionError: none does; the message names the joint that moves most.
-        """
-        self._check_positive(self.mass_matrix() + np.diag([loss.rotor for loss in self.losses]), _MIN_INERTIA)
-
-    def _check_positive(self, M: FloatArray, minimum: float) -> None:
-        own = [i for i in range(len(self.q)) if i not in {follower for follower, *_ in self.joints.followers}]
-        if not own:
-            return
-        J = self.joints.law_jacobian()[:, own]
-        values, motions = np.linalg.eigh(J.T @ M @ J) if np.isfinite(M).all() else ([math.nan], np.eye(len(own)))
-        if not values[0] > minimum:
-            joint = self.joints.joints[own[int(np.abs(motions[:, 0]).argmax())]]
-            raise DescriptionError(
-                f"joint {joint.name}: the inertia about it is {values[0]:.3g} kg m^2 at these positions, so that "
-                f"nothing resists its motion; correct <inertial> of link {joint.child} and of the links beyond it"
-            )
+    def _check_positive(self, M: FloatArray, rotors: bool = True) -> None:
+        if own := sorted({*range(len(M))} - {follower for follower, *_ in self.joints.followers}):
+            J = self.joints.law_jacobian()[:, own]
+            M = M + rotors * np.diag([loss.rotor for loss in self.losses])
+            values, motions = np.linalg.eigh(J.T @ M @ J) if np.isfinite(M).all() else ([math.nan], np.eye(len(own)))
+            if not values[0] > rotors * _MIN_INERTIA:
+                joint = self.joints.joints[own[int(np.abs(motions[:, 0]).argmax())]]
+                raise DescriptionError(
+                    f"joint {joint.name}: the inertia about it is {values[0]:.3g} kg m^2 at these positions, so that "
+                    f"nothing resists its motion; correct <inertial> of link {joint.child} and of the links beyond it"
+                )
 
     def set_modes(self, modes: Sequence[Mode]) -> None:
         """Set the command modes of the actuated joints."""

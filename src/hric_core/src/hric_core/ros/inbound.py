@@ -1,4 +1,4 @@
-"""Connections of subscribers and service clients to this process: many at once, and none that holds up the others.
+"""Connections of subscribers and service clients to this process: many at once, and none holds up the others.
 
 rospy reads the header of each connection in the thread that accepts them, so that a peer which connects and sends
 nothing keeps all subscribers and service clients out of the node.
@@ -19,17 +19,9 @@ BACKLOG = 128
 """Number of TCP connections that may wait to be accepted (project default, unconfirmed).
 
 It is above the number of topics of any node of the workspace."""
-HEADER_TIME = 5.0
-"""Time after which a connection without a complete header is closed [s] (project default, unconfirmed)."""
-MAX_HEADER = 1 << 16
-"""Largest header [bytes], several times the longest message definition (project default, unconfirmed)."""
-MAX_WAITING = 64
-"""Largest number of connections without a complete header; beyond it, the oldest one is closed (project default,
-unconfirmed)."""
-AGAIN = 0.01
-"""Time between two looks at an incomplete header [s]."""
-
-Handle = Callable[[socket.socket, tuple[str, int]], None]
+HEADER_TIME, MAX_HEADER, MAX_WAITING = 5.0, 1 << 16, 64
+"""Time for a header [s], its largest size [bytes], and the largest number of connections without one; beyond it, the
+oldest is closed (project defaults, unconfirmed)."""
 
 
 def widen() -> None:
@@ -41,57 +33,46 @@ def widen() -> None:
     tcpros_base.start_tcpros_server()
     server = tcpros_base._tcpros_server.tcp_ros_server
     server.server_sock.listen(BACKLOG)
-    if not isinstance(server.inbound_handler, Doorkeeper):
-        server.inbound_handler = Doorkeeper(server.inbound_handler)
+    server.inbound_handler = _awaiting_headers(server.inbound_handler)
 
 
-class Doorkeeper:
-    """Handler of new connections that waits for each header in a thread; calls of `handle` do not overlap.
+def _awaiting_headers(handle: Callable[..., object]) -> Callable[..., None]:
+    """Return a handler of connections that waits for each header in a thread, and then calls rospy's `handle`."""
+    waiting, serial = list[socket.socket](), threading.Lock()
 
-    handle: rospy's handler, which reads the header and blocks until it is complete.
-    """
-
-    def __init__(self, handle: Handle) -> None:
-        self._handle = handle
-        self._handling, self._lock = threading.Lock(), threading.Lock()
-        self._waiting: list[socket.socket] = []
-
-    def __call__(self, connected: socket.socket, address: tuple[str, int]) -> None:
-        """Handle a connection; returns at once."""
-        with self._lock:
-            self._waiting.append(connected)
-            oldest = self._waiting[0] if len(self._waiting) > MAX_WAITING else None
-        if oldest is not None:
-            with suppress(OSError):
-                oldest.shutdown(socket.SHUT_RDWR)  # its thread wakes up and closes it
-        threading.Thread(target=self._receive, args=(connected, address), name="inbound", daemon=True).start()
-
-    def _receive(self, connected: socket.socket, address: tuple[str, int]) -> None:
-        try:
-            fault = missing(connected)
-        except OSError as error:
-            fault = str(error.strerror or error)
-        with self._lock:
-            self._waiting.remove(connected)
+    def receive(connected: socket.socket, address: tuple[str, int]) -> None:
+        fault = _missing(connected)
+        waiting.remove(connected)
         if not fault:
-            with self._handling:
-                return self._handle(connected, address)
-        LOG.info("the connection from %s:%d is closed: %s", *address, fault)
-        connected.close()
+            with serial:
+                handle(connected, address)
+        else:
+            LOG.info("the connection from %s:%d is closed: %s", *address, fault)
+            connected.close()
+
+    def accept(connected: socket.socket, address: tuple[str, int]) -> None:
+        waiting.append(connected)
+        if len(waiting) > MAX_WAITING:
+            with suppress(OSError, IndexError):
+                waiting[0].shutdown(socket.SHUT_RDWR)  # its thread wakes up and closes it
+        threading.Thread(target=receive, args=(connected, address), name="inbound", daemon=True).start()
+
+    return accept
 
 
-def missing(connected: socket.socket) -> str:
+def _missing(connected: socket.socket) -> str:
     """Wait until the whole header of a connection can be read; return why it cannot, or "". It is not consumed."""
     deadline, ready = time.monotonic() + HEADER_TIME, select.poll()
     ready.register(connected, select.POLLIN)
     while (left := deadline - time.monotonic()) > 0.0 and ready.poll(1e3 * left):
-        seen = connected.recv(MAX_HEADER, socket.MSG_PEEK)
+        try:
+            seen = connected.recv(MAX_HEADER, socket.MSG_PEEK)
+        except OSError as error:
+            return str(error.strerror)
         size = 4 + int.from_bytes(seen[:4], "little")
-        if not seen:
-            return "closed before its header was complete"
-        if size > MAX_HEADER:
-            return f"a header of {size} bytes; valid: up to {MAX_HEADER}"
-        if len(seen) >= size and len(seen) >= 4:
+        if not seen or size > MAX_HEADER:
+            return f"a header of {size} bytes; valid: up to {MAX_HEADER}" if seen else "it ended before its header"
+        if len(seen) >= max(size, 4):
             return ""
-        time.sleep(AGAIN)
+        time.sleep(0.01)
     return f"no complete header within {HEADER_TIME:g} s"

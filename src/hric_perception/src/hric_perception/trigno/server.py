@@ -59,10 +59,8 @@ class TrignoServer:
 
     def start(self) -> None:
         """Accept clients, in threads."""
-        for work, listening in zip((self._talk, self._listen), self._sockets, strict=True):
-            self._threads.append(
-                threading.Thread(target=self._accept, args=(listening, work), name="trigno server", daemon=True)
-            )
+        for ends in zip(self._sockets, (self._clients, self._listeners), (self._talk, None), strict=True):
+            self._threads.append(threading.Thread(target=self._accept, args=ends, name="trigno server", daemon=True))
             self._threads[-1].start()
 
     def push(self, times: FloatArray, data: FloatArray) -> None:
@@ -82,7 +80,7 @@ class TrignoServer:
             for sock in [*self._sockets, *self._listeners]:
                 with contextlib.suppress(OSError):
                     sock.close()
-            self._listeners = []
+            self._listeners.clear()
 
     def _send(self, data: bytes) -> None:
         for listener in self._listeners[:]:
@@ -94,7 +92,9 @@ class TrignoServer:
                 self._listeners.remove(listener)
                 listener.close()
 
-    def _accept(self, listening: socket.socket, work: Callable[[socket.socket], None]) -> None:
+    def _accept(
+        self, listening: socket.socket, present: list[socket.socket], work: Callable[[socket.socket], None] | None
+    ) -> None:
         while not self._stop.is_set():
             try:
                 connection, _ = listening.accept()
@@ -105,25 +105,17 @@ class TrignoServer:
                 self._stop.wait(1.0)
                 continue
             connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            work(connection)
-
-    def _listen(self, connection: socket.socket) -> None:
-        connection.setblocking(False)
-        self._admit(connection, self._listeners)
-
-    def _admit(self, connection: socket.socket, present: list[socket.socket]) -> bool:
-        """Add a connection to those of its port; close it and return False if there are too many."""
-        with self._lock:
-            if admitted := len(present) < MAX_CLIENTS:
+            connection.setblocking(False)
+            if len(present) >= MAX_CLIENTS:
+                LOG.warning("a connection is refused: %d clients are connected", MAX_CLIENTS)
+                connection.close()
+                continue
+            with self._lock:
                 present.append(connection)
-        if not admitted:
-            LOG.warning("a connection is refused: %d clients are connected", MAX_CLIENTS)
-            connection.close()
-        return admitted
+            if work is not None:
+                work(connection)
 
     def _talk(self, connection: socket.socket) -> None:
-        if not self._admit(connection, self._clients):
-            return
         threading.Thread(target=self._converse, args=(connection,), name="trigno commands", daemon=True).start()
 
     def _converse(self, connection: socket.socket) -> None:
