@@ -230,9 +230,7 @@ def repetitions(force: FloatArray) -> int:
     """
     steps = np.abs(np.diff(force))
     at = np.flatnonzero(steps > 0.0)
-    if len(at) < 2 or steps[at].max() < UNEQUAL * steps[at].min():
-        return 1
-    return int(np.diff(at).min())
+    return 1 if len(at) < 2 or steps[at].max() < UNEQUAL * steps[at].min() else int(np.diff(at).min())
 
 
 def _period(time: FloatArray) -> float:

@@ -161,8 +161,7 @@ def _rest(
     reason = f"nothing but the grips ({', '.join(held)}) touched the person" if held else "nothing touched the person"
     finding = Finding(ALL, Outcome.WITHIN, reason, table, 0.0, {}, window, signals, group=CONTACT, evidence=evidence)
     if lost:
-        outcome = Outcome.NOT_ASSESSABLE
-        finding = replace(finding, outcome=outcome, share=None, reason=lost, remedy=remedy)
+        finding = replace(finding, outcome=Outcome.NOT_ASSESSABLE, share=None, reason=lost, remedy=remedy)
     return replace(finding, person=record.name)
 
 
