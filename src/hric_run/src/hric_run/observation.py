@@ -166,7 +166,7 @@ class Observer:
         plant.read_joints(HUMAN, self._q, self._dq)
         q, dq = self._q[-count:], self._dq[-count:]
         root, moved = self._T_world_root, None
-        if len(self._q) > count:  # the person walks; the base of the model stays at the start
+        if len(self._q) > count:  # the person walks; the model's base link stays at the start
             root, _ = plant.link_state(f"{HUMAN}::{ROOT}")
             moved = pose_of_transform(root)
         hand = root @ self._hand.pose(q).transform()

@@ -15,7 +15,7 @@ from hric_core.errors import DescriptionError
 _FAR = 1e9
 """Position of a joint stop that no joint reaches, which disables the stop [rad or m]."""
 _MIN_INERTIA = 1e-11
-"""Inertia up to which a motion of the joints is resisted by nothing [kg m^2 or kg]; project default, unconfirmed."""
+"""Inertia that each motion of the joints must exceed [kg m^2 or kg] (project default, unconfirmed)."""
 
 
 class EngineRobot(ABC):
@@ -53,10 +53,10 @@ class EngineRobot(ABC):
         """Return the engine's mass matrix of all m moving joints, without rotor inertia, shape (m, m) [kg m^2]."""
 
     def check_inertia(self) -> None:
-        """Check that an inertia resists each motion of the joints at the present positions.
+        """Check that the inertia of each motion of the joints is positive at the present positions.
 
         Raises:
-            DescriptionError: none does; the message names the joint that moves most.
+            DescriptionError: it is not; the message names the joint that moves most.
         """
         self._check_positive(self.mass_matrix() + np.diag([loss.rotor for loss in self.losses]), _MIN_INERTIA)
 

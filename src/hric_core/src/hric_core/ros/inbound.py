@@ -1,4 +1,4 @@
-"""Connections of subscribers and service clients to this process: many at once, and none that holds up the others.
+"""Incoming connections of subscribers and service clients, each of which waits for its header in its own thread.
 
 rospy reads the header of each connection in the thread that accepts them, so that a peer which connects and sends
 nothing keeps all subscribers and service clients out of the node.
@@ -27,7 +27,7 @@ MAX_WAITING = 64
 """Largest number of connections without a complete header; beyond it, the oldest one is closed (project default,
 unconfirmed)."""
 AGAIN = 0.01
-"""Time between two looks at an incomplete header [s]."""
+"""Polling period of an incomplete header [s]."""
 
 Handle = Callable[[socket.socket, tuple[str, int]], None]
 
@@ -81,7 +81,7 @@ class Doorkeeper:
 
 
 def missing(connected: socket.socket) -> str:
-    """Wait until the whole header of a connection can be read; return why it cannot, or "". It is not consumed."""
+    """Wait until a connection has sent its header, without consuming it. Return the fault, or ""."""
     deadline, ready = time.monotonic() + HEADER_TIME, select.poll()
     ready.register(connected, select.POLLIN)
     while (left := deadline - time.monotonic()) > 0.0 and ready.poll(1e3 * left):

@@ -80,7 +80,11 @@ def _lost(positions: FloatArray, names: Sequence[str], rate: float) -> list[str]
         longest = np.diff(np.flatnonzero(np.concatenate([[True], visible, [True]]))).max() - 1
         if longest > BRIDGE * rate:
             lost.append(f"{name} {longest / rate:.2f} s")
-    return [f"NOT KNOWN, and interpolated, is the motion where markers are lost: {', '.join(lost)}"] if lost else []
+    return (
+        [f"NOT KNOWN: the motion is interpolated where markers are lost; longest gaps: {', '.join(lost)}"]
+        if lost
+        else []
+    )
 
 
 def _positions(trial: Trial, labels: Mapping[str, str], T_root_world: Pose) -> FloatArray:
