@@ -102,7 +102,7 @@ BAD = {
         "a.obj",
         BOARD,
         "",
-        'is 1000 m long, beyond 30 m; in mm, it needs scale="0.001',
+        'is 1000 m long; valid: up to 30 m. If it is in mm, use scale="0.001',
     ),
     "a scale of zero": ("a.obj", FLAT, 'scale="1 0 1"', "a <mesh> of scale 1 0 1; all must be above 0"),
 }

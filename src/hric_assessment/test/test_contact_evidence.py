@@ -339,7 +339,7 @@ STAIRS = [0.004, 0.014, 0.024]
         (held(0.0), {}, "no force is measured"),
         (lambda t: half_sine(300.0)(STAIRS[int(100.0 * t)]), {}, "needs 1000 samples per second"),
         (half_sine(100.0), {"energy": -1.0}, "energy is NaN or negative"),
-        (half_sine(100.0), {"impulse": 3.0}, "impulse of 3 N s needs more force than is stated"),
+        (half_sine(100.0), {"impulse": 3.0}, "impulse of 3 N s needs a larger force than the recorded one"),
     ],
     ids=["a sensor that measures nothing", "a sensor of 100 Hz", "a negative energy", "an impulse of a harder blow"],
 )

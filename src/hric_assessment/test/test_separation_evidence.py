@@ -96,27 +96,27 @@ def states(bag: known_bags.Bag, topic: str, at: float, names: list[str]) -> None
         (
             lambda bag: known_bags.frames(bag, 3.0, ("world", "base_link", 1.0, 0.0)),
             Reply.UNKNOWN,
-            "has several or impossible poses",
+            "has several or invalid poses",
         ),
         (
             lambda bag: known_bags.frames(bag, 3.0, ("floor", "base_link", 0.0, 0.0)),
             Reply.UNKNOWN,
-            "has several or impossible poses",
+            "has several or invalid poses",
         ),
         (
             lambda bag: known_bags.frames(bag, 3.0, ("world", "base_link", math.nan, 0.0)),
             Reply.UNKNOWN,
-            "has several or impossible poses",
+            "has several or invalid poses",
         ),
         (
             lambda bag: known_bags.frames(bag, 3.0, ("world", "base_link", 1.0, 0.0), topic="/tf"),
             Reply.UNKNOWN,
-            "the frame base_link has several or impossible poses in tf",
+            "the frame base_link has several or invalid poses in tf",
         ),
         (
             lambda bag: known_bags.frames(bag, 3.0, ("world", "human_base", 1.0, 1.4), topic="/tf"),
             Reply.UNKNOWN,
-            "the frame human_base has several or impossible poses in tf",
+            "the frame human_base has several or invalid poses in tf",
         ),
         (lambda bag: known_bags.frames(bag, 3.0, ("base_link", "tool", 1.0, 0.0), topic="/tf"), Reply.YES, "never"),
         (
@@ -245,4 +245,7 @@ def test_a_person_of_whom_only_an_arm_is_known_is_not_far_enough(tmp_path: Path)
     known_bags.approach(tmp_path, base=FAR)
     findings = assess(opened(str(tmp_path / "approach.bag"))).findings
     (finding,) = [one for one in findings if one.group == "separation"]
-    assert finding.outcome == Outcome.NOT_ASSESSABLE and "only an arm or both are known" in finding.reason
+    assert (
+        finding.outcome == Outcome.NOT_ASSESSABLE
+        and "only one or both arms of the person are recorded" in finding.reason
+    )

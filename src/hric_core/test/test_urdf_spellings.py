@@ -100,7 +100,7 @@ REFUSED = {
     ),
     "xacro that is not expanded": (
         PLAIN.replace("<axis", '<xacro:if value="true"/><axis'),
-        "has <xacro:if>: it must be expanded first, with xacro",
+        "contains <xacro:if>; expand it with xacro first",
     ),
     "entity that is not declared": (PLAIN.replace("0.5", "&h;"), "not XML: undefined entity"),
 }

@@ -148,7 +148,7 @@ def test_frames_that_the_head_states_and_the_file_lacks_are_told(tmp_path: Path,
         file = write_trc(tmp_path / "a.trc", points("opencap"))
     assert old in file.read_text()
     file.write_text(file.read_text().replace(old, new))
-    assert read(file).left_out == ("939 of 999 frames, which the head states and the file does not have",)
+    assert read(file).left_out == ("939 of the 999 frames stated in the header: the file does not contain them",)
 
 
 def test_a_session_with_a_wrong_mass_is_refused(tmp_path: Path) -> None:

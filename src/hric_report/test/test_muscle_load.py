@@ -279,7 +279,7 @@ def test_a_stray_marker_is_left_out_and_lost_markers_are_told(
     found = muscle_load.of_c3d(tmp_path / "stray.c3d", muscle_load.described_by(str(run)))
     notes = "; ".join(found.notes)
     assert "RELB in 1 of " in notes
-    assert "NOT KNOWN, and interpolated, is the motion where markers are lost: RFRM 0.42 s" in notes
+    assert "NOT KNOWN: the motion is interpolated where markers are lost; longest gaps: RFRM 0.42 s" in notes
     assert rms(found.load, recorded.load) < 0.01
 
 

@@ -327,7 +327,7 @@ def test_a_trc_file_gets_a_page_with_what_it_lacks(tmp_path: Path, capsys: pytes
     file = laboratory_files.write_trc(tmp_path / "short.trc", laboratory_files.points("opencap"))
     file.write_text(file.read_text().replace("Units\n60\t60\tm", "Units\tNumFrames\n60\t60\tm\t61"))
     assert main(["report", str(file), "--html"]) == 0
-    note = "left out of short.trc: 1 of 61 frames, which the head states and the file does not have"
+    note = "left out of short.trc: 1 of the 61 frames stated in the header: the file does not contain them"
     assert f"note: {note}" in capsys.readouterr().out and note in (tmp_path / "short_report.html").read_text()
 
 

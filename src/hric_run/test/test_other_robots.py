@@ -51,4 +51,4 @@ def test_a_report_names_the_joints_whose_values_are_in_metres(tmp_path: Path) ->
     definition = experiment.load("pd_step", overrides)
     metrics = headless.run(definition, overrides, root=tmp_path, progress=False, figures=False).metrics
     assert metrics["prismatic"] == ["lift"]
-    assert "lift: prismatic, so read m, m/s, N and N/s for rad" in metrics["report"]
+    assert "lift: prismatic; units are m, m/s, N and N/s instead of rad" in metrics["report"]

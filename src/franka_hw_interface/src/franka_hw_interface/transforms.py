@@ -103,7 +103,7 @@ def is_pose(values: Sequence[float], tolerance: float = ORTHONORMAL_TOLERANCE) -
 
 
 MAX_FRAME_DISTANCE = 2.0
-"""Largest distance of end effector and stiffness frame from the frame they are given in, along each axis [m].
+"""Largest distance along each axis of the end-effector and stiffness frames from their parent frames [m].
 
 Project default, unconfirmed; longer than any tool, but below most lengths in mm."""
 MAX_LOAD, MAX_LOAD_DISTANCE, MAX_LOAD_INERTIA = 20.0, 1.0, 20.0

@@ -49,7 +49,7 @@ class RunMetrics(MotionMetrics):
     Attributes:
         real_time_factor: robot time per wall time [1].
         missed_deadlines: number of control cycles that started late; None: not published, as in a headless run.
-        prismatic: joints whose values are in m, m/s and N where those of the others are in rad, rad/s and N m.
+        prismatic: prismatic joints, whose values are in m, m/s and N instead of rad, rad/s and N m.
         reflexes: stops by which the arm protected itself.
         contacts: contact forces of each pair of bodies that touched.
         forces: force that each force controller held on a surface, by its name.

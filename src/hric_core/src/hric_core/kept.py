@@ -38,7 +38,7 @@ def write_whole(target: Path, content: bytes) -> None:
 
 
 class CacheEntry:
-    """File of the cache, which is complete or absent; a damaged one is removed when it is read.
+    """File in a cache folder; a damaged file is removed when it is read.
 
     Args:
         folder: folder of the cache; None: nothing is kept.
@@ -65,7 +65,7 @@ class CacheEntry:
         return None
 
     def write(self, content: bytes) -> None:
-        """Keep the content; if that is not possible, say so in the log."""
+        """Write the content to the cache; log a message if that is not possible."""
         if self._folder is None:
             return
         path = self._folder / self._name(content)

@@ -86,8 +86,8 @@ WIRES = (
         ANY,
         "any, two for each node",
         f"{ROS_ADDRESS}. `rosout` of a `roscore` started by hand: XML-RPC on all interfaces",
-        "everybody who reaches it. In programs of Python, a connection is closed that sends no header within 5 s, and "
-        "the oldest of more than 64",
+        "everybody who reaches it. Python nodes close a connection that sends no header within 5 s, and the "
+        "oldest one if more than 64 wait",
         BACKLOG,
         "read and publish topics, call services, end the node",
     ),

@@ -99,7 +99,7 @@ def trial_of(
 ) -> Trial:
     """Return a trial from positions by label in the axes of the file, shape (n, 3) each [m]; NaN: not visible.
 
-    lacks: sentence on frames that the file lacks; empty: none.
+    lacks: note on missing frames; empty: no frames are missing.
     """
     positions = vectors_z_up(up, np.stack(list(points.values()), axis=1))
     nothing = np.zeros((0, 0))

@@ -221,9 +221,9 @@ def _positions(trial: Trial, labels: Person, names: Sequence[str]) -> FloatArray
 
 
 def without_strays(trial: Trial, labels: Person) -> Trial:
-    """Return a trial without markers that are farther from the person's other markers than a body is long.
+    """Return a trial in which markers farther than FARTHEST from the median of the person's markers are not visible.
 
-    A frame in which these are half of the markers stays as it is: its unit may be wrong.
+    Frames in which at least half of the markers are that far away are unchanged: their unit may be wrong.
     """
     rows, positions = [trial.labels.index(label) for label in labels.values()], trial.positions.copy()
     p, seen = positions[:, rows], seen_in(positions[:, rows])
@@ -235,7 +235,7 @@ def without_strays(trial: Trial, labels: Person) -> Trial:
         return trial
     positions[:, rows] = np.where(strays[..., None], np.nan, p)
     named = ", ".join(f"{label} in {count} of {len(strays)} frames" for label, count in counts.items())
-    sentence = f"markers more than {FARTHEST:g} m from the person's others: {named}"
+    sentence = f"markers more than {FARTHEST:g} m from the median of the person's markers: {named}"
     return replace(trial, positions=positions, reasons={**trial.reasons, "strays": sentence})
 
 

@@ -68,8 +68,8 @@ def _head(run: RunFile, metrics: RunMetrics) -> str:
 
 
 def prismatic(joints: Sequence[str]) -> str:
-    """Return a sentence on the units of prismatic joints, whose values stand in columns for revolute ones."""
-    return f"{', '.join(joints)}: prismatic, so read m, m/s, N and N/s for rad, rad/s, N m and N m/s"
+    """Return a sentence on the units of prismatic joints, whose values are in columns with units of revolute joints."""
+    return f"{', '.join(joints)}: prismatic; units are m, m/s, N and N/s instead of rad, rad/s, N m and N m/s"
 
 
 def _held(name: str, force: contact_record.ForceHeld) -> str:

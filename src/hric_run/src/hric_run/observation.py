@@ -110,8 +110,7 @@ class Observer:
         root = self.settings.root(body)
         self._body_shape, self._T_world_root = BodyShape(body, root), root.transform()
         self._T_world_root.setflags(write=False)  # all observations share it
-        side = hand_side(body, (self.settings.control or {}).get("side", "dominant"), "")
-        self._hand = HandChain(body, side)
+        self._hand = HandChain(body, hand_side(body, (self.settings.control or {}).get("side", "dominant"), ""))
         count = len(self._joints)
         walked = 0 if self.settings.walk is None else 2
         self._q, self._dq = [0.0] * (count + walked), [0.0] * (count + walked)
@@ -167,7 +166,7 @@ class Observer:
         plant.read_joints(HUMAN, self._q, self._dq)
         q, dq = self._q[-count:], self._dq[-count:]
         root, moved = self._T_world_root, None
-        if len(self._q) > count:  # the person walks; the base of the model stays at the start
+        if len(self._q) > count:  # the person walks; the model's base link stays at the start
             root, _ = plant.link_state(f"{HUMAN}::{ROOT}")
             moved = pose_of_transform(root)
         hand = root @ self._hand.pose(q).transform()

@@ -253,7 +253,7 @@ class TrackedInput(_BodyInput):
         person: section `person` of the experiment; None: its defaults.
         where: name of the parameter with that section, for error messages.
         frame: frame of the arm's base, in which the markers must be given.
-        uncertainty: uncertainty of the person's position that is accounted for [m].
+        uncertainty: largest accepted residual of the tracker [m], the supervisor's `person_uncertainty`.
     """
 
     def __init__(

@@ -77,11 +77,8 @@ class BodyShape:
 
     def __init__(self, body: Body, root: Pose) -> None:
         self._root, self._names, capsules = root, tuple(body.joints), of_body(body)
-        self._placed, self._radii, self.links = (
-            CapsuleTree(read(body.urdf), self._names, capsules),
-            capsules.radii,
-            capsules.links,
-        )
+        self._placed = CapsuleTree(read(body.urdf), self._names, capsules)
+        self._radii, self.links = capsules.radii, capsules.links
         known = [body.regions.get(link, ()) for link in self.links]
         self._regions = tuple(tuple(region.name for region in regions) for regions in known)
         self._dominant = tuple(any(region.dominant for region in regions) if regions else None for regions in known)

@@ -207,5 +207,4 @@ def frame_of(model: EngineModel, joints: Sequence[str], T_world_base: FloatArray
     top = model.tops[link]
     if top.body_link == model.base:
         return -1, pose_row(T_world_base @ top.T_body_frame)
-    child = [model.joints[name].child for name in joints]
-    return child.index(top.body_link), pose_row(top.T_body_frame)
+    return [model.joints[name].child for name in joints].index(top.body_link), pose_row(top.T_body_frame)

@@ -54,7 +54,7 @@ OFF_BEAT = 2
 Project default.
 """
 UNEQUAL = 1.5
-"""Ratio of the largest to the smallest step of a force from which on they are not a sensor's resolution [1].
+"""Smallest ratio of the largest to the smallest step of a force that the sensor's resolution does not explain [1].
 
 Project default.
 """
@@ -226,13 +226,11 @@ def resolved(contact: RegionContact, period: float) -> bool:
 def repetitions(force: FloatArray) -> int:
     """Return how often each sample is repeated: 1, or more if the sensor is slower than its messages.
 
-    Steps of equal size are those of a coarse sensor whose force changes slowly.
+    Steps of equal size do not count: a sensor with a coarse resolution shows them when the force changes slowly.
     """
     steps = np.abs(np.diff(force))
     at = np.flatnonzero(steps > 0.0)
-    if len(at) < 2 or steps[at].max() < UNEQUAL * steps[at].min():
-        return 1
-    return int(np.diff(at).min())
+    return 1 if len(at) < 2 or steps[at].max() < UNEQUAL * steps[at].min() else int(np.diff(at).min())
 
 
 def _period(time: FloatArray) -> float:
@@ -326,7 +324,7 @@ def _doubts(
             doubts.append(f"the contact's {name} is NaN or negative")
     peak, longest = _largest(contact), contact.duration + 2.0 * min(_period(np.unique(series.time)), CLOCKS)
     if contact.impulse is not None and contact.impulse > (1.0 + RATE_TOLERANCE) * peak * max(longest, 0.0):
-        doubts.append(f"the contact's impulse of {contact.impulse:.3g} N s needs more force than is stated")
+        doubts.append(f"the contact's impulse of {contact.impulse:.3g} N s needs a larger force than the recorded one")
     if not bad.any() and not peak > 0.0:
         doubts.append("no force is measured: it is 0 N during the whole contact")
     if bad.any():

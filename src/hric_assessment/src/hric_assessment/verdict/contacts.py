@@ -37,7 +37,7 @@ It is 1.5 times the 50 ms after which an empty message is due (`hric_human.parti
 """
 HAND = "hand, fingers"
 """Region of a grip by a link whose regions are not known."""
-BEYOND = "no source states how hard a grip may be beyond the limit of a held contact"
+BEYOND = "no source gives a limit for a grip above that of a quasi-static contact"
 GRIP_REMEDY = "judge the grip by other means, or repeat the task with less force"
 NOT_VARIED = (
     "the peak force is not that of an impact in closed form: how masses and stiffness would change it is not known"
@@ -161,8 +161,7 @@ def _rest(
     reason = f"nothing but the grips ({', '.join(held)}) touched the person" if held else "nothing touched the person"
     finding = Finding(ALL, Outcome.WITHIN, reason, table, 0.0, {}, window, signals, group=CONTACT, evidence=evidence)
     if lost:
-        outcome = Outcome.NOT_ASSESSABLE
-        finding = replace(finding, outcome=outcome, share=None, reason=lost, remedy=remedy)
+        finding = replace(finding, outcome=Outcome.NOT_ASSESSABLE, share=None, reason=lost, remedy=remedy)
     return replace(finding, person=record.name)
 
 
@@ -218,9 +217,7 @@ class _Judge:
         if limit is None or (force <= limit.force.quasi_static).all():
             return None
         time, name = grip.time[grip.closed], self._record.name
-        reason = (
-            f"the grip has up to {force.max():.1f} of {limit.force.quasi_static:.1f} N ({limit.force.label}); {BEYOND}"
-        )
+        reason = f"the grip force reaches {force.max():.1f} N, limit {limit.force.quasi_static:.1f} N ({limit.force.label}); {BEYOND}"
         return Finding(
             f"grip {grip.name} of {grip.held} by {grip.holder}", Outcome.NOT_ASSESSABLE, reason,
             self._choices.limits.table.name, window=(float(time[0]), float(time[-1])), signals=(f"{name}/grip",),

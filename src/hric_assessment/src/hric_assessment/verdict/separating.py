@@ -317,15 +317,13 @@ def _unproven(approach: PersonSeparation) -> tuple[str, str]:
         why = f"the positions of {', '.join(approach.unlogged)} are not in the control log and are assumed to be zero"
         return why, "record a control log with all joints of the robot that can move"
     if approach.strangers:
-        why = (
-            f"where the links of {', '.join(approach.strangers)} are is not known: no joints of the robot's description"
-        )
+        why = f"the links of joint {', '.join(approach.strangers)} are not placed: the robot's description lacks the joint"
         return why, "record a robot description with all robots and grippers"
     if approach.shapeless:
         why = f"the distance of {', '.join(approach.shapeless)} is not known: collision shapes are meshes or missing"
         return why, "give these links collision shapes: capsules, cylinders, spheres or boxes"
     if person.settings is None and not any(joint.startswith("trunk") for joint in person.body.joints):
-        why = "of the person only an arm or both are known"
+        why = "only one or both arms of the person are recorded"
         return why, f"record all joints of the body in {person.name}/joint_states"
     if approach.unbraked and approach.margin >= 0.0:
         why = f"how fast {approach.unbraked} stops is not known; S_p has an assumed stop"

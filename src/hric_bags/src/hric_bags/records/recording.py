@@ -49,7 +49,7 @@ NAMES = {TORQUE_TYPE: "name", ACTIVATION_TYPE: "name", REACTIONS_TYPE: "joint_na
 ONE_PUBLISHER = (LOG_TYPE, TORQUE_TYPE, TRACKING_TYPE, ACTIVATION_TYPE)
 """Message types that only one node may publish on one topic."""
 MOVED = 1e-3
-"""Difference of a frame's poses in its parent from which on the frame has moved [m], [rad]; project default."""
+"""Largest difference of the poses of a frame that does not move [m], [rad] (project default)."""
 LOST = "lost"
 """State of a tracked person whose pose in the message is not known."""
 SLACK = 1.0
@@ -241,7 +241,7 @@ class _Taken:
                 self._note_frame(transform)
 
     def _note_frame(self, transform: Any) -> None:
-        """Add the pose of a frame in its parent; one with several parents or poses, or an impossible one, has moved."""
+        """Store the pose of a frame in its parent, or note that it has several parents or poses, or an invalid pose."""
         parent, child = transform.header.frame_id.strip("/"), transform.child_frame_id.strip("/")
         position, q = xyz(transform.transform.translation), transform.transform.rotation
         orientation = q.x, q.y, q.z, q.w
@@ -257,7 +257,7 @@ class _Taken:
         """Return the description with the arm's joints, "" if several differ, and notes on what is not used."""
         fitting = [text for text in self._descriptions if all(f'"{name}"' in text for name in joints)]
         known = fitting or [*self._descriptions]
-        notes = [f"the frame {frame} has several or impossible poses in tf: it is not used" for frame in self._moved]
+        notes = [f"the frame {frame} has several or invalid poses in tf: it is not used" for frame in self._moved]
         if len(known) > 1:
             notes.append("the robot descriptions in the recording differ: none is used")
         return known[0] if len(known) == 1 else "", tuple(notes)
@@ -331,7 +331,7 @@ class _Taken:
 
 
 def _children(raw: bytes) -> Iterator[str]:
-    """Yield the frames whose poses a serialised message of tf has."""
+    """Yield the child frames in a serialised tf2_msgs/TFMessage."""
     at = 4
     for _ in range(int.from_bytes(raw[:4], "little")):
         at += 12

@@ -217,7 +217,7 @@ class CartesianLaw:
 
 
 def _equal(a: poses.Pose, b: poses.Pose) -> bool:
-    """Return True if two poses differ by less than 1e-9 m and rad; mostly the first coordinate decides."""
+    """Return True if two poses differ by less than 1e-9 m and rad; usually the first coordinate already differs."""
     return all(abs(x - y) < 1e-9 for x, y in zip(a.position, b.position, strict=True)) and (
         max(map(abs, poses.difference(a, b))) < 1e-9
     )

@@ -78,9 +78,9 @@ class FieldScale(Settings):
 
 @dataclass(frozen=True)
 class PolicyRobot(Settings):
-    """Robot of a policy, by which another robot is compared: on both, observations and actions have to mean the same.
+    """Robot on which a policy was trained; observations and actions have the same meaning on a robot like it.
 
-    The place of the base does not count: goals, positions and velocities are in its axes.
+    The pose of the base does not count, because goals, positions and velocities are given in the frame of the base.
     """
 
     arm_id: str = text(empty=False)
@@ -136,7 +136,7 @@ class PolicyContract(Settings):
         object.__setattr__(self, "_scaling", (np.array(offset), np.array(scale)))
 
     def check_robot(self, arm: PolicyRobot, ignored: Collection[str] = ()) -> Box:
-        """Return the box of the goals. Raises ParameterError if the policy is not known to be one of this robot.
+        """Return the box of the goals. Raises ParameterError if the policy was trained on another or an unknown robot.
 
         Args:
             arm: the robot.

@@ -111,7 +111,7 @@ class PolicyController(StreamedJoints):
         controller_node.subscribe("goal", PointStamped, self._on_goal, queue_size=1)
 
     def _checked_goals(self) -> Box:
-        """Return the box of the policy's goals. Raises ParameterError if the policy is not known to fit this arm."""
+        """Return the box of the goals. Raises ParameterError if the policy was trained on another or an unknown robot."""
         settings = self._policy_settings
         arm = PolicyRobot.of_arm(settings.arm_id, self.joints, self._ranges, self._model)
         try:
@@ -134,7 +134,7 @@ class PolicyController(StreamedJoints):
         self._goal.set(point)
 
     def starting(self, time: float) -> None:
-        """Hold the position until there is a goal. Raises ParameterError if the end effector is another one now."""
+        """Hold the position until there is a goal. Raises ParameterError if the end effector was changed."""
         self._checked_goals()
         super().starting(time)
         self._goal.set(self._policy_settings.goal)

@@ -153,7 +153,9 @@ def _hull(path: Path, changed: int, scale: tuple[float, ...], where: str) -> Mes
     vertices = np.array([line.split()[1:] for line in lines if line.startswith(b"v ")], float)
     if (length := float(np.ptp(vertices, axis=0).max())) > largest("m"):
         mm = " ".join(f"{factor * 1e-3:g}" for factor in scale)
-        raise UnreadableMeshError(f'it is {length:.4g} m long, beyond {largest("m"):g} m; in mm, it needs scale="{mm}"')
+        raise UnreadableMeshError(
+            f'it is {length:.4g} m long; valid: up to {largest("m"):g} m. If it is in mm, use scale="{mm}"'
+        )
     extents = np.linalg.svd(vertices - vertices.mean(axis=0), compute_uv=False)
     if len(vertices) < 4 or extents[-1] < THINNEST * extents[0]:
         raise UnreadableMeshError("the mesh is flat; a collision shape must enclose a volume")

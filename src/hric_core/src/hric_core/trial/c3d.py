@@ -242,7 +242,7 @@ def _trial(path: Path, up: str, content: C3dContent) -> Trial:
         reasons["parameters"] = "some parameters, which are damaged"
     if content.rest:
         reasons["frames"] = (
-            f"{content.rest} bytes after the {len(raw)} frames that its header states: there may be more"
+            f"{content.rest} bytes after the {len(raw)} frames stated in the header, which may be further frames"
         )
     unit = _unit(path, point)
     labels = _labels(point, "LABELS", raw.shape[1])

@@ -44,7 +44,7 @@ class C3dContent(NamedTuple):
         per_frame: number of samples of a channel in a frame; 0: there are no channels.
         first: number of the first frame.
         damaged: True if some parameters could not be read.
-        rest: number of bytes after the last frame, of which there may be more frames; 0: none.
+        rest: number of bytes after the last frame, which may be further frames; 0: none.
     """
 
     parameters: Mapping[str, Group]
@@ -191,7 +191,7 @@ class _File:
 def _frames(trial: Group, point: Group, first: int, last: int, longest: int) -> int:
     """Return the number of frames: by the header, or by TRIAL, which has numbers above 65535 as two words.
 
-    If POINT states more frames, and the file is long enough for them (`longest`), they count.
+    If POINT states more frames, that number is used, provided that the file is long enough (`longest`).
     """
     ends = [numbers(trial, f"ACTUAL_{end}_FIELD").ravel() for end in ("START", "END")]
     if all(len(words) == 2 and np.isfinite(words).all() for words in ends):

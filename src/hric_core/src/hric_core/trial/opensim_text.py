@@ -44,7 +44,7 @@ class MarkerRows:
     Attributes:
         time: times, increasing, shape (n,) [s].
         markers: positions by marker name, in the axes of the file, each of shape (n, 3) [m]; NaN: not visible.
-        lacks: sentence on rows that the head states and the file lacks; empty: none.
+        lacks: note on missing rows that the file header states; empty: no rows are missing.
     """
 
     time: FloatArray
@@ -100,9 +100,11 @@ def read_markers(path: Path) -> MarkerRows:
 
 
 def lacking(stated: str, count: int) -> str:
-    """Return a sentence on frames that the head of a file states and its rows lack; empty: none, or not stated."""
+    """Return a note on missing frames that the file header states; empty: none are missing, or it states no number."""
     missing = int(stated) - count if stated.strip().isdecimal() else 0
-    return f"{missing} of {stated.strip()} frames, which the head states and the file does not have" * (missing > 0)
+    return f"{missing} of the {stated.strip()} frames stated in the header: the file does not contain them" * (
+        missing > 0
+    )
 
 
 def rate_of(path: Path, time: FloatArray) -> float:

@@ -36,7 +36,7 @@ class PersonMarkers:
     def positions(self, message: Any) -> FloatArray:
         """Return the positions of the markers from a hric_msgs/MocapData, shape (m, 3) [m]; NaN: not visible.
 
-        A marker that several assets have is not known: they may be several people.
+        A marker name that occurs in several assets is NaN, because the assets may be several people.
         """
         rows, assets = np.full((self._count, 3), np.nan), dict[int, str]()
         for label, point in zip(message.labelled_marker_names, message.labelled_markers, strict=True):

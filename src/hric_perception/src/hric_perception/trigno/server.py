@@ -23,7 +23,7 @@ MAX_COMMAND = 4096
 class TrignoServer:
     """Emulated Trigno server, an outlet for `Emulator`: sends frames to all clients between commands START and STOP.
 
-    The end of the connection that sent START is a STOP.
+    It also stops when the connection that sent START is closed.
 
     Args:
         rate: sample rate [Hz].

@@ -111,8 +111,7 @@ def sync_tables(recorded: Recordings) -> list[PageTable]:
         policy = f", {layout.policy}, {layout.reference or f'{layout.rate:g} Hz'}" if layout is not None else ""
         rows = tuple(_source(name, ages[:, k].astype(float), valid[:, k]) for k, name in enumerate(names))
         head = ("source", "valid", "age, median [ms]", "age, 99 % [ms]", "age, largest [ms]")
-        title = f"Synchronised on {topic}: {len(samples)} samples{policy}"
-        tables.append(PageTable(title, head, rows))
+        tables.append(PageTable(f"Synchronised on {topic}: {len(samples)} samples{policy}", head, rows))
     return tables
 
 

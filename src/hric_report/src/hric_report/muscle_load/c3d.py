@@ -63,8 +63,7 @@ def of_c3d(
             f"the markers of {path.name} are {1e3 * worst:.0f} mm from those of {person.source} (median over the "
             f"frames); valid: up to {1e3 * WORST_FIT:.0f} mm, in the same laboratory, of the same person"
         )
-    time = trial.start + np.arange(first, last + 1) / trial.rate
-    motion = smoothed(time, np.array(rows), cutoff)
+    motion = smoothed(trial.start + np.arange(first, last + 1) / trial.rate, np.array(rows), cutoff)
     pressed = [plate_load(trial.plate(number), link, motion.time - trial.start) for number, link in plates.items()]
     note = f"motion: {len(names)} markers of {path.name}, {1e3 * worst:.1f} mm from those of the body (median)"
     if worst > POOR_FIT:
@@ -81,7 +80,11 @@ def _lost(positions: FloatArray, names: Sequence[str], rate: float) -> list[str]
         longest = np.diff(np.flatnonzero(np.concatenate([[True], visible, [True]]))).max() - 1
         if longest > BRIDGE * rate:
             lost.append(f"{name} {longest / rate:.2f} s")
-    return [f"NOT KNOWN, and interpolated, is the motion where markers are lost: {', '.join(lost)}"] if lost else []
+    return (
+        [f"NOT KNOWN: the motion is interpolated where markers are lost; longest gaps: {', '.join(lost)}"]
+        if lost
+        else []
+    )
 
 
 def _positions(trial: Trial, labels: Mapping[str, str], T_root_world: Pose) -> FloatArray:
