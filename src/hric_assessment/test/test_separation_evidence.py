@@ -92,7 +92,7 @@ def states(bag: known_bags.Bag, topic: str, at: float, names: list[str]) -> None
     ("more", "reply", "words"),
     [
         (lambda bag: None, Reply.YES, "never nearer than S_p"),
-        (lambda bag: states(bag, "/arm2/joint_states", 1.0, ["lift"]), Reply.UNKNOWN, "the links of lift are"),
+        (lambda bag: states(bag, "/arm2/joint_states", 1.0, ["lift"]), Reply.UNKNOWN, "lacks the joints lift"),
         (
             lambda bag: known_bags.frames(bag, 3.0, ("world", "base_link", 1.0, 0.0)),
             Reply.UNKNOWN,

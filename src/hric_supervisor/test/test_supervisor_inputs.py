@@ -85,8 +85,8 @@ def test_who_is_lost_in_part_is_not_known_and_so_becomes_stale(lost):
     ("residual", "state", "fault"),
     [
         (0.05, MEASURED, ""),
-        (0.06, MEASURED, "has markers 0.060 m away from those of the body; valid: up to person_uncertainty, 0.05 m"),
-        (np.nan, MEASURED, "has markers nan m away"),
+        (0.06, MEASURED, "has a marker residual of 0.060 m; valid: up to person_uncertainty, 0.05 m"),
+        (np.nan, MEASURED, "has a marker residual of nan m"),
         (np.nan, BRIDGED, ""),
     ],
 )

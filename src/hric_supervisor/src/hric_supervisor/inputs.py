@@ -275,7 +275,7 @@ class TrackedInput(_BodyInput):
         if where.residual <= self._uncertainty or (where.root_state == BRIDGED and math.isnan(where.residual)):
             return observation
         valid = f"up to person_uncertainty, {self._uncertainty:g} m"
-        text = f"has markers {where.residual:.3f} m away from those of the body; valid: {valid}"
+        text = f"has a marker residual of {where.residual:.3f} m; valid: {valid}"
         return observation._replace(fault=observation.fault or text)
 
     @staticmethod

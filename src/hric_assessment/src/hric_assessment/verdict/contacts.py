@@ -217,7 +217,8 @@ class _Judge:
         if limit is None or (force <= limit.force.quasi_static).all():
             return None
         time, name = grip.time[grip.closed], self._record.name
-        reason = f"the grip force reaches {force.max():.1f} N, limit {limit.force.quasi_static:.1f} N ({limit.force.label}); {BEYOND}"
+        most = f"limit {limit.force.quasi_static:.1f} N ({limit.force.label})"
+        reason = f"the grip force reaches {force.max():.1f} N, {most}; {BEYOND}"
         return Finding(
             f"grip {grip.name} of {grip.held} by {grip.holder}", Outcome.NOT_ASSESSABLE, reason,
             self._choices.limits.table.name, window=(float(time[0]), float(time[-1])), signals=(f"{name}/grip",),

@@ -207,7 +207,7 @@ def _other(source: AssessmentInput, topic: str) -> AssessedPerson:
 
 
 def _residual(tracked: TrackedRoot) -> float:
-    """Return the 95th percentile of the tracker's residuals [m]; infinite if none is known. A residual of 0 is not known."""
+    """Return the 95th percentile of the tracker's residuals [m]; infinite if none is known (0 is not known)."""
     known = tracked.residual[np.isfinite(tracked.residual) & (tracked.residual > 0.0)]
     return float(np.percentile(known, 95.0)) if len(known) else float("inf")
 

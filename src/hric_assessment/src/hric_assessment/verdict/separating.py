@@ -317,7 +317,7 @@ def _unproven(approach: PersonSeparation) -> tuple[str, str]:
         why = f"the positions of {', '.join(approach.unlogged)} are not in the control log and are assumed to be zero"
         return why, "record a control log with all joints of the robot that can move"
     if approach.strangers:
-        why = f"the links of joint {', '.join(approach.strangers)} are not placed: the robot's description lacks the joint"
+        why = f"links are not placed: the robot's description lacks the joints {', '.join(approach.strangers)}"
         return why, "record a robot description with all robots and grippers"
     if approach.shapeless:
         why = f"the distance of {', '.join(approach.shapeless)} is not known: collision shapes are meshes or missing"

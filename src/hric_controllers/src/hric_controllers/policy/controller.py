@@ -111,7 +111,7 @@ class PolicyController(StreamedJoints):
         controller_node.subscribe("goal", PointStamped, self._on_goal, queue_size=1)
 
     def _checked_goals(self) -> Box:
-        """Return the box of the goals. Raises ParameterError if the policy was trained on another or an unknown robot."""
+        """Return the box of the goals. Raises ParameterError if the policy was trained on another robot."""
         settings = self._policy_settings
         arm = PolicyRobot.of_arm(settings.arm_id, self.joints, self._ranges, self._model)
         try:
