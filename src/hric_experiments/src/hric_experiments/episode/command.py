@@ -59,5 +59,8 @@ class ImportCommand(Command):
         with files.atomic(trajectory) as new:
             episode.motion.write(new)
         files.write_yaml(path, episode.experiment(f"episode {number} of {dataset.absolute().name}", trajectory.name))
+        if not lerobot.PANDA.search(episode.robot):
+            robot = f"is {episode.robot!r}" if episode.robot else "is not known"
+            print(f"robot_type of {dataset.absolute().name} {robot}: another robot moves otherwise")
         frames = len(episode.motion.time)
         print(f"{frames} frames at {episode.rate:g} Hz: {episode.task or 'task not known'}\n{trajectory}\n{path}")
