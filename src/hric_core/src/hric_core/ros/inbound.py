@@ -38,13 +38,13 @@ def widen() -> None:
 
 def _awaiting_headers(handle: Callable[..., object]) -> Callable[..., None]:
     """Return a handler of connections that waits for each header in a thread, and then calls rospy's `handle`."""
-    waiting, serial = list[socket.socket](), threading.Lock()
+    waiting, handling = list[socket.socket](), threading.Lock()
 
     def receive(connected: socket.socket, address: tuple[str, int]) -> None:
         fault = _missing(connected)
         waiting.remove(connected)
         if not fault:
-            with serial:
+            with handling:
                 handle(connected, address)
         else:
             LOG.info("the connection from %s:%d is closed: %s", *address, fault)
