@@ -175,10 +175,11 @@ def test_a_file_that_needs_to_be_alone_and_does_not_say_so_is_refused(tmp_path: 
     assert reason in done.stderr and "pytestmark = pytest.mark.alone" in done.stderr
 
 
-def test_a_file_behind_live_is_all_that_is_run(tmp_path: Path) -> None:
+@pytest.mark.parametrize("words", [("--live",), ("--live", "-sx")])
+def test_a_file_behind_an_option_without_value_is_all_that_is_run(tmp_path: Path, words: tuple[str, ...]) -> None:
     file = tmp_path / "test_here.py"
     file.write_text("import pytest\n\n\n@pytest.mark.live\ndef test_it():\n    pass\n")
     environment = os.environ | {"HRIC_TEST_RESULTS": str(tmp_path)}
-    command = [str(ROOT / "scripts" / "test"), "--live", str(file), "-p", "no:cacheprovider"]
+    command = [str(ROOT / "scripts" / "test"), *words, str(file), "-p", "no:cacheprovider"]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120)
     assert "collected 1 item\n" in done.stdout and "scripts/test: 1 passed" in done.stdout, done.stdout + done.stderr

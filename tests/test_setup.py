@@ -36,6 +36,13 @@ def test_check_says_that_nothing_is_missing() -> None:
     assert (result.returncode, result.stdout) == (0, "nothing is missing\n")
 
 
+def test_a_short_wait_for_another_call_is_silent() -> None:
+    holder = subprocess.Popen(["flock", "scripts", "sh", "-c", "echo; sleep 1"], cwd=ROOT, stdout=subprocess.PIPE)
+    assert holder.stdout is not None and holder.stdout.readline() == b"\n"
+    assert setup("--check").stdout == "nothing is missing\n"
+    assert holder.wait() == 0
+
+
 @pytest.mark.parametrize(
     "system",
     [

@@ -10,12 +10,12 @@ from bodies import body
 from rigid_body_oracle import Oracle, wide
 from two_link import two_link_urdf
 
-from hric_control.plant import Articulated, Bushing
+from hric_control.plant import Bushing
 from hric_control.plants.stops import STOP_RATE
 from hric_core import plugins
 from hric_core.errors import CommandError, HricError, ParameterError, UnknownNameError
 
-PLANTS = [name for name in plugins.names(plugins.PLANT) if issubclass(plugins.find(plugins.PLANT, name), Articulated)]
+PLANTS = list(plugins.names(plugins.PLANT))
 ARM = body(parts="right_arm").urdf
 JOINTS = ["joint1", "joint2"]
 READY = [0.1, -0.5, 0.2, -2.0, 0.1, 1.5, 0.5]

@@ -21,7 +21,6 @@ from hric_experiments.check_model import csv_log
 from hric_run.bag_writer import BagWriter
 from hric_run.definition import experiment, overrides, parameters
 from hric_run.definition.experiment import package_path
-from pybullet_ros_control.plant import PyBulletPlant
 
 NAMES = [f"panda_joint{i}" for i in range(1, 8)]
 USUAL = {"t": "t", **{f"{name}{i}": f"{name}{i}" for name in ("q", "dq", "tau") for i in range(1, 8)}}
@@ -382,6 +381,8 @@ def test_a_simulated_run_with_fitted_friction_leaves_a_small_residual(fitted: Pa
 
 
 def test_the_file_of_a_fit_is_what_the_pybullet_plant_takes(data, tmp_path: Path, capsys) -> None:
+    from pybullet_ros_control.plant import PyBulletPlant
+
     path = tmp_path / "fit.yaml"
     assert called(capsys, write_csv(tmp_path / "arm.csv", columns(data)), "--fit", "friction", "-o", path, TEXT)[0] == 0
     friction = {"friction": "identified", "friction_parameters": yaml.safe_load(path.read_text())}
@@ -419,6 +420,8 @@ def test_a_friction_file_that_is_not_there_is_refused_by_run(tmp_path: Path) -> 
 def test_the_trajectory_that_the_readme_names_shows_all_friction_within_a_third_of_the_limits_and_without_contact() -> (
     None
 ):
+    from pybullet_ros_control.plant import PyBulletPlant
+
     message = yaml.safe_load((package_path("hric_bringup") / "config" / "excitation.yaml").read_text())
     assert message["joint_names"] == NAMES
     poses = np.array([point["positions"] for point in message["points"]])

@@ -13,7 +13,7 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import TriggerRequest
 
 import panda_description
-from hric_control.plant import Articulated, Contact
+from hric_control.plant import Contact
 from hric_control.robot_app import RobotApp
 from hric_core import plugins
 from hric_core.errors import HricError, ParameterError
@@ -36,7 +36,7 @@ from hric_msgs.msg import (
     RegionContacts,
 )
 
-PLANTS = [name for name in plugins.names(plugins.PLANT) if issubclass(plugins.find(plugins.PLANT, name), Articulated)]
+PLANTS = list(plugins.names(plugins.PLANT))
 READY = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
 HAND = [0.42, 0.0, 0.55]
 """Position in front of the robot's hand at READY, where a handle would be, in the world [m]."""

@@ -7,7 +7,6 @@ from two_link import two_link_urdf
 
 import panda_description
 from hric_control.plant import Load, Mode
-from pybullet_ros_control.plant import PyBulletPlant
 
 POSE = [0.1, -0.5, 0.2, -2.0, 0.1, 1.5, 0.5]
 JOINTS = ["joint1", "joint2"]
@@ -202,6 +201,8 @@ def test_a_stop_acts_only_once_the_joint_has_been_inside(make_plant, config):
 
 @pytest.mark.parametrize("rotor", [0.0, 0.1])
 def test_a_stop_acts_as_that_of_the_other_engine(make_plant, rotor):
+    from pybullet_ros_control.plant import PyBulletPlant
+
     config = {"rotor_inertia": rotor, "gravity": STILL, "integrator": "semi_implicit"}
     ours = make_plant(two_link_urdf(), JOINTS, q=[1.5, 0.0], **config)
     other = PyBulletPlant(two_link_urdf(), JOINTS, config)

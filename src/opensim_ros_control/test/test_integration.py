@@ -6,7 +6,6 @@ from rigid_body_oracle import Oracle, plant_pd_run
 
 import panda_description
 from hric_control.plant import Load
-from pybullet_ros_control.plant import PyBulletPlant
 
 GOAL = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
 POSE = [0.1, -0.5, 0.2, -2.0, 0.1, 1.5, 0.5]
@@ -44,6 +43,8 @@ def test_the_accurate_integrator_stays_within_1e_5_rad_of_a_fourth_order_integra
 
 @pytest.mark.parametrize("rotor", [0.0, 0.1])
 def test_the_semi_implicit_integrator_equals_pybullet(make_plant, wide_panda_urdf, rotor):
+    from pybullet_ros_control.plant import PyBulletPlant
+
     gravity = Oracle(wide_panda_urdf).gravity
     ours = make_plant(
         wide_panda_urdf, q=[0.0] * 7, rotor_inertia=rotor, integrator="semi_implicit", effort_limits=False

@@ -5,7 +5,6 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
-import pybullet
 import pytest
 from numpy.testing import assert_allclose
 
@@ -61,6 +60,8 @@ def test_cylinders_of_the_urdf_run_from_one_end_of_the_capsule_to_the_other() ->
 
 def overlapping(count: int, urdf: Path) -> Counter[tuple[str, str]]:
     """Pairs of links, beside those that share a joint, whose capsules overlap in random legal poses, with how often."""
+    import pybullet
+
     urdf.write_text(panda_description.load(meshes=False))
     engine = pybullet.connect(pybullet.DIRECT)
     try:
