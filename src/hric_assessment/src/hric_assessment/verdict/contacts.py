@@ -216,14 +216,23 @@ class _Judge:
         limit, force = self._choices.limits.at(found or [HAND]), np.linalg.norm(grip.force[grip.closed], axis=1)
         if limit is None or (force <= limit.force.quasi_static).all():
             return None
+        reason = "the force of the grip is not known"
+        if np.isfinite(force).all():
+            bound = f"limit {limit.force.quasi_static:.1f} N ({limit.force.label})"
+            reason = f"the force of the grip reaches {force.max():.1f} N, {bound}; {BEYOND}"
         time, name = grip.time[grip.closed], self._record.name
-        most = f"limit {limit.force.quasi_static:.1f} N ({limit.force.label})"
-        reason = f"the grip force reaches {force.max():.1f} N, {most}; {BEYOND}"
         return Finding(
-            f"grip {grip.name} of {grip.held} by {grip.holder}", Outcome.NOT_ASSESSABLE, reason,
-            self._choices.limits.table.name, window=(float(time[0]), float(time[-1])), signals=(f"{name}/grip",),
-            regions=tuple(found), group=CONTACT, person=name, remedy=GRIP_REMEDY,
-        )  # fmt: skip
+            f"grip {grip.name} of {grip.held} by {grip.holder}",
+            Outcome.NOT_ASSESSABLE,
+            reason,
+            self._choices.limits.table.name,
+            window=(float(time[0]), float(time[-1])),
+            signals=(f"{name}/grip",),
+            regions=tuple(found),
+            group=CONTACT,
+            person=name,
+            remedy=GRIP_REMEDY,
+        )
 
     def _without_force(self, contacts: Sequence[RegionContact]) -> Finding:
         """Return one finding for all contacts of two bodies that have no meaningful force."""
