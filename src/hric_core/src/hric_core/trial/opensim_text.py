@@ -100,7 +100,7 @@ def read_markers(path: Path) -> MarkerRows:
 
 
 def lacking(stated: str, count: int) -> str:
-    """Return a note on missing frames that the file header states; empty: none is missing, or their number is not stated."""
+    """Return a note on missing frames that the file header states; empty: none is missing, or no count is stated."""
     missing = int(stated) - count if stated.strip().isdecimal() else 0
     return f"{missing} of the {stated.strip()} frames stated in the header: the file does not contain them" * (
         missing > 0
